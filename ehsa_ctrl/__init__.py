@@ -1,0 +1,41 @@
+"""Control design on an electro-hydrostatic actuator, from the paper's model to a checked closed loop.
+
+Import map: cli -> report -> scenario -> simulation -> plant -> physics -> core, and beside it scenario -> design -> core.
+Names are loaded on first use, so that `import ehsa_ctrl` is fast.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+__version__ = "0.1.0"
+
+_WHERE = {
+    "plants": "core.catalogue",
+    "controllers": "core.catalogue",
+    "scenarios": "core.catalogue",
+    "EhsaError": "core.errors",
+    "InputError": "core.errors",
+    "SimulationError": "core.errors",
+    "load_plant": "plant.plant",
+    "Plant": "plant.plant",
+    "Structure": "plant.structure",
+    "four_state": "plant.linear",
+    "three_state": "plant.linear",
+    "linearise": "plant.linearise",
+    "simulate": "simulation.engine",
+    "simulate_batch": "simulation.engine",
+}
+
+__all__ = sorted([*_WHERE, "__version__"])
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module 'ehsa_ctrl' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"ehsa_ctrl.{_WHERE[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

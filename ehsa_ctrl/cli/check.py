@@ -1,0 +1,47 @@
+"""`ehsa-ctrl check`: validate every definition that can be found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..core.errors import InputError
+from .options import Json
+
+
+def command(
+    files: Annotated[list[Path] | None, typer.Argument(help="TOML files; by default the whole catalogue.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Validate plants, controllers and scenarios: units, ranges, names, what refers to what.
+
+    Examples: ehsa-ctrl check · ehsa-ctrl check scenarios/my_step.toml
+    """
+    from ..core import catalogue
+    from ..scenario.check import check_definition
+
+    if files:
+        todo = [(path.stem, path) for path in files]
+    else:
+        todo = [
+            (f"{kind}/{name}", getattr(catalogue, kind)[name])
+            for kind in catalogue.KINDS
+            for name in getattr(catalogue, kind)
+        ]
+    mistakes: dict[str, str] = {}
+    for name, path in todo:
+        try:
+            check_definition(path)
+        except InputError as error:
+            mistakes[name] = str(error)
+    if as_json:
+        from .output import to_json
+
+        print(to_json({"checked": [name for name, _ in todo], "mistakes": mistakes}))
+    else:
+        for name, _ in todo:
+            print(f"{'wrong' if name in mistakes else 'ok':<6}{name}")
+    if mistakes:
+        raise InputError("\n".join(mistakes.values()))

@@ -1,0 +1,61 @@
+"""Entry point of `ehsa-ctrl`: the commands, and the one place where errors become sentences and exit statuses.
+
+Heavy imports stand inside the commands, so that `--help` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from ..core.errors import EhsaError
+from . import analyse, check, listing, run, simulate
+
+EPILOG = """\
+Exit status: 0 done; 1 ran, but a scenario's limit failed; 2 the input was wrong, said in one sentence.
+
+Start with: ehsa-ctrl run
+"""
+
+app = typer.Typer(
+    name="ehsa-ctrl",
+    help="Control design on an electro-hydrostatic actuator: from the identified linear model to a controller "
+    "that is checked on the nonlinear plant with friction and a spring load.",
+    epilog=EPILOG,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("run")(run.command)
+app.command("simulate")(simulate.command)
+app.command("analyse")(analyse.command)
+app.command("list")(listing.command)
+app.command("check")(check.command)
+
+
+def main() -> None:
+    """Run the command line and exit: 0, 1 or 2 as the epilog says."""
+    if len(sys.argv) == 1:
+        sys.argv.append("--help")
+    try:
+        status = app(standalone_mode=False)
+    except EhsaError as error:
+        print(f"ehsa-ctrl: {error}", file=sys.stderr)
+        status = 2
+    except typer.TyperException as error:
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context is not None else "ehsa-ctrl"
+        sentence = " ".join(error.format_message().split()).rstrip(".")
+        print(f"{command}: {sentence}; see {command} --help", file=sys.stderr)
+        status = 2
+    except (typer.Abort, KeyboardInterrupt):
+        print("ehsa-ctrl: interrupted", file=sys.stderr)
+        status = 130
+    except BrokenPipeError:
+        sys.stderr.close()
+        status = 0
+    sys.exit(status or 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""Where results go: files in a folder that is never overwritten unasked, JSON on standard output, tables for people."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import InputError
+
+
+def prepare_folder(folder: Path, result: str, *, force: bool) -> Path:
+    """Create the folder for a result. Raises InputError if it holds `result` already, unless force is set."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file; give a folder")
+    if (folder / result).exists() and not force:
+        raise InputError(f"{folder / result}: there is a result already; choose another folder or say --force")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: can't be created ({error.strerror})") from None
+    return folder
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON knows it: numpy numbers and arrays become plain ones, nan and infinity null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def to_json(value: Any) -> str:
+    return json.dumps(plain(value), indent=2)
+
+
+def warn(sentence: str) -> None:
+    """A warning on standard error; the command goes on."""
+    import sys
+
+    print(f"ehsa-ctrl: warning: {sentence}", file=sys.stderr)

@@ -1,0 +1,91 @@
+"""`ehsa-ctrl simulate`: the virtual bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..core.errors import InputError
+from .options import Force, Json, Settings, read_pairs
+
+
+def command(
+    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for log.csv, simulation.json and the figure.")
+    ],
+    input_file: Annotated[
+        Path | None, typer.Option("--input", metavar="CSV", help="Current to apply: columns t, current.")
+    ] = None,
+    excitation: Annotated[str | None, typer.Option(help="noise, steps, sine, ramp, chirp or multisine.")] = None,
+    amplitude: Annotated[float, typer.Option(help="Of the excitation, A.")] = 1.5,
+    duration: Annotated[float, typer.Option(help="Of the excitation, s.")] = 10.0,
+    centre: Annotated[bool, typer.Option("--centre", help="Add a slow loop that keeps the rod in its stroke.")] = False,
+    seed: Annotated[int, typer.Option(help="Of noise and excitation.", min=0)] = 0,
+    model: Annotated[str, typer.Option(help="linear or nonlinear.")] = "nonlinear",
+    settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
+    no_noise: Annotated[bool, typer.Option("--no-noise", help="Log without sensor noise.")] = False,
+    as_json: Json = False,
+    force: Force = False,
+) -> None:
+    """Drive the plant with a current, from rest, and log it as a bench would.
+
+    Examples: ehsa-ctrl simulate ehsa --excitation steps --out results/steps ·
+    ehsa-ctrl simulate ehsa --input current.csv --set load.stiffness=50e3 --out results/loaded
+    """
+    from ..core.log import read_log
+    from ..plant.plant import load_plant
+    from ..simulation.bench import record
+    from ..simulation.excitation import excitation as make
+    from .output import prepare_folder, to_json
+    from .progress import compiling
+
+    if model not in ("linear", "nonlinear"):
+        raise InputError(f"--model {model!r}: expected linear or nonlinear")
+    if (input_file is None) == (excitation is None):
+        raise InputError("give either --input current.csv or --excitation noise|steps|sine|ramp|chirp|multisine")
+    loaded = load_plant(plant, model=model, settings=read_pairs(settings))  # type: ignore[arg-type]
+    if input_file is not None:
+        given = read_log(input_file, ["current"])
+        time, current = given.time, given["current"]
+    else:
+        time, current = make(
+            str(excitation), amplitude=amplitude, duration=duration, sample_time=loaded.sample_time, seed=seed
+        )
+    prepare_folder(out, "log.csv", force=force)
+    with compiling():
+        log, run = record(loaded, time, current, seed=seed, sensor_noise=not no_noise, centre=centre)
+    log.write(out / "log.csv")
+    result = {
+        "plant": plant,
+        "model": model,
+        "settings": read_pairs(settings),
+        "seed": seed,
+        "samples": len(run),
+        "sample_time": log.sample_time,
+        "limits_passed": [str(exceedance) for exceedance in run.exceeded],
+        "pressure_level_drift": run.pressure_level_drift,
+        "assumed": [name for name, p in loaded.parameters.items() if p.source == "assumed"],
+        "provenance": run.provenance,
+        "log": str(out / "log.csv"),
+    }
+    (out / "simulation.json").write_text(to_json(result) + "\n")
+    from ..report.figures import save
+
+    save(run.plot(), out / "simulation")
+    if as_json:
+        print(to_json(result))
+    else:
+        from .output import warn
+
+        print(run)
+        for exceedance in run.exceeded:
+            warn(f"limit passed: {exceedance}")
+        if abs(run.pressure_level_drift) > 1e5:
+            warn(
+                f"the pressure level has moved by {run.pressure_level_drift / 1e5:.2g} bar: (12) conserves volume, not "
+                "mass (see the effect mass_conserving)"
+            )
+        print(f"written to {out}")

@@ -1,0 +1,98 @@
+"""The three folders of definitions: where they are, what is in them.
+
+A user's own folder `plants/`, `controllers/` or `scenarios/` in the working directory is looked at first, then the
+one shipped with the package.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from .definition import read_toml
+from .errors import InputError, choices
+
+KINDS = ("plants", "controllers", "scenarios")
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def shipped_folder(kind: str) -> Path:
+    """The folder that came with the package: inside the wheel, or beside the package in a checkout."""
+    inside = _PACKAGE / "catalogue" / kind
+    return inside if inside.is_dir() else _PACKAGE.parent / kind
+
+
+@dataclass(frozen=True)
+class Catalogue(Mapping[str, Path]):
+    """Names of one kind of definition and the files behind them.
+
+    Behaves as a mapping from name to path; names are also attributes, so that `plants.<TAB>` shows them.
+    """
+
+    kind: str
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        own = Path.cwd() / self.kind
+        shipped = shipped_folder(self.kind)
+        return (own, shipped) if own.is_dir() and own.resolve() != shipped.resolve() else (shipped,)
+
+    def _files(self) -> dict[str, Path]:
+        files: dict[str, Path] = {}
+        for folder in reversed(self.folders):
+            files.update({path.stem: path for path in sorted(folder.glob("*.toml"))})
+        return files
+
+    def __getitem__(self, name: str) -> Path:
+        try:
+            return self._files()[name]
+        except KeyError:
+            raise KeyError(f"no {self.kind[:-1]} {name!r}; {choices(name, self._files())}") from None
+
+    def __getattr__(self, name: str) -> Path:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            return self[name]
+        except KeyError as error:
+            raise AttributeError(error.args[0]) from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(sorted(self._files()))
+
+    def __len__(self) -> int:
+        return len(self._files())
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self]
+
+    def titles(self) -> dict[str, str]:
+        """Name and title of every definition."""
+        return {name: str(read_toml(self[name]).get("title", "")) for name in self}
+
+    def __repr__(self) -> str:
+        rows = [f"  {name:<24} {title}" for name, title in self.titles().items()]
+        return "\n".join([f"{self.kind}:", *rows])
+
+    def find(self, name: str | Path) -> Path:
+        """The file of a definition given by name or by path.
+
+        Raises InputError, with the nearest name, if there is neither.
+        """
+        text = str(name)
+        if text.endswith(".toml") or "/" in text or "\\" in text:
+            path = Path(text)
+            if not path.is_file():
+                raise InputError(f"{path}: no such file; give a {self.kind[:-1]}'s name or the path of a TOML file")
+            return path
+        files = self._files()
+        if text not in files:
+            raise InputError(f"no {self.kind[:-1]} {text!r}; {choices(text, files)}")
+        return files[text]
+
+
+plants = Catalogue("plants")
+controllers = Catalogue("controllers")
+scenarios = Catalogue("scenarios")

@@ -1,0 +1,36 @@
+"""What can go wrong, as sentences.
+
+EhsaError
+├── InputError         a file, a key, a value or an argument of the user's is wrong: exit status 2, one sentence
+│   └── CompileError   a physics function uses a construct that the engine cannot translate (also the user's own text)
+└── SimulationError    a run could not be finished: says at what time, and why
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class EhsaError(Exception):
+    """Base of every error that ehsa_ctrl raises on purpose; its text is a sentence for the user."""
+
+
+class InputError(EhsaError, ValueError):
+    """The input was wrong. The text says what was got, what was expected and what to do."""
+
+
+class CompileError(InputError):
+    """A physics function is not straight-line scalar text, so that it can't be compiled or differentiated."""
+
+
+class SimulationError(EhsaError, RuntimeError):
+    """A simulation could not be finished; the text names the time and the reason."""
+
+
+def choices(name: str, known: Iterable[str]) -> str:
+    """Say what `name` may have meant: the nearest known name first, then all of them."""
+    known = sorted(known)
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    listed = ", ".join(known) if known else "none"
+    return (f"did you mean {near[0]!r}? " if near else "") + f"known: {listed}"

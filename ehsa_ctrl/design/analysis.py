@@ -1,0 +1,178 @@
+"""What a control engineer looks at first: poles, zeros, damping, gains, and the margins of a loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.protocol import Controller
+from .frequency import sampled_response
+
+if TYPE_CHECKING:
+    import control
+
+#: Outputs that are looked at, with the unit of their gain per ampere.
+OUTPUTS = {"omega": "rad/s", "dP": "Pa", "v": "m/s", "x": "m"}
+KEYS = {"omega": "speed", "dP": "dP", "v": "rod_speed", "x": "position"}
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """A linear model seen from the current.
+
+    Attributes
+    ----------
+    system: the model.
+    poles, natural_frequencies, damping: (n,) rad/s, rad/s, 1; sorted by frequency.
+    zeros: output -> zeros from the current, rad/s.
+    dc_gains: output -> steady value per ampere, inf for an integrator.
+    """
+
+    system: control.StateSpace
+    poles: np.ndarray
+    natural_frequencies: np.ndarray
+    damping: np.ndarray
+    zeros: dict[str, np.ndarray]
+    dc_gains: dict[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "states": list(self.system.state_labels),
+            "poles": [complex(pole) for pole in self.poles],
+            "natural_frequencies": self.natural_frequencies,
+            "damping": self.damping,
+            "zeros": {KEYS[output]: [complex(zero) for zero in zeros] for output, zeros in self.zeros.items()},
+            "dc_gain": {KEYS[output]: gain for output, gain in self.dc_gains.items()},
+        }
+
+    def __str__(self) -> str:
+        lines = [f"{self.system.name}: states {', '.join(self.system.state_labels)}", "poles"]
+        for pole, frequency, damping in zip(self.poles, self.natural_frequencies, self.damping, strict=True):
+            place = f"{pole.real:.4g}" + (f" {pole.imag:+.4g}i" if pole.imag else "")
+            detail = f"{frequency / (2 * np.pi):8.3g} Hz, damping {damping:.3g}" if frequency else "integrator"
+            lines.append(f"  {place:<20} rad/s   {detail}")
+        lines.append("from the current")
+        for output, gain in self.dc_gains.items():
+            zeros = ", ".join(f"{z.real:.4g}" + (f"{z.imag:+.4g}i" if z.imag else "") for z in self.zeros[output])
+            size = f"{gain:.5g} {OUTPUTS[output]}/A" if np.isfinite(gain) else "integrates"
+            lines.append(f"  {output:<6} DC gain {size:<20} zeros {zeros or 'none'}")
+        return "\n".join(lines)
+
+
+def analyse(system: control.StateSpace) -> Analysis:
+    """Analyse a linear model with the current as its first input and outputs named omega, dP, v, x.
+
+    Through python-control: poles, zeros of each channel, DC gains.
+    """
+
+    poles = np.sort_complex(system.poles())
+    poles = poles[np.argsort(np.abs(poles), kind="stable")]
+    frequency = np.where(np.abs(poles) < 1e-9, 0.0, np.abs(poles))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        damping = np.where(frequency > 0, -poles.real / frequency, np.nan)
+    fastest = max(float(np.max(frequency)), 1.0)
+    zeros, gains = {}, {}
+    for output in OUTPUTS:
+        if output not in system.output_labels:
+            continue
+        part = system if output == "x" else _without_idle_position(system)
+        channel = part[part.output_labels.index(output), 0]
+        # The pencil of a strictly proper system also has zeros at infinity, which rounding brings to large numbers.
+        zeros[output] = np.array([zero for zero in balanced(channel).zeros() if abs(zero) < 1e3 * fastest])
+        gains[output] = float(np.real(channel.dcgain()))
+    return Analysis(system, poles, frequency, damping, zeros, gains)
+
+
+def _without_idle_position(system: control.StateSpace) -> control.StateSpace:
+    """Without the position if nothing depends on it: it would put a pole and a zero at 0 into every channel."""
+    import control
+
+    if "x" not in system.state_labels or np.any(system.A[:, system.state_labels.index("x")]):
+        return system
+    x, y = system.state_labels.index("x"), system.output_labels.index("x")
+    a = np.delete(np.delete(system.A, x, 0), x, 1)
+    b, c = np.delete(system.B, x, 0), np.delete(np.delete(system.C, x, 1), y, 0)
+    outputs = [name for name in system.output_labels if name != "x"]
+    return control.ss(a, b, c, np.delete(system.D, y, 0), outputs=outputs)
+
+
+def balanced(system: control.StateSpace) -> control.StateSpace:
+    """The same system in states of like size: speeds in rad/s and pressures in Pa differ by ten decades."""
+    import control
+    from scipy.linalg import matrix_balance
+
+    _, (scale, _) = matrix_balance(system.A, permute=False, separate=True)
+    return control.ss(
+        system.A * (scale[None, :] / scale[:, None]), system.B / scale[:, None], system.C * scale[None, :], system.D
+    )
+
+
+@dataclass(frozen=True)
+class LoopAnalysis:
+    """A position loop, broken at the current.
+
+    Attributes
+    ----------
+    controller: for the title.
+    omega: (n,) rad/s; response: (n,) of the open loop, with the sampling's half sample of delay.
+    crossover [rad/s], phase_margin [deg], gain_margin (factor), delay_margin [s], Ms, Mt: peaks of |S| and |T|.
+    stable: whether the closed loop is, with controller and plant in continuous time.
+    """
+
+    controller: str
+    omega: np.ndarray
+    response: np.ndarray
+    crossover: float
+    phase_margin: float
+    gain_margin: float
+    delay_margin: float
+    Ms: float
+    Mt: float
+    stable: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        names = ("crossover", "phase_margin", "gain_margin", "delay_margin", "Ms", "Mt", "stable")
+        return {"controller": self.controller, **{name: getattr(self, name) for name in names}}
+
+    def __str__(self) -> str:
+        return (
+            f"loop with {self.controller}, broken at the current\n"
+            f"  crossover {self.crossover:.4g} rad/s, phase margin {self.phase_margin:.3g} deg, "
+            f"gain margin {self.gain_margin:.3g}, delay margin {1e3 * self.delay_margin:.3g} ms\n"
+            f"  Ms {self.Ms:.3g}, Mt {self.Mt:.3g}, closed loop {'stable' if self.stable else 'NOT STABLE'}"
+        )
+
+
+def analyse_loop(system: control.StateSpace, controller: Controller) -> LoopAnalysis:
+    """Margins of the position loop, for a controller that has a linear `feedback()`.
+
+    Raises InputError for a controller without one.
+    """
+    import control
+
+    feedback = getattr(controller, "feedback", None)
+    if feedback is None:
+        raise InputError(f"controller {controller.name} has no linear feedback to analyse")
+    law = feedback()
+    omega = np.geomspace(0.1, 0.999 * np.pi / controller.sample_time, 4000)
+    response = sampled_response(system, "x", omega, controller.sample_time) * np.asarray(law(1j * omega))
+    loop = control.FrequencyResponseData(response, omega, smooth=True)
+    gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(loop)
+    sensitivity = np.abs(1 / (1 + response))
+    row = system.output_labels.index("x")
+    closed = control.feedback(control.ss(law) * system[row, 0])
+    return LoopAnalysis(
+        controller=controller.name,
+        omega=omega,
+        response=response,
+        crossover=float(crossover),
+        phase_margin=float(phase_margin),
+        gain_margin=float(gain_margin),
+        delay_margin=float(np.radians(phase_margin) / crossover) if crossover else float("inf"),
+        Ms=float(np.max(sensitivity)),
+        Mt=float(np.max(np.abs(response) * sensitivity)),
+        stable=bool(np.all(closed.poles().real < 1e-9)),
+    )

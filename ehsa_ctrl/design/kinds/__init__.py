@@ -1,0 +1,10 @@
+"""Kinds of controllers, one a file. Adding a file adds the kind to TOML, lists, runs and tests."""
+
+import sys
+
+from ...core.registry import members
+from ._kind import ControllerKind
+
+CONTROLLER_KINDS: dict[str, ControllerKind] = members(sys.modules[__name__], "kind")
+
+__all__ = ["CONTROLLER_KINDS", "ControllerKind"]

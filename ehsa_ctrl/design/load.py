@@ -1,0 +1,45 @@
+"""From a controller's TOML to a controller."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..core.catalogue import controllers
+from ..core.definition import Definition, read_toml, validate
+from ..core.errors import InputError, choices
+from ..core.protocol import Controller
+from .kinds import CONTROLLER_KINDS, ControllerKind
+
+if TYPE_CHECKING:
+    import control
+
+
+def read_controller(path: Path) -> tuple[ControllerKind, Definition]:
+    """Read and validate a controller's TOML. Raises InputError with file and key."""
+    content: dict[str, Any] = read_toml(path)
+    word = content.get("kind")
+    if word not in CONTROLLER_KINDS:
+        raise InputError(f"{path}: kind = {word!r}; {choices(str(word), CONTROLLER_KINDS)}")
+    kind = CONTROLLER_KINDS[word]
+    return kind, validate(content, kind.file, str(path))
+
+
+def load_controller(name: str | Path, system: control.StateSpace) -> Controller:
+    """Load a controller by catalogue name or path and design it on a linear model.
+
+    Parameters
+    ----------
+    system: linear model with the current as first input and an output x, e.g. `three_state(plant)`.
+
+    Raises
+    ------
+    InputError: the file is absent or wrong, or the design asked for can't be reached.
+    """
+    path = controllers.find(name)
+    kind, definition = read_controller(path)
+    try:
+        controller: Controller = kind.design(path.stem, definition, system)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return controller

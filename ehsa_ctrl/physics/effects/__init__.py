@@ -1,0 +1,10 @@
+"""Effects beyond (12), one a file. Adding a file adds the effect to plants, lists, engine and tests."""
+
+import sys
+
+from ...core.registry import members
+from ._effect import PLACES, Effect, EffectParameter
+
+EFFECTS: dict[str, Effect] = members(sys.modules[__name__], "effect")
+
+__all__ = ["EFFECTS", "PLACES", "Effect", "EffectParameter"]

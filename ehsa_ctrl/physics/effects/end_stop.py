@@ -1,0 +1,28 @@
+"""End stops of the cylinder: stiff and damped contact beyond +-x_stop that pushes, never pulls."""
+
+from math import inf
+
+from ._effect import Effect, EffectParameter
+
+
+def external_force(F_EXT: float, x: float, v: float, x_stop: float, K_stop: float, B_stop: float) -> float:
+    """F_EXT plus the contact force; the damping grows in over the first 0.1 mm, so that touching is no blow."""
+    into_front = max(x - x_stop, 0.0)
+    into_back = max(-x - x_stop, 0.0)
+    front = max(K_stop * into_front + B_stop * min(into_front / 1e-4, 1.0) * v, 0.0)
+    back = max(K_stop * into_back - B_stop * min(into_back / 1e-4, 1.0) * v, 0.0)
+    return F_EXT + (front - back)
+
+
+effect = Effect(
+    name="end_stop",
+    place="force",
+    summary="contact with the cylinder's ends",
+    fingerprint="the rod stops dead at one position while the pressure goes on rising",
+    changes={"F_EXT": external_force},
+    parameters=(
+        EffectParameter("x_stop", "m", "half of the free stroke", inf, 0.1, 1e-3, source="datasheet"),
+        EffectParameter("K_stop", "N/m", "contact stiffness", 1e8, 1e8, 0.0),
+        EffectParameter("B_stop", "N s/m", "contact damping", 1e5, 1e5, 0.0),
+    ),
+)

@@ -1,0 +1,39 @@
+"""Over-pressure valves from each chamber to the tank: the safety circuit of section 2 of the paper.
+
+Static valve that opens in proportion to the pressure above P_crack and is fully open P_open_range above it; flow
+by the orifice law Q = opening K_relief sqrt(P). No hysteresis, no valve dynamics (a real one lags by some 10 ms).
+"""
+
+from math import inf, sqrt
+
+from ._effect import Effect, EffectParameter
+
+
+def relief_flow(P: float, P_crack: float, P_open_range: float, K_relief: float) -> float:
+    """Flow to the tank [m3/s], zero up to P_crack."""
+    opening = min(max(P - P_crack, 0.0) / P_open_range, 1.0)
+    return K_relief * opening * sqrt(max(P, 0.0))
+
+
+def flow_1(Q_T1: float, P_1: float, P_crack: float, P_open_range: float, K_relief: float) -> float:
+    """Chamber 1 loses the valve's flow."""
+    return Q_T1 - relief_flow(P_1, P_crack, P_open_range, K_relief)
+
+
+def flow_2(Q_T2: float, P_2: float, P_crack: float, P_open_range: float, K_relief: float) -> float:
+    """Chamber 2 loses the valve's flow."""
+    return Q_T2 - relief_flow(P_2, P_crack, P_open_range, K_relief)
+
+
+effect = Effect(
+    name="relief_valve",
+    place="flow",
+    summary="over-pressure valves from each chamber to the tank",
+    fingerprint="flat-topped pressure while the pump turns faster than the rod needs",
+    changes={"Q_T1": flow_1, "Q_T2": flow_2},
+    parameters=(
+        EffectParameter("P_crack", "Pa", "cracking pressure, gauge", inf, 210e5, 0.0, source="datasheet"),
+        EffectParameter("P_open_range", "Pa", "rise from cracking to fully open", 10e5, 10e5, 1e4),
+        EffectParameter("K_relief", "m3/(s Pa^0.5)", "flow over root of pressure, fully open", 1e-7, 1e-7, 0.0),
+    ),
+)

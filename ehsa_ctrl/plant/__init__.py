@@ -1,0 +1,1 @@
+"""A plant: parameters, structure and effects; its linear models; linearisation."""

@@ -1,0 +1,89 @@
+"""The paper's linear models as `control.StateSpace`: (6) with four states and (7) with three, each plus position.
+
+The matrices are written out here as the paper prints them; the equations of `nonlinear.py` know nothing of it, so
+that `linearise` can be held against this text.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.errors import InputError
+from .plant import Plant
+
+if TYPE_CHECKING:
+    import control
+
+INPUTS = ("current", "F_D")
+
+
+def _require_linear(plant: Plant) -> None:
+    structure = plant.structure
+    laws = (structure.shaft_friction, structure.rod_friction)
+    if laws != ("viscous", "viscous") or structure.chambers != "constant" or structure.effects:
+        raise InputError(
+            f"(6) and (7) are written for viscous friction and constant volumes; the {plant.model} model of "
+            f"{plant.name} has {structure}: load the plant with model='linear', or use linearise()"
+        )
+
+
+def four_state(plant: Plant) -> control.StateSpace:
+    """Equation (6) plus position: states and outputs omega, P_1, P_2, v, x; inputs current and F_D.
+
+    P_1 + P_2 is a mode that no input reaches: use `three_state` for design. A spring K_S and a mass m_L of the load
+    are part of the model, F_D is the force from outside. Deviations from rest, SI units.
+
+    Raises InputError for a plant with dry friction or stroke-dependent volumes.
+    """
+    import control
+
+    _require_linear(plant)
+    p = plant.values
+    J, K_T, D, K_L, C = p["J_M"], p["K_T"], p["D"], p["K_L"], p["V"] / p["beta"]
+    area, mass = p["A"], p["M"] + p["m_L"]
+    a = np.array(
+        [
+            [-p["B_FM"] / J, -D / J, D / J, 0, 0],
+            [D / C, -K_L / C, K_L / C, -area / C, 0],
+            [-D / C, K_L / C, -K_L / C, area / C, 0],
+            [0, area / mass, -area / mass, -p["B_FR"] / mass, -p["K_S"] / mass],
+            [0, 0, 0, 1, 0],
+        ]
+    )
+    b = np.array([[K_T / J, 0], [0, 0], [0, 0], [0, -1 / mass], [0, 0]])
+    names = ["omega", "P_1", "P_2", "v", "x"]
+    return control.ss(a, b, np.eye(5), 0, states=names, inputs=list(INPUTS), outputs=names, name=f"{plant.name} (6)")
+
+
+def three_state(plant: Plant, *, position: bool = True) -> control.StateSpace:
+    """Equation (7): states and outputs omega, dP, v, and x unless position=False; inputs current and F_D.
+
+    Without position the load must have no spring, as in the paper. Deviations from rest, SI units.
+
+    Raises InputError for a plant with dry friction or stroke-dependent volumes, or for position=False with a spring.
+    """
+    import control
+
+    _require_linear(plant)
+    p = plant.values
+    J, K_T, D, K_L, C = p["J_M"], p["K_T"], p["D"], p["K_L"], p["V"] / p["beta"]
+    area, mass = p["A"], p["M"] + p["m_L"]
+    a = np.array(
+        [
+            [-p["B_FM"] / J, -D / J, 0, 0],
+            [2 * D / C, -2 * K_L / C, -2 * area / C, 0],
+            [0, area / mass, -p["B_FR"] / mass, -p["K_S"] / mass],
+            [0, 0, 1, 0],
+        ]
+    )
+    b = np.array([[K_T / J, 0], [0, 0], [0, -1 / mass], [0, 0]])
+    names = ["omega", "dP", "v", "x"]
+    if not position:
+        if p["K_S"] != 0.0:
+            raise InputError(f"load.stiffness = {p['K_S']:g} N/m needs the position as a state; leave position=True")
+        a, b, names = a[:3, :3], b[:3], names[:3]
+    return control.ss(
+        a, b, np.eye(len(names)), 0, states=names, inputs=list(INPUTS), outputs=names, name=f"{plant.name} (7)"
+    )

@@ -1,0 +1,172 @@
+"""Linear models of the nonlinear plant at an operating point, with exact derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from .linear import INPUTS
+from .plain import evaluator
+from .plant import Plant
+from .printer import Printer
+from .structure import Structure
+from .tangent import Tangent
+from .tape import build_tape
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Where a linear model holds: states and inputs by name (SI units) and the sliding directions."""
+
+    states: Mapping[str, float]
+    inputs: Mapping[str, float]
+    directions: Mapping[str, float]
+
+
+@cache
+def _jacobian(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any], int, list[tuple[int, int]]]:
+    """Plain functions (constants, entries) of the Jacobian by states and inputs, and where the entries stand."""
+    equations = structure.equations
+    tape = build_tape(equations)
+    seeds = [*(state.name for state in equations.states), *INPUTS]
+    tangent = Tangent(tape, seeds)
+    entries = []
+    refs = []
+    for row, rate in enumerate(equations.rates):
+        for seed, ref in tangent.of(tape.refs[rate]).items():
+            entries.append((row, seeds.index(seed)))
+            refs.append(ref)
+    printer = Printer(tape, equations.parameter_names)
+    arguments = ", ".join([*seeds, *equations.directions])
+    body = printer.function(refs)
+    text = f"def constants(p, c):\n{printer.constants()}\n\ndef entries({arguments}, c):\n{body}"
+    scope: dict[str, Any] = {}
+    exec("from math import *\n" + text, scope)
+    return scope["constants"], scope["entries"], len(printer.slots), entries
+
+
+def jacobian(plant: Plant, point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
+    """Exact derivatives of the rates by states (n, n) and by inputs (n, 2) at a point, friction directions given."""
+    constants, function, slots, entries = _jacobian(plant.structure)
+    c = [0.0] * slots
+    constants([float(value) for value in plant.vector], c)
+    values = function(**point.states, **point.inputs, **point.directions, c=c)
+    n = len(plant.structure.equations.states)
+    full = np.zeros((n, n + len(INPUTS)))
+    for (row, column), value in zip(entries, values, strict=True):
+        full[row, column] = value
+    return full[:, :n], full[:, n:]
+
+
+def operating_point(
+    plant: Plant, *, position: float = 0.0, pressure_level: float | None = None, velocity: float = 0.05
+) -> OperatingPoint:
+    """The steady motion at rod speed `velocity` [m/s] through `position` [m], at (P_1 + P_2) / 2 = pressure_level [Pa].
+
+    Speed, pressure difference and current are solved for, so that shaft and rod don't accelerate and the pressures of
+    chamber 1 don't change.
+
+    Raises InputError if the plant sticks at the speed asked for, or if no such motion exists.
+    """
+    from scipy.optimize import root
+
+    structure = plant.structure
+    equations = structure.equations
+    if velocity == 0.0 and any(structure.law(contact).sticks for contact in structure.system.contacts):
+        raise InputError(
+            f"velocity = 0: the {plant.model} model of {plant.name} sticks at rest, so that no linear model "
+            "describes it; give a sliding speed such as 0.05 m/s"
+        )
+    level = plant["P_0"] if pressure_level is None else pressure_level
+    direction = float(np.sign(velocity))
+    directions = dict.fromkeys(equations.directions, direction)
+    signals = evaluator(equations, plant.values)
+    bristles = {}
+    for contact in structure.system.contacts:
+        law = structure.law(contact)
+        if law.state_rate is not None:
+            bristles[contact.bristle.name] = contact
+
+    def states(unknown: np.ndarray) -> dict[str, float]:
+        omega, half, _ = unknown * (100.0, 1e5, 1.0)
+        values = {"omega": omega, "P_1": level + half, "P_2": level - half, "v": velocity, "x": position}
+        for name, contact in bristles.items():
+            p = plant.values
+            speed = values[contact.velocity]
+            g = p[contact.letter("A")] + p[contact.letter("C")] * np.exp(-abs(speed) / p[contact.letter("tau")])
+            values[name] = np.sign(speed) * g / p[contact.letter("sigma_0")]
+        return values
+
+    def imbalance(unknown: np.ndarray) -> list[float]:
+        found = signals(**states(unknown), current=unknown[2], F_D=0.0, **directions)
+        return [found["omega_dot"] / 1e4, found["P_1_dot"] / 1e8, found["v_dot"] / 1e2]
+
+    start = np.array([velocity * plant["A"] / plant["D"] / 100.0, 0.0, direction])
+    solution = root(imbalance, start, tol=1e-13)
+    if np.max(np.abs(solution.fun)) > 1e-6:
+        raise InputError(
+            f"no steady motion at {velocity:g} m/s through x = {position:g} m at {level:g} Pa: "
+            "valves or end stops act there; choose another operating point"
+        )
+    inputs = {"current": float(solution.x[2]), "F_D": 0.0}
+    return OperatingPoint({k: float(v) for k, v in states(solution.x).items()}, inputs, directions)
+
+
+def linearise(
+    plant: Plant, *, position: float = 0.0, pressure_level: float | None = None, velocity: float = 0.05
+) -> control.StateSpace:
+    """Linear model about a steady motion (see `operating_point`), all states as outputs, inputs current and F_D.
+
+    Where friction is viscous and the volumes are constant it equals (6) whatever the point.
+    """
+    import control
+
+    point = operating_point(plant, position=position, pressure_level=pressure_level, velocity=velocity)
+    a, b = jacobian(plant, point)
+    names = [state.name for state in plant.structure.equations.states]
+    return control.ss(
+        a,
+        b,
+        np.eye(len(names)),
+        0,
+        states=names,
+        inputs=list(INPUTS),
+        outputs=names,
+        name=f"{plant.name} linearised",
+    )
+
+
+def reduce_to_difference(system: control.StateSpace, plant: Plant) -> control.StateSpace:
+    """From states omega, P_1, P_2, v, x to omega, dP, v, x, as (7) does from (6): without the mode of P_1 + P_2.
+
+    Exact where the equations know the pressures only by their difference; with effects that act on one chamber it is
+    the model at constant pressure level.
+    """
+    import control
+
+    names = list(system.state_labels)
+    first, second = names.index("P_1"), names.index("P_2")
+    kept = [name for name in names if name != "P_2"]
+    to_difference = np.delete(np.eye(len(names)), second, axis=0)
+    to_difference[first, second] = -1.0
+    from_difference = np.delete(np.eye(len(names)), second, axis=1)
+    from_difference[first, first], from_difference[second, first] = 0.5, -0.5
+    labels = ["dP" if name == "P_1" else name for name in kept]
+    return control.ss(
+        to_difference @ system.A @ from_difference,
+        to_difference @ system.B,
+        np.eye(len(kept)),
+        0,
+        states=labels,
+        inputs=list(INPUTS),
+        outputs=labels,
+        name=f"{plant.name} ({plant.model}) linearised",
+    )

@@ -1,0 +1,91 @@
+"""The electro-hydrostatic actuator as the paper writes it: (12), its five states and its two frictions (8).
+
+With viscous friction and constant volumes the same equations are (6); see `structure.LINEAR`.
+"""
+
+from __future__ import annotations
+
+from ..physics import chambers, load, motor, pump, rod, tank
+from .system import Contact, ParameterKind, ScalarFunction, State, System
+
+SHAFT = Contact(
+    name="shaft",
+    velocity="omega",
+    net="T_net",
+    friction="T_FM",
+    direction="d_M",
+    suffix="FM",
+    effort_unit="N m",
+    length_unit="rad",
+    effort_scale=1.0,
+    bristle=State("z_M", "rad", 1e-3),
+)
+ROD = Contact(
+    name="rod",
+    velocity="v",
+    net="F_net",
+    friction="F_FR",
+    direction="d_R",
+    suffix="FR",
+    effort_unit="N",
+    length_unit="m",
+    effort_scale=1e3,
+    bristle=State("z_R", "m", 1e-5),
+)
+
+#: The two forms of the chamber volumes, by the word used in a plant's TOML.
+CHAMBER_FORMS: dict[str, tuple[tuple[str, ScalarFunction], ...]] = {
+    "constant": (("V_1", chambers.constant_volume), ("V_2", chambers.constant_volume)),
+    "stroke": (("V_1", chambers.stroke_volume_1), ("V_2", chambers.stroke_volume_2)),
+}
+
+EHSA = System(
+    name="ehsa",
+    states=(
+        State("omega", "rad/s", 100.0),
+        State("P_1", "Pa", 5e5),
+        State("P_2", "Pa", 5e5),
+        State("v", "m/s", 0.05),
+        State("x", "m", 0.02),
+    ),
+    inputs=("current", "F_D"),
+    contacts=(SHAFT, ROD),
+    equations=(
+        ("T_M", motor.torque),
+        ("T_P", pump.torque),
+        ("T_net", motor.net_torque),
+        ("omega_dot", motor.acceleration),
+        ("Q_P", pump.flow),
+        ("Q_1", chambers.inflow_1),
+        ("Q_2", chambers.outflow_2),
+        ("Q_T1", tank.closed),
+        ("Q_T2", tank.closed),
+        ("P_1_dot", chambers.pressure_rate_1),
+        ("P_2_dot", chambers.pressure_rate_2),
+        ("F_P", rod.pressure_force),
+        ("F_EXT", load.force),
+        ("F_net", rod.net_force),
+        ("v_dot", rod.acceleration),
+        ("x_dot", rod.velocity),
+        ("F_cell", load.cell_force),
+    ),
+    parameters=(
+        ParameterKind("J_M", "kg m2", "inertia of motor, pump and coupling", 0.0, lower_open=True),
+        ParameterKind("K_T", "N m/A", "torque constant", 0.0, lower_open=True),
+        ParameterKind("D", "m3/rad", "pump displacement", 0.0, lower_open=True),
+        ParameterKind("K_L", "m3/(Pa s)", "leakage of pump and cylinder", 0.0),
+        ParameterKind("V", "m3", "volume of either chamber", 0.0, lower_open=True),
+        ParameterKind("V_10", "m3", "volume of chamber 1 at x = 0", 0.0, lower_open=True),
+        ParameterKind("V_20", "m3", "volume of chamber 2 at x = 0", 0.0, lower_open=True),
+        ParameterKind("beta", "Pa", "bulk modulus of the oil", 0.0, lower_open=True),
+        ParameterKind("A", "m2", "piston area", 0.0, lower_open=True),
+        ParameterKind("M", "kg", "mass of rod and piston", 0.0, lower_open=True),
+        ParameterKind("P_0", "Pa", "pressure at rest, gauge", -1.01325e5),
+        ParameterKind("x_0", "m", "rod position at rest"),
+        ParameterKind("K_S", "N/m", "spring of the load (load.stiffness)", 0.0),
+        ParameterKind("F_pre", "N", "preload of that spring (load.preload)"),
+        ParameterKind("k_3", "N/m3", "hardening of that spring (load.hardening)"),
+        ParameterKind("F_0", "N", "constant force of the load (load.force)"),
+        ParameterKind("m_L", "kg", "mass of the load, behind the load cell (load.mass)", 0.0),
+    ),
+)

@@ -1,0 +1,211 @@
+"""The structure of a plant: which friction law at each contact, which chamber form, which effects.
+
+A structure is only words, hashable, so that engine texts can be cached by it. `equations()` turns it into the wired
+list of equations that everything else works on: the plain evaluation, the compiled engine, the linearisation.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+from ..core.errors import InputError, choices
+from ..physics.effects import EFFECTS
+from ..physics.friction import LAWS, LETTERS, FrictionLaw, held
+from .nonlinear import CHAMBER_FORMS, EHSA
+from .system import Contact, ParameterKind, ScalarFunction, State, System
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Words that select the equations.
+
+    Attributes
+    ----------
+    shaft_friction, rod_friction: names of the friction family.
+    chambers: "stroke" as in (11) or "constant" as in (6).
+    effects: names of effects, applied in this order where two change the same signal.
+    """
+
+    shaft_friction: str = "stribeck"
+    rod_friction: str = "stribeck"
+    chambers: str = "stroke"
+    effects: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for key, name, known in (
+            ("shaft_friction", self.shaft_friction, LAWS),
+            ("rod_friction", self.rod_friction, LAWS),
+            ("chambers", self.chambers, CHAMBER_FORMS),
+            *(("effects", effect, EFFECTS) for effect in self.effects),
+        ):
+            if name not in known:
+                raise InputError(f"{key} = {name!r} is not known; {choices(name, known)}")
+        if len(set(self.effects)) < len(self.effects):
+            raise InputError(f"effects = {list(self.effects)} names an effect twice; name each once")
+
+    @property
+    def system(self) -> System:
+        return EHSA
+
+    def law(self, contact: Contact) -> FrictionLaw:
+        return LAWS[self.shaft_friction if contact.name == "shaft" else self.rod_friction]
+
+    @property
+    def equations(self) -> Equations:
+        """The wired equations of this structure (computed once)."""
+        return _wire(self)
+
+
+NONLINEAR = Structure()
+LINEAR = Structure(shaft_friction="viscous", rod_friction="viscous", chambers="constant")
+
+
+@dataclass(frozen=True)
+class Call:
+    """One equation in its place: `target` is set to function(**arguments); arguments hold names in this list."""
+
+    target: str
+    function: ScalarFunction
+    arguments: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The equations of one structure, in an order in which they can be evaluated.
+
+    Attributes
+    ----------
+    states: all states, those of the system first, then inner states of friction laws.
+    rates: for each state the signal that is its time derivative.
+    inputs: current and outer force.
+    directions: sliding direction of each contact, set by the mode the contact is in.
+    parameters: what has to be given as numbers, in a fixed order.
+    calls: the equations; every argument is a state, input, direction, parameter or an earlier target.
+    signals: the last name of each signal, after all effects, e.g. signals["Q_1"] == "Q_1__relief_valve".
+    """
+
+    structure: Structure
+    states: tuple[State, ...]
+    rates: tuple[str, ...]
+    inputs: tuple[str, ...]
+    directions: tuple[str, ...]
+    parameters: tuple[ParameterKind, ...]
+    calls: tuple[Call, ...]
+    signals: Mapping[str, str]
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        return tuple(parameter.name for parameter in self.parameters)
+
+    def index(self, state: str) -> int:
+        """Position of a state in the state vector."""
+        return [s.name for s in self.states].index(state)
+
+
+class _Wiring:
+    """Works from the wanted signals backwards: an equation is placed when everything it needs is there."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        system = structure.system
+        self.sources: dict[str, tuple[ScalarFunction, dict[str, str]]] = {}
+        self.states: list[State] = list(system.states)
+        kinds = {kind.name: kind for kind in system.parameters}
+        for signal, function in (*system.equations, *CHAMBER_FORMS[structure.chambers]):
+            self.sources[signal] = (function, {})
+        for contact in system.contacts:
+            law = structure.law(contact)
+            names = {letter: contact.letter(letter) for letter in LETTERS}
+            names |= {"direction": contact.direction, "speed": contact.velocity}
+            names |= {"z": contact.bristle.name, "z_dot": f"{contact.bristle.name}_dot"}
+            self.sources[contact.friction] = (law.effort, names)
+            if law.state_rate is not None:
+                self.states.append(contact.bristle)
+                self.sources[f"{contact.bristle.name}_dot"] = (law.state_rate, names)
+            for letter in law.letters:
+                unit, meaning = LETTERS[letter]
+                unit = unit.format(effort=contact.effort_unit, length=contact.length_unit)
+                positive = letter in ("tau", "sigma_0")
+                kinds[contact.letter(letter)] = ParameterKind(
+                    contact.letter(letter), unit, f"{meaning}, {contact.name}", 0.0, lower_open=positive
+                )
+        self.changes: dict[str, list[tuple[str, ScalarFunction]]] = {}
+        self.held = {f"{c.velocity}_dot": c.direction for c in system.contacts if structure.law(c).sticks}
+        for name in structure.effects:
+            for signal, function in EFFECTS[name].changes.items():
+                self.changes.setdefault(signal, []).append((name, function))
+            for parameter in EFFECTS[name].parameters:
+                kinds[parameter.name] = ParameterKind(
+                    parameter.name, parameter.unit, parameter.meaning, parameter.lower, parameter.upper
+                )
+        self.kinds = kinds
+        self.given = {s.name for s in self.states} | set(system.inputs) | {c.direction for c in system.contacts}
+        self.calls: list[Call] = []
+        self.placed: dict[str, str] = {}
+        self.open: list[str] = []
+        self.used: set[str] = set()
+
+    def place(self, name: str) -> str:
+        """Return the name under which signal `name` is available, placing the equations that it needs."""
+        if name in self.placed:
+            return self.placed[name]
+        if name in self.open:
+            raise TypeError(f"equations need each other in a circle: {' -> '.join([*self.open, name])}")
+        self.open.append(name)
+        if name in self.sources:
+            function, names = self.sources[name]
+            current = self._call(name, function, names)
+        elif name in self.given:
+            current = name
+        elif name in self.kinds:
+            self.used.add(name)
+            current = name
+        else:
+            raise TypeError(f"an equation asks for {name!r}, which is no signal, state, input or parameter")
+        for effect, function in self.changes.get(name, ()):
+            current = self._call(f"{name}__{effect}", function, {name: current}, ready={name})
+        if name in self.held:
+            names = {"rate": current, "direction": self.held[name]}
+            current = self._call(f"{name}__held", held, names, ready={"rate", "direction"})
+        self.open.pop()
+        self.placed[name] = current
+        return current
+
+    def _call(
+        self, target: str, function: ScalarFunction, names: Mapping[str, str], ready: set[str] | None = None
+    ) -> str:
+        arguments = {}
+        for argument in inspect.signature(function).parameters:
+            source = names.get(argument, argument)
+            arguments[argument] = source if ready and argument in ready else self.place(source)
+        self.calls.append(Call(target, function, arguments))
+        return target
+
+
+@cache
+def _wire(structure: Structure) -> Equations:
+    wiring = _Wiring(structure)
+    system = structure.system
+    rates = tuple(wiring.place(f"{state.name}_dot") for state in wiring.states)
+    for signal, _ in system.equations:
+        wiring.place(signal)
+    for contact in system.contacts:
+        law = structure.law(contact)
+        if law.band is not None:
+            wiring.used.add(contact.letter(law.band))
+    wiring.used |= {"P_0", "x_0"}
+    for name in structure.effects:
+        wiring.used |= {parameter.name for parameter in EFFECTS[name].parameters}
+    return Equations(
+        structure=structure,
+        states=tuple(wiring.states),
+        rates=rates,
+        inputs=system.inputs,
+        directions=tuple(contact.direction for contact in system.contacts),
+        parameters=tuple(kind for kind in wiring.kinds.values() if kind.name in wiring.used),
+        calls=tuple(wiring.calls),
+        signals=dict(wiring.placed),
+    )

@@ -1,0 +1,1 @@
+"""Figures and HTML; never runs a simulation."""

@@ -1,0 +1,115 @@
+"""What a scenario's TOML may contain."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from ..core.definition import Definition, Newton, Second
+from ..core.errors import InputError, choices
+from ..core.unit import parse
+from ..plant.file import LIMIT_UNITS
+from .metrics import METRICS
+from .reference import Reference
+
+
+class ForceStep(Definition):
+    """A force on the rod from `start`, for `duration` (to the end by default); positive when it resists extension."""
+
+    force: Newton
+    start: Second
+    duration: Second = float("inf")
+
+    @model_validator(mode="after")
+    def _fit(self) -> ForceStep:
+        if self.start < 0 or self.duration <= 0:
+            raise ValueError("start must be at least 0 s and duration more than 0 s")
+        return self
+
+
+class Measuring(Definition):
+    """The plant's sensors, with or without noise, the seed of that, and the samples from measurement to current."""
+
+    noise: bool = True
+    seed: Annotated[int, Field(ge=0)] = 0
+    lag: Annotated[int, Field(ge=0, le=50)] = 0
+
+
+class Limit(Definition):
+    """Bounds of a metric on the nonlinear plant, in the metric's SI unit after reading."""
+
+    max: float | None = None
+    min: float | None = None
+
+
+class ScenarioFile(Definition):
+    """A scenario's TOML."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    title: str
+    why: str
+    plant: str
+    controller: str
+    duration: Second
+    load: dict[Literal["stiffness", "preload", "hardening", "mass", "force"], str] = {}
+    settings: dict[str, str] = {}
+    reference: Reference
+    disturbance: list[ForceStep] = []
+    sensors: Measuring = Measuring()
+    limits: dict[str, Limit] = {}
+    expect_trips: list[str] = []
+
+    @field_validator("why")
+    @classmethod
+    def _said(cls, why: str) -> str:
+        if not why.strip():
+            raise ValueError("say in one sentence what this scenario protects against")
+        return why
+
+    @field_validator("duration")
+    @classmethod
+    def _positive(cls, duration: float) -> float:
+        if not 0.05 <= duration <= 3600:
+            raise ValueError(f"{duration:g} s; expected 0.05 s to an hour")
+        return duration
+
+    @field_validator("expect_trips")
+    @classmethod
+    def _known_trips(cls, trips: list[str]) -> list[str]:
+        for trip in trips:
+            if trip not in LIMIT_UNITS:
+                raise ValueError(f"{trip!r} is no limit of a plant; {choices(trip, LIMIT_UNITS)}")
+        return trips
+
+    @field_validator("limits", mode="before")
+    @classmethod
+    def _in_units(cls, limits: Any) -> Any:
+        """Read "0.3 mm" in the unit of its metric."""
+        if not isinstance(limits, dict):
+            return limits
+        read: dict[str, Any] = {}
+        for name, bounds in limits.items():
+            if name not in METRICS:
+                raise ValueError(f"{name!r} is no metric; {choices(name, METRICS)}")
+            if not isinstance(bounds, dict) or not bounds:
+                raise ValueError(f"{name} = {bounds!r}; expected {{ max = '...' }}, {{ min = '...' }} or both")
+            read[name] = {key: _bound(name, key, value) for key, value in bounds.items()}
+        return read
+
+    @property
+    def all_settings(self) -> dict[str, str]:
+        """What is believed of the plant in this scenario, as for `load_plant`."""
+        return {**{f"load.{word}": text for word, text in self.load.items()}, **self.settings}
+
+
+def _bound(name: str, key: str, value: Any) -> Any:
+    unit = METRICS[name].unit
+    if isinstance(value, int | float) and not isinstance(value, bool) and unit != "1":
+        raise ValueError(f"{name}.{key} = {value}: has no unit; write it as in '{value} {METRICS[name].shown}'")
+    if isinstance(value, str):
+        try:
+            return parse(value, unit)
+        except InputError as error:
+            raise ValueError(f"{name}.{key}: {error}") from None
+    return value

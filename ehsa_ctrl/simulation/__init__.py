@@ -1,0 +1,1 @@
+"""Time simulation: the compiled event-driven engine, sensors, the sampled closed loop, batches, the slow reference."""

@@ -1,0 +1,89 @@
+"""The virtual bench: a plant with its sensors, driven by an excitation, logged as a real bench would log it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ..core.log import Log
+from ..plant.plant import Plant
+from .closed_loop import run_closed_loop
+from .engine import simulate
+from .sensors import Sensors
+from .trajectory import Trajectory
+
+#: Slow centring: current per metre of the low-passed position [A/m], its time constant [s] and the most it adds [A].
+CENTRING_GAIN, CENTRING_TIME, CENTRING_LIMIT = 20.0, 0.5, 1.0
+
+
+def centring_step(reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
+    """Excitation (in the reference's place) plus a slow pull towards x = 0, which keeps the rod in its stroke."""
+    gain, time_constant, limit, sample_time = settings
+    memory[0] += sample_time / time_constant * (measured[3] - memory[0])
+    return reference[0] - min(max(gain * memory[0], -limit), limit)
+
+
+@lru_cache(maxsize=1)
+def _compiled() -> Callable[..., float]:
+    import numba
+
+    vector = numba.float64[::1]
+    return numba.njit(numba.float64(vector, vector, vector, vector), cache=True)(centring_step)
+
+
+@dataclass(frozen=True)
+class _Centring:
+    """The bench's own slow loop, in the shape of a controller."""
+
+    sample_time: float
+    name: str = "centring"
+
+    @property
+    def compiled(self) -> Callable[..., float]:
+        return _compiled()
+
+    def settings(self) -> np.ndarray:
+        return np.array([CENTRING_GAIN, CENTRING_TIME, CENTRING_LIMIT, self.sample_time])
+
+    def initial_memory(self) -> np.ndarray:
+        return np.zeros(1)
+
+    def step(self, reference: np.ndarray, measured: np.ndarray, memory: np.ndarray) -> float:
+        return float(centring_step(reference, measured, memory, self.settings()))
+
+
+def record(
+    plant: Plant,
+    time: np.ndarray,
+    current: np.ndarray,
+    *,
+    seed: int = 0,
+    sensor_noise: bool = True,
+    centre: bool = False,
+    tolerance: float = 1e-6,
+) -> tuple[Log, Trajectory]:
+    """Drive the bench with a current and log it.
+
+    Parameters
+    ----------
+    time, current: (N,) s and A, uniformly sampled; the current is held over each sample.
+    seed: of the sensors' noise.
+    sensor_noise: False logs without noise; converter steps and delays stay.
+    centre: add the slow loop that keeps the rod in its stroke; the log's current is the sum.
+
+    Returns
+    -------
+    The log in the format of a measured one, and the true trajectory behind it.
+    """
+    dt = float((time[-1] - time[0]) / (time.size - 1))
+    sensors = Sensors.of(plant, seed=seed, noise=sensor_noise)
+    if centre:
+        reference = np.zeros((time.size, 3))
+        reference[:, 0] = current
+        run = run_closed_loop(plant, _Centring(dt), reference, sensors=sensors, tolerance=tolerance).trajectory
+    else:
+        run = simulate(plant, current, sample_time=dt, tolerance=tolerance)
+    return Log(time, sensors.log(run)), run

@@ -1,0 +1,173 @@
+"""A sampled controller around the plant: compiled controllers inside the engine, plain Python ones sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ..core.errors import InputError, SimulationError
+from ..core.protocol import MEASURED, Controller
+from ..plant.plant import Plant
+from .compiled import engine
+from .engine import DONE, STATUS, initial_carry, initial_modes
+from .sensors import Sensors
+from .trajectory import Trajectory
+
+NO_CURRENT = 3
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """A closed-loop run.
+
+    Attributes
+    ----------
+    trajectory: true signals; its current is the one that acts.
+    reference: (N, 3) position, speed, acceleration asked for.
+    measured: (N, 5) what the controller got, in the order of core.protocol.MEASURED.
+    asked: (N,) the current the controller asked for at each sample.
+    """
+
+    trajectory: Trajectory
+    reference: np.ndarray
+    measured: np.ndarray
+    asked: np.ndarray
+
+    @property
+    def error(self) -> np.ndarray:
+        """True position error r - x (N,) [m]."""
+        return self.reference[:, 0] - self.trajectory["x"]
+
+
+def run_closed_loop(
+    plant: Plant,
+    controller: Controller,
+    reference: np.ndarray,
+    *,
+    force: np.ndarray | None = None,
+    sensors: Sensors | None = None,
+    lag: int = 0,
+    start: np.ndarray | None = None,
+    tolerance: float = 1e-6,
+    compiled: bool | None = None,
+) -> ClosedLoop:
+    """Run a controller against a plant.
+
+    Parameters
+    ----------
+    reference: (N, 3) position [m], speed and acceleration, one row a sample of the controller.
+    force: (N,) force from outside [N], positive when it resists extension.
+    sensors: ideal ones by default.
+    lag: whole samples between a measurement and the current that follows from it.
+    start: state (n,) at the first sample; at rest by default.
+    compiled: False runs the controller's plain step; by default the compiled one if there is one.
+
+    Raises
+    ------
+    InputError: shapes that don't fit, values that are not finite.
+    SimulationError: the run could not be finished; says when and why.
+    """
+    reference = np.ascontiguousarray(reference, dtype=float)
+    if reference.ndim != 2 or reference.shape[0] < 2 or reference.shape[1] != 3:
+        raise InputError(f"reference has shape {reference.shape}; expected (samples, 3), at least two samples")
+    samples = reference.shape[0]
+    outer = np.zeros(samples) if force is None else np.ascontiguousarray(force, dtype=float)
+    if outer.shape != (samples,):
+        raise InputError(f"force has shape {outer.shape}; expected ({samples},)")
+    if not (np.isfinite(reference).all() and np.isfinite(outer).all()):
+        raise InputError("reference and force must be finite numbers at every sample")
+    if lag < 0 or lag != int(lag):
+        raise InputError(f"lag = {lag}; expected a whole number of samples, 0 or more")
+    sensors = sensors or Sensors.of(plant, ideal=True)
+    dt = controller.sample_time
+    noise, resolution, delay = sensors.tables(samples, dt)
+    state = np.array(plant.rest if start is None else start, dtype=float)
+    n = state.size
+    states = np.full((samples, n), np.nan)
+    modes = np.zeros((samples, 2), dtype=np.int8)
+    measured = np.full((samples, len(MEASURED)), np.nan)
+    asked = np.full(samples, np.nan)
+    extremes = np.stack([state, state])
+    mode = initial_modes(plant, state)
+    carry = initial_carry(plant, 1, dt)[0]
+    true = np.empty((samples, len(MEASURED)))
+    memory = controller.initial_memory()
+    kernel = engine(plant.structure, "closed_loop")
+    step = controller.compiled if compiled is None or compiled else None
+
+    def run(first: int, stop: int) -> int:
+        """Advance by the engine; with a compiled controller that is the whole run."""
+        return int(
+            kernel.closed_loop(
+                first,
+                stop,
+                plant.vector,
+                state,
+                mode,
+                carry,
+                step is not None,
+                step or _idle(),
+                controller.settings(),
+                memory,
+                reference,
+                outer,
+                noise,
+                resolution,
+                delay,
+                int(lag),
+                dt,
+                tolerance,
+                states,
+                modes,
+                true,
+                measured,
+                asked,
+                extremes,
+            )
+        )
+
+    if step is not None:
+        status = run(0, samples)
+    elif compiled:
+        raise InputError(f"controller {controller.name} has no compiled step")
+    else:
+        for k in range(samples):
+            status = run(k, k + 1)
+            if status == DONE:
+                asked[k] = controller.step(reference[k], measured[k], memory)
+                status = DONE if np.isfinite(asked[k]) else NO_CURRENT
+            if status != DONE:
+                break
+    if status != DONE:
+        at = int(np.count_nonzero(~np.isnan(states[:, 0]))) - 1
+        raise SimulationError(f"{plant.name} with {controller.name}: stopped at {at * dt:.4g} s: {STATUS[int(status)]}")
+    acting = np.concatenate([np.zeros(lag), asked[: samples - lag]]) if lag else asked
+    trajectory = Trajectory(
+        plant=plant,
+        time=dt * np.arange(samples),
+        current=acting,
+        outer_force=outer,
+        states=states,
+        modes=modes,
+        cell_force=true[:, MEASURED.index("force")],
+        extremes=extremes,
+        hold="zero_order",
+        tolerance=tolerance,
+    )
+    return ClosedLoop(trajectory, reference, measured, asked)
+
+
+@lru_cache(maxsize=1)
+def _idle() -> Callable[..., float]:
+    """A compiled controller that asks for nothing: the engine wants one even while the caller does the asking."""
+    import numba
+
+    vector = numba.float64[::1]
+    return numba.njit(numba.float64(vector, vector, vector, vector))(_no_current)
+
+
+def _no_current(reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
+    return 0.0

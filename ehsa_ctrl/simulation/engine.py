@@ -1,0 +1,229 @@
+"""Run a plant: one run, or many with varied parameters, on the compiled engine."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..core.errors import InputError, SimulationError
+from ..plant.plant import Plant
+from .compiled import engine
+from .trajectory import Trajectory
+
+Hold = Literal["zero_order", "first_order"]
+
+DONE = 0
+#: What the engine's status words mean; the key is what it returns.
+STATUS = {
+    0: "",
+    1: "the step length fell below any use: a state or a parameter has left the range where the equations hold",
+    2: "a contact changed between sticking and sliding more than 1000 times within one sample",
+    3: "the controller returned a current that is not a finite number",
+}
+
+
+def initial_modes(plant: Plant, states: np.ndarray) -> np.ndarray:
+    """Sliding direction (..., 2) of each contact that fits states (..., n): 0 where the speed is exactly zero."""
+    equations = plant.structure.equations
+    columns = [equations.index(contact.velocity) for contact in plant.structure.system.contacts]
+    return np.sign(states[..., columns])
+
+
+def initial_carry(plant: Plant, runs: int, sample_time: float) -> np.ndarray:
+    """Fresh working memory (runs, ...) of the engine: see `advance` in kernel.py.j2."""
+    equations = plant.structure.equations
+    carry = np.zeros((runs, 3 + len(equations.states) + len(plant.structure.system.contacts)))
+    carry[:, 0] = sample_time
+    carry[:, 1] = np.nan
+    return carry
+
+
+def _input(values: np.ndarray | Sequence[float], name: str, length: int | None = None) -> np.ndarray:
+    array = np.ascontiguousarray(values, dtype=float)
+    if array.ndim != 1 or array.size < 2 or (length is not None and array.size != length):
+        wanted = "a vector of at least two samples" if length is None else f"a vector of {length} samples"
+        raise InputError(f"{name} has shape {array.shape}; expected {wanted}")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise InputError(f"{name} is {array[bad[0]]} at sample {bad[0]}; every sample must be a finite number")
+    return array
+
+
+def simulate(
+    plant: Plant,
+    current: np.ndarray | Sequence[float],
+    *,
+    force: np.ndarray | Sequence[float] | None = None,
+    hold: Hold = "zero_order",
+    start: np.ndarray | Sequence[float] | None = None,
+    sample_time: float | None = None,
+    tolerance: float = 1e-6,
+) -> Trajectory:
+    """Run the plant with a given current.
+
+    Parameters
+    ----------
+    plant: see `load_plant`.
+    current: (N,) A, one value a sample; held over the sample ("zero_order") or joined by lines ("first_order").
+    force: (N,) N from outside, positive when it resists extension; none by default.
+    start: state (n,) at the first sample; at rest by default.
+    sample_time: s; the plant's own by default.
+    tolerance: error per step in units of the states' scales; 1e-6 gives about 1e-5 of each signal's range at worst.
+
+    Returns
+    -------
+    Trajectory: N samples, the first one is the initial state.
+
+    Raises
+    ------
+    InputError: an input that is no vector, too short or not finite.
+    SimulationError: the run could not be finished; says when and why.
+    """
+    current = _input(current, "current")
+    outer = np.zeros(current.size) if force is None else _input(force, "force", current.size)
+    dt = plant.sample_time if sample_time is None else sample_time
+    first = plant.rest if start is None else np.asarray(start, dtype=float)
+    if first.shape != plant.rest.shape:
+        raise InputError(f"start has shape {first.shape}; the plant has {plant.rest.size} states")
+    batch = _run(plant, plant.vector[None, :], first[None, :], current, outer, hold, dt, tolerance)
+    if batch.status[0] != DONE:
+        at = int(np.flatnonzero(np.isnan(batch.states[0, :, 0]))[0]) - 1
+        raise SimulationError(f"{plant.name}: stopped at {at * dt:.4g} s: {STATUS[int(batch.status[0])]}")
+    return Trajectory(
+        plant=plant,
+        time=dt * np.arange(current.size),
+        current=current,
+        outer_force=outer,
+        states=batch.states[0],
+        modes=batch.modes[0],
+        cell_force=batch.cell_force[0],
+        extremes=batch.extremes[0],
+        hold=hold,
+        tolerance=tolerance,
+    )
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Many runs with the same input.
+
+    states (runs, N, n), modes (runs, N, 2), cell_force (runs, N), extremes (runs, 2, n), status (runs,): 0 is done,
+    else a key of STATUS; rows after a failure are nan.
+    """
+
+    states: np.ndarray
+    modes: np.ndarray
+    cell_force: np.ndarray
+    extremes: np.ndarray
+    status: np.ndarray
+
+
+def simulate_batch(
+    plant: Plant,
+    parameters: np.ndarray,
+    current: np.ndarray | Sequence[float],
+    *,
+    force: np.ndarray | Sequence[float] | None = None,
+    hold: Hold = "zero_order",
+    start: np.ndarray | None = None,
+    sample_time: float | None = None,
+    tolerance: float = 1e-4,
+    jobs: int | None = None,
+) -> Batch:
+    """Run variations of a plant with the same input, on all cores.
+
+    Parameters
+    ----------
+    parameters: (runs, n_parameters), each row in the order of `plant.vector`.
+    start: (runs, n) states at the first sample; at rest (each row's own P_0 and x_0) by default.
+    jobs: threads; all cores by default. The engine runs outside Python's lock.
+
+    A run that fails does not stop the others: look at `status`.
+
+    Raises
+    ------
+    InputError: arrays of the wrong shape, or an input that is not finite.
+    """
+    current = _input(current, "current")
+    outer = np.zeros(current.size) if force is None else _input(force, "force", current.size)
+    parameters = np.ascontiguousarray(parameters, dtype=float)
+    names = plant.structure.equations.parameter_names
+    if parameters.ndim != 2 or parameters.shape[1] != len(names):
+        raise InputError(f"parameters has shape {parameters.shape}; expected (runs, {len(names)})")
+    runs = parameters.shape[0]
+    if start is None:
+        states = np.tile(plant.rest, (runs, 1))
+        equations = plant.structure.equations
+        states[:, [equations.index("P_1"), equations.index("P_2")]] = parameters[:, [names.index("P_0")]]
+        states[:, equations.index("x")] = parameters[:, names.index("x_0")]
+    else:
+        states = np.array(start, dtype=float)
+        if states.shape != (runs, plant.rest.size):
+            raise InputError(f"start has shape {states.shape}; expected ({runs}, {plant.rest.size})")
+    dt = plant.sample_time if sample_time is None else sample_time
+    return _run(plant, parameters, states, current, outer, hold, dt, tolerance, jobs)
+
+
+def _run(
+    plant: Plant,
+    parameters: np.ndarray,
+    start: np.ndarray,
+    current: np.ndarray,
+    force: np.ndarray,
+    hold: Hold,
+    dt: float,
+    tolerance: float,
+    jobs: int | None = 1,
+) -> Batch:
+    if hold not in ("zero_order", "first_order"):
+        raise InputError(f"hold = {hold!r}; expected 'zero_order' or 'first_order'")
+    if not 1e-13 <= tolerance <= 1e-1:
+        raise InputError(f"tolerance = {tolerance:g}; expected 1e-13 to 0.1")
+    if not 0.0 < dt < 1.0:
+        raise InputError(f"sample_time = {dt:g} s; expected more than 0 and less than 1 s")
+    kernel = engine(plant.structure)
+    runs, n = start.shape
+    samples = current.size
+    states = np.array(start)
+    modes = initial_modes(plant, states)
+    carry = initial_carry(plant, runs, dt)
+    out = Batch(
+        states=np.full((runs, samples, n), np.nan),
+        modes=np.zeros((runs, samples, modes.shape[1]), dtype=np.int8),
+        cell_force=np.full((runs, samples), np.nan),
+        extremes=np.stack([start, start], axis=1),
+        status=np.zeros(runs, dtype=np.int64),
+    )
+
+    def work(part: slice) -> None:
+        kernel.open_loop(
+            parameters[part],
+            states[part],
+            modes[part],
+            carry[part],
+            current,
+            force,
+            hold == "first_order",
+            dt,
+            tolerance,
+            out.states[part],
+            out.modes[part],
+            out.cell_force[part],
+            out.extremes[part],
+            out.status[part],
+        )
+
+    jobs = min(jobs or os.cpu_count() or 1, runs)
+    if jobs == 1:
+        work(slice(None))
+    else:
+        # More parts than threads, so that one slow part does not leave the other threads idle at the end.
+        edges = np.linspace(0, runs, min(4 * jobs, runs) + 1).astype(int)
+        with ThreadPoolExecutor(jobs) as pool:
+            list(pool.map(work, [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]))
+    return out

@@ -1,0 +1,82 @@
+"""The plant's limits, watched in every run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.unit import factor
+from ..plant.plant import Plant
+
+#: The unit in which a person reads each limit.
+SHOWN = {
+    "pump_speed": "rpm",
+    "motor_speed": "rpm",
+    "motor_torque": "N m",
+    "motor_power": "kW",
+    "current_rms": "A",
+    "pressure_max": "bar",
+    "pressure_min": "bar",
+    "stroke": "mm",
+}
+
+
+@dataclass(frozen=True)
+class Exceedance:
+    """A limit that a run passed: its name, the limit, the worst value and when a sample first lay beyond it.
+
+    `first` is nan for averages over the run, and where only the time between two samples lay beyond.
+    """
+
+    limit: str
+    unit: str
+    allowed: float
+    reached: float
+    first: float
+
+    def __str__(self) -> str:
+        scale = factor(SHOWN[self.limit], self.unit)
+        when = "" if np.isnan(self.first) else f", first at {self.first:.3f} s"
+        verb = "fell to" if self.limit == "pressure_min" else "reached"
+        name = self.limit.replace("_", " ")
+        return f"{name} {verb} {self.reached / scale:.4g} {SHOWN[self.limit]} (limit {self.allowed / scale:.4g}){when}"
+
+
+def exceedances(
+    plant: Plant, time: np.ndarray, current: np.ndarray, states: np.ndarray, extremes: np.ndarray
+) -> Iterator[Exceedance]:
+    """Every limit of the plant that was passed.
+
+    Speeds, pressures and stroke by the extremes between samples; torque by the asked current; power and current as
+    averages over the run (the motor's continuous rating).
+    """
+    index = plant.structure.equations.index
+    omega, P_1, P_2, x = (states[:, index(name)] for name in ("omega", "P_1", "P_2", "x"))
+
+    def worst(name: str) -> float:
+        return float(np.max(np.abs(extremes[:, index(name)])))
+
+    torque = plant["K_T"] * current
+    watched: dict[str, tuple[float, np.ndarray]] = {
+        "pump_speed": (worst("omega"), np.abs(omega)),
+        "motor_speed": (worst("omega"), np.abs(omega)),
+        "motor_torque": (float(np.max(np.abs(torque))), np.abs(torque)),
+        "motor_power": (float(np.mean(np.abs(torque * omega))), np.array([])),
+        "current_rms": (float(np.sqrt(np.mean(current**2))), np.array([])),
+        "pressure_max": (float(max(extremes[1, index("P_1")], extremes[1, index("P_2")])), np.maximum(P_1, P_2)),
+        "stroke": (2 * worst("x"), 2 * np.abs(x)),
+    }
+    for name, limit in plant.limits.items():
+        if name == "pressure_min":
+            reached = float(min(extremes[0, index("P_1")], extremes[0, index("P_2")]))
+            beyond = np.flatnonzero(np.minimum(P_1, P_2) < limit.value)
+            passed = reached < limit.value
+        else:
+            reached, signal = watched[name]
+            beyond = np.flatnonzero(signal > limit.value)
+            passed = reached > limit.value
+        if passed:
+            first = float(time[beyond[0]]) if beyond.size else float("nan")
+            yield Exceedance(name, limit.unit, limit.value, reached, first)

@@ -1,0 +1,126 @@
+"""What a run gives: states over time, when each contact stuck, which limits were passed, how it was computed."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..plant.plant import Plant
+from .limits import Exceedance, exceedances
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+
+@lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Versions of what a simulated number depends on."""
+    names = ("ehsa_ctrl", "numpy", "numba", "scipy", "control")
+    return {"python": platform.python_version(), **{name: version(name) for name in names}}
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """One run of a plant, sampled.
+
+    Attributes
+    ----------
+    plant: as it was believed in this run.
+    time: (N,) s.
+    current: (N,) A, acting on the motor from each sample on.
+    outer_force: (N,) N, F_D(t), positive when it resists extension.
+    states: (N, n) in the order of the structure's states, SI units.
+    modes: (N, 2) sliding direction of shaft and rod, 0 while it sticks.
+    cell_force: (N,) N, what a load cell between rod and load feels.
+    extremes: (2, n) smallest and largest value of each state, between the samples too.
+    hold: "zero_order" or "first_order".
+    tolerance: relative tolerance of the engine.
+    """
+
+    plant: Plant
+    time: np.ndarray
+    current: np.ndarray
+    outer_force: np.ndarray
+    states: np.ndarray
+    modes: np.ndarray
+    cell_force: np.ndarray
+    extremes: np.ndarray
+    hold: str
+    tolerance: float
+    provenance: dict[str, str] = field(default_factory=versions)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A signal by name (N,): a state (omega, P_1, P_2, v, x ...), current, dP, F_EXT or time."""
+        extra = {"current": self.current, "time": self.time, "F_cell": self.cell_force, "F_D": self.outer_force}
+        if name in extra:
+            return extra[name]
+        if name == "dP":
+            return self["P_1"] - self["P_2"]
+        return self.states[:, self.plant.structure.equations.index(name)]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def sticks(self, contact: str) -> np.ndarray:
+        """(N,) bool: the contact, "shaft" or "rod", is at rest and held by friction."""
+        names = [c.name for c in self.plant.structure.system.contacts]
+        column = names.index(contact)
+        held = self.plant.structure.law(self.plant.structure.system.contacts[column]).sticks
+        return (self.modes[:, column] == 0) & held
+
+    @cached_property
+    def exceeded(self) -> tuple[Exceedance, ...]:
+        """Limits of the plant that this run passed, in words and figures."""
+        return tuple(exceedances(self.plant, self.time, self.current, self.states, self.extremes))
+
+    @property
+    def pressure_level_drift(self) -> float:
+        """How far (P_1 + P_2)/2 has moved from P_0 at the end [Pa]; (12) lets it climb with work done."""
+        return float((self["P_1"][-1] + self["P_2"][-1]) / 2 - self.plant["P_0"])
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a sample: time, current, states, force, sliding directions."""
+        import pandas
+
+        names = [state.name for state in self.plant.structure.equations.states]
+        columns: dict[str, Any] = {"time": self.time, "current": self.current}
+        columns |= {name: self[name] for name in names}
+        columns |= {"F_cell": self.cell_force, "shaft": self.modes[:, 0], "rod": self.modes[:, 1]}
+        return pandas.DataFrame(columns)
+
+    def plot(self) -> Figure:
+        """Current, speed, pressures, position over time; stuck phases shaded."""
+        from ..report.figures import trajectory_figure
+
+        return trajectory_figure(self)
+
+    def _lines(self) -> Iterator[str]:
+        yield (
+            f"{self.plant.name} ({self.plant.model}): {len(self)} samples, {self.time[-1] - self.time[0]:g} s, "
+            f"{self.hold.replace('_', '-')} hold, tolerance {self.tolerance:g}"
+        )
+        units = {state.name: state.unit for state in self.plant.structure.equations.states}
+        for index, (name, unit) in enumerate(units.items()):
+            low, high = self.extremes[:, index]
+            yield f"  {name:<6} {low:>12.5g} to {high:>12.5g} {unit}, ends at {self.states[-1, index]:.5g}"
+        for contact in self.plant.structure.system.contacts:
+            yield f"  {contact.name} sticks {100 * np.mean(self.sticks(contact.name)):.1f} % of the samples"
+        for exceedance in self.exceeded:
+            yield f"  limit passed: {exceedance}"
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines())
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"

@@ -1,0 +1,67 @@
+"""Who may import whom is a test, not a wish."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "ehsa_ctrl"
+
+#: Folder -> the folders it may import from. cli may import everything; nothing may import cli.
+ALLOWED = {
+    "core": set(),
+    "physics": {"core"},
+    "plant": {"physics", "core"},
+    "simulation": {"plant", "physics", "core"},
+    "design": {"core"},
+    "scenario": {"design", "simulation", "plant", "physics", "core"},
+    "report": {"scenario", "design", "simulation", "plant", "physics", "core"},
+}
+#: Drawing a result is asked of the result (`plot()`), so that the report is imported from below, inside that method.
+PLOTS = {("simulation", "report"), ("scenario", "report")}
+
+
+def imports(path: Path, *, inside_functions: bool):
+    """Folders of the package that a file imports at its top, or inside its functions; not for type checking."""
+    tree = ast.parse(path.read_text())
+    package = ["ehsa_ctrl", *path.relative_to(PACKAGE).parent.parts]
+    everything = list(ast.walk(tree))
+    blocks = [n for n in everything if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.unparse(n.test)]
+    typing_only = {node for block in blocks for node in ast.walk(block)}
+    functions = [n for n in everything if isinstance(n, ast.FunctionDef)]
+    inner = {node for function in functions for node in ast.walk(function)}
+    for node in everything:
+        if node in typing_only or (node in inner) != inside_functions:
+            continue
+        if isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            parts = [*base, *node.module.split(".")] if node.module else [*base, node.names[0].name]
+        elif isinstance(node, ast.Import):
+            parts = node.names[0].name.split(".")
+        else:
+            continue
+        if parts[0] == "ehsa_ctrl" and len(parts) > 1:
+            yield parts[1]
+
+
+@pytest.mark.parametrize("folder", sorted(ALLOWED))
+def test_a_folder_imports_only_from_below(folder):
+    """A folder's modules import only the folders that the design allows, lazily too, but for plot()."""
+    for path in (PACKAGE / folder).rglob("*.py"):
+        for inside in (False, True):
+            for target in imports(path, inside_functions=inside):
+                fine = target == folder or target in ALLOWED[folder] or (inside and (folder, target) in PLOTS)
+
+                assert fine, f"{path.relative_to(PACKAGE.parent)} imports ehsa_ctrl.{target}"
+
+
+def test_every_folder_has_its_place():
+    """A new folder must be given a place in the import order."""
+    folders = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").exists()}
+
+    assert folders == {*ALLOWED, "cli"}
+
+
+def test_design_does_not_see_the_nonlinear_plant():
+    """Controllers are designed from linear models; neither plant nor simulator is within their reach."""
+    assert ALLOWED["design"] == {"core"}
