@@ -43,7 +43,8 @@ def initial_carry(plant: Plant, runs: int, sample_time: float) -> np.ndarray:
     return carry
 
 
-def _input(values: np.ndarray | Sequence[float], name: str, length: int | None = None) -> np.ndarray:
+def checked_input(values: np.ndarray | Sequence[float], name: str, length: int | None = None) -> np.ndarray:
+    """A vector of finite samples; raises InputError, naming the input, for anything else."""
     array = np.ascontiguousarray(values, dtype=float)
     if array.ndim != 1 or array.size < 2 or (length is not None and array.size != length):
         wanted = "a vector of at least two samples" if length is None else f"a vector of {length} samples"
@@ -84,8 +85,8 @@ def simulate(
     InputError: an input that is no vector, too short or not finite.
     SimulationError: the run could not be finished; says when and why.
     """
-    current = _input(current, "current")
-    outer = np.zeros(current.size) if force is None else _input(force, "force", current.size)
+    current = checked_input(current, "current")
+    outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
     dt = plant.sample_time if sample_time is None else sample_time
     first = plant.rest if start is None else np.asarray(start, dtype=float)
     if first.shape != plant.rest.shape:
@@ -149,8 +150,8 @@ def simulate_batch(
     ------
     InputError: arrays of the wrong shape, or an input that is not finite.
     """
-    current = _input(current, "current")
-    outer = np.zeros(current.size) if force is None else _input(force, "force", current.size)
+    current = checked_input(current, "current")
+    outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
     parameters = np.ascontiguousarray(parameters, dtype=float)
     names = plant.structure.equations.parameter_names
     if parameters.ndim != 2 or parameters.shape[1] != len(names):

@@ -15,7 +15,8 @@ import jinja2
 
 from ..plant.printer import Printer
 from ..plant.structure import Structure
-from ..plant.tape import build_tape
+from ..plant.tangent import Tangent
+from ..plant.tape import Tape, build_tape
 
 FOLDER = Path(__file__).parent
 
@@ -49,6 +50,7 @@ class _ContactText:
 PARTS = {
     "open_loop": ("kernel.py.j2", "open_loop.py.j2"),
     "closed_loop": ("kernel.py.j2", "closed_loop.py.j2"),
+    "sensitivity": ("kernel.py.j2", "sensitivity.py.j2"),
 }
 
 
@@ -81,11 +83,13 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
         "rates_text": printer.function([tape.refs[rate] for rate in equations.rates]),
         "cell_text": printer.function([tape.refs["F_cell"]]),
         "tableau": [
-            {"number": i + 2, "c": c, "a": [(a, j + 1) for j, a in enumerate(row) if a != 0.0]}
-            for i, (c, row) in enumerate(TABLEAU)
+            {"number": i + 2, "c": c, "a": _terms(row)} for i, (c, row) in enumerate(TABLEAU)
         ],
-        "error_weights": [(e, j + 1) for j, e in enumerate(ERROR) if e != 0.0],
+        "error_weights": _terms(ERROR),
     }
+    context["sensitivities"] = part == "sensitivity"
+    if part == "sensitivity":
+        context |= _slopes(structure, tape, printer)
     context["constants_text"] = printer.constants()
     context["constants_count"] = max(len(printer.slots), 1)
     macros = (FOLDER / "macros.j2").read_text()
@@ -95,3 +99,40 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
         .from_string(source)
         .render(context)
     )
+
+
+def _slopes(structure: Structure, tape: Tape, printer: Printer) -> dict[str, Any]:
+    """What the sensitivities need: the rates with their exact derivatives by states and by parameters."""
+    equations = structure.equations
+    names = [state.name for state in equations.states]
+    parameters = list(equations.parameter_names)
+    tangent = Tangent(tape, [*names, *parameters])
+    rates = [tape.refs[rate] for rate in equations.rates]
+    jacobian, by_parameter, outputs, parameter_outputs = [], [], [], []
+    for row, rate in enumerate(rates):
+        for seed, ref in tangent.of(rate).items():
+            if seed in names:
+                jacobian.append((row, names.index(seed)))
+                outputs.append(ref)
+            else:
+                by_parameter.append((row, parameters.index(seed)))
+                parameter_outputs.append(ref)
+    assignments, expressions = printer.lines([*rates, *outputs, *parameter_outputs])
+    split = len(rates) + len(outputs)
+    stores = [
+        f"F[{row}, columns[{column}]] = {expression}"
+        for (row, column), expression in zip(by_parameter, expressions[split:], strict=True)
+    ]
+    lines = [*assignments, *stores, "return " + ", ".join(expressions[:split])]
+    stages = [{"number": 1, "c": 0.0, "a": []}, *({"number": i + 2, "c": c, "a": _terms(row)} for i, (c, row) in enumerate(TABLEAU[:-1]))]
+    return {
+        "slopes_text": "".join(f"    {line}\n" for line in lines),
+        "jacobian": jacobian,
+        "stages": stages,
+        "weights": _terms(TABLEAU[-1][1]),
+    }
+
+
+def _terms(row: tuple[float, ...]) -> list[tuple[float, int]]:
+    """Non-zero weights of a row of the tableau with the number of their stage."""
+    return [(weight, j + 1) for j, weight in enumerate(row) if weight != 0.0]
