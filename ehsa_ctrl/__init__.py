@@ -24,8 +24,19 @@ _WHERE = {
     "four_state": "plant.linear",
     "three_state": "plant.linear",
     "linearise": "plant.linearise",
+    "to_iosystem": "plant.iosystem",
     "simulate": "simulation.engine",
     "simulate_batch": "simulation.engine",
+    "sensitivities": "simulation.sensitivity",
+    "simulate_reference": "simulation.reference",
+    "run_closed_loop": "simulation.closed_loop",
+    "record": "simulation.bench",
+    "excitation": "simulation.excitation",
+    "load_controller": "design.load",
+    "load_scenario": "scenario.run",
+    "run": "scenario.run",
+    "analyse": "design.analysis",
+    "analyse_loop": "design.analysis",
 }
 
 __all__ = sorted([*_WHERE, "__version__"])

@@ -70,11 +70,11 @@ def run_closed_loop(
     InputError: shapes that don't fit, values that are not finite.
     SimulationError: the run could not be finished; says when and why.
     """
-    reference = np.ascontiguousarray(reference, dtype=float)
+    reference = np.array(reference, dtype=float, order="C")
     if reference.ndim != 2 or reference.shape[0] < 2 or reference.shape[1] != 3:
         raise InputError(f"reference has shape {reference.shape}; expected (samples, 3), at least two samples")
     samples = reference.shape[0]
-    outer = np.zeros(samples) if force is None else np.ascontiguousarray(force, dtype=float)
+    outer = np.zeros(samples) if force is None else np.array(force, dtype=float)
     if outer.shape != (samples,):
         raise InputError(f"force has shape {outer.shape}; expected ({samples},)")
     if not (np.isfinite(reference).all() and np.isfinite(outer).all()):

@@ -31,7 +31,7 @@ def initial_modes(plant: Plant, states: np.ndarray) -> np.ndarray:
     """Sliding direction (..., 2) of each contact that fits states (..., n): 0 where the speed is exactly zero."""
     equations = plant.structure.equations
     columns = [equations.index(contact.velocity) for contact in plant.structure.system.contacts]
-    return np.sign(states[..., columns])
+    return np.ascontiguousarray(np.sign(states[..., columns]))
 
 
 def initial_carry(plant: Plant, runs: int, sample_time: float) -> np.ndarray:
@@ -45,7 +45,8 @@ def initial_carry(plant: Plant, runs: int, sample_time: float) -> np.ndarray:
 
 def checked_input(values: np.ndarray | Sequence[float], name: str, length: int | None = None) -> np.ndarray:
     """A vector of finite samples; raises InputError, naming the input, for anything else."""
-    array = np.ascontiguousarray(values, dtype=float)
+    # A copy: the engine is compiled for arrays that may be written to, and pandas hands out read-only ones.
+    array = np.array(values, dtype=float, order="C")
     if array.ndim != 1 or array.size < 2 or (length is not None and array.size != length):
         wanted = "a vector of at least two samples" if length is None else f"a vector of {length} samples"
         raise InputError(f"{name} has shape {array.shape}; expected {wanted}")
@@ -152,7 +153,7 @@ def simulate_batch(
     """
     current = checked_input(current, "current")
     outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
-    parameters = np.ascontiguousarray(parameters, dtype=float)
+    parameters = np.array(parameters, dtype=float, order="C")
     names = plant.structure.equations.parameter_names
     if parameters.ndim != 2 or parameters.shape[1] != len(names):
         raise InputError(f"parameters has shape {parameters.shape}; expected (runs, {len(names)})")

@@ -82,9 +82,7 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
         "contacts": contacts,
         "rates_text": printer.function([tape.refs[rate] for rate in equations.rates]),
         "cell_text": printer.function([tape.refs["F_cell"]]),
-        "tableau": [
-            {"number": i + 2, "c": c, "a": _terms(row)} for i, (c, row) in enumerate(TABLEAU)
-        ],
+        "tableau": [{"number": i + 2, "c": c, "a": _terms(row)} for i, (c, row) in enumerate(TABLEAU)],
         "error_weights": _terms(ERROR),
     }
     context["sensitivities"] = part == "sensitivity"
@@ -124,7 +122,10 @@ def _slopes(structure: Structure, tape: Tape, printer: Printer) -> dict[str, Any
         for (row, column), expression in zip(by_parameter, expressions[split:], strict=True)
     ]
     lines = [*assignments, *stores, "return " + ", ".join(expressions[:split])]
-    stages = [{"number": 1, "c": 0.0, "a": []}, *({"number": i + 2, "c": c, "a": _terms(row)} for i, (c, row) in enumerate(TABLEAU[:-1]))]
+    stages = [
+        {"number": 1, "c": 0.0, "a": []},
+        *({"number": i + 2, "c": c, "a": _terms(row)} for i, (c, row) in enumerate(TABLEAU[:-1])),
+    ]
     return {
         "slopes_text": "".join(f"    {line}\n" for line in lines),
         "jacobian": jacobian,

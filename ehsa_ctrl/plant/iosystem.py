@@ -1,0 +1,58 @@
+"""The nonlinear plant as `control.NonlinearIOSystem`, so that python-control's own functions run on it.
+
+python-control integrates a smooth right-hand side, so friction is smoothed here: direction = tanh(speed / width).
+A smoothed contact creeps instead of sticking; use the engine (`simulate`) where standstill matters.
+"""
+
+from __future__ import annotations
+
+from math import tanh
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .linear import INPUTS
+from .plain import evaluator
+from .plant import Plant
+
+if TYPE_CHECKING:
+    import control
+
+#: Speeds over which friction turns around, shaft [rad/s] and rod [m/s]: the error of a run grows with them.
+WIDTHS = {"shaft": 0.01, "rod": 1e-5}
+
+
+def to_iosystem(plant: Plant, *, widths: dict[str, float] | None = None) -> control.NonlinearIOSystem:
+    """The plant for python-control: inputs current and F_D, states and outputs of the equations, SI units.
+
+    Parameters
+    ----------
+    widths: speed over which the friction of "shaft" [rad/s] and "rod" [m/s] turns around; WIDTHS by default.
+
+    The system's `params` are the plant's parameters, so that `input_output_response(..., params={"K_T": 1.1})` works.
+    Mind that python-control joins the samples of an input by lines: give a held current as a function of time.
+    """
+    import control
+
+    equations = plant.structure.equations
+    signals = evaluator(equations, plant.values)
+    names = [state.name for state in equations.states]
+    width = {**WIDTHS, **(widths or {})}
+    contacts = [(c.direction, names.index(c.velocity), width[c.name]) for c in plant.structure.system.contacts]
+
+    def update(t: float, x: np.ndarray, u: np.ndarray, params: dict[str, Any]) -> list[float]:
+        states = {name: float(value) for name, value in zip(names, x, strict=True)}
+        # Exactly at rest tanh gives 0, which the equations read as stuck for good; the least motion frees it.
+        directions = {name: tanh(float(x[i]) / wide) or 1e-300 for name, i, wide in contacts}
+        found = signals(**{**params, **states, **directions}, current=float(u[0]), F_D=float(u[1]))
+        return [found[rate] for rate in equations.rates]
+
+    return control.nlsys(
+        update,
+        None,
+        name=plant.name,
+        states=names,
+        inputs=list(INPUTS),
+        outputs=names,
+        params=plant.values,
+    )

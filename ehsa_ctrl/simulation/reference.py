@@ -1,0 +1,170 @@
+"""The reference path: SciPy's integrators with events, on the physics functions themselves, in plain Python.
+
+A thousand times slower than the engine and independent of it in all but the equations: no tape, no generated text,
+another integrator (DOP853, Radau, LSODA), another way to find the instants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from ..core.errors import SimulationError
+from ..plant.plain import evaluator
+from ..plant.plant import Plant
+from ..plant.system import Contact
+from .engine import Hold, checked_input, initial_modes
+
+
+@dataclass(frozen=True)
+class ReferenceRun:
+    """States (N, n), sliding directions (N, 2) and the instants of mode changes: (time, contact, new direction)."""
+
+    states: np.ndarray
+    modes: np.ndarray
+    events: tuple[tuple[float, str, int], ...]
+
+
+def simulate_reference(
+    plant: Plant,
+    current: np.ndarray | Sequence[float],
+    *,
+    force: np.ndarray | Sequence[float] | None = None,
+    hold: Hold = "zero_order",
+    start: np.ndarray | None = None,
+    sample_time: float | None = None,
+    method: str = "DOP853",
+    rtol: float = 1e-10,
+) -> ReferenceRun:
+    """Run the plant on SciPy; arguments as for `simulate`, errors weighed by the states' scales times rtol."""
+    current = checked_input(current, "current")
+    outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
+    machine = _ModeMachine(plant, method, rtol)
+    dt = plant.sample_time if sample_time is None else sample_time
+    y = np.array(plant.rest if start is None else start, dtype=float)
+    modes = initial_modes(plant, y)
+    states = np.empty((current.size, y.size))
+    directions = np.zeros((current.size, 2), dtype=np.int8)
+    events: list[tuple[float, str, int]] = []
+    for k in range(current.size):
+        states[k], directions[k] = y, modes
+        if k + 1 == current.size:
+            break
+        end = k + 1 if hold == "first_order" else k
+        slopes = np.array([current[end] - current[k], outer[end] - outer[k]]) / dt
+        inputs = np.array([current[k], outer[k]])
+        for at, contact, direction in machine.advance(y, modes, inputs, slopes, dt):
+            events.append((k * dt + at, contact, direction))
+    return ReferenceRun(states, directions, tuple(events))
+
+
+class _ModeMachine:
+    """Integrates between mode changes; `y` and `modes` are updated in place."""
+
+    def __init__(self, plant: Plant, method: str, rtol: float) -> None:
+        equations = plant.structure.equations
+        self.names = [state.name for state in equations.states]
+        self.rates = equations.rates
+        self.signals = evaluator(equations, plant.values)
+        self.contacts = plant.structure.system.contacts
+        self.laws = [plant.structure.law(contact) for contact in self.contacts]
+        self.bands = [
+            0.0 if law.band is None else plant[contact.letter(law.band)]
+            for contact, law in zip(self.contacts, self.laws, strict=True)
+        ]
+        self.columns = [self.names.index(contact.velocity) for contact in self.contacts]
+        self.method, self.rtol = method, rtol
+        self.atol = rtol * np.array([state.scale for state in equations.states])
+
+    def evaluate(self, y: np.ndarray, inputs: np.ndarray, modes: Sequence[float]) -> dict[str, float]:
+        directions = {contact.direction: mode for contact, mode in zip(self.contacts, modes, strict=True)}
+        states = dict(zip(self.names, y.tolist(), strict=True))
+        return self.signals(**states, current=inputs[0], F_D=inputs[1], **directions)
+
+    def held(self, index: int, y: np.ndarray, inputs: np.ndarray, modes: np.ndarray) -> tuple[float, float]:
+        """Net effort on a contact at rest, and what friction can hold in its direction."""
+        contact: Contact = self.contacts[index]
+        trial = modes.copy()
+        trial[index] = 1.0 if self.evaluate(y, inputs, modes)[contact.net] > 0 else -1.0
+        signals = self.evaluate(y, inputs, trial)
+        return signals[contact.net], trial[index] * signals[contact.friction]
+
+    def advance(
+        self, y: np.ndarray, modes: np.ndarray, inputs: np.ndarray, slopes: np.ndarray, dt: float
+    ) -> list[tuple[float, str, int]]:
+        """One sample from the state y; returns the mode changes on the way."""
+        changes: list[tuple[float, str, int]] = []
+        t = 0.0
+        for index in range(len(self.contacts)):
+            if modes[index] == 0 and self._decide(index, y, inputs, modes):
+                changes.append((t, self.contacts[index].name, int(modes[index])))
+        while t < dt:
+            found, watched = self._integrate(t, dt, y, modes, inputs, slopes)
+            t = float(found.t[-1])
+            y[:] = found.y[:, -1]
+            if found.status == 0:
+                break
+            for index, times in zip(watched, found.t_events, strict=True):
+                if times.size:
+                    if modes[index] != 0:
+                        y[self.columns[index]] = 0.0
+                    self._decide(index, y, inputs + slopes * t, modes, released=modes[index] == 0)
+                    changes.append((t, self.contacts[index].name, int(modes[index])))
+            if len(changes) > 1000:
+                raise SimulationError("a contact changed its mode more than 1000 times within one sample")
+        return changes
+
+    def _integrate(
+        self, t: float, dt: float, y: np.ndarray, modes: np.ndarray, inputs: np.ndarray, slopes: np.ndarray
+    ) -> tuple[Any, list[int]]:
+        def rates(s: float, state: np.ndarray) -> list[float]:
+            try:
+                signals = self.evaluate(state, inputs + slopes * s, modes)
+            except OverflowError:
+                # A trial far beyond the instant where the contact stops; the integrator rejects what is no number.
+                return [np.nan] * state.size
+            return [signals[rate] for rate in self.rates]
+
+        watched = [index for index, law in enumerate(self.laws) if law.sticks]
+        surfaces = [self._surface(index, modes, inputs, slopes) for index in watched]
+        found = solve_ivp(
+            rates,
+            (t, dt),
+            y,
+            method=self.method,
+            rtol=self.rtol,
+            atol=self.atol,
+            events=surfaces,
+            first_step=min(1e-5, dt - t),
+        )
+        if found.status < 0:
+            raise SimulationError(f"{self.method} stopped: {found.message}")
+        return found, watched
+
+    def _surface(
+        self, index: int, modes: np.ndarray, inputs: np.ndarray, slopes: np.ndarray
+    ) -> Callable[[float, np.ndarray], float]:
+        """Positive while the contact stays in its mode."""
+
+        def surface(s: float, state: np.ndarray) -> float:
+            if modes[index] == 0:
+                net, held = self.held(index, state, inputs + slopes * s, modes)
+                return held - abs(net)
+            return float(modes[index] * state[self.columns[index]] - self.bands[index])
+
+        surface.terminal = True  # type: ignore[attr-defined]
+        surface.direction = -1.0  # type: ignore[attr-defined]
+        return surface
+
+    def _decide(
+        self, index: int, y: np.ndarray, inputs: np.ndarray, modes: np.ndarray, *, released: bool = False
+    ) -> bool:
+        """Stick or slide from rest on; True if the contact moves. A located release counts as one despite rounding."""
+        net, held = self.held(index, y, inputs, modes)
+        moves = released or abs(net) > held
+        modes[index] = np.sign(net) if moves else 0.0
+        return moves

@@ -1,0 +1,38 @@
+"""What all tests share: strict floating point, plants, and the folder of shared logs where there is one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+@pytest.fixture(autouse=True)
+def _strict_floating_point():
+    """Overflow, division by zero and invalid operations in numpy are errors; underflow to zero is not."""
+    with np.errstate(all="raise", under="ignore"):
+        yield
+
+
+@pytest.fixture
+def plant():
+    """The paper's nonlinear plant, unloaded."""
+    return ehsa_ctrl.load_plant("ehsa")
+
+
+@pytest.fixture
+def linear():
+    """The paper's linear plant, unloaded."""
+    return ehsa_ctrl.load_plant("ehsa", model="linear")
+
+
+@pytest.fixture
+def shared_logs():
+    """Folder of the labelled logs; the test is skipped where it is absent."""
+    folder = SHARED / "logs" / "labelled"
+    if not folder.is_dir():
+        pytest.skip("the shared logs are not here")
+    return folder
