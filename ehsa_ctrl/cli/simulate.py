@@ -65,6 +65,7 @@ def command(
         "seed": seed,
         "samples": len(run),
         "sample_time": log.sample_time,
+        "stopped": run.stopped,
         "limits_passed": [str(exceedance) for exceedance in run.exceeded],
         "pressure_level_drift": run.pressure_level_drift,
         "assumed": [name for name, p in loaded.parameters.items() if p.source == "assumed"],
@@ -83,6 +84,8 @@ def command(
         print(run)
         for exceedance in run.exceeded:
             warn(f"limit passed: {exceedance}")
+        if run.stopped:
+            warn(f"the log ends early: {run.stopped}")
         if abs(run.pressure_level_drift) > 1e5:
             warn(
                 f"the pressure level has moved by {run.pressure_level_drift / 1e5:.2g} bar: (12) conserves volume, not "

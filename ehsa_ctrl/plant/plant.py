@@ -121,7 +121,8 @@ class Plant:
         structure = self.structure
         lines = [
             f"{self.name} ({self.model}): {self.title}",
-            f"  friction: shaft {structure.shaft_friction}, rod {structure.rod_friction}; chambers {structure.chambers}",
+            f"  friction: shaft {structure.shaft_friction}, rod {structure.rod_friction}",
+            f"  chambers: {structure.chambers}",
         ]
         if structure.effects:
             lines.append(f"  effects: {', '.join(structure.effects)}")

@@ -35,12 +35,13 @@ class Structure:
     effects: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for key, name, known in (
+        words: list[tuple[str, str, Mapping[str, object]]] = [
             ("shaft_friction", self.shaft_friction, LAWS),
             ("rod_friction", self.rod_friction, LAWS),
             ("chambers", self.chambers, CHAMBER_FORMS),
             *(("effects", effect, EFFECTS) for effect in self.effects),
-        ):
+        ]
+        for key, name, known in words:
             if name not in known:
                 raise InputError(f"{key} = {name!r} is not known; {choices(name, known)}")
         if len(set(self.effects)) < len(self.effects):

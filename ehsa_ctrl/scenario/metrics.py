@@ -176,7 +176,7 @@ def loop_metrics(
     return result | {
         "Peak": float(abs(x[peak])),
         "PeakTime": float(time[peak]),
-        "MaxError": float(np.max(np.abs(error[begun]))),
+        "MaxError": float(np.max(np.abs(error[begun]), initial=0.0)),
         "RMSError": float(np.sqrt(np.mean(error**2))),
         "IAE": float(np.sum(np.abs(error)) * dt),
         "ITAE": float(np.sum(time * np.abs(error)) * dt),

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.catalogue import scenarios
 from ..core.definition import read_definition
-from ..core.errors import InputError
+from ..core.errors import InputError, SimulationError
 from ..core.protocol import Controller
 from ..core.unit import factor
 from ..design.analysis import LoopAnalysis, analyse_loop
@@ -115,6 +115,8 @@ class ScenarioResult:
         """Why the scenario failed, in sentences; empty if it passed."""
         reasons = [str(judgement) for judgement in self.judgements if not judgement.passed]
         tripped = {trip.limit for trip in self.trips}
+        if self.nonlinear.trajectory.stopped and not tripped & set(self.expected_trips):
+            reasons.append(self.nonlinear.trajectory.stopped)
         reasons += [f"trip: {trip}" for trip in self.trips if trip.limit not in self.expected_trips]
         reasons += [f"expected trip {name} did not happen" for name in self.expected_trips if name not in tripped]
         return tuple(reasons)
@@ -201,7 +203,7 @@ def run(scenario: str | Path | Scenario, *, controller: str | Path | None = None
     Raises
     ------
     InputError: a definition is wrong or refers to something that is not there.
-    SimulationError: a run could not be finished.
+    SimulationError: a run could not be finished though no limit of the plant was passed.
     """
     begun = clock.perf_counter()
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
@@ -223,7 +225,19 @@ def run(scenario: str | Path | Scenario, *, controller: str | Path | None = None
     runs = []
     for plant in (linear, nonlinear):
         sensors = Sensors.of(plant, seed=definition.sensors.seed, noise=definition.sensors.noise)
-        runs.append(run_closed_loop(plant, chosen, reference, force=force, sensors=sensors, lag=definition.sensors.lag))
+        loop = run_closed_loop(
+            plant,
+            chosen,
+            reference,
+            force=force,
+            sensors=sensors,
+            lag=definition.sensors.lag,
+            raise_on_failure=False,
+        )
+        if loop.trajectory.stopped and not loop.trajectory.exceeded:
+            raise SimulationError(loop.trajectory.stopped)
+        runs.append(loop)
+    runs = [loop.first(min(len(other.trajectory) for other in runs)) for loop in runs]
     holds = definition.reference.holds()
     holds += [edge for step in definition.disturbance for edge in (step.start, step.start + step.duration)]
     limit = float(getattr(chosen, "current_limit", np.inf))

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ..core.errors import SimulationError
 from ..core.log import Log
 from ..plant.plant import Plant
 from .closed_loop import run_closed_loop
@@ -76,14 +77,24 @@ def record(
 
     Returns
     -------
-    The log in the format of a measured one, and the true trajectory behind it.
+    The log in the format of a measured one, and the true trajectory behind it. A rod that is driven so far beyond its
+    stroke that the equations end is no error: both then end there, and `stopped` of the trajectory says so.
+
+    Raises
+    ------
+    SimulationError: the run could not be finished though no limit of the plant was passed.
     """
     dt = float((time[-1] - time[0]) / (time.size - 1))
     sensors = Sensors.of(plant, seed=seed, noise=sensor_noise)
     if centre:
         reference = np.zeros((time.size, 3))
         reference[:, 0] = current
-        run = run_closed_loop(plant, _Centring(dt), reference, sensors=sensors, tolerance=tolerance).trajectory
+        loop = run_closed_loop(
+            plant, _Centring(dt), reference, sensors=sensors, tolerance=tolerance, raise_on_failure=False
+        )
+        run = loop.trajectory
     else:
-        run = simulate(plant, current, sample_time=dt, tolerance=tolerance)
-    return Log(time, sensors.log(run)), run
+        run = simulate(plant, current, sample_time=dt, tolerance=tolerance, raise_on_failure=False)
+    if run.stopped and not run.exceeded:
+        raise SimulationError(run.stopped)
+    return Log(time[: len(run)], sensors.log(run)), run

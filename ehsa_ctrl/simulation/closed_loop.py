@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..core.errors import InputError, SimulationError
 from ..core.protocol import MEASURED, Controller
 from ..plant.plant import Plant
 from .compiled import engine
-from .engine import DONE, STATUS, initial_carry, initial_modes
+from .engine import DONE, initial_carry, initial_modes, why_stopped
 from .sensors import Sensors
 from .trajectory import Trajectory
 
@@ -41,6 +41,13 @@ class ClosedLoop:
         """True position error r - x (N,) [m]."""
         return self.reference[:, 0] - self.trajectory["x"]
 
+    def first(self, samples: int) -> ClosedLoop:
+        """The first samples of this run, to be put beside a run that ended early."""
+        run = self.trajectory
+        names = ("time", "current", "outer_force", "states", "modes", "cell_force")
+        cut = replace(run, **{name: getattr(run, name)[:samples] for name in names})
+        return ClosedLoop(cut, self.reference[:samples], self.measured[:samples], self.asked[:samples])
+
 
 def run_closed_loop(
     plant: Plant,
@@ -53,6 +60,7 @@ def run_closed_loop(
     start: np.ndarray | None = None,
     tolerance: float = 1e-6,
     compiled: bool | None = None,
+    raise_on_failure: bool = True,
 ) -> ClosedLoop:
     """Run a controller against a plant.
 
@@ -64,6 +72,8 @@ def run_closed_loop(
     lag: whole samples between a measurement and the current that follows from it.
     start: state (n,) at the first sample; at rest by default.
     compiled: False runs the controller's plain step; by default the compiled one if there is one.
+    raise_on_failure: False gives what there is of a run that could not be finished; its trajectory's `stopped` says
+        why.
 
     Raises
     ------
@@ -141,23 +151,25 @@ def run_closed_loop(
                 status = DONE if np.isfinite(asked[k]) else NO_CURRENT
             if status != DONE:
                 break
-    if status != DONE:
-        at = int(np.count_nonzero(~np.isnan(states[:, 0]))) - 1
-        raise SimulationError(f"{plant.name} with {controller.name}: stopped at {at * dt:.4g} s: {STATUS[int(status)]}")
+    there = slice(int(np.count_nonzero(np.isfinite(states[:, 0]))))
+    stopped = why_stopped(f"{plant.name} with {controller.name}", status, (there.stop - 1) * dt)
+    if stopped and (raise_on_failure or there.stop < 2):
+        raise SimulationError(stopped)
     acting = np.concatenate([np.zeros(lag), asked[: samples - lag]]) if lag else asked
     trajectory = Trajectory(
         plant=plant,
-        time=dt * np.arange(samples),
-        current=acting,
-        outer_force=outer,
-        states=states,
-        modes=modes,
-        cell_force=true[:, MEASURED.index("force")],
+        time=dt * np.arange(there.stop),
+        current=acting[there],
+        outer_force=outer[there],
+        states=states[there],
+        modes=modes[there],
+        cell_force=true[there, MEASURED.index("force")],
         extremes=extremes,
         hold="zero_order",
         tolerance=tolerance,
+        stopped=stopped,
     )
-    return ClosedLoop(trajectory, reference, measured, asked)
+    return ClosedLoop(trajectory, reference[there], measured[there], asked[there])
 
 
 @lru_cache(maxsize=1)

@@ -47,6 +47,7 @@ def engine(structure: Structure, part: str = "open_loop") -> ModuleType:
     The first call ever for a structure compiles (some ten seconds); later starts load the result.
     """
     import numba
+    from filelock import FileLock
 
     text = kernel_text(structure, part)
     versions = f"{numba.__version__} {sys.version} {sys.platform}"
@@ -54,13 +55,19 @@ def engine(structure: Structure, part: str = "open_loop") -> ModuleType:
     folder = cache_folder() / key
     name = f"ehsa_ctrl_engine_{key}"
     file = folder / f"{name}.py"
-    if not file.is_file():
-        folder.mkdir(exist_ok=True)
-        draft = folder / f"{name}.{os.getpid()}.tmp"
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(file)
-    if not any(folder.glob("**/*.nbi")):
-        log.info("compiling the %s engine for %s: once, some ten seconds", part.replace("_", "-"), structure)
+    folder.mkdir(exist_ok=True)
+    # Several processes may start cold at once (parallel tests, workers): one compiles, the others wait and load.
+    with FileLock(folder / "lock"):
+        if not file.is_file():
+            draft = file.with_suffix(".tmp")
+            draft.write_text(text, encoding="utf-8")
+            draft.replace(file)
+        if not any(folder.glob("**/*.nbi")):
+            log.info("compiling the %s engine for %s: once, some ten seconds", part.replace("_", "-"), structure)
+        return _load(name, file)
+
+
+def _load(name: str, file: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

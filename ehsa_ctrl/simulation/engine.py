@@ -65,6 +65,7 @@ def simulate(
     start: np.ndarray | Sequence[float] | None = None,
     sample_time: float | None = None,
     tolerance: float = 1e-6,
+    raise_on_failure: bool = True,
 ) -> Trajectory:
     """Run the plant with a given current.
 
@@ -76,6 +77,7 @@ def simulate(
     start: state (n,) at the first sample; at rest by default.
     sample_time: s; the plant's own by default.
     tolerance: error per step in units of the states' scales; 1e-6 gives about 1e-5 of each signal's range at worst.
+    raise_on_failure: False gives what there is of a run that could not be finished; its `stopped` says why.
 
     Returns
     -------
@@ -93,21 +95,28 @@ def simulate(
     if first.shape != plant.rest.shape:
         raise InputError(f"start has shape {first.shape}; the plant has {plant.rest.size} states")
     batch = _run(plant, plant.vector[None, :], first[None, :], current, outer, hold, dt, tolerance)
-    if batch.status[0] != DONE:
-        at = int(np.flatnonzero(np.isnan(batch.states[0, :, 0]))[0]) - 1
-        raise SimulationError(f"{plant.name}: stopped at {at * dt:.4g} s: {STATUS[int(batch.status[0])]}")
+    there = slice(int(np.count_nonzero(np.isfinite(batch.states[0, :, 0]))))
+    stopped = why_stopped(plant.name, int(batch.status[0]), (there.stop - 1) * dt)
+    if stopped and (raise_on_failure or there.stop < 2):
+        raise SimulationError(stopped)
     return Trajectory(
         plant=plant,
-        time=dt * np.arange(current.size),
-        current=current,
-        outer_force=outer,
-        states=batch.states[0],
-        modes=batch.modes[0],
-        cell_force=batch.cell_force[0],
+        time=dt * np.arange(there.stop),
+        current=current[there],
+        outer_force=outer[there],
+        states=batch.states[0, there],
+        modes=batch.modes[0, there],
+        cell_force=batch.cell_force[0, there],
         extremes=batch.extremes[0],
         hold=hold,
         tolerance=tolerance,
+        stopped=stopped,
     )
+
+
+def why_stopped(who: str, status: int, time: float) -> str:
+    """The sentence for an engine's status; empty for a run that was finished."""
+    return f"{who}: stopped at {time:.4g} s: {STATUS[status]}" if status != DONE else ""
 
 
 @dataclass(frozen=True)

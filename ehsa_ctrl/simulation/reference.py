@@ -57,8 +57,8 @@ def simulate_reference(
         end = k + 1 if hold == "first_order" else k
         slopes = np.array([current[end] - current[k], outer[end] - outer[k]]) / dt
         inputs = np.array([current[k], outer[k]])
-        for at, contact, direction in machine.advance(y, modes, inputs, slopes, dt):
-            events.append((k * dt + at, contact, direction))
+        changes = machine.advance(y, modes, inputs, slopes, dt)
+        events += [(k * dt + at, contact, direction) for at, contact, direction in changes]
     return ReferenceRun(states, directions, tuple(events))
 
 
@@ -80,7 +80,7 @@ class _ModeMachine:
         self.method, self.rtol = method, rtol
         self.atol = rtol * np.array([state.scale for state in equations.states])
 
-    def evaluate(self, y: np.ndarray, inputs: np.ndarray, modes: Sequence[float]) -> dict[str, float]:
+    def evaluate(self, y: np.ndarray, inputs: np.ndarray, modes: np.ndarray) -> dict[str, float]:
         directions = {contact.direction: mode for contact, mode in zip(self.contacts, modes, strict=True)}
         states = dict(zip(self.names, y.tolist(), strict=True))
         return self.signals(**states, current=inputs[0], F_D=inputs[1], **directions)
@@ -99,9 +99,9 @@ class _ModeMachine:
         """One sample from the state y; returns the mode changes on the way."""
         changes: list[tuple[float, str, int]] = []
         t = 0.0
-        for index in range(len(self.contacts)):
-            if modes[index] == 0 and self._decide(index, y, inputs, modes):
-                changes.append((t, self.contacts[index].name, int(modes[index])))
+        for index, contact in enumerate(self.contacts):
+            if modes[index] == 0 and self.laws[index].sticks and self._decide(index, y, inputs, modes):
+                changes.append((t, contact.name, int(modes[index])))  # noqa: PERF401 - deciding changes the modes
         while t < dt:
             found, watched = self._integrate(t, dt, y, modes, inputs, slopes)
             t = float(found.t[-1])

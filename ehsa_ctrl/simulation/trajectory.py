@@ -42,6 +42,7 @@ class Trajectory:
     extremes: (2, n) smallest and largest value of each state, between the samples too.
     hold: "zero_order" or "first_order".
     tolerance: relative tolerance of the engine.
+    stopped: why the run ended before its input did, in a sentence; empty for a run that was finished.
     """
 
     plant: Plant
@@ -54,6 +55,7 @@ class Trajectory:
     extremes: np.ndarray
     hold: str
     tolerance: float
+    stopped: str = ""
     provenance: dict[str, str] = field(default_factory=versions)
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -112,6 +114,8 @@ class Trajectory:
             yield f"  {name:<6} {low:>12.5g} to {high:>12.5g} {unit}, ends at {self.states[-1, index]:.5g}"
         for contact in self.plant.structure.system.contacts:
             yield f"  {contact.name} sticks {100 * np.mean(self.sticks(contact.name)):.1f} % of the samples"
+        if self.stopped:
+            yield f"  {self.stopped}"
         for exceedance in self.exceeded:
             yield f"  limit passed: {exceedance}"
 

@@ -45,7 +45,9 @@ def test_wrong_text_is_a_sentence(text, expected, says):
         parse(text, expected)
 
 
-@given(st.sampled_from([("bar", "Pa"), ("mm", "m"), ("rpm", "rad/s"), ("kN", "N"), ("cm2", "m2")]), st.floats(-1e6, 1e6))
+@given(
+    st.sampled_from([("bar", "Pa"), ("mm", "m"), ("rpm", "rad/s"), ("kN", "N"), ("cm2", "m2")]), st.floats(-1e6, 1e6)
+)
 def test_there_and_back(pair, number):
     """Converting to SI and dividing by the factor gives the number back."""
     unit, si = pair

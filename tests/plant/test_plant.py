@@ -53,7 +53,11 @@ def test_table_2_is_what_the_paper_prints(plant, linear):
         ("[limits]\npump_speed", "[limits]\npump_sped", r"pump_sped: unknown limit; did you mean 'pump_speed'"),
         ("[limits]", "[limit]", r"limit: unknown key; did you mean 'limits'"),
         ('rod_friction = "stribeck"', 'rod_friction = "stribek"', r"rod_friction = 'stribek'.*did you mean 'stribeck'"),
-        ('source = "datasheet", note = "Table 1, bid', 'source = "guess", note = "Table 1, bid', r"D\.?\]? ?source = 'guess'"),
+        (
+            'source = "datasheet", note = "Table 1, bid',
+            'source = "guess", note = "Table 1, bid',
+            r"D\.?\]? ?source = 'guess'",
+        ),
         ("bounds = [0.87, 1.60]", "bounds = [1.3, 1.60]", r"K_T.value = 1.2 N m/A: must be at least 1.3"),
         ("schema = 1", "schema = 1 =", r"is no valid TOML"),
         ("V_20 = {", "V_3 = {", r"V_3: unknown parameter"),

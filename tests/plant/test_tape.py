@@ -32,7 +32,7 @@ def evaluate(tape, refs, names, parameters, values):
     text = f"def function({', '.join(names)}, c):\n{printer.function(refs)}"
     text += f"\n\ndef constants(p, c):\n{printer.constants()}"
     scope = {}
-    exec("from math import *\n" + text, scope)  # noqa: S102
+    exec("from math import *\n" + text, scope)
     c = [0.0] * len(printer.slots)
     scope["constants"]([values[name] for name in parameters], c)
     found = scope["function"](*(values[name] for name in names), c)
@@ -105,7 +105,11 @@ def test_what_can_not_be_translated_is_named(tmp_path, monkeypatch, source, says
 
 @pytest.mark.parametrize(
     "structure",
-    [LINEAR, NONLINEAR, Structure(rod_friction="lugre", shaft_friction="karnopp", effects=("end_stop", "relief_valve"))],
+    [
+        LINEAR,
+        NONLINEAR,
+        Structure(rod_friction="lugre", shaft_friction="karnopp", effects=("end_stop", "relief_valve")),
+    ],
     ids=["linear", "nonlinear", "many"],
 )
 def test_equations_use_only_what_stands_before_them(structure):

@@ -33,7 +33,7 @@ effect = Effect(
     changes={"Q_T1": flow_1, "Q_T2": flow_2},
     parameters=(
         EffectParameter("P_open", "Pa", "chamber pressure at which the valve opens, gauge", -inf, -0.1e5, -inf),
-        EffectParameter("K_check", "m3/(s Pa^0.5)", "flow over root of pressure drop", 1e-6, 1e-6, 0.0),
+        EffectParameter("K_check", "m3/(s Pa^0.5)", "flow over root of pressure drop", 3e-6, 3e-6, 0.0),
         EffectParameter("P_lam", "Pa", "drop below which the flow is linear", 1e3, 1e3, 1.0),
     ),
 )

@@ -1,0 +1,146 @@
+"""The sampled loop: compiled and plain controllers, sensors, delays."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from ehsa_ctrl import InputError, SimulationError, load_controller, run_closed_loop, three_state
+from ehsa_ctrl.plant.plant import Sensor
+from ehsa_ctrl.simulation.sensors import Sensors
+
+
+@pytest.fixture
+def pid(linear):
+    return load_controller("pid_position", three_state(linear))
+
+
+def steps(samples=400):
+    reference = np.zeros((samples, 3))
+    reference[20:, 0] = 0.005
+    return reference
+
+
+def test_plain_and_compiled_controller_are_one(plant, pid):
+    """The same text, run in Python and compiled, with noise and quantised sensors: equal to the last bit."""
+    sensors = Sensors.of(plant, seed=4)
+    loaded = plant.set(K_S=5e4)
+    a = run_closed_loop(loaded, pid, steps(), sensors=sensors, lag=1)
+    b = run_closed_loop(loaded, pid, steps(), sensors=sensors, lag=1, compiled=False)
+
+    assert np.array_equal(a.trajectory.states, b.trajectory.states)
+    assert np.array_equal(a.asked, b.asked) and np.array_equal(a.measured, b.measured)
+
+
+def test_the_linear_loop_is_the_discrete_one(linear, pid):
+    """Without limit and noise, the loop on the linear plant is the product of two discrete systems."""
+    from scipy.signal import cont2discrete
+
+    from ehsa_ctrl import four_state
+
+    free = replace(pid, current_limit=1e9)
+    run = run_closed_loop(linear, free, steps(), tolerance=1e-10)
+    system = four_state(linear)
+    a, b, *_ = cont2discrete((system.A, system.B[:, :1], np.eye(5), np.zeros((5, 1))), 0.004)
+    memory, state, positions = free.initial_memory(), np.zeros(5), []
+    for row in steps():
+        positions.append(state[4])
+        u = free.step(row, np.array([0, 0, 0, state[4], 0.0]), memory)
+        state = a @ state + b[:, 0] * u
+
+    np.testing.assert_allclose(run.trajectory["x"], positions, atol=1e-10)
+
+
+@dataclass(frozen=True)
+class Given:
+    """A controller that plays a current back and remembers what it was shown."""
+
+    current: np.ndarray
+    name: str = "given"
+    sample_time: float = 0.004
+    compiled: None = None
+
+    def settings(self):
+        return np.zeros(1)
+
+    def initial_memory(self):
+        return np.zeros(1)
+
+    def step(self, reference, measured, memory):
+        memory[0] += 1
+        return float(self.current[int(memory[0]) - 1])
+
+
+def test_a_played_back_current_is_an_open_loop_run(plant):
+    """A plain Python controller that ignores its inputs gives what `simulate` gives, to the last bit."""
+    from ehsa_ctrl import simulate
+
+    current = 1.7 * np.sin(np.linspace(0, 9, 200))
+    loop = run_closed_loop(plant, Given(current), np.zeros((200, 3)))
+
+    assert np.array_equal(loop.trajectory.states, simulate(plant, current).states)
+    assert np.array_equal(loop.trajectory.cell_force, simulate(plant, current).cell_force)
+
+
+def test_a_lag_moves_the_current_by_whole_samples(plant):
+    """With a lag of 3 the motor sees each current 12 ms late, and nothing before."""
+    from ehsa_ctrl import simulate
+
+    current = 1.7 * np.cos(np.linspace(0, 9, 200))
+    loop = run_closed_loop(plant, Given(current), np.zeros((200, 3)), lag=3)
+    late = np.concatenate([np.zeros(3), current[:-3]])
+
+    assert np.array_equal(loop.trajectory.states, simulate(plant, late).states)
+    assert np.array_equal(loop.trajectory.current, late)
+
+
+def test_sensors_delay_round_and_add_noise(plant):
+    """What the controller sees is the true signal, late, noisy and rounded, each as its sensor says."""
+    current = np.full(500, 1.6)
+    sensors = Sensors.of(plant, ideal=True)
+    table = dict(sensors.by_channel)
+    table["position"] = Sensor("position", "m", step=1e-4)
+    table["speed"] = Sensor("speed", "rad/s", noise=2.0)
+    table["p1"] = Sensor("p1", "Pa", delay=0.006)
+    loop = run_closed_loop(plant, Given(current), np.zeros((500, 3)), sensors=Sensors(table, 1))
+    speed, p1, _, position, _ = loop.measured.T
+    true = loop.trajectory
+
+    np.testing.assert_allclose(position, np.round(true["x"] / 1e-4) * 1e-4, atol=1e-12)
+    assert np.std(speed - true["omega"]) == pytest.approx(2.0, rel=0.15)
+    np.testing.assert_allclose(p1[10:], np.interp(true.time[10:] - 0.006, true.time, true["P_1"]), rtol=1e-12)
+
+
+def test_a_channels_noise_does_not_depend_on_the_others(plant):
+    """Silencing the speed sensor leaves the position's noise as it was: runs stay comparable."""
+    a = Sensors.of(plant, seed=9)
+    b = Sensors({**a.by_channel, "speed": Sensor("speed", "rad/s")}, 9)
+
+    assert np.array_equal(a.noise("position", 50), b.noise("position", 50))
+    assert not np.array_equal(a.noise("position", 50), Sensors.of(plant, seed=8).noise("position", 50))
+
+
+def test_a_current_that_is_no_number_stops_the_run(plant):
+    """The run ends with the time and the reason."""
+    current = np.full(100, 1.0)
+    current[40] = np.nan
+
+    with pytest.raises(SimulationError, match=r"with given: stopped at 0\.16 s: the controller returned a current"):
+        run_closed_loop(plant, Given(current), np.zeros((100, 3)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"reference": np.zeros(10)}, r"expected \(samples, 3\)"),
+        ({"reference": np.full((10, 3), np.nan)}, "finite"),
+        ({"reference": np.zeros((10, 3)), "force": np.zeros(9)}, r"expected \(10,\)"),
+        ({"reference": np.zeros((10, 3)), "lag": -1}, "whole number"),
+    ],
+)
+def test_wrong_input_is_a_sentence(plant, pid, arguments, says):
+    """What was got, what was expected."""
+    reference = arguments.pop("reference")
+
+    with pytest.raises(InputError, match=says):
+        run_closed_loop(plant, pid, reference, **arguments)

@@ -1,0 +1,63 @@
+"""The cache of compiled engines: warm starts don't compile, edits are never missed."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ehsa_ctrl
+
+PROGRAM = """
+import sys
+import numpy as np
+import ehsa_ctrl
+from ehsa_ctrl.simulation.compiled import engine
+
+plant = ehsa_ctrl.load_plant("ehsa")
+kernel = engine(plant.structure)
+print(repr(float(ehsa_ctrl.simulate(plant, np.full(20, 1.5))["omega"][-1])))
+print(sum(kernel.open_loop.stats.cache_misses.values()), sum(kernel.open_loop.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.slow
+def test_a_second_start_does_not_compile_and_an_edit_does(tmp_path):
+    """Cold: one miss. Warm: one hit. After an edit of a physics file: another result, compiled anew."""
+    root = Path(ehsa_ctrl.__file__).parent.parent
+    for folder in ("ehsa_ctrl", "plants"):
+        shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    environment = {**os.environ, "EHSA_CTRL_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+
+    def start():
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        )
+        speed, counts = done.stdout.split("\n")[:2]
+        return float(speed), counts
+
+    cold, warm = start(), start()
+    motor = tmp_path / "ehsa_ctrl" / "physics" / "motor.py"
+    stamp = motor.stat()
+    text = motor.read_text()
+    motor.write_text(text.replace("return K_T * current", "return 2.0 * K_T * current"))
+    os.utime(motor, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    edited = start()
+
+    assert cold[1] == "1 0"
+    assert warm == (cold[0], "0 1")
+    assert edited[1] == "1 0"
+    assert edited[0] > 1.5 * cold[0]
+
+
+def test_a_cache_that_can_not_be_written_is_no_obstacle(tmp_path, monkeypatch):
+    """A read-only home sends the cache to a temporary folder."""
+    from ehsa_ctrl.simulation import compiled
+
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    monkeypatch.setenv("EHSA_CTRL_CACHE", str(blocked / "below"))
+
+    assert compiled.cache_folder().is_dir()
