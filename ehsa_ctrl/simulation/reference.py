@@ -101,7 +101,7 @@ class _ModeMachine:
         t = 0.0
         for index, contact in enumerate(self.contacts):
             if modes[index] == 0 and self.laws[index].sticks and self._decide(index, y, inputs, modes):
-                changes.append((t, contact.name, int(modes[index])))  # noqa: PERF401 - deciding changes the modes
+                changes.append((t, contact.name, int(modes[index])))
         while t < dt:
             found, watched = self._integrate(t, dt, y, modes, inputs, slopes)
             t = float(found.t[-1])

@@ -31,9 +31,9 @@ def test_derivatives_are_those_of_differences(plant, hold):
 def test_load_and_initial_state(plant):
     """Loads that are zero, and the state the run starts from."""
     current = np.full(126, 1.6)
-    start = [*plant.rest, 20.0, 100000.0, -100000.0, 0.01, 0.001]
+    start = plant.rest + np.array([20.0, 1e5, -1e5, 0.01, 0.001])
     found = sensitivities(plant, ["F_0", "m_L"], current, initial_states=["omega", "v"], start=start, tolerance=1e-10)
-    moved = [*start, 0.0001, 0, 0, 0, 0]
+    moved = start + np.array([1e-4, 0, 0, 0, 0])
     by_omega = (simulate(plant, current, start=moved, tolerance=1e-12).states - found.states) / 1e-4
     by_force = (simulate(plant.set(F_0=1e-2), current, start=start, tolerance=1e-12).states - found.states) / 1e-2
 
