@@ -1,0 +1,20 @@
+"""Every example runs, and says of itself that it went well."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.py"))
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=[example.stem for example in EXAMPLES])
+def test_an_example_runs(example, tmp_path):
+    """Exit status 0 (an example checks its own statements), figures in the folder it is given."""
+    done = subprocess.run(
+        [sys.executable, str(example), str(tmp_path / "out")], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert list((tmp_path / "out").glob("*.png"))
