@@ -121,13 +121,9 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
     console = Console()
     for result in results:
         table = Table(box=None, pad_edge=False, title_justify="left")
-        verdict = Text("passed", "bold green") if result.passed else Text("FAILED", "bold red")
-        console.print(
-            Text(f"{result.scenario.name} with {result.controller.name}: "),
-            verdict,
-            f"- {result.scenario.title}",
-            sep="",
-        )
+        verdict = ("passed", "bold green") if result.passed else ("FAILED", "bold red")
+        name = f"{result.scenario.name} with {result.controller.name}: "
+        console.print(Text.assemble(name, verdict, f", {result.scenario.title}"))
         table.add_column("")
         table.add_column("linear prediction", justify="right")
         table.add_column("nonlinear plant", justify="right")

@@ -32,7 +32,7 @@ class OperatingPoint:
 
 
 @cache
-def _jacobian(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any], int, list[tuple[int, int]]]:
+def _jacobian(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any], list[tuple[int, int]]]:
     """Plain functions (constants, entries) of the Jacobian by states and inputs, and where the entries stand."""
     equations = structure.equations
     tape = build_tape(equations)
@@ -47,17 +47,16 @@ def _jacobian(structure: Structure) -> tuple[Callable[..., Any], Callable[..., A
     printer = Printer(tape, equations.parameter_names)
     arguments = ", ".join([*seeds, *equations.directions])
     body = printer.function(refs)
-    text = f"def constants(p, c):\n{printer.constants()}\n\ndef entries({arguments}, c):\n{body}"
+    text = f"def constants(p):\n{printer.constants()}\n\ndef entries({arguments}, c):\n{body}"
     scope: dict[str, Any] = {}
     exec("from math import *\n" + text, scope)
-    return scope["constants"], scope["entries"], len(printer.slots), entries
+    return scope["constants"], scope["entries"], entries
 
 
 def jacobian(plant: Plant, point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
     """Exact derivatives of the rates by states (n, n) and by inputs (n, 2) at a point, friction directions given."""
-    constants, function, slots, entries = _jacobian(plant.structure)
-    c = [0.0] * slots
-    constants([float(value) for value in plant.vector], c)
+    constants, function, entries = _jacobian(plant.structure)
+    c = constants([float(value) for value in plant.vector])
     values = function(**point.states, **point.inputs, **point.directions, c=c)
     n = len(plant.structure.equations.states)
     full = np.zeros((n, n + len(INPUTS)))

@@ -8,7 +8,7 @@ from .tape import Node, Ref, Tape
 
 
 class Printer:
-    """Writes parts of a tape as Python text; parametric operations end up in the array `c`, filled once a run."""
+    """Writes parts of a tape as Python text; parametric operations end up in the tuple `c`, made once a run."""
 
     def __init__(self, tape: Tape, parameter_names: Iterable[str]) -> None:
         self.tape = tape
@@ -74,7 +74,7 @@ class Printer:
         return "".join(f"    {line}\n" for line in [*assignments, "return " + ", ".join(results)])
 
     def constants(self) -> str:
-        """Body of the function that fills `c` from the parameter vector `p`; call it last."""
+        """Body of the function that makes the tuple `c` from the parameter vector `p`; call it last."""
         nodes = self.tape.nodes
         lines = []
         for ref in self.tape.needed(self.slots):
@@ -85,5 +85,6 @@ class Printer:
                 lines.append(f"k{ref} = {self._atom(ref, node)}")
             else:
                 lines.append(f"k{ref} = {self._operation(node, [f'k{arg}' for arg in node.args])}")
-        lines += [f"c[{slot}] = k{ref}" for ref, slot in self.slots.items()]
-        return "".join(f"    {line}\n" for line in [*lines, "return"])
+        # At least two, so that it is a tuple whatever the equations are.
+        slots = [f"k{ref}" for ref in self.slots] + ["0.0"] * max(2 - len(self.slots), 0)
+        return "".join(f"    {line}\n" for line in [*lines, f"return ({', '.join(slots)})"])

@@ -77,6 +77,7 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
         )
     context: dict[str, Any] = {
         "title": f"the structure {structure}",
+        "n": len(equations.states),
         "state_names": [state.name for state in equations.states],
         "scales": {state.name: state.scale for state in equations.states},
         "contacts": contacts,
@@ -89,7 +90,6 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
     if part == "sensitivity":
         context |= _slopes(structure, tape, printer)
     context["constants_text"] = printer.constants()
-    context["constants_count"] = max(len(printer.slots), 1)
     macros = (FOLDER / "macros.j2").read_text()
     source = macros + "\n\n\n".join((FOLDER / name).read_text() for name in PARTS[part])
     return (

@@ -30,11 +30,10 @@ def everything(x, y, p, q):
 def evaluate(tape, refs, names, parameters, values):
     printer = Printer(tape, parameters)
     text = f"def function({', '.join(names)}, c):\n{printer.function(refs)}"
-    text += f"\n\ndef constants(p, c):\n{printer.constants()}"
+    text += f"\n\ndef constants(p):\n{printer.constants()}"
     scope = {}
     exec("from math import *\n" + text, scope)
-    c = [0.0] * len(printer.slots)
-    scope["constants"]([values[name] for name in parameters], c)
+    c = scope["constants"]([values[name] for name in parameters])
     found = scope["function"](*(values[name] for name in names), c)
     return found if isinstance(found, tuple) else (found,)
 

@@ -264,9 +264,9 @@ def test_a_batch_is_the_single_runs(plant):
 
 
 def test_a_failed_run_does_not_stop_a_batch(plant):
-    """A volume that runs out makes one run fail with a status; the others are there."""
+    """A parameter that is no number makes one run fail with a status; the others are there."""
     rows = np.tile(plant.vector, (3, 1))
-    rows[1, plant.structure.equations.parameter_names.index("V_20")] = 1e-5
+    rows[1, plant.structure.equations.parameter_names.index("V_20")] = np.nan
     batch = simulate_batch(plant, rows, np.full(500, 2.0))
 
     assert batch.status[0] == batch.status[2] == 0 != batch.status[1]

@@ -1,0 +1,260 @@
+"""Speed and accuracy of the simulation engine beside its peers, all in one run.
+
+    python benchmarks/engine.py [--quick] [--json FILE]
+
+Times are CPU times per simulated second and hold for the machine they were taken on; what carries over are ratios.
+Errors are against an event-driven DOP853 at rtol 1e-12 that shares no text with the package.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from importlib.metadata import version
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cases import DT, START, Array, Case, cases, worst_error
+from measure import Row, Run, Timing, measure, ratio
+from peers import E1, E3, TIGHT, casadi_cvodes, python_control, scipy_event_driven, scipy_lsoda
+from reference import Solution, event_driven
+from rich.console import Console
+from rich.table import Table
+from twin import counts, twin
+
+from ehsa_ctrl.plant.structure import NONLINEAR
+from ehsa_ctrl.simulation.compiled import engine
+
+TOLERANCES = (1e-4, 1e-6, 1e-8)
+
+
+# The package's part, in three functions.
+
+
+def parameter_rows(case: Case, runs: int = 1) -> Array:
+    """Parameter vectors (runs, n) of the engine; what the case does not name is neutral at 0."""
+    return np.tile([case.values.get(name, 0.0) for name in NONLINEAR.equations.parameter_names], (runs, 1))
+
+
+def ours(case: Case, tol: float) -> Run:
+    """One run on the compiled engine; buffers are made once, as for the C twin."""
+    return ours_batch(case, tol, parameter_rows(case), 1)
+
+
+def ours_batch(case: Case, tol: float, parameters: Array, threads: int) -> Run:
+    """Runs with varied parameters; gives the states of the first."""
+    open_loop = engine(NONLINEAR).open_loop
+    runs, n = len(parameters), case.current.size
+    current, force = np.ascontiguousarray(case.current), np.zeros(n)
+    y, mode, carry = np.empty((runs, 5)), np.empty((runs, 2)), np.empty((runs, 10))
+    states, modes, cell = np.empty((runs, n, 5)), np.empty((runs, n, 2), np.int8), np.empty((runs, n))
+    extremes, status = np.empty((runs, 2, 5)), np.empty(runs, np.int64)
+
+    def part(rows: slice) -> None:
+        y[rows], mode[rows], carry[rows], extremes[rows] = START, 0.0, 0.0, START
+        carry[rows, 0], carry[rows, 1] = DT, np.nan
+        open_loop(
+            parameters[rows], y[rows], mode[rows], carry[rows], current, force, case.first_order, DT, tol,
+            states[rows], modes[rows], cell[rows], extremes[rows], status[rows],
+        )  # fmt: skip
+
+    edges = np.linspace(0, runs, min(runs, 8 * threads) + 1).astype(int)
+    parts = [slice(a, b) for a, b in pairwise(edges)]
+    pool = ThreadPoolExecutor(threads) if threads > 1 else None
+
+    def run() -> Array:
+        if pool is None:
+            part(slice(0, runs))
+        else:
+            list(pool.map(part, parts))
+        if status.any():
+            raise RuntimeError(f"the engine did not finish: status {status[status != 0][0]}")
+        first: Array = states[0]
+        return first
+
+    return run
+
+
+# The peers.
+
+
+def contenders() -> list[Row]:
+    """All rows of the table. `ours` also runs on the short records, for factors over peers that only do those."""
+    rows = [Row(f"ours {tol:.0e}", partial(ours, tol=tol)) for tol in TOLERANCES]
+    rows += [Row(f"C twin {tol:.0e}", partial(twin, tol=tol)) for tol in TOLERANCES]
+    rows += [Row(f"ours {tol:.0e}, short", partial(ours, tol=tol), short=True, shown=False) for tol in TOLERANCES]
+    lsoda: dict[str, Any] = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": TIGHT}
+    rows += [
+        Row("python-control LSODA 1e-6, E3", partial(python_control, widths=E3, **lsoda), slow=True),
+        Row("python-control default RK45, E1", partial(python_control, widths=E1), slow=True),
+        Row("scipy LSODA 1e-6, E3", scipy_lsoda, slow=True),
+        Row("scipy event-driven DOP853 1e-6", scipy_event_driven, slow=True),
+        Row("casadi cvodes 1e-6, E3", casadi_cvodes, slow=True),
+    ]
+    return rows
+
+
+# What is told.
+
+Timings = dict[tuple[str, str], Timing]
+
+
+def table(rows: list[Row], timings: Timings, records: dict[str, Case], short: dict[str, float]) -> Table:
+    result = Table(title="CPU ms per simulated second (worst error of the five states)")
+    result.add_column("method")
+    result.add_column("record [s]")
+    for case in records.values():
+        result.add_column(f"{case.name}: {case.title}", justify="right")
+    for row in rows:
+        if not row.shown:
+            continue
+        cells = []
+        for name in records:
+            timing = timings[row.label, name]
+            digits = 0 if timing.median >= 100 else 1 if timing.median >= 10 else 3
+            cells.append("failed" if timing.failure else f"{timing.median:.{digits}f} ({timing.error:.1e})")
+        lengths = "/".join(f"{timings[row.label, name].duration:g}" for name in records)
+        result.add_row(row.label, f"first {lengths}" if row.slow else lengths, *cells)
+    return result
+
+
+def ratio_lines(timings: Timings, names: list[str]) -> dict[str, Any]:
+    """ours / C: (median of interleaved rounds, ratio of minima)."""
+    return {
+        tol: {name: ratio(timings[f"ours {tol}", name], timings[f"C twin {tol}", name]) for name in names}
+        for tol in (f"{tol:.0e}" for tol in TOLERANCES)
+    }
+
+
+def factor_lines(timings: Timings, names: list[str], peer: str) -> dict[str, Any]:
+    """How many times faster ours is on the same short record, at the coarsest tolerance that is not less accurate."""
+    result = {}
+    for name in names:
+        other = timings[peer, name]
+        mine = [timings[f"ours {tol:.0e}, short", name] for tol in TOLERANCES]
+        equal = [timing for timing in mine if timing.error <= other.error]
+        if equal and not other.failure:
+            best = min(equal, key=lambda timing: timing.median)
+            result[name] = {"factor": other.median / best.median, "error": best.error, "their_error": other.error}
+    return result
+
+
+def batch_rates(case: Case, runs: int, rounds: int) -> dict[str, dict[str, float]]:
+    """Runs per second of wall time on 1 and 2 threads: the values of table 2 and K_T, each varied +-20 %.
+
+    `cores` is how many the threads were granted: on a busy machine two threads do not get two.
+    """
+    names = ("J_M", "A_FM", "B_FM", "C_FM", "V_10", "V_20", "K_L", "M", "A_FR", "B_FR", "C_FR", "K_T")
+    parameters = parameter_rows(case, runs)
+    columns = [NONLINEAR.equations.parameter_names.index(name) for name in names]
+    parameters[:, columns] *= np.random.default_rng(1).uniform(0.8, 1.2, (runs, len(names)))
+    batches = {threads: ours_batch(case, 1e-4, parameters, threads) for threads in (1, 2)}
+    walls: dict[int, list[float]] = {threads: [] for threads in batches}
+    cores: dict[int, list[float]] = {threads: [] for threads in batches}
+    for _ in range(rounds):
+        for threads, batch in batches.items():
+            cpu, wall = time.process_time(), time.perf_counter()
+            batch()
+            cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+            walls[threads].append(wall)
+            cores[threads].append(cpu / wall)
+    return {
+        f"{threads} thread{'s' * (threads > 1)}": {
+            "median": runs / float(np.median(walls[threads])),
+            "best": runs / min(walls[threads]),
+            "cores": float(np.median(cores[threads])),
+        }
+        for threads in batches
+    }
+
+
+def references(records: dict[str, Case], quick: bool, console: Console) -> dict[str, Array]:
+    """DOP853 for all; Radau checks it where that does not take minutes."""
+    solutions: dict[str, Solution] = {}
+    for name, case in records.items():
+        solution = solutions[name] = event_driven(case)
+        text = f"reference {name}: {solution.event_times.size} events"
+        if not quick and name in ("a", "b"):
+            check = event_driven(case, "Radau", 1e-10)
+            times = solution.event_times, check.event_times
+            apart = float(np.abs(times[0] - times[1]).max()) if times[0].size == times[1].size else float("nan")
+            off = worst_error(check.states, solution.states)
+            text += f"; Radau 1e-10 differs by {off:.1e}, the instants by {apart:.1e} s"
+        console.print(text)
+    return {name: solution.states for name, solution in solutions.items()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="fewer rounds, half a second for the slow peers, no Radau")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to a file")
+    arguments = parser.parse_args()
+    quick = arguments.quick
+    console = Console()
+    console = Console(width=max(console.width, 140), soft_wrap=True)
+
+    records = cases()
+    names = list(records)
+    short = dict.fromkeys(names, 0.5) if quick else {"a": 2.0, "b": 2.0, "c": 1.0}
+    exact = references(records, quick, console)
+    rows = contenders()
+    with console.status("") as status:
+        timings = measure(
+            rows, records, exact, short, rounds=7 if quick else 41, slow_rounds=1 if quick else 3, say=status.update
+        )
+        batch = batch_rates(records["b"], 100 if quick else 1000, 3 if quick else 9)
+    console.print(table(rows, timings, records, short))
+    for (label, name), timing in timings.items():
+        if timing.failure:
+            console.print(f"{label} failed on {name}: {timing.failure[:200]}")
+
+    ratios = ratio_lines(timings, names)
+    for tol, by_name in ratios.items():
+        cells = "  ".join(f"{name} {median:.2f} ({least:.2f})" for name, (median, least) in by_name.items())
+        console.print(f"ours / C twin at {tol}, median over rounds (of minima): {cells}")
+    factors = {row.label: factor_lines(timings, names, row.label) for row in rows if row.slow}
+    for label, by_name in factors.items():
+        cells = "  ".join(
+            f"{name} {found['factor']:.0f}x ({found['error']:.1e} against {found['their_error']:.1e})"
+            for name, found in by_name.items()
+        )
+        console.print(f"faster than {label}, at no larger error: {cells}")
+    for threads, rate in batch.items():
+        console.print(
+            f"batch of b, 4 s, 1e-4, {threads}: {rate['median']:.0f} runs/s, best {rate['best']:.0f}; "
+            f"on {rate['cores']:.2f} cores"
+        )
+    work = {name: {f"{tol:.0e}": counts(case, tol) for tol in TOLERANCES} for name, case in records.items()}
+    for name, case in records.items():
+        count = work[name]["1e-06"]
+        per_second = "  ".join(f"{what} {number / case.duration:.0f}" for what, number in count.items())
+        console.print(f"work of the twin on {name} at 1e-06, per simulated second: {per_second}")
+
+    if arguments.json:
+        packages = ("numpy", "scipy", "numba", "control", "casadi")
+        figures = {
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            "versions": {package: version(package) for package in packages},
+            "rows": [
+                {
+                    "method": label, "test": name, "seconds": timing.duration, "failure": timing.failure,
+                    "ms_median": timing.median, "ms_minimum": timing.minimum, "worst_error": timing.error,
+                }
+                for (label, name), timing in timings.items()
+            ],
+            "ratio_to_c": ratios, "factors": factors, "batch_runs_per_second": batch, "work": work,
+        }  # fmt: skip
+        # NaN is no JSON; a peer that failed has no figures.
+        text = json.dumps(figures, indent=1, default=float).replace("NaN", "null")
+        arguments.json.write_text(text + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""Interleaved timing: every contender runs in every round, in a new order, so that all share the machine's moods."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from cases import Array, Case, worst_error
+
+Run = Callable[[], Array]
+
+
+@dataclass
+class Row:
+    """A contender. `slow` ones run once a round, in the first rounds only, on the beginning of the record."""
+
+    label: str
+    prepare: Callable[[Case], Run]
+    slow: bool = False
+    short: bool = False
+    shown: bool = True
+
+
+@dataclass
+class Timing:
+    """CPU ms per simulated second, one list a round, of one row on one case; or why there is none."""
+
+    duration: float
+    rounds: list[list[float]] = field(default_factory=list)
+    error: float = float("nan")
+    failure: str = ""
+
+    @property
+    def best(self) -> Array:
+        """The least disturbed call of every round."""
+        return np.array([min(calls) for calls in self.rounds])
+
+    @property
+    def median(self) -> float:
+        return float(np.median([call for calls in self.rounds for call in calls])) if self.rounds else float("nan")
+
+    @property
+    def minimum(self) -> float:
+        return float(self.best.min()) if self.rounds else float("nan")
+
+
+def ratio(a: Timing, b: Timing) -> tuple[float, float]:
+    """a over b: median over the rounds of the ratio of the best calls in a round, and ratio of the minima."""
+    n = min(len(a.rounds), len(b.rounds))
+    return float(np.median(a.best[:n] / b.best[:n])), a.minimum / b.minimum
+
+
+def measure(
+    rows: Sequence[Row],
+    cases: dict[str, Case],
+    references: dict[str, Array],
+    short: dict[str, float],
+    rounds: int,
+    slow_rounds: int,
+    calls: int = 5,
+    say: Callable[[str], None] = lambda text: None,
+) -> dict[tuple[str, str], Timing]:
+    """Time all rows on all cases; keys of the result are (label, case name).
+
+    `short`: seconds of each record that slow and short rows get.
+    """
+    runs: dict[tuple[str, str], Run] = {}
+    result: dict[tuple[str, str], Timing] = {}
+    for row in rows:
+        for name, case in cases.items():
+            record = case.first(short[name]) if row.slow or row.short else case
+            timing = result[row.label, name] = Timing(record.duration)
+            say(f"first run of {row.label} on {name}")
+            try:
+                run = row.prepare(record)
+                timing.error = worst_error(run(), references[name][: record.current.size])
+            except (RuntimeError, ArithmeticError, ValueError) as failure:  # a solver that gives up is a result too
+                timing.failure = " ".join(str(failure).split())
+                continue
+            runs[row.label, name] = run
+    order = [(row, name) for row in rows for name in cases if (row.label, name) in runs]
+    shuffle = random.Random(0).shuffle
+    for number in range(rounds):
+        say(f"round {number + 1} of {rounds}")
+        shuffle(order)
+        # Case by case, so that what is compared runs within a few milliseconds.
+        for row, name in sorted(order, key=lambda pair: (pair[0].slow, pair[1])):
+            if row.slow and number >= slow_rounds:
+                continue
+            run, timing = runs[row.label, name], result[row.label, name]
+            if not row.slow:
+                run()  # caches hold the previous contender's code
+            times = []
+            for _ in range(1 if row.slow else calls):
+                start = time.process_time_ns()
+                run()
+                times.append((time.process_time_ns() - start) * 1e-6 / timing.duration)
+            timing.rounds.append(times)
+    return result

@@ -1,0 +1,75 @@
+"""The C twin of the engine, compiled on demand with the flags a C programmer would use."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from cases import DT, START, Array, Case
+
+SOURCE = Path(__file__).with_name("engine_twin.c")
+FLAGS = ("-O3", "-march=native", "-ffast-math", "-shared", "-fPIC")
+
+#: Order of `Parameters` in engine_twin.c.
+PARAMETERS = (
+    "J_M", "K_T", "D", "K_L", "V_10", "V_20", "beta", "A", "M", "P_0", "x_0", "K_S", "F_pre", "k_3", "F_0", "m_L",
+    "A_FM", "B_FM", "C_FM", "tau_FM", "A_FR", "B_FR", "C_FR", "tau_FR",
+)  # fmt: skip
+
+#: What `read_counts` tells when compiled with -DCOUNT.
+COUNTS = ("rates", "steps", "rejected", "shortened", "locating", "events")
+
+
+@cache
+def library(*extra_flags: str) -> ctypes.CDLL:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "engine_twin.so"
+        subprocess.run(["cc", *FLAGS, *extra_flags, str(SOURCE), "-o", str(file), "-lm"], check=True)
+        lib = ctypes.CDLL(str(file))
+    pointer, number = ctypes.c_void_p, ctypes.c_double
+    lib.run.argtypes = [*[pointer] * 5, ctypes.c_int, ctypes.c_int, number, number, *[pointer] * 4]
+    lib.run.restype = ctypes.c_int
+    return lib
+
+
+def twin(case: Case, tol: float) -> Callable[[], Array]:
+    """A function that runs the case; buffers and their addresses are made once, so that C is timed and not ctypes."""
+    run = library().run
+    n = case.current.size
+    p = np.array([case.values.get(name, 0.0) for name in PARAMETERS])
+    current, force = np.ascontiguousarray(case.current), np.zeros(n)
+    y, mode = np.empty(5), np.empty(2)
+    states, modes, cell, extremes = np.empty((n, 5)), np.empty((n, 2), np.int8), np.empty(n), np.empty((2, 5))
+    head = [array.ctypes.data for array in (p, y, mode, current, force)]
+    tail = [array.ctypes.data for array in (states, modes, cell, extremes)]
+    arguments = (*head, n, int(case.first_order), DT, tol, *tail)
+    alive = (p, y, mode, current, force, states, modes, cell, extremes)
+
+    def call(alive: tuple[np.ndarray, ...] = alive) -> Array:
+        y[:], mode[:] = START, 0.0
+        if run(*arguments):
+            raise RuntimeError("the C twin did not finish")
+        return states
+
+    return call
+
+
+def counts(case: Case, tol: float) -> dict[str, int]:
+    """Work done on one run; from a library of its own, so that counting does not slow the timed one."""
+    lib = library("-DCOUNT")
+    tally = (ctypes.c_longlong * len(COUNTS))()
+    lib.read_counts(tally)
+    n = case.current.size
+    p = np.array([case.values.get(name, 0.0) for name in PARAMETERS])
+    y, mode, force = START.copy(), np.zeros(2), np.zeros(n)
+    out: list[np.ndarray] = [np.empty((n, 5)), np.empty((n, 2), np.int8), np.empty(n), np.empty((2, 5))]
+    current = np.ascontiguousarray(case.current)
+    head = [array.ctypes.data for array in (p, y, mode, current, force)]
+    lib.run(*head, n, int(case.first_order), DT, tol, *[array.ctypes.data for array in out])
+    lib.read_counts(tally)
+    return dict(zip(COUNTS, tally, strict=True))
