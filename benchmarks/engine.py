@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from cases import DT, START, Array, Case, cases, worst_error
+from jacobian import jacobian_rows
 from measure import Row, Run, Timing, measure, ratio
 from peers import E1, E3, TIGHT, casadi_cvodes, python_control, scipy_event_driven, scipy_lsoda
 from reference import Solution, event_driven
@@ -209,6 +210,7 @@ def main() -> None:
             rows, records, exact, short, rounds=7 if quick else 41, slow_rounds=1 if quick else 3, say=status.update
         )
         batch = batch_rates(records["b"], 100 if quick else 1000, 3 if quick else 9)
+        jacobian = jacobian_rows(records["c"], 3 if quick else 11)
     console.print(table(rows, timings, records, short))
     for (label, name), timing in timings.items():
         if timing.failure:
@@ -230,6 +232,10 @@ def main() -> None:
             f"batch of b, 4 s, 1e-4, {threads}: {rate['median']:.0f} runs/s, best {rate['best']:.0f}; "
             f"on {rate['cores']:.2f} cores"
         )
+    for found in jacobian:
+        console.print(
+            f"Jacobian of c, 12 parameters, 10 s, {found.method}: {found.milliseconds:.1f} ms, error {found.error:.1e}"
+        )
     work = {name: {f"{tol:.0e}": counts(case, tol) for tol in TOLERANCES} for name, case in records.items()}
     for name, case in records.items():
         count = work[name]["1e-06"]
@@ -249,7 +255,8 @@ def main() -> None:
                 }
                 for (label, name), timing in timings.items()
             ],
-            "ratio_to_c": ratios, "factors": factors, "batch_runs_per_second": batch, "work": work,
+            "ratio_to_c": ratios, "factors": factors, "batch_runs_per_second": batch,
+            "jacobian": [vars(found) for found in jacobian], "work": work,
         }  # fmt: skip
         # NaN is no JSON; a peer that failed has no figures.
         text = json.dumps(figures, indent=1, default=float).replace("NaN", "null")
