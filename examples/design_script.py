@@ -1,6 +1,6 @@
 """From the paper's linear set to a checked loop, as a design script.
 
-    python examples/design_script.py [FOLDER]
+python examples/design_script.py [FOLDER]
 """
 
 import sys

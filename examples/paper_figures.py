@@ -27,9 +27,7 @@ def panels(runs):
         "rod speed (mm/s)": ("v", MM),
         "rod position (mm)": ("x", MM),
     }
-    return {
-        label: {role: run[name] / unit for role, run in runs.items()} for label, (name, unit) in signals.items()
-    }
+    return {label: {role: run[name] / unit for role, run in runs.items()} for label, (name, unit) in signals.items()}
 
 
 def both(name, *, amplitude=1.5, duration=2.0):

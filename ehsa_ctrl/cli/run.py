@@ -44,6 +44,11 @@ def command(
             raise InputError(f"--controller {controller!r}: names no controller")
     for name in names:
         catalogue.find(name)
+    for kind, given in (("scenario", names), ("controller", [name for name in chosen if name])):
+        stems = [Path(name).stem for name in given]
+        twice = [stem for stem in stems if stems.count(stem) > 1]
+        if twice:
+            raise InputError(f"{kind} {twice[0]!r} is given twice; files of the result are named by it")
     prepare_folder(out, "results.json", force=force)
     todo = [(name, other) for name in names for other in chosen]
     with compiling():
@@ -102,10 +107,13 @@ def _write_report(results: list[ScenarioResult], out: Path) -> None:
     from ..report.figures import loop_figure, save
     from ..report.page import write_page
 
+    loops = {}
     for result in results:
         save(result.plot(), out / f"{result.scenario.name}-{result.controller.name}")
         if result.loop is not None:
-            save(loop_figure(result.loop), out / f"loop-{result.controller.name}")
+            loops[result.controller.name] = result.loop
+    for name, loop in loops.items():
+        save(loop_figure(loop), out / f"loop-{name}")
     write_page(results, out, command="ehsa-ctrl " + " ".join(sys.argv[1:]))
 
 

@@ -81,7 +81,7 @@ def command(
     else:
         from .output import warn
 
-        print(run)
+        print(run.summary())
         for exceedance in run.exceeded:
             warn(f"limit passed: {exceedance}")
         if run.stopped:

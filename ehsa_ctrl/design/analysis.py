@@ -86,6 +86,13 @@ def analyse(system: control.StateSpace) -> Analysis:
     return Analysis(system, poles, frequency, damping, zeros, gains)
 
 
+def _delay_margin(phase_margin: float, crossover: float) -> float:
+    """Delay [s] that uses up the phase margin [deg]; inf without a crossover, nan for a loop that has none to use."""
+    if not np.isfinite(crossover) or crossover == 0.0:
+        return float("inf")
+    return float(np.radians(phase_margin) / crossover) if phase_margin > 0 else float("nan")
+
+
 def _without_idle_position(system: control.StateSpace) -> control.StateSpace:
     """Without the position if nothing depends on it: it would put a pole and a zero at 0 into every channel."""
     import control
@@ -171,7 +178,7 @@ def analyse_loop(system: control.StateSpace, controller: Controller) -> LoopAnal
         crossover=float(crossover),
         phase_margin=float(phase_margin),
         gain_margin=float(gain_margin),
-        delay_margin=float(np.radians(phase_margin) / crossover) if crossover else float("inf"),
+        delay_margin=_delay_margin(float(phase_margin), float(crossover)),
         Ms=float(np.max(sensitivity)),
         Mt=float(np.max(np.abs(response) * sensitivity)),
         stable=bool(np.all(closed.poles().real < 1e-9)),

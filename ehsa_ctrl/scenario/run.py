@@ -69,16 +69,14 @@ class Judgement:
     def __str__(self) -> str:
         metric = METRICS[self.metric]
         scale = factor(metric.shown, metric.unit)
+        unit = "" if metric.shown == "1" else f" {metric.shown}"
         bounds = [
-            f"{word} {bound / scale:g}"
+            f"{word} {bound / scale:g}{unit}"
             for word, bound in (("at least", self.lower), ("at most", self.upper))
             if bound is not None
         ]
-        value = f"{self.value / scale:.4g}" if np.isfinite(self.value) else "never"
-        return (
-            f"{self.metric} {value} {metric.shown if metric.shown != '1' else ''}".rstrip()
-            + f" ({' and '.join(bounds)})"
-        )
+        value = f"{self.value / scale:.4g}{unit}" if np.isfinite(self.value) else "did not happen"
+        return f"{self.metric} {value} ({' and '.join(bounds)})"
 
 
 @dataclass(frozen=True)

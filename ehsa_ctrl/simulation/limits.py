@@ -22,6 +22,18 @@ SHOWN = {
     "stroke": "mm",
 }
 
+#: What each limit is of, in words.
+NAMES = {
+    "pump_speed": "pump speed",
+    "motor_speed": "motor speed",
+    "motor_torque": "motor torque",
+    "motor_power": "mean motor power",
+    "current_rms": "RMS current",
+    "pressure_max": "a pressure",
+    "pressure_min": "a pressure",
+    "stroke": "stroke",
+}
+
 
 @dataclass(frozen=True)
 class Exceedance:
@@ -40,8 +52,9 @@ class Exceedance:
         scale = factor(SHOWN[self.limit], self.unit)
         when = "" if np.isnan(self.first) else f", first at {self.first:.3f} s"
         verb = "fell to" if self.limit == "pressure_min" else "reached"
-        name = self.limit.replace("_", " ")
-        return f"{name} {verb} {self.reached / scale:.4g} {SHOWN[self.limit]} (limit {self.allowed / scale:.4g}){when}"
+        reached = self.reached / scale
+        figure = f"{reached:.0f}" if abs(reached) >= 1000 else f"{reached:.4g}"
+        return f"{NAMES[self.limit]} {verb} {figure} {SHOWN[self.limit]} (limit {self.allowed / scale:.4g}){when}"
 
 
 def exceedances(

@@ -103,6 +103,10 @@ class Trajectory:
 
         return trajectory_figure(self)
 
+    def summary(self) -> str:
+        """Length, range of each state and sticking, without the limits that were passed."""
+        return "\n".join(self._lines())
+
     def _lines(self) -> Iterator[str]:
         yield (
             f"{self.plant.name} ({self.plant.model}): {len(self)} samples, {self.time[-1] - self.time[0]:g} s, "
@@ -114,13 +118,10 @@ class Trajectory:
             yield f"  {name:<6} {low:>12.5g} to {high:>12.5g} {unit}, ends at {self.states[-1, index]:.5g}"
         for contact in self.plant.structure.system.contacts:
             yield f"  {contact.name} sticks {100 * np.mean(self.sticks(contact.name)):.1f} % of the samples"
-        if self.stopped:
-            yield f"  {self.stopped}"
-        for exceedance in self.exceeded:
-            yield f"  limit passed: {exceedance}"
 
     def __str__(self) -> str:
-        return "\n".join(self._lines())
+        passed = [f"  limit passed: {exceedance}" for exceedance in self.exceeded]
+        return "\n".join([self.summary(), *passed, *([f"  {self.stopped}"] if self.stopped else [])])
 
     __repr__ = __str__
 

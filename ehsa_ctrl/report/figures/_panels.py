@@ -1,0 +1,214 @@
+"""What figures over time share: a header, a column of panels, strips that show phases, limits that were passed."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+
+from ...core.unit import factor
+from ...simulation.limits import SHOWN, Exceedance
+from ...simulation.trajectory import Trajectory
+from ..number import quantity
+from ..style import BLUE, GREY, LIMIT, LIMIT_DASHES, RASTER_POINTS, SIGNALS, Sheet, Signal
+from ._layout import GAP, sheet, stack
+
+#: Height of a panel, of a row of a strip and of a line in the header, and what is left of the panels, in.
+PANEL, ROW, LINE, LEFT = 1.3, 0.17, 0.15, 1.2
+#: Right of the panels, in: nothing, the letters of the pressures, limits that were passed.
+NARROW, LETTERS, LIMITS = 0.15, 0.75, 1.3
+#: Panel that shows a limit of the plant. Averages over the run (power, current_rms) can't be drawn over time.
+WHERE = {
+    "pump_speed": "omega",
+    "motor_speed": "omega",
+    "motor_torque": "current",
+    "pressure_max": "pressures",
+    "pressure_min": "pressures",
+    "stroke": "x",
+}
+#: Colours of the strips' bars.
+STUCK, FORCE = GREY, BLUE
+
+Phase = tuple[float, float, str]
+
+
+class Column(NamedTuple):
+    """A figure over time: `header` has room for a legend."""
+
+    figure: Sheet
+    header: Axes
+    axes: list[Axes]
+
+
+def column(heights: Sequence[float], title: str, *, notes: Sequence[str] = (), right: float = NARROW) -> Column:
+    """An empty figure with panels of the given heights [in] over a common time axis [s].
+
+    `notes` stand in the header, `right` [in] is kept free beside the panels.
+    """
+    lines = [line for note in notes for line in textwrap.wrap(note, 108)]
+    header = 0.25 + LINE * len(lines)
+    figure, top = sheet(title, header=header + GAP, heights=heights)
+    (place,) = stack(figure, [header], top=top - header - GAP, left=LEFT, right=right)
+    place.set_axis_off()
+    place.text(0, 1, "\n".join(lines), transform=place.transAxes, va="top", fontsize=8.5, color=LIMIT["color"])
+    axes = stack(figure, heights, top=top, left=LEFT, right=right)
+    axes[-1].set_xlabel("time (s)")
+    return Column(figure, place, axes)
+
+
+def beside_width(run: Trajectory) -> float:
+    """What the legends beside the panels of a run take, in."""
+    return LIMITS if any(trip.limit in WHERE for trip in run.exceeded) else LETTERS
+
+
+def draw(ax: Axes, time: np.ndarray, values: np.ndarray, how: Mapping[str, Any]) -> Artist:
+    """A line of values (N,), already in the shown unit; every point is kept."""
+    (line,) = ax.plot(time, values, **how)
+    line.set_rasterized(len(time) > RASTER_POINTS)
+    return line
+
+
+def fit(ax: Axes, signal: Signal) -> None:
+    """Label the panel and give it a range that holds its lines, and does not blow up the noise about a constant."""
+    ax.set_ylabel(signal.label)
+    low, high = ax.dataLim.y0, ax.dataLim.y1
+    if not np.isfinite([low, high]).all():
+        low = high = 0.0
+    span = max(high - low, signal.least) or max(abs(low), 1.0)
+    middle = (low + high) / 2
+    ax.set_ylim(middle - 0.56 * span, middle + 0.56 * span)
+
+
+def legend(header: Axes, lines: Iterable[Artist]) -> None:
+    """One legend for all panels, in the header: it covers nothing there."""
+    handles = list(lines)
+    header.legend(
+        handles, [str(line.get_label()) for line in handles], loc="lower left", bbox_to_anchor=(0, 0),
+        ncols=len(handles), borderaxespad=0.0, borderpad=0.0,
+    )  # fmt: skip
+
+
+def beside(ax: Axes, lines: Sequence[Artist]) -> None:
+    """A legend of this panel's own, to its right."""
+    if lines:
+        ax.legend(
+            list(lines), [str(line.get_label()) for line in lines], loc="center left", bbox_to_anchor=(1.0, 0.5),
+            handlelength=2.2, handletextpad=0.5, borderaxespad=0.4, borderpad=0.0, fontsize=8,
+        )  # fmt: skip
+
+
+def phases(time: np.ndarray, on: np.ndarray) -> list[Phase]:
+    """Stretches (start, end, "") [s] in which `on` (N,) holds; a sample's stretch lasts until the next sample."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
+    ends = np.append(time, time[-1])
+    return [(float(time[a]), float(ends[b]), "") for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def levels(time: np.ndarray, force: np.ndarray) -> list[Phase]:
+    """Stretches (start, end, "3 kN") [s] of constant force (N,) [N], without those of none."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[np.nan], force, [np.nan]])) != 0)
+    ends = np.append(time, time[-1])
+    signal = SIGNALS["force"]
+    return [
+        (float(time[a]), float(ends[b]), quantity(force[a] / signal.scale, signal.shown))
+        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        if force[a] != 0
+    ]
+
+
+def strip(ax: Axes, rows: Mapping[str, tuple[Sequence[Phase], str]]) -> None:
+    """Rows of bars that show when something holds: name -> (phases, colour); a phase's words stand in its bar."""
+    ax.set_gid("strip")
+    ax.grid(axis="y", visible=False)
+    start, end = ax.get_xlim()
+    for row, (bars, colour) in enumerate(rows.values()):
+        if not bars:
+            ax.text((start + end) / 2, row + 0.55, "never", ha="center", va="center", fontsize=8, color=GREY)
+        ax.broken_barh([(a, b - a) for a, b, _ in bars], (row + 0.1, 0.8), facecolor=colour, edgecolor="none")
+        for a, b, words in bars:
+            inside = b - a > 0.1 * (end - start)
+            place = (a + b) / 2 if inside else b + 0.005 * (end - start)
+            ax.text(
+                place, row + 0.55, words, ha="center" if inside else "left", va="center", fontsize=8,
+                color="white" if inside else "black", clip_on=True,
+            )  # fmt: skip
+    ax.set_ylim(len(rows), 0)
+    ax.set_yticks([row + 0.5 for row in range(len(rows))], list(rows))
+    ax.tick_params(axis="y", length=0)
+
+
+def shade(axes: Iterable[Axes], bars: Sequence[Phase]) -> None:
+    """The same phases, faintly, behind other panels."""
+    for ax in axes:
+        for start, end, _ in bars:
+            ax.axvspan(start, end, color=BLUE, alpha=0.07, linewidth=0, zorder=0.5)
+
+
+def passed_limits(panels: Mapping[str, Axes], run: Trajectory) -> dict[str, list[Artist]]:
+    """Draw each limit that the run passed as a line, with a cross where a sample first lay beyond it.
+
+    Returns the lines of each panel, for its legend.
+    """
+    drawn: dict[str, list[Artist]] = {name: [] for name in panels}
+    for trip in run.exceeded:
+        name = WHERE.get(trip.limit, "")
+        if name not in panels:
+            continue
+        ax, values = panels[name], _watched(run, trip)
+        low, high = _bounds(run, trip)
+        how = LIMIT | {"linestyle": LIMIT_DASHES[len(drawn[name]) % len(LIMIT_DASHES)]}
+        # A limit can be passed between two samples: no sample lies beyond then, and the nearer side is the one.
+        reach = {edge: sign * (peak - edge) for sign, edge, peak in ((1, high, values.max()), (-1, low, values.min()))}
+        sides = [edge for edge, by in reach.items() if by > 0] or [max(reach, key=lambda edge: reach[edge])]
+        for edge in sides:
+            line = ax.axhline(edge, **how)
+            ax.update_datalim([(run.time[0], edge)], updatex=False)
+        line.set_label(f"{trip.limit.replace('_', ' ')}\n{_allowed(trip)}")
+        drawn[name].append(line)
+        first = np.flatnonzero((values < low) | (values > high))
+        if first.size:
+            k = first[0]
+            ax.plot(
+                run.time[k], low if values[k] < low else high, marker="X", markersize=8, color=LIMIT["color"],
+                markeredgecolor="white", linestyle="none", zorder=3, clip_on=False,
+            )  # fmt: skip
+    return drawn
+
+
+def passed_words(trips: Iterable[Exceedance], expected: Sequence[str] = ()) -> list[str]:
+    """What was passed, for the header: an average has no line that would show it."""
+    return [f"limit passed{', as expected' if trip.limit in expected else ''}: {trip}" for trip in trips]
+
+
+def _watched(run: Trajectory, trip: Exceedance) -> np.ndarray:
+    """The signal (N,) that a limit watches, in the unit of its panel."""
+    panel = WHERE[trip.limit]
+    if panel == "pressures":
+        highest = trip.limit == "pressure_max"
+        values = (np.maximum if highest else np.minimum)(run["P_1"], run["P_2"])
+    else:
+        values = run[panel]
+    return SIGNALS[panel].read(values)
+
+
+def _bounds(run: Trajectory, trip: Exceedance) -> tuple[float, float]:
+    """A limit as lower and upper bound of the signal in its panel: a torque as its current, half of the stroke."""
+    bound = trip.allowed / SIGNALS[WHERE[trip.limit]].scale
+    if trip.limit == "pressure_max":
+        return -np.inf, bound
+    if trip.limit == "pressure_min":
+        return bound, np.inf
+    if trip.limit == "motor_torque":
+        bound /= run.plant["K_T"]
+    elif trip.limit == "stroke":
+        bound /= 2
+    return -bound, bound
+
+
+def _allowed(trip: Exceedance) -> str:
+    shown = SHOWN[trip.limit]
+    return quantity(trip.allowed / factor(shown, trip.unit), shown)

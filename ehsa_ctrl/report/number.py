@@ -1,0 +1,41 @@
+"""How numbers and units are written for a reader: four significant digits, units with raised exponents."""
+
+from __future__ import annotations
+
+import math
+import re
+
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: What stands where a number does not exist: a step that never settled, a hunting that did not happen.
+NOTHING = "–"
+
+
+def number(value: float) -> str:
+    """A number with four significant digits; nan as a dash, infinity as its sign.
+
+    Between 1e-4 and 1e6 all digits are written out, beyond that with an exponent: 45678 becomes 45680, 4.13e-13 stays.
+    """
+    if math.isnan(value):
+        return NOTHING
+    if math.isinf(value):
+        return "∞" if value > 0 else "-∞"
+    rounded = float(f"{value:.4g}")
+    if rounded == 0:
+        return "0"
+    if 1e-4 <= abs(rounded) < 1e6:
+        return f"{rounded:.10g}"
+    mantissa, exponent = f"{rounded:.3e}".split("e")
+    return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
+
+
+def unit(text: str) -> str:
+    """A unit as it is typeset: "m3/(Pa s)" becomes "m³/(Pa s)", "um" becomes "µm", and "1" nothing."""
+    if text == "1":
+        return ""
+    micro = re.sub(r"\bu(?=[a-zA-Z])", "µ", text)
+    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda match: match[0].translate(RAISED), micro)
+
+
+def quantity(value: float, of: str) -> str:
+    """A number with its unit: quantity(0.0121, "m") is "0.0121 m"."""
+    return f"{number(value)} {unit(of)}".rstrip()

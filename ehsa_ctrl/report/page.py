@@ -1,0 +1,281 @@
+"""One self-contained HTML page: verdict first, then each scenario, at the end what the numbers rest on."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from ..core.errors import InputError
+from ..core.parameter import Parameter
+from ..core.unit import factor
+from ..design.analysis import LoopAnalysis
+from ..scenario.metrics import METRICS
+from ..scenario.run import Judgement, ScenarioResult
+from .figures import loop_figure, scenario_figure, to_svg
+from .number import number, quantity, unit
+
+#: Metrics in the table of all runs; the scenario's own section has all of them.
+SHOWN = (
+    "RiseTime", "SettlingTime", "Overshoot", "SteadyStateError", "MaxError", "RMSError", "Slips", "StickShare",
+    "CurrentRMS",
+)  # fmt: skip
+
+
+def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str) -> Path:
+    """Write `report.html` to the folder and return its path; the same results give the same bytes.
+
+    Parameters
+    ----------
+    results: in the order in which they are shown; those of one scenario share a section.
+    command: the command line that made them, for the page's end.
+
+    Raises InputError if there is no result.
+    """
+    if not results:
+        raise InputError("there is no result to report; run at least one scenario")
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "unit": unit, "breakable": breakable}
+    anchors = _anchors(f"run-{result.scenario.name}-{result.controller.name}" for result in results)
+    loops = _loops(results)
+    failed = [(result, anchor) for result, anchor in zip(results, anchors, strict=True) if not result.passed]
+    page = environment.get_template("page.html.j2").render(
+        results=results,
+        failed=failed,
+        passed=len(results) - len(failed),
+        columns=[name for name in SHOWN if any(_exists(result, name) for result in results)],
+        metrics=METRICS,
+        shown=shown,
+        summary=list(zip(results, anchors, strict=True)),
+        scenarios=_scenarios(results, anchors, loops),
+        loops=list(loops.values()),
+        versions=_versions(results),
+        assumed=_assumed(results),
+        command=command,
+    )
+    path = Path(folder) / "report.html"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+def shown(metric: str, value: float) -> str:
+    """A metric's SI value as a number in the unit that a person reads."""
+    return number(value / factor(METRICS[metric].shown, METRICS[metric].unit))
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A controller's linear loop: shown once, however many scenarios it ran."""
+
+    analysis: LoopAnalysis
+    controller: Any
+    plant: str
+    anchor: str
+
+    @property
+    def about(self) -> str:
+        """The controller in its own words, if it has any."""
+        return str(self.controller) if "__str__" in vars(type(self.controller)) else ""
+
+    @property
+    def figure(self) -> Markup:
+        words = (
+            f"Bode plot of the open loop with {self.analysis.controller}, its margins, and |S| and |T|. {self.sentence}"
+        )
+        return embedded(loop_figure(self.analysis), words, self.anchor)
+
+    @property
+    def sentence(self) -> str:
+        loop = self.analysis
+        return (
+            f"Crossover {quantity(loop.crossover, 'rad/s')}, phase margin {number(loop.phase_margin)}°, gain margin "
+            f"{number(loop.gain_margin)}, delay margin {_milli(loop.delay_margin)}, Ms {number(loop.Ms)}, "
+            f"Mt {number(loop.Mt)}; the linear closed loop is {'stable' if loop.stable else 'NOT STABLE'}."
+        )
+
+    @property
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """Name, value, unit, meaning."""
+        loop = self.analysis
+        return [
+            ("crossover", number(loop.crossover), "rad/s", "frequency at which the loop gain is 1"),
+            ("phase margin", number(loop.phase_margin), "°", "lag at the crossover that brings the loop to the brink"),
+            ("gain margin", number(loop.gain_margin), "", "factor on the gain that brings it there"),
+            ("delay margin", number(1e3 * loop.delay_margin), "ms", "delay that brings it there"),
+            ("Ms", number(loop.Ms), "", "peak of |S|: the largest amplification of a disturbance"),
+            ("Mt", number(loop.Mt), "", "peak of |T|: the largest amplification of reference and noise"),
+        ]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One scenario with one controller, as its section shows it."""
+
+    result: ScenarioResult
+    anchor: str
+    loop: Loop | None
+
+    @property
+    def figure(self) -> Markup:
+        result = self.result
+        words = (
+            f"Signals over time of {result.scenario.name} with {result.controller.name}: position with its reference, "
+            "error, speed, pressures and current, linear prediction and nonlinear plant. Largest error on the "
+            f"nonlinear plant {_with_unit('MaxError', result.metrics['MaxError'][1])}; the rod sticks for "
+            f"{_with_unit('StickShare', result.metrics['StickShare'][1])} of the run."
+        )
+        return embedded(scenario_figure(result), words, self.anchor)
+
+    @property
+    def limits(self) -> list[tuple[Judgement, str]]:
+        """Each limit with its bounds in words."""
+        return [(judgement, _bounds(judgement)) for judgement in self.result.judgements]
+
+    @property
+    def comparison(self) -> list[tuple[str, str, str, str, str]]:
+        """Metric, linear prediction, nonlinear outcome, unit and meaning; without what happened in neither run."""
+        return [
+            (name, shown(name, linear), shown(name, nonlinear), unit(METRICS[name].shown), METRICS[name].meaning)
+            for name, (linear, nonlinear) in self.result.metrics.items()
+            if _exists(self.result, name)
+        ]
+
+    @property
+    def facts(self) -> list[tuple[str, str]]:
+        """What was run, whatever the controller."""
+        definition = self.result.scenario.definition
+        believed = ", ".join(f"{key} = {value}" for key, value in definition.all_settings.items())
+        forces = ", ".join(
+            f"{quantity(step.force, 'N')} from {quantity(step.start, 's')}"
+            + (f" for {quantity(step.duration, 's')}" if step.duration != float("inf") else " to the end")
+            for step in definition.disturbance
+        )
+        plant = self.result.plant
+        return [
+            ("plant", f"{plant.name}: {plant.title}"),
+            ("set in this scenario", believed or "nothing; the plant as its file has it"),
+            ("force on the rod", forces or "none"),
+            ("duration", quantity(definition.duration, "s")),
+        ]
+
+
+def embedded(figure: Figure, words: str, name: str) -> Markup:
+    """A figure as an SVG inside a page: said in words for those who don't see it, its ids apart from other figures'."""
+    svg = to_svg(figure)
+    svg = svg[svg.index("<svg") :]
+    # What a page can't use: name spaces, comments, and a style that would hold for the whole page.
+    svg = re.sub(r"\s*(<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->)", "", svg, flags=re.DOTALL)
+    box = re.search(r'viewBox="[^"]+"', svg)
+    head = f'<svg role="img" aria-label="{Markup.escape(words)}" {box[0] if box else ""}>'
+    svg = head + svg[svg.index(">") + 1 :]
+    svg = re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{name}-", svg)
+    # matplotlib's own text, in which every word is an outline; `words` is escaped.
+    return Markup(svg.strip())
+
+
+def breakable(name: str) -> Markup:
+    """A metric's name that may break between its words: SteadyStateError."""
+    return Markup("<wbr>").join(re.split(r"(?<=[a-z])(?=[A-Z])", name))
+
+
+def _with_unit(metric: str, value: float) -> str:
+    return f"{shown(metric, value)} {unit(METRICS[metric].shown)}".rstrip()
+
+
+def _milli(seconds: float) -> str:
+    return quantity(1e3 * seconds, "ms")
+
+
+def _bounds(judgement: Judgement) -> str:
+    words = (("at least", judgement.lower), ("at most", judgement.upper))
+    parts = [f"{word} {shown(judgement.metric, bound)}" for word, bound in words if bound is not None]
+    return f"{' and '.join(parts)} {unit(METRICS[judgement.metric].shown)}".rstrip()
+
+
+def _exists(result: ScenarioResult, metric: str) -> bool:
+    return not all(math.isnan(value) for value in result.metrics[metric])
+
+
+def _anchors(names: Iterable[str]) -> list[str]:
+    """An id for each name; a name that comes twice (files in two folders) gets a number."""
+    anchors: list[str] = []
+    for name in names:
+        anchor = plain = re.sub(r"[^A-Za-z0-9_-]+", "-", name)
+        number_of = 2
+        while anchor in anchors:
+            anchor = f"{plain}--{number_of}"
+            number_of += 1
+        anchors.append(anchor)
+    return anchors
+
+
+def _scenarios(results: Sequence[ScenarioResult], anchors: Sequence[str], loops: Mapping[str, Loop]) -> list[list[Run]]:
+    """Runs of the same scenario together, in the order in which the scenarios came."""
+    groups: dict[tuple[str, str], list[Run]] = {}
+    for result, anchor in zip(results, anchors, strict=True):
+        loop = loops[_loop_key(result)] if result.loop is not None else None
+        groups.setdefault((result.scenario.name, str(result.scenario.path)), []).append(Run(result, anchor, loop))
+    return list(groups.values())
+
+
+def _loop_key(result: ScenarioResult) -> str:
+    """The same for runs that share a loop: controllers from two folders can have one name and be different."""
+    figures = result.loop.to_dict() if result.loop is not None else {}
+    return f"{result.controller.name} {result.plant.name} {figures}"
+
+
+def _loops(results: Sequence[ScenarioResult]) -> dict[str, Loop]:
+    """Each controller's loop on each plant, by `_loop_key`."""
+    first = {_loop_key(result): result for result in reversed(results) if result.loop is not None}
+    keys = [key for key in dict.fromkeys(map(_loop_key, results)) if key in first]
+    names = _anchors(f"loop-{first[key].controller.name}-{first[key].plant.name}" for key in keys)
+    loops = {}
+    for key, name in zip(keys, names, strict=True):
+        analysis = first[key].loop
+        assert analysis is not None
+        loops[key] = Loop(analysis, first[key].controller, first[key].plant.name, name)
+    return loops
+
+
+def _versions(results: Sequence[ScenarioResult]) -> dict[str, str]:
+    found: dict[str, set[str]] = {}
+    for result in results:
+        for name, version in result.nonlinear.trajectory.provenance.items():
+            found.setdefault(name, set()).add(version)
+    return {name: ", ".join(sorted(versions)) for name, versions in found.items()}
+
+
+def _assumed(results: Sequence[ScenarioResult]) -> list[tuple[str, Parameter, str, str]]:
+    """Plant, parameter or limit, its value and its believed range as written, of everything that is assumed."""
+    found: dict[tuple[str, str, float], tuple[str, Parameter, str, str]] = {}
+    for result in results:
+        for run in (result.nonlinear.trajectory, result.linear.trajectory):
+            for parameter in (*run.plant.parameters.values(), *run.plant.limits.values()):
+                if parameter.source == "assumed":
+                    key = (run.plant.name, parameter.name, parameter.value)
+                    found.setdefault(key, (run.plant.name, parameter, *_written(parameter)))
+    return list(found.values())
+
+
+def _written(parameter: Parameter) -> tuple[str, str]:
+    """Value and believed range in the unit of the plant's file."""
+    own = parameter.written.partition(" ")[2] or parameter.unit
+    scale = factor(own, parameter.unit)
+    value = quantity(parameter.value / scale, own)
+    if parameter.lower == -float("inf") and parameter.upper == float("inf"):
+        return value, ""
+    return value, f"{number(parameter.lower / scale)} to {quantity(parameter.upper / scale, own)}"

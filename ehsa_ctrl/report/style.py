@@ -1,0 +1,144 @@
+"""How figures look, in one place.
+
+A line is told from its neighbours by colour (the palette of M. Okabe and K. Ito, made for colour-blind readers) and, in
+black and white, by its dashes and its width. Nothing here changes matplotlib's state for others.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any
+
+import matplotlib
+import matplotlib.style
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..core.unit import factor
+from .number import unit
+
+BLACK, GREY, BLUE, SKY, VERMILION, GREEN, PURPLE = (
+    "#000000", "#7a7a7a", "#0072b2", "#56b4e9", "#d55e00", "#009e73", "#8b3a74",
+)  # fmt: skip
+
+#: 8 in at 150 dpi are 1200 px; on A4 the same figure is scaled to about nine tenths.
+WIDTH, DPI = 8.0, 150
+#: Letters of a title that fit on that width.
+TITLE = 80
+#: More points than this in a line are drawn as pixels, so that a page with it stays quick.
+RASTER_POINTS = 20_000
+
+RC: dict[str, Any] = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#555555",
+    # No power of ten in a corner: it would stand where the panel above ends.
+    "axes.formatter.limits": (-5, 6),
+    "axes.formatter.useoffset": False,
+    "axes.grid": True,
+    "axes.labelsize": 9,
+    "axes.linewidth": 0.7,
+    "axes.titlesize": 9,
+    "axes.unicode_minus": True,
+    "axes.xmargin": 0.0,
+    "figure.dpi": 100,
+    "figure.facecolor": "white",
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 9,
+    "legend.frameon": False,
+    "legend.handlelength": 3.2,
+    "lines.dash_capstyle": "butt",
+    "lines.linewidth": 1.3,
+    "lines.scale_dashes": True,
+    "savefig.dpi": DPI,
+    # Without these two the same figure would be another file each time, and other on a machine with other fonts.
+    "svg.fonttype": "path",
+    "svg.hashsalt": "ehsa_ctrl",
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+}
+
+#: How each kind of signal is drawn, in every figure.
+ROLES: dict[str, dict[str, Any]] = {
+    "reference": {"label": "reference", "color": BLACK, "linestyle": (0, (6, 3)), "linewidth": 1.1, "zorder": 2.2},
+    "measured": {
+        "label": "measured", "color": SKY, "linestyle": "none", "marker": "o", "markersize": 2.2, "markeredgewidth": 0,
+        "zorder": 2.1,
+    },
+    "linear": {
+        "label": "linear model", "color": "#222222", "linestyle": (0, (5, 1.5, 1, 1.5)), "linewidth": 0.9,
+        "zorder": 2.4,
+    },
+    "nonlinear": {"label": "nonlinear model", "color": VERMILION, "linestyle": "-", "linewidth": 1.6, "zorder": 2.3},
+}  # fmt: skip
+#: Lines that belong to one panel only.
+PRESSURES: dict[str, dict[str, Any]] = {
+    "P_1": {"label": "P₁", "color": BLUE, "linestyle": "-", "linewidth": 1.5},
+    "P_2": {"label": "P₂", "color": GREEN, "linestyle": (0, (4, 1.2)), "linewidth": 1.3},
+}
+LIMIT: dict[str, Any] = {"color": PURPLE, "linewidth": 1.1, "zorder": 2.6}
+#: Of the first, second ... limit in a panel: pump and motor have theirs close together.
+LIMIT_DASHES = ((0, (8, 2, 2, 2)), (0, (2, 1)), (0, (10, 3)))
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A signal on an axis: name, SI unit, shown unit, and the least span that its axis has (shown unit)."""
+
+    words: str
+    unit: str
+    shown: str
+    least: float
+
+    @property
+    def scale(self) -> float:
+        """SI units in one shown unit."""
+        return factor(self.shown, self.unit)
+
+    @property
+    def label(self) -> str:
+        return f"{self.words}\n({unit(self.shown)})"
+
+    def read(self, values: np.ndarray) -> np.ndarray:
+        """Values (N,) in SI units, as they are shown."""
+        return np.asarray(values, dtype=float) / self.scale
+
+
+SIGNALS = {
+    "current": Signal("current", "A", "A", 0.1),
+    "omega": Signal("speed", "rad/s", "rpm", 10.0),
+    "pressures": Signal("pressures", "Pa", "bar", 0.5),
+    "dP": Signal("pressure\ndifference", "Pa", "bar", 0.5),
+    "v": Signal("rod speed", "m/s", "mm/s", 1.0),
+    "x": Signal("position", "m", "mm", 0.1),
+    "error": Signal("error", "m", "mm", 0.02),
+    "force": Signal("force", "N", "kN", 0.1),
+}
+
+
+class Sheet(Figure):
+    """A figure that a notebook shows by itself, though pyplot knows nothing of it."""
+
+    def _repr_png_(self) -> bytes:
+        stream = BytesIO()
+        with style():
+            self.savefig(stream, format="png", dpi=100, metadata={"Software": None})
+        return stream.getvalue()
+
+
+def wrapped(title: str) -> list[str]:
+    """Lines of a title that fit on the width of a sheet."""
+    return [part for line in title.splitlines() for part in textwrap.wrap(line, TITLE)]
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """matplotlib's own defaults with RC on top, whatever the user has set; all is as before on leaving."""
+    with matplotlib.style.context(RC, after_reset=True):
+        yield

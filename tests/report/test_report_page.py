@@ -1,0 +1,244 @@
+"""The page: verdict first, right numbers, one file, well formed, the same each time."""
+
+import dataclasses
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.report.number import number, unit
+from ehsa_ctrl.report.page import write_page
+from ehsa_ctrl.scenario.metrics import METRICS
+
+VOID = {"meta", "br", "wbr", "link", "img", "hr", "input"}
+#: Attributes by which a page loads something.
+LOADS = {"src", "srcset", "href", "xlink:href", "data", "action", "poster"}
+
+
+class Page(HTMLParser):
+    """Tags, ids, links and tables of a page; remembers what is not closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.wrong, self.tags, self.words = [], [], [], []
+        self.tables, self.cell = [], None
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "table":
+            self.tables.append([])
+        elif tag == "tr":
+            self.tables[-1].append([])
+        elif tag in ("th", "td"):
+            self.tables[-1][-1].append("")
+            self.cell = tag
+
+    def handle_startendtag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append((tag, self.getpos()))
+        if tag in ("th", "td"):
+            self.cell = None
+
+    def handle_data(self, data):
+        if "style" not in self.open:
+            self.words.append(data)
+        if self.cell:
+            self.tables[-1][-1][-1] += data
+
+    def with_tag(self, *names):
+        return [attributes for tag, attributes in self.tags if tag in names]
+
+    def table(self, *heads):
+        """Rows of the first table whose head begins so."""
+        return next(rows[1:] for rows in self.tables if tuple(rows[0][: len(heads)]) == heads)
+
+
+@pytest.fixture(scope="module")
+def results(gentle, harsh):
+    """Two scenarios, and the first with a second controller that has no linear loop and an awkward name."""
+    other = dataclasses.replace(gentle.controller, name="pid <script>alert(1)</script>")
+    return [gentle, harsh, dataclasses.replace(gentle, controller=other, loop=None)]
+
+
+@pytest.fixture(scope="module")
+def text(results, tmp_path_factory):
+    path = write_page(results, tmp_path_factory.mktemp("page"), command='ehsa-ctrl run "my <scenario>.toml"')
+    assert path.name == "report.html"
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+def test_every_tag_is_closed(page):
+    """The page is well formed."""
+    assert page.wrong == [] and page.open == []
+
+
+def test_the_page_loads_nothing(text, page):
+    """No network, no other file, no script: one file that can be sent around."""
+    for tag, attributes in page.tags:
+        assert tag not in ("script", "link", "iframe", "img", "object")
+        for name, value in attributes.items():
+            if name in LOADS:
+                assert value.startswith("#"), (tag, name, value)
+    assert "http://" not in text and "https://" not in text
+    assert "@import" not in text and not re.search(r"url\((?!#)", text)
+
+
+def test_links_lead_somewhere_and_ids_are_unique(text, page):
+    """Figures share their letters' names: in one page each needs its own."""
+    ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    targets = re.findall(r'(?:xlink:)?href="#([^"]+)"|url\(#([^)]+)\)', text)
+
+    assert len(ids) == len(set(ids))
+    assert {one or other for one, other in targets} <= set(ids)
+
+
+def test_the_verdict_comes_before_the_first_table(text, harsh):
+    """How many passed, which one failed and why, on the first screen."""
+    top = text[: text.index("<table")]
+
+    assert "<h1>2 of 3 passed</h1>" in top
+    assert "harsh with pid_position" in top and "gentle with" not in top
+    assert len(harsh.failures) >= 3
+    for failure in harsh.failures:
+        assert failure in top
+    assert "expected trip stroke did not happen" in top
+
+
+def test_all_passed_is_said_too(gentle, tmp_path):
+    """A page without failure says so."""
+    text = write_page([gentle], tmp_path, command="").read_text()
+
+    assert "<h1>1 of 1 passed</h1>" in text
+    assert "failed" not in re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL)
+
+
+def test_the_comparison_shows_every_metric_that_happened(page, harsh):
+    """Name, linear and nonlinear value in the shown unit, unit, meaning; nothing that neither run has."""
+    scale = {"s": 1e-3, "1": 1e-2}
+    rows = [rows[1:] for rows in page.tables if rows[0][:3] == ["metric", "linear", "nonlinear"]][-1]
+    shown = {name: (linear, nonlinear, of, meaning) for name, linear, nonlinear, of, meaning in rows}
+
+    assert set(shown) == {name for name, pair in harsh.metrics.items() if not np.isnan(pair).all()}
+    assert shown["RiseTime"][:2] == tuple(number(value / scale["s"]) for value in harsh.metrics["RiseTime"])
+    assert shown["StickShare"][1] == number(harsh.metrics["StickShare"][1] / scale["1"])
+    assert shown["CurrentRMS"][1] == number(harsh.metrics["CurrentRMS"][1])
+    for name, (_, _, of, meaning) in shown.items():
+        assert of == unit(METRICS[name].shown) and meaning == METRICS[name].meaning
+
+
+def test_limits_are_judged_in_the_page_as_in_the_result(page, gentle, harsh):
+    """Metric, value, bounds and verdict of each limit."""
+    tables = [rows[1:] for rows in page.tables if rows[0] == ["metric", "value", "bound", "kept"]]
+    peak = number(1e3 * gentle.metrics["MaxError"][1])
+
+    assert tables[0][1] == ["MaxError", peak, "at least 1 and at most 20 mm", "✓ yes"]
+    assert tables[-1] == [["MaxError", number(1e3 * harsh.metrics["MaxError"][1]), "at most 1 mm", "✗ no"]]
+
+
+def test_one_row_a_run(page):
+    """The table of all runs has scenario, controller and verdict of each."""
+    rows = page.table("scenario", "controller", "verdict")
+
+    assert [row[:4] for row in rows] == [
+        ["gentle", "pid_position", "✓ passed", "2 of 2"],
+        ["harsh", "pid_position", "✗ failed", "0 of 1"],
+        ["gentle", "pid <script>alert(1)</script>", "✓ passed", "2 of 2"],
+    ]
+
+
+def test_a_scenario_has_one_section_for_all_its_controllers(text, page, gentle):
+    """Title and reason stand once; the loop's Bode plot stands once a controller."""
+    headings = re.findall(r"<h([1-6])[ >]", text)
+
+    assert text.count("<h2>A small step &amp; a push</h2>") == 1
+    assert text.count(gentle.scenario.definition.why) == 1
+    assert len(page.with_tag("svg")) == 4
+    assert headings[0] == "1" and headings.count("1") == 1
+    for before, after in zip(headings[:-1], headings[1:], strict=True):
+        assert int(after) <= int(before) + 1
+
+
+def test_margins_are_those_of_the_result(page, gentle):
+    """Crossover and margins as analysed."""
+    rows = {row[0]: row[1] for row in page.table("margin", "value")}
+
+    assert rows["phase margin"] == number(gentle.loop.phase_margin)
+    assert rows["delay margin"] == number(1e3 * gentle.loop.delay_margin)
+    assert rows["Ms"] == number(gentle.loop.Ms)
+
+
+def test_controllers_of_one_name_keep_their_own_loops(gentle, tmp_path):
+    """Files in two folders can share a name: each run links to its own margins, a shared loop stands once."""
+    other = dataclasses.replace(gentle, loop=dataclasses.replace(gentle.loop, phase_margin=12.34))
+    page = Page(write_page([gentle, other, gentle], tmp_path, command="").read_text())
+    links = [attributes["href"] for attributes in page.with_tag("a") if attributes["href"].startswith("#loop-")]
+    tables = [dict(row[:2] for row in rows[1:]) for rows in page.tables if rows[0][0] == "margin"]
+
+    assert [table["phase margin"] for table in tables] == [number(gentle.loop.phase_margin), "12.34"]
+    assert links[0] == links[2] != links[1]
+
+
+def test_trips_are_told_apart_by_what_was_expected(page, harsh):
+    """Each passed limit is named, with the word that the scenario expects it where it does."""
+    words = "".join(page.words)
+    for trip in harsh.trips:
+        expected = trip.limit in harsh.expected_trips
+
+        assert (f"{trip}; the scenario expects it" in words) == expected
+        assert str(trip) in words
+
+
+def test_the_end_says_what_the_numbers_rest_on(page, gentle):
+    """Assumed parameters with value, unit and note; seed, versions and command."""
+    rows = {row[1]: row for row in page.table("plant", "name", "value")}
+    runs = page.table("scenario", "controller", "sample timems")
+    assumed = {name for name, p in gentle.plant.parameters.items() if p.source == "assumed"}
+    words = "".join(page.words)
+
+    assert assumed <= set(rows) and "K_T" in assumed
+    assert rows["K_T"][2:4] == ["1.2 N m/A", "0.87 to 1.6 N m/A"]
+    assert rows["K_T"][4] == gentle.plant.parameters["K_T"].note
+    assert runs[0] == ["gentle", "pid_position", "4", "7", "on", "0", "1e-6"]
+    assert gentle.nonlinear.trajectory.provenance["numpy"] in words
+    assert 'ehsa-ctrl run "my <scenario>.toml"' in words
+
+
+def test_figures_are_said_in_words(page):
+    """Who does not see a figure hears what it shows."""
+    for attributes in page.with_tag("svg"):
+        assert attributes["role"] == "img" and len(attributes["aria-label"]) > 60
+
+
+def test_headings_of_tables_have_a_scope_and_the_page_a_language(page):
+    """Semantic HTML for screen readers and phones."""
+    assert all(attributes.get("scope") in ("col", "row") for attributes in page.with_tag("th"))
+    assert page.with_tag("html")[0]["lang"] == "en"
+    assert any(attributes.get("name") == "viewport" for attributes in page.with_tag("meta"))
+    assert len(page.with_tag("caption")) == len(page.with_tag("table"))
+
+
+def test_the_same_results_give_the_same_page(harsh, tmp_path):
+    """No date, no random id; a folder that is missing is made."""
+    first, again = (write_page([harsh], tmp_path / name / "deep", command="x") for name in ("a", "b"))
+
+    assert again.read_bytes() == first.read_bytes()
+
+
+def test_a_page_about_nothing_is_refused(tmp_path):
+    """There is no verdict over no runs."""
+    with pytest.raises(InputError, match="no result"):
+        write_page([], tmp_path, command="")
