@@ -47,6 +47,14 @@ static inline double exponential(double x) {
     return (low + r4 * r4 * high) * power.value;
 }
 
+static inline double tenth_root(double x) {
+    union { int64_t bits; double value; } number;
+    number.value = x;
+    const int64_t one = 4607182418800017408;
+    number.bits = (int64_t)(one + 0.1 * (double)(number.bits - one));
+    return number.value;
+}
+
 /* Letters as in the paper; `parameters` of `run` has the same order. */
 typedef struct {
     double J_M, K_T, D, K_L, V_10, V_20, beta, A, M, P_0, x_0, K_S, F_pre, k_3, F_0, m_L;
@@ -284,7 +292,7 @@ static int advance(double *y, Mode *m, Carry *carry, Inputs from, Inputs to, dou
         double error = step(y, k1, tried, now, change, m, c, end, k7) * inverse;
         TALLY(STEPS);
         if (exceeds(error, 1.0)) { /* a trial far past a stop overflows in the exponential of (8) */
-            h = tried * (exceeds(error, 1e30) ? 0.1 : larger(0.2, 0.9 / pow(error, 0.1)));
+            h = tried * (exceeds(error, 1e30) ? 0.1 : larger(0.2, 0.9 / tenth_root(error)));
             TALLY(REJECTED);
             if (tried < shortest) return FAILED;
             continue;
@@ -319,7 +327,7 @@ static int advance(double *y, Mode *m, Carry *carry, Inputs from, Inputs to, dou
                 y[i] = end[i];
                 k1[i] = k7[i];
             }
-            double grown = tried * smaller(5.0, error > 1e-9 ? 0.9 / pow(error, 0.1) : 5.0);
+            double grown = tried * smaller(5.0, error > 1e-9 ? 0.9 / tenth_root(error) : 5.0);
             h = last && error <= 1e-7 ? larger(h, grown) : grown;
         }
         for (int i = 0; i < STATES; i++) {
