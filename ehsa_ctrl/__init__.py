@@ -1,6 +1,6 @@
 """Control design on an electro-hydrostatic actuator, from the paper's model to a checked closed loop.
 
-Imports go cli -> report -> scenario -> simulation -> plant -> physics -> core, and beside it scenario -> design -> core.
+Imports: cli -> report -> scenario -> simulation -> plant -> physics -> core, and beside it scenario -> design -> core.
 Names are loaded on first use, so that `import ehsa_ctrl` is fast.
 """
 
