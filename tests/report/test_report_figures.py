@@ -232,7 +232,7 @@ def test_a_passed_limit_is_drawn_and_marked_where_it_was_first_passed(harsh):
     np.testing.assert_allclose(np.abs(line(speed, "pump speed\n4500 rpm").get_ydata()), 4500)
     assert trips["pump_speed"].first in [float(cross.get_xdata()[0]) for cross in crosses]
     assert "limit passed: pump speed" in header
-    assert "limit passed, as expected: pressure min" in header
+    assert "limit passed, as expected: a pressure fell" in header
 
 
 def test_a_run_within_its_limits_shows_none(gentle):
