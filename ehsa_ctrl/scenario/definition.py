@@ -8,8 +8,9 @@ from pydantic import Field, field_validator, model_validator
 
 from ..core.definition import Definition, Newton, Second
 from ..core.errors import InputError, choices
+from ..core.protocol import MEASURED
 from ..core.unit import parse
-from ..plant.file import LIMIT_UNITS
+from ..plant.file import CHANNEL_UNITS, LIMIT_UNITS
 from .metrics import METRICS
 from .reference import Reference
 
@@ -28,12 +29,48 @@ class ForceStep(Definition):
         return self
 
 
+class OtherSensor(Definition):
+    """A sensor that differs from the plant's in this scenario: noise (one sd), converter step, delay."""
+
+    noise: str | None = None
+    step: str | None = None
+    delay: Second | None = None
+
+
 class Measuring(Definition):
-    """The plant's sensors, with or without noise, the seed of that, and the samples from measurement to current."""
+    """The plant's sensors, with or without noise, the seed of that, and the samples from measurement to current.
+
+    A table of a channel's name changes that sensor for the scenario.
+    """
 
     noise: bool = True
     seed: Annotated[int, Field(ge=0)] = 0
     lag: Annotated[int, Field(ge=0, le=50)] = 0
+    speed: OtherSensor = OtherSensor()
+    p1: OtherSensor = OtherSensor()
+    p2: OtherSensor = OtherSensor()
+    position: OtherSensor = OtherSensor()
+    force: OtherSensor = OtherSensor()
+
+    @model_validator(mode="after")
+    def _fit(self) -> Measuring:
+        for channel in MEASURED:
+            for word, value in self.changes(channel).items():
+                if not 0 <= value < float("inf"):
+                    raise ValueError(f"{channel}.{word} must be at least 0")
+        return self
+
+    def changes(self, channel: str) -> dict[str, Any]:
+        """What differs from the plant's sensor of a channel, in SI units."""
+        other: OtherSensor = getattr(self, channel)
+        found: dict[str, Any] = {}
+        for word, text in (("noise", other.noise), ("step", other.step)):
+            if text is not None:
+                try:
+                    found[word] = parse(text, CHANNEL_UNITS[channel])
+                except InputError as error:
+                    raise ValueError(f"{channel}.{word}: {error}") from None
+        return found | ({} if other.delay is None else {"delay": other.delay})
 
 
 class Limit(Definition):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from ..core.catalogue import scenarios
 from ..core.definition import read_definition
 from ..core.errors import InputError, SimulationError
-from ..core.protocol import Controller
+from ..core.protocol import MEASURED, Controller
 from ..core.unit import factor
 from ..design.analysis import LoopAnalysis, analyse_loop
 from ..design.load import load_controller
@@ -23,7 +23,7 @@ from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.limits import Exceedance
 from ..simulation.sensors import Sensors
 from ..simulation.trajectory import versions
-from .definition import ScenarioFile
+from .definition import Measuring, ScenarioFile
 from .metrics import METRICS, loop_metrics
 
 if TYPE_CHECKING:
@@ -222,7 +222,7 @@ def run(scenario: str | Path | Scenario, *, controller: str | Path | None = None
         force[(time >= step.start - 1e-9) & (time < step.start + step.duration - 1e-9)] += step.force
     runs = []
     for plant in (linear, nonlinear):
-        sensors = Sensors.of(plant, seed=definition.sensors.seed, noise=definition.sensors.noise)
+        sensors = _sensors(plant, definition.sensors)
         loop = run_closed_loop(
             plant,
             chosen,
@@ -262,6 +262,12 @@ def run(scenario: str | Path | Scenario, *, controller: str | Path | None = None
         loop=analyse_loop(design_model, chosen) if hasattr(chosen, "feedback") else None,
         seconds=clock.perf_counter() - begun,
     )
+
+
+def _sensors(plant: Plant, measuring: Measuring) -> Sensors:
+    """The plant's sensors with what the scenario changes; without noise means without any."""
+    changed = {channel: replace(plant.sensors[channel], **measuring.changes(channel)) for channel in MEASURED}
+    return Sensors.of(replace(plant, sensors={**plant.sensors, **changed}), seed=measuring.seed, noise=measuring.noise)
 
 
 def _known_to_linear(definition: ScenarioFile) -> dict[str, str]:

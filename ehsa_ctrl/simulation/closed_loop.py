@@ -5,16 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.errors import InputError, SimulationError
-from ..core.protocol import MEASURED, Controller
+from ..core.protocol import MEASURED, REFERENCE, Controller
 from ..plant.plant import Plant
 from .compiled import engine
 from .engine import DONE, initial_carry, initial_modes, why_stopped
 from .sensors import Sensors
 from .trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 NO_CURRENT = 3
 
@@ -40,6 +45,24 @@ class ClosedLoop:
     def error(self) -> np.ndarray:
         """True position error r - x (N,) [m]."""
         return self.reference[:, 0] - self.trajectory["x"]
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a sample: the trajectory's columns, reference, measured values and the current asked for."""
+        table = self.trajectory.to_pandas()
+        for k, name in enumerate(REFERENCE):
+            table[f"reference_{name}"] = self.reference[:, k]
+        for k, name in enumerate(MEASURED):
+            table[f"measured_{name}"] = self.measured[:, k]
+        return table.assign(asked=self.asked)
+
+    def plot(self) -> Figure:
+        """The trajectory's figure."""
+        return self.trajectory.plot()
+
+    def __str__(self) -> str:
+        return f"{self.trajectory}\n  error {1e3 * abs(self.error[-1]):.4g} mm at the end"
+
+    __repr__ = __str__
 
     def first(self, samples: int) -> ClosedLoop:
         """The first samples of this run, to be put beside a run that ended early."""
