@@ -48,6 +48,9 @@ def main() -> None:
         sentence = " ".join(error.format_message().split()).rstrip(".")
         print(f"{command}: {sentence}; see {command} --help", file=sys.stderr)
         status = 2
+    except MemoryError as error:
+        print(f"ehsa-ctrl: out of memory ({error}); ask for fewer samples or runs", file=sys.stderr)
+        status = 2
     except (typer.Abort, KeyboardInterrupt):
         print("ehsa-ctrl: interrupted", file=sys.stderr)
         status = 130

@@ -8,6 +8,9 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 
+#: Longest excitation [s]: a working day.
+LONGEST = 8 * 3600.0
+
 
 def noise(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.ndarray:
     """Band-limited white noise, as in section 5 of the paper: 0.2 to 15 Hz, peaks near `amplitude` (3 sd), from zero.
@@ -75,8 +78,10 @@ def excitation(
     """
     if name not in EXCITATIONS:
         raise InputError(f"no excitation {name!r}; {choices(name, EXCITATIONS)}")
-    if not (np.isfinite(duration) and duration >= 2 * sample_time):
-        raise InputError(f"duration = {duration:g} s; expected at least two samples of {sample_time:g} s")
+    if not (np.isfinite(duration) and 2 * sample_time <= duration <= LONGEST):
+        raise InputError(
+            f"duration = {duration:g} s; expected at least two samples of {sample_time:g} s and at most {LONGEST:g} s"
+        )
     if not np.isfinite(amplitude):
         raise InputError(f"amplitude = {amplitude:g} A; expected a finite number")
     time = sample_time * np.arange(int(round(duration / sample_time)) + 1)

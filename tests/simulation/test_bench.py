@@ -25,6 +25,7 @@ def test_every_excitation_keeps_its_amplitude_and_seed(name):
     [
         ({"name": "stepz"}, "did you mean 'steps'"),
         ({"name": "sine", "duration": 0.0}, "at least two samples"),
+        ({"name": "sine", "duration": 1e8}, "at most 28800 s"),
         ({"name": "sine", "amplitude": float("nan")}, "finite"),
     ],
 )
