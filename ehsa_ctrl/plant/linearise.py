@@ -77,6 +77,8 @@ def operating_point(
     """
     from scipy.optimize import root
 
+    if not np.isfinite([position, velocity, 0.0 if pressure_level is None else pressure_level]).all():
+        raise InputError("position, velocity and pressure level of an operating point must be finite numbers")
     structure = plant.structure
     equations = structure.equations
     if velocity == 0.0 and any(structure.law(contact).sticks for contact in structure.system.contacts):

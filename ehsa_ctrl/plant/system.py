@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf
 
 ScalarFunction = Callable[..., float]
 
@@ -29,8 +28,8 @@ class ParameterKind:
     name: str
     unit: str
     meaning: str
-    lower: float = -inf
-    upper: float = inf
+    lower: float = -1e30
+    upper: float = 1e30
     lower_open: bool = False
 
 

@@ -97,6 +97,17 @@ class ScenarioFile(Definition):
     limits: dict[str, Limit] = {}
     expect_trips: list[str] = []
 
+    @model_validator(mode="after")
+    def _within(self) -> ScenarioFile:
+        late = [
+            at for at in (*self.reference.holds(), *(step.start for step in self.disturbance)) if at >= self.duration
+        ]
+        if late:
+            raise ValueError(
+                f"something is to happen at {late[0]:g} s, but duration is {self.duration:g} s; make it longer"
+            )
+        return self
+
     @field_validator("why")
     @classmethod
     def _said(cls, why: str) -> str:
