@@ -1,21 +1,67 @@
-"""A measured record: uniformly sampled channels in SI units, from a CSV and back."""
+"""A measured record: channels in SI units by name, from a CSV, Parquet or MAT file and back to CSV."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pandas
 
 from .errors import InputError, choices
 
-#: Channels in the order of the file, and the decimals that their sensors are worth.
-DECIMALS = {"t": 6, "current": 5, "speed": 4, "p1": 1, "p2": 1, "position": 7, "force": 3}
+if TYPE_CHECKING:
+    import pandas
+
+    from .table import Table
+
+
+class Channel(NamedTuple):
+    """What a channel is measured in, and the decimals that its sensor is worth."""
+
+    unit: str
+    decimals: int
+
+
+#: Channels in the order of the file. Spring pressures are those of gas springs beside the rod, absolute.
+CHANNELS = {
+    "t": Channel("s", 6),
+    "current": Channel("A", 5),
+    "current_measured": Channel("A", 5),
+    "speed": Channel("rad/s", 4),
+    "p1": Channel("Pa", 1),
+    "p2": Channel("Pa", 1),
+    "position": Channel("m", 7),
+    "velocity": Channel("m/s", 7),
+    "acceleration": Channel("m/s2", 5),
+    "force": Channel("N", 3),
+    "drive_force": Channel("N", 4),
+    "spring_p1": Channel("Pa", 1),
+    "spring_p2": Channel("Pa", 1),
+}
 
 #: A row may be this far from its place in the grid, in units of the sample time: loggers round their clocks.
 TIME_TOLERANCE = 0.05
+
+#: Longest step, in usual ones, over which jittered samples may be joined.
+LONGEST_STEP = 5.0
+
+
+@dataclass(frozen=True)
+class Column:
+    """Where a file keeps a channel: SI value = scale * column + offset; a negative scale turns the direction."""
+
+    column: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.scale) or self.scale == 0.0:
+            raise InputError(f"scale = {self.scale:g}: must be a finite number other than 0")
+        if not math.isfinite(self.offset):
+            raise InputError(f"offset = {self.offset:g}: must be a finite number")
 
 
 @dataclass(frozen=True)
@@ -25,13 +71,17 @@ class Log:
     Attributes
     ----------
     time: (N,) s.
-    channels: name -> (N,) values in SI units; names as in DECIMALS.
+    channels: name -> (N,) values in SI units; names as in CHANNELS.
     path: where it came from, if from a file.
+    missing: channels that were looked for and are not there.
+    before: what was recorded before this piece, if it was cut out of a longer log.
     """
 
     time: np.ndarray
     channels: Mapping[str, np.ndarray]
     path: Path | None = field(default=None, compare=False)
+    missing: tuple[str, ...] = ()
+    before: Log | None = field(default=None, compare=False, repr=False)
 
     def __getitem__(self, channel: str) -> np.ndarray:
         if channel not in self.channels:
@@ -45,70 +95,132 @@ class Log:
     def sample_time(self) -> float:
         return float((self.time[-1] - self.time[0]) / (self.time.size - 1))
 
+    def segment(self, start: float | None = None, stop: float | None = None, *, shortest: int = 2) -> Log:
+        """The samples from `start` to `stop` [s, the log's own time], both included; None is the log's own end.
+
+        Raises InputError if fewer than `shortest` samples are left.
+        """
+        slack = 1e-6 * self.sample_time
+        first = 0 if start is None else int(np.searchsorted(self.time, start - slack))
+        last = len(self) if stop is None else int(np.searchsorted(self.time, stop + slack, side="right"))
+        if last - first < shortest:
+            asked = f"{self.time[0] if start is None else start:g} to {self.time[-1] if stop is None else stop:g} s"
+            raise InputError(
+                f"{self.path or 'the log'}: from {asked} there are {max(last - first, 0)} samples; expected at least "
+                f"{shortest} (the log runs from {self.time[0]:g} to {self.time[-1]:g} s)"
+            )
+        earlier = self._slice(0, first, self.before) if first >= 2 else self.before
+        return self._slice(first, last, earlier)
+
+    def _slice(self, first: int, last: int, before: Log | None) -> Log:
+        channels = {name: values[first:last] for name, values in self.channels.items()}
+        return Log(self.time[first:last], channels, self.path, self.missing, before)
+
     def to_pandas(self) -> pandas.DataFrame:
+        import pandas
+
         return pandas.DataFrame({"t": self.time, **self.channels})
 
     def write(self, path: Path) -> None:
         """Write as CSV in the format of a measured log."""
         table = self.to_pandas()
         for name in table.columns:
-            table[name] = table[name].round(DECIMALS.get(name, 9))
+            table[name] = table[name].round(CHANNELS[name].decimals if name in CHANNELS else 9)
         table.to_csv(path, index=False)
 
 
-def read_log(path: str | Path, required: Sequence[str], *, shortest: int = 2) -> Log:
-    """Read a CSV with a header row, a column t and uniform sampling.
+def read_log(
+    path: str | Path,
+    required: Sequence[str],
+    *,
+    columns: Mapping[str, Column] | None = None,
+    shortest: int = 2,
+    uniform: bool = True,
+) -> Log:
+    """Read a log by the ending of its file: .csv (header row), .parquet, .mat; with time t and uniform sampling.
+
+    Parameters
+    ----------
+    required: channels that have to be there; others of CHANNELS are read where they are there.
+    columns: channel -> column of the file that holds it, "t" too. Channels that are not named here are found under
+        their own name. A file that has none of these columns is taken for one in the tool's own format.
+    uniform: False also takes time that jitters, but no gap of more than LONGEST_STEP usual steps.
 
     Raises
     ------
     InputError: no such file, no table, a required column missing, a value that is no finite number, time that does
         not advance or has a gap, fewer than `shortest` rows; one sentence that names file, column and row (the
-        header is row 1).
+        header of a CSV is row 1).
     """
+    # Plants know this module for their [log]; pandas is loaded only where a file is read.
+    from .table import read_table
+
     path = Path(path)
-    try:
-        table = pandas.read_csv(path, skipinitialspace=True)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError, pandas.errors.ParserError, pandas.errors.EmptyDataError) as error:
-        raise InputError(f"{path}: is no CSV table with a header row ({str(error).strip()})") from None
-    for column in ("t", *required):
-        if column not in table.columns:
-            raise InputError(f"{path}: has no column {column!r}; {choices(column, [str(c) for c in table.columns])}")
-    if len(table) < shortest:
-        raise InputError(f"{path}: has {len(table)} rows of data; expected at least {shortest}")
-    values = {}
-    for column in table.columns:
-        if column not in ("t", *required) and column not in DECIMALS:
-            continue
-        numbers = pandas.to_numeric(table[column], errors="coerce").to_numpy(dtype=float)
-        bad = np.flatnonzero(~np.isfinite(numbers))
-        if bad.size:
-            row = int(bad[0])
-            raise InputError(
-                f"{path}: column {column!r}, row {row + 2}: {str(table[column].iloc[row])!r} is no finite number"
-            )
-        values[str(column)] = numbers
+    table = read_table(path)
+    places = _places(table, dict(columns or {}))
+    for channel in ("t", *required):
+        if channel not in places:
+            wanted = (columns or {}).get(channel, Column(channel)).column
+            why = "" if wanted == channel else f", where the plant's [log] looks for {channel}"
+            raise InputError(f"{path}: has no column {wanted!r}{why}; {choices(wanted, table.names)}")
+    if len(table.frame) < shortest:
+        raise InputError(f"{path}: has {len(table.frame)} rows of data; expected at least {shortest}")
+    values = {channel: at.scale * table.numbers(at.column) + at.offset for channel, at in places.items()}
     time = values.pop("t")
-    check_time(path, time)
+    check_time(path, time, uniform=uniform, first_row=table.first_row)
     return Log(time, values, path)
 
 
-def check_time(path: Path | str, time: np.ndarray) -> None:
-    """Raise InputError unless time advances in equal steps; names the row of the first that does not."""
+def _places(table: Table, mapped: Mapping[str, Column]) -> dict[str, Column]:
+    """Where each channel stands in this file, those that don't left out."""
+    for channel in mapped:
+        if channel not in CHANNELS:
+            raise InputError(f"[log] {channel}: is no channel; {choices(channel, CHANNELS)}")
+    names = table.names
+    own_format = not any(at.column in names for at in mapped.values())
+    places = {}
+    for channel in CHANNELS:
+        at = Column(channel) if own_format else mapped.get(channel, Column(channel))
+        if at.column in names:
+            places[channel] = at
+    return places
+
+
+def check_time(path: Path | str, time: np.ndarray, *, uniform: bool = True, first_row: int = 2) -> None:
+    """Raise InputError unless time advances in equal steps; names the row of the first that does not.
+
+    With uniform=False it may jitter, but neither stand still nor have a gap.
+    """
     step = np.diff(time)
     usual = float(np.median(step))
     if usual <= 0:
         raise InputError(f"{path}: column 't' does not advance; expected seconds, growing in equal steps")
-    grid = time[0] + (time[-1] - time[0]) * np.arange(time.size) / (time.size - 1)
-    off = np.flatnonzero(np.abs(step - usual) > 2 * TIME_TOLERANCE * usual)
+    back = np.flatnonzero(step <= 0.0)
+    if back.size:
+        row = int(back[0])
+        raise InputError(
+            f"{path}: column 't', row {row + 1 + first_row}: {time[row + 1]:g} s comes after {time[row]:g} s; time "
+            "must grow from row to row"
+        )
+    longest = 1.0 + 2 * TIME_TOLERANCE if uniform else LONGEST_STEP
+    off = np.flatnonzero((step > longest * usual) | ((step < (1 - 2 * TIME_TOLERANCE) * usual) & uniform))
+    if uniform and off.size > 0.02 * step.size and np.max(step) <= LONGEST_STEP * usual and off.size > 2:
+        raise InputError(
+            f"{path}: column 't' jitters: {off.size} of {step.size} steps differ by more than "
+            f"{200 * TIME_TOLERANCE:.0f} % from {usual:g} s, the first in row {int(off[0]) + 1 + first_row}; resample "
+            f"it to a rate, for instance {1 / usual:.4g} Hz"
+        )
     if off.size:
         row = int(off[0])
         what = "a gap" if step[row] > 1.5 * usual else "a step"
         raise InputError(
-            f"{path}: column 't', row {row + 3}: {what} of {step[row]:g} s after {time[row]:g} s, where the other rows "
-            f"are {usual:g} s apart; expected uniform sampling"
+            f"{path}: column 't', row {row + 1 + first_row}: {what} of {step[row]:g} s after {time[row]:g} s, where "
+            f"the other rows are {usual:g} s apart; expected uniform sampling"
         )
+    grid = time[0] + (time[-1] - time[0]) * np.arange(time.size) / (time.size - 1)
     drift = np.flatnonzero(np.abs(time - grid) > 0.5 * usual)
-    if drift.size:
-        raise InputError(f"{path}: column 't', row {int(drift[0]) + 2}: the sample time changes within the log")
+    if uniform and drift.size:
+        raise InputError(
+            f"{path}: column 't', row {int(drift[0]) + first_row}: the sample time changes within the log; resample it "
+            f"to one rate, for instance {1 / usual:.4g} Hz"
+        )

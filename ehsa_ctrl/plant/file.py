@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from ..core.definition import Definition
+from ..core.definition import Definition, Hertz, Second
 from ..core.errors import InputError
 from ..core.parameter import SOURCES, Parameter, check_range
 from ..core.unit import factor
@@ -23,8 +23,27 @@ LIMIT_UNITS = {
     "stroke": "m",
 }
 
+#: The state without which a limit means nothing.
+LIMIT_STATES = {
+    **dict.fromkeys(("pump_speed", "motor_speed", "motor_torque", "motor_power", "current_rms"), "omega"),
+    **dict.fromkeys(("pressure_max", "pressure_min"), "P_1"),
+    "stroke": "x",
+}
+
 #: What the bench measures, with its SI unit.
-CHANNEL_UNITS = {"current": "A", "speed": "rad/s", "p1": "Pa", "p2": "Pa", "position": "m", "force": "N"}
+CHANNEL_UNITS = {
+    "current": "A",
+    "speed": "rad/s",
+    "p1": "Pa",
+    "p2": "Pa",
+    "position": "m",
+    "force": "N",
+    "velocity": "m/s",
+    "acceleration": "m/s2",
+    "drive_force": "N",
+    "spring_p1": "Pa",
+    "spring_p2": "Pa",
+}
 
 #: The words for the load in TOML and on the command line, and the letters in the equations.
 LOAD_LETTERS = {"stiffness": "K_S", "preload": "F_pre", "hardening": "k_3", "mass": "m_L", "force": "F_0"}
@@ -74,21 +93,47 @@ class Quantity(Definition):
 
 
 class SensorFile(Definition):
-    """White noise (one standard deviation), converter step and delay of one channel; absent means none."""
+    """White noise (one standard deviation), converter step, delay, scale and bias of one channel; absent: none."""
 
     noise: Quantity | None = None
     step: Quantity | None = None
     delay: Quantity | None = None
+    scale: Quantity | None = None
+    bias: Quantity | None = None
+
+
+class EstimationFile(Definition):
+    """How `identify` estimates a model: by its simulation or by its balances, and how those are filtered.
+
+    beside: whether, with balances, the simulation is tried as well; not where it lacks what the machine does.
+    """
+
+    method: Literal["simulation", "balances"] = "simulation"
+    balances: Literal["weak", "filtered"] = "weak"
+    width: Second | None = None
+    cutoff: Hertz = 100.0
+    parallel: Hertz | None = None
+    beside: bool = True
 
 
 class ModelFile(Definition):
-    """Structure and identified parameters of one model of the plant."""
+    """Structure and identified parameters of one model of the plant; `free` is what `identify` estimates."""
 
-    shaft_friction: str
-    rod_friction: str
-    chambers: str
+    shaft_friction: str | None = None
+    rod_friction: str | None = None
+    chambers: str | None = None
     effects: list[str] = []
+    free: list[str] | None = None
+    estimation: EstimationFile = EstimationFile()
     parameters: dict[str, Quantity]
+
+
+class ColumnFile(Definition):
+    """Where somebody else's logs keep a channel: SI value = scale * column + offset."""
+
+    column: str
+    scale: float = 1.0
+    offset: float = 0.0
 
 
 class SamplingFile(Definition):
@@ -100,7 +145,7 @@ class PlantFile(Definition):
 
     schema_version: Literal[1] = Field(alias="schema")
     title: str
-    system: Literal["ehsa"]
+    system: str
     note: str = ""
     parameters: dict[str, Quantity]
     linear: ModelFile | None = None
@@ -109,3 +154,4 @@ class PlantFile(Definition):
     limits: dict[str, Quantity] = {}
     sampling: SamplingFile
     sensors: dict[str, SensorFile] = {}
+    log: dict[str, ColumnFile] = {}

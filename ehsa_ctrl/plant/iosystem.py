@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .linear import INPUTS
 from .plain import evaluator
 from .plant import Plant
 
@@ -44,7 +43,8 @@ def to_iosystem(plant: Plant, *, widths: dict[str, float] | None = None) -> cont
         states = {name: float(value) for name, value in zip(names, x, strict=True)}
         # Exactly at rest tanh gives 0, which the equations read as stuck for good; the least motion frees it.
         directions = {name: tanh(float(x[i]) / wide) or 1e-300 for name, i, wide in contacts}
-        found = signals(**{**params, **states, **directions}, current=float(u[0]), F_D=float(u[1]))
+        inputs = {name: float(value) for name, value in zip(equations.inputs, u, strict=True)}
+        found = signals(**{**params, **states, **directions, **inputs})
         return [found[rate] for rate in equations.rates]
 
     return control.nlsys(
@@ -52,7 +52,7 @@ def to_iosystem(plant: Plant, *, widths: dict[str, float] | None = None) -> cont
         None,
         name=plant.name,
         states=names,
-        inputs=list(INPUTS),
+        inputs=list(equations.inputs),
         outputs=names,
         params=plant.values,
     )

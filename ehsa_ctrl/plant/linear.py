@@ -1,6 +1,6 @@
 """The paper's linear models as `control.StateSpace`: (6) with four states and (7) with three, each plus position.
 
-The matrices are written out here as the paper prints them; the equations of `nonlinear.py` know nothing of it, so
+The matrices are written out here as the paper prints them; the equations of `systems/ehsa.py` know nothing of it, so
 that `linearise` can be held against this text.
 """
 
@@ -21,6 +21,10 @@ INPUTS = ("current", "F_D")
 
 def _require_linear(plant: Plant) -> None:
     structure = plant.structure
+    if structure.system_name != "ehsa":
+        raise InputError(
+            f"{plant.name} is a {structure.system_name!r} system; the linear models are made for 'ehsa' alone"
+        )
     laws = (structure.shaft_friction, structure.rod_friction)
     if laws != ("viscous", "viscous") or structure.chambers != "constant" or structure.effects:
         raise InputError(

@@ -36,7 +36,7 @@ def _jacobian(structure: Structure) -> tuple[Callable[..., Any], Callable[..., A
     """Plain functions (constants, entries) of the Jacobian by states and inputs, and where the entries stand."""
     equations = structure.equations
     tape = build_tape(equations)
-    seeds = [*(state.name for state in equations.states), *INPUTS]
+    seeds = [*(state.name for state in equations.states), *equations.inputs]
     tangent = Tangent(tape, seeds)
     entries = []
     refs = []
@@ -59,7 +59,7 @@ def jacobian(plant: Plant, point: OperatingPoint) -> tuple[np.ndarray, np.ndarra
     c = constants([float(value) for value in plant.vector])
     values = function(**point.states, **point.inputs, **point.directions, c=c)
     n = len(plant.structure.equations.states)
-    full = np.zeros((n, n + len(INPUTS)))
+    full = np.zeros((n, n + 2))
     for (row, column), value in zip(entries, values, strict=True):
         full[row, column] = value
     return full[:, :n], full[:, n:]
@@ -81,6 +81,10 @@ def operating_point(
         raise InputError("position, velocity and pressure level of an operating point must be finite numbers")
     structure = plant.structure
     equations = structure.equations
+    if structure.system_name != "ehsa":
+        raise InputError(
+            f"{plant.name} is a {structure.system_name!r} system; the linear models are made for 'ehsa' alone"
+        )
     if velocity == 0.0 and any(structure.law(contact).sticks for contact in structure.system.contacts):
         raise InputError(
             f"velocity = 0: the {plant.model} model of {plant.name} sticks at rest, so that no linear model "

@@ -2,34 +2,59 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ..core.catalogue import plants
 from ..core.definition import read_definition
 from ..core.errors import InputError, choices
+from ..core.log import CHANNELS, Column
 from ..core.parameter import Parameter, check_range
 from ..core.unit import parse
 from ..physics.effects import EFFECTS
-from .file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_LETTERS, ModelFile, PlantFile, Quantity, SensorFile
+from .file import (
+    CHANNEL_UNITS,
+    LIMIT_STATES,
+    LIMIT_UNITS,
+    LOAD_LETTERS,
+    EstimationFile,
+    ModelFile,
+    PlantFile,
+    Quantity,
+    SensorFile,
+)
 from .structure import Structure
+
+#: What of a sensor can be set and estimated: bias in the channel's unit, scale (1 is neutral), delay in s.
+SENSOR_WORDS = ("bias", "scale", "delay")
 
 Model = Literal["linear", "nonlinear"]
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """One channel of the bench: white noise (one standard deviation), converter step (0: none) and delay in s."""
+    """One channel of the bench: scale * (what it measures, `delay` seconds ago) + bias, noisy, then rounded.
+
+    noise is one standard deviation, step that of the converter (0: none).
+    """
 
     channel: str
     unit: str
     noise: float = 0.0
     step: float = 0.0
     delay: float = 0.0
+    scale: float = 1.0
+    bias: float = 0.0
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of noise and rounding together."""
+        return math.hypot(self.noise, self.step / math.sqrt(12.0))
 
 
 @dataclass(frozen=True)
@@ -46,6 +71,9 @@ class Plant:
     limits: what is watched in a run, by the names of `file.LIMIT_UNITS`.
     sensors: by channel.
     sample_time: s.
+    free: what `identify` estimates unless told otherwise: `free` of the file's model, or what it calls identified.
+    estimation: how it does.
+    log: channel -> where this rig's logs keep it, if not under its own name and in SI units.
     path: the file it was read from.
     """
 
@@ -57,6 +85,9 @@ class Plant:
     limits: Mapping[str, Parameter]
     sensors: Mapping[str, Sensor]
     sample_time: float
+    free: tuple[str, ...] = ()
+    estimation: EstimationFile = field(default_factory=EstimationFile)
+    log: Mapping[str, Column] = field(default_factory=dict)
     path: Path | None = field(default=None, compare=False)
 
     def __getitem__(self, letter: str) -> float:
@@ -75,9 +106,10 @@ class Plant:
 
     @property
     def rest(self) -> np.ndarray:
-        """State (n_states,) at rest: x = x_0, P_1 = P_2 = P_0."""
-        start = {"P_1": self["P_0"], "P_2": self["P_0"], "x": self["x_0"]}
-        return np.array([start.get(state.name, 0.0) for state in self.structure.equations.states])
+        """State (n_states,) at rest: x = x_0, P_1 = P_2 = P_0, as far as the system has them."""
+        start = self.structure.system.start
+        states = [state.name for state in self.structure.equations.states]
+        return np.array([self[start[name]] if name in start else 0.0 for name in states])
 
     def set(self, **values: float) -> Plant:
         """The same plant with other values (SI units), e.g. plant.set(K_S=50e3, K_T=1.1).
@@ -121,9 +153,10 @@ class Plant:
         structure = self.structure
         lines = [
             f"{self.name} ({self.model}): {self.title}",
-            f"  friction: shaft {structure.shaft_friction}, rod {structure.rod_friction}",
-            f"  chambers: {structure.chambers}",
+            "  friction: " + ", ".join(f"{c.name} {structure.law(c).name}" for c in structure.system.all_contacts),
         ]
+        if structure.chambers is not None:
+            lines.append(f"  chambers: {structure.chambers}")
         if structure.effects:
             lines.append(f"  effects: {', '.join(structure.effects)}")
         lines += [f"  {p.name:<10} {p.value:>12.6g} {p.unit:<10} {p.source}" for p in self.parameters.values()]
@@ -161,7 +194,7 @@ def load_plant(
         known = [word for word in ("linear", "nonlinear") if getattr(file, word) is not None]
         raise InputError(f"{path}: has no [{model}] model; {choices(model, known)}")
     try:
-        structure = Structure(part.shaft_friction, part.rod_friction, part.chambers, tuple(part.effects))
+        structure = Structure(part.shaft_friction, part.rod_friction, part.chambers, tuple(part.effects), file.system)
     except InputError as error:
         raise InputError(f"{path}: [{model}] {error}") from None
     plant = Plant(
@@ -170,13 +203,48 @@ def load_plant(
         model=model,
         structure=structure,
         parameters=_parameters(path, file, part, model, structure),
-        limits=_limits(path, file),
-        sensors=_sensors(path, file),
+        limits=_limits(path, file, structure),
+        sensors=_sensors(path, file, structure),
+        free=_free(path, file, part, model, structure),
+        estimation=part.estimation,
+        log=_log_columns(path, file),
         sample_time=file.sampling.period.parameter("period", "s", f"{path}: [sampling] period").value,
         path=path,
     )
     check_range(f"{path}: [sampling] period.value", plant.sample_time, "s", 0.0, 1.0, lower_open=True)
-    return plant.set(**read_settings(plant, settings or {}))
+    return with_settings(plant, settings or {})
+
+
+def models_of(name: str | Path) -> tuple[Model, ...]:
+    """Which parameter sets a plant's file has. Raises InputError as load_plant does."""
+    file = read_definition(plants.find(name), PlantFile)
+    words: tuple[Model, ...] = ("linear", "nonlinear")
+    return tuple(word for word in words if getattr(file, word) is not None)
+
+
+def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:
+    """The plant as it is believed for one run: letters, load.WORD, and bias.CHANNEL, scale.CHANNEL, delay.CHANNEL.
+
+    Raises InputError naming the key.
+    """
+    sensors, letters = dict(plant.sensors), {}
+    for key, given in settings.items():
+        word, dot, channel = key.partition(".")
+        if not dot or word not in SENSOR_WORDS:
+            letters[key] = given
+            continue
+        if channel not in sensors:
+            raise InputError(f"{key}: {plant.name} has no sensor {channel!r}; {choices(channel, sensors)}")
+        unit = {"scale": "1", "delay": "s"}.get(word, sensors[channel].unit)
+        try:
+            value = _number(given, unit)
+            lower = 0.0 if word != "bias" else float("-inf")
+            check_range(key, value, unit, lower, float("inf"), lower_open=word == "scale")
+        except InputError as error:
+            raise InputError(str(error) if str(error).startswith(key) else f"{key}: {error}") from None
+        changed: dict[str, Any] = {word: value}
+        sensors[channel] = replace(sensors[channel], **changed)
+    return replace(plant, sensors=sensors).set(**read_settings(plant, letters))
 
 
 def read_settings(plant: Plant, settings: Mapping[str, str | float]) -> dict[str, float]:
@@ -238,20 +306,48 @@ def _parameters(path: Path, file: PlantFile, part: ModelFile, model: str, struct
     return {name: found[name] for name in kinds}
 
 
-def _limits(path: Path, file: PlantFile) -> dict[str, Parameter]:
+def _free(path: Path, file: PlantFile, part: ModelFile, model: str, structure: Structure) -> tuple[str, ...]:
+    """What `identify` estimates by default, in the order of the equations."""
+    known = structure.equations.parameter_names
+    if part.free is None:
+        identified = {name for name, q in {**file.parameters, **part.parameters}.items() if q.source == "identified"}
+        return tuple(name for name in known if name in identified)
+    for name in part.free:
+        if name not in known:
+            raise InputError(f"{path}: [{model}] free: {name!r} is no parameter of this model; {choices(name, known)}")
+    return tuple(part.free)
+
+
+def _limits(path: Path, file: PlantFile, structure: Structure) -> dict[str, Parameter]:
     limits = {}
+    states = [state.name for state in structure.system.states]
     for name, quantity in file.limits.items():
         if name not in LIMIT_UNITS:
             raise InputError(f"{path}: [limits] {name}: unknown limit; {choices(name, LIMIT_UNITS)}")
+        if LIMIT_STATES[name] not in states:
+            raise InputError(f"{path}: [limits] {name}: the system {file.system!r} has no such thing; leave it out")
         limits[name] = quantity.parameter(name, LIMIT_UNITS[name], f"{path}: [limits] {name}")
     return limits
 
 
-def _sensors(path: Path, file: PlantFile) -> dict[str, Sensor]:
+def _log_columns(path: Path, file: PlantFile) -> dict[str, Column]:
+    columns = {}
+    for channel, at in file.log.items():
+        if channel not in CHANNELS:
+            raise InputError(f"{path}: [log] {channel}: unknown channel; {choices(channel, CHANNELS)}")
+        try:
+            columns[channel] = Column(at.column, at.scale, at.offset)
+        except InputError as error:
+            raise InputError(f"{path}: [log] {channel}: {error}") from None
+    return columns
+
+
+def _sensors(path: Path, file: PlantFile, structure: Structure) -> dict[str, Sensor]:
+    known = structure.system.channels
     for channel in file.sensors:
-        if channel not in CHANNEL_UNITS:
-            raise InputError(f"{path}: [sensors.{channel}]: unknown channel; {choices(channel, CHANNEL_UNITS)}")
-    return {channel: _sensor(path, channel, file.sensors.get(channel)) for channel in CHANNEL_UNITS}
+        if channel not in known:
+            raise InputError(f"{path}: [sensors.{channel}]: unknown channel; {choices(channel, known)}")
+    return {channel: _sensor(path, channel, file.sensors.get(channel)) for channel in known}
 
 
 def _sensor(path: Path, channel: str, sensor: SensorFile | None) -> Sensor:
@@ -263,9 +359,12 @@ def _sensor(path: Path, channel: str, sensor: SensorFile | None) -> Sensor:
         ("noise", sensor.noise, unit),
         ("step", sensor.step, unit),
         ("delay", sensor.delay, "s"),
+        ("scale", sensor.scale, "1"),
+        ("bias", sensor.bias, unit),
     ):
         if quantity is not None:
             where = f"{path}: [sensors.{channel}] {name}"
             values[name] = quantity.parameter(name, si, where).value
-            check_range(where, values[name], si, 0.0, float("inf"))
+            lower = 0.0 if name != "bias" else float("-inf")
+            check_range(where, values[name], si, lower, float("inf"), lower_open=name == "scale")
     return Sensor(channel, unit, **values)

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 from ..core.errors import InputError, choices
 from ..physics.effects import EFFECTS
 from ..physics.friction import LAWS, LETTERS, FrictionLaw, held
-from .nonlinear import CHAMBER_FORMS, EHSA
-from .system import Contact, ParameterKind, ScalarFunction, State, System
+from .system import Balance, Contact, ParameterKind, ScalarFunction, State, System
+from .systems import SYSTEMS
 
 
 @dataclass(frozen=True)
@@ -24,35 +24,67 @@ class Structure:
 
     Attributes
     ----------
-    shaft_friction, rod_friction: names of the friction family.
-    chambers: "stroke" as in (11) or "constant" as in (6).
+    shaft_friction, rod_friction: names of the friction family; None where the system has no such contact.
+    chambers: "stroke" as in (11) or "constant" as in (6); None for a system without chambers.
     effects: names of effects, applied in this order where two change the same signal.
+    system_name: name of the system, a file of `systems/`.
     """
 
-    shaft_friction: str = "stribeck"
-    rod_friction: str = "stribeck"
-    chambers: str = "stroke"
+    shaft_friction: str | None = "stribeck"
+    rod_friction: str | None = "stribeck"
+    chambers: str | None = "stroke"
     effects: tuple[str, ...] = ()
+    system_name: str = field(default="ehsa", repr=False)
 
     def __post_init__(self) -> None:
-        words: list[tuple[str, str, Mapping[str, object]]] = [
-            ("shaft_friction", self.shaft_friction, LAWS),
-            ("rod_friction", self.rod_friction, LAWS),
-            ("chambers", self.chambers, CHAMBER_FORMS),
+        if self.system_name not in SYSTEMS:
+            raise InputError(f"system = {self.system_name!r} is not known; {choices(self.system_name, SYSTEMS)}")
+        contacts = {contact.name for contact in self.system.all_contacts}
+        words: list[tuple[str, str | None, Mapping[str, object]]] = [
+            ("shaft_friction", self.shaft_friction, LAWS if "shaft" in contacts else {}),
+            ("rod_friction", self.rod_friction, LAWS if "rod" in contacts else {}),
+            ("chambers", self.chambers, self.system.chamber_forms),
             *(("effects", effect, EFFECTS) for effect in self.effects),
         ]
         for key, name, known in words:
-            if name not in known:
+            if name is None and known:
+                raise InputError(f"{key} is missing; known: {', '.join(sorted(known))}")
+            if name is not None and not known:
+                raise InputError(f"{key} = {name!r}: the system {self.system_name!r} has none; leave it out")
+            if name is not None and name not in known:
                 raise InputError(f"{key} = {name!r} is not known; {choices(name, known)}")
         if len(set(self.effects)) < len(self.effects):
             raise InputError(f"effects = {list(self.effects)} names an effect twice; name each once")
+        self._check_fit()
+
+    def _check_fit(self) -> None:
+        """Words that are known but do nothing in this system are mistakes too."""
+        system = self.system
+        for contact in system.prescribed:
+            if self.law(contact).state_rate is not None:
+                raise InputError(
+                    f"{contact.name}_friction = {self.law(contact).name!r}: a law with an inner state needs a motion "
+                    f"that is solved for, and {system.name!r} prescribes it; choose another law"
+                )
+        known = {*(signal for signal, _ in system.equations), *system.inputs, *(state.name for state in system.states)}
+        known |= {contact.friction for contact in system.all_contacts}
+        known |= {signal for form in system.chamber_forms.values() for signal, _ in form}
+        for name in self.effects:
+            if not known.issuperset(EFFECTS[name].changes):
+                missing = ", ".join(sorted(set(EFFECTS[name].changes) - known))
+                raise InputError(f"effects: {name!r} changes {missing}, which the system {system.name!r} does not have")
+
+    def __str__(self) -> str:
+        return repr(self) if self.system_name == "ehsa" else f"{self.system_name} {self!r}"
 
     @property
     def system(self) -> System:
-        return EHSA
+        return SYSTEMS[self.system_name]
 
     def law(self, contact: Contact) -> FrictionLaw:
-        return LAWS[self.shaft_friction if contact.name == "shaft" else self.rod_friction]
+        word = self.shaft_friction if contact.name == "shaft" else self.rod_friction
+        assert word is not None
+        return LAWS[word]
 
     @property
     def equations(self) -> Equations:
@@ -81,11 +113,14 @@ class Equations:
     ----------
     states: all states, those of the system first, then inner states of friction laws.
     rates: for each state the signal that is its time derivative.
-    inputs: current and outer force.
+    inputs: two, what drives the system and what acts from outside: current and outer force for the EHSA.
     directions: sliding direction of each contact, set by the mode the contact is in.
     parameters: what has to be given as numbers, in a fixed order.
     calls: the equations; every argument is a state, input, direction, parameter or an earlier target.
     signals: the last name of each signal, after all effects, e.g. signals["Q_1"] == "Q_1__relief_valve".
+    residuals: the system's balances, wired likewise: for each the names of its residuals among `residual_calls`.
+    residual_calls: equations that the balances need beyond `calls`; a simulation does without them.
+    measured: names that only the residual calls ask for: STATE_rate, CHANNEL_measured, directions of prescribed motion.
     """
 
     structure: Structure
@@ -96,14 +131,22 @@ class Equations:
     parameters: tuple[ParameterKind, ...]
     calls: tuple[Call, ...]
     signals: Mapping[str, str]
+    residuals: tuple[tuple[str, ...], ...]
+    residual_calls: tuple[Call, ...]
+    measured: tuple[str, ...]
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         return tuple(parameter.name for parameter in self.parameters)
 
     def index(self, state: str) -> int:
-        """Position of a state in the state vector."""
-        return [s.name for s in self.states].index(state)
+        """Position of a state in the state vector. Raises InputError for a state that the system does not have."""
+        names = [s.name for s in self.states]
+        if state not in names:
+            raise InputError(
+                f"{state!r} is no state of the system {self.structure.system_name!r}; {choices(state, names)}"
+            )
+        return names.index(state)
 
 
 class _Wiring:
@@ -115,9 +158,10 @@ class _Wiring:
         self.sources: dict[str, tuple[ScalarFunction, dict[str, str]]] = {}
         self.states: list[State] = list(system.states)
         kinds = {kind.name: kind for kind in system.parameters}
-        for signal, function in (*system.equations, *CHAMBER_FORMS[structure.chambers]):
+        chambers = () if structure.chambers is None else system.chamber_forms[structure.chambers]
+        for signal, function in (*system.equations, *chambers):
             self.sources[signal] = (function, {})
-        for contact in system.contacts:
+        for contact in system.all_contacts:
             law = structure.law(contact)
             names = {letter: contact.letter(letter) for letter in LETTERS}
             names |= {"direction": contact.direction, "speed": contact.velocity}
@@ -144,6 +188,11 @@ class _Wiring:
                 )
         self.kinds = kinds
         self.given = {s.name for s in self.states} | set(system.inputs) | {c.direction for c in system.contacts}
+        self.measured = (
+            *(f"{name}_rate" for name in [*(s.name for s in system.states), *system.inputs]),
+            *(f"{channel}_measured" for channel in system.channels),
+            *(contact.direction for contact in system.prescribed),
+        )
         self.calls: list[Call] = []
         self.placed: dict[str, str] = {}
         self.open: list[str] = []
@@ -175,6 +224,16 @@ class _Wiring:
         self.placed[name] = current
         return current
 
+    def residuals(self, balance: Balance) -> tuple[str, ...]:
+        """Place the residuals of a balance, for which the measured names may be asked; returns their names."""
+        self.given |= set(self.measured)
+        names = [f"{balance.name}__{function.__name__}" for function in balance.residuals]
+        for term in (*balance.terms, *balance.closed):
+            self.place(term)
+        for name, function in zip(names, balance.residuals, strict=True):
+            self._call(name, function, {})
+        return tuple(names)
+
     def _call(
         self, target: str, function: ScalarFunction, names: Mapping[str, str], ready: set[str] | None = None
     ) -> str:
@@ -193,11 +252,13 @@ def _wire(structure: Structure) -> Equations:
     rates = tuple(wiring.place(f"{state.name}_dot") for state in wiring.states)
     for signal, _ in system.equations:
         wiring.place(signal)
+    calls, signals = tuple(wiring.calls), dict(wiring.placed)
+    residuals = tuple(wiring.residuals(balance) for balance in system.balances)
     for contact in system.contacts:
         law = structure.law(contact)
         if law.band is not None:
             wiring.used.add(contact.letter(law.band))
-    wiring.used |= {"P_0", "x_0"}
+    wiring.used |= set(system.start.values())
     for name in structure.effects:
         wiring.used |= {parameter.name for parameter in EFFECTS[name].parameters}
     return Equations(
@@ -207,6 +268,9 @@ def _wire(structure: Structure) -> Equations:
         inputs=system.inputs,
         directions=tuple(contact.direction for contact in system.contacts),
         parameters=tuple(kind for kind in wiring.kinds.values() if kind.name in wiring.used),
-        calls=tuple(wiring.calls),
-        signals=dict(wiring.placed),
+        calls=calls,
+        signals=signals,
+        residuals=residuals,
+        residual_calls=tuple(wiring.calls[len(calls) :]),
+        measured=tuple(name for name in wiring.measured if name in wiring.placed),
     )

@@ -6,8 +6,9 @@ other signals it needs. That is the whole wiring; an order of evaluation follows
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
 
 ScalarFunction = Callable[..., float]
 
@@ -39,8 +40,8 @@ class Contact:
 
     Attributes
     ----------
-    name: "shaft" or "rod".
-    velocity: state that is the sliding speed.
+    name: "shaft" or "rod"; a plant's TOML chooses its law with shaft_friction or rod_friction.
+    velocity: state that is the sliding speed (an input where the motion is prescribed).
     net: signal, what drives the contact apart from friction (N m or N).
     friction: signal, the friction that the law of the plant's structure gives.
     direction: name of the sliding direction in the equations, +1 or -1.
@@ -48,6 +49,7 @@ class Contact:
     effort_unit, length_unit: N m and rad, or N and m.
     effort_scale: size of an effort that matters, the unit in which the engine finds a breakaway.
     bristle: name and size of the inner state of a law that has one.
+    letters: letters of the family that have a name of their own here, e.g. {"A": "Fc"}.
     """
 
     name: str
@@ -60,19 +62,82 @@ class Contact:
     length_unit: str
     effort_scale: float
     bristle: State
+    letters: Mapping[str, str] = field(default_factory=dict)
 
     def letter(self, letter: str) -> str:
         """A of the family is A_FM here."""
-        return f"{letter}_{self.suffix}"
+        return self.letters.get(letter, f"{letter}_{self.suffix}")
+
+
+@dataclass(frozen=True)
+class Balance:
+    """A sum that is zero in the true plant: what parameters are estimated from without a simulation.
+
+    Residual functions are wired by name like all equations. Beside states, inputs, signals and parameters they may
+    ask for measured things: `omega_rate` is the measured rate of the state omega, `force_measured` the log's channel
+    force. A residual must be linear in the parameters that are to be estimated, tau and beta apart.
+
+    Attributes
+    ----------
+    name: for tables.
+    unit: of the residual.
+    residuals: functions; those of one balance are solved together because they share parameters.
+    terms: one signal, input or measured channel for each residual, against which its size is judged.
+    contacts: names of contacts whose friction stands in it; samples where one of these sticks are left out.
+    without: channel whose presence makes this balance superfluous.
+    closed: for each residual a signal that must be zero for it to be used: a valve's flow, which nothing measures.
+    """
+
+    name: str
+    unit: str
+    residuals: tuple[ScalarFunction, ...]
+    terms: tuple[str, ...]
+    contacts: tuple[str, ...] = ()
+    without: str | None = None
+    closed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class System:
-    """States, inputs, contacts, equations: everything but friction laws, chamber form, effects and numbers."""
+    """States, inputs, contacts, equations: everything but friction laws, chamber form, effects and numbers.
+
+    Attributes
+    ----------
+    inputs: two of them: what drives the system and what acts on it from outside.
+    drives: input -> the log's channel that drives it in a replay of a log.
+    outputs: the log's channel -> the state it measures; what a simulation is held against.
+    hold: how the drives act between the samples of a log: "zero_order" or "first_order".
+    chamber_forms: word in a plant's TOML -> equations of the chamber volumes; empty for a system without chambers.
+    start: state -> parameter that is its value at rest; the other states are zero there.
+    cell: signal that a load cell reads; None where the equations have none.
+    prescribed: contacts whose motion is an input; their friction stands in balances alone.
+    balances: in the order in which they are solved; a parameter found in one is known in the next.
+    measured: channels beside drives and outputs that balances use.
+    """
 
     name: str
     states: tuple[State, ...]
     inputs: tuple[str, ...]
+    drives: Mapping[str, str]
+    outputs: Mapping[str, str]
     contacts: tuple[Contact, ...]
     equations: tuple[tuple[str, ScalarFunction], ...]
     parameters: tuple[ParameterKind, ...]
+    hold: Literal["zero_order", "first_order"] = "zero_order"
+    title: str = ""
+    chamber_forms: Mapping[str, tuple[tuple[str, ScalarFunction], ...]] = field(default_factory=dict)
+    start: Mapping[str, str] = field(default_factory=dict)
+    cell: str | None = None
+    prescribed: tuple[Contact, ...] = ()
+    balances: tuple[Balance, ...] = ()
+    measured: tuple[str, ...] = ()
+
+    @property
+    def all_contacts(self) -> tuple[Contact, ...]:
+        """Contacts that the simulation solves for, then those whose motion is prescribed."""
+        return (*self.contacts, *self.prescribed)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Every channel of a log that means something to this system."""
+        return tuple(dict.fromkeys([*self.drives.values(), *self.outputs, *self.measured]))

@@ -88,7 +88,9 @@ class Tangent:
             case "log":
                 return (emit("/", one, args[0]),)
             case "sqrt":
-                return (emit("/", constant(0.5), ref),)
+                # At zero the slope is infinite, and what stands behind it is constant (max(x, 0)): nothing comes of it.
+                zero = constant(0.0)
+                return (emit("select", emit("<", zero, ref), emit("/", constant(0.5), ref), zero),)
             case "sin":
                 return (emit("cos", args[0]),)
             case "cos":

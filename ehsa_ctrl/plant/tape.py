@@ -177,13 +177,17 @@ class _Inlining:
         raise self.fail(node, "calls something that is neither of `math` nor a physics function")
 
 
-def build_tape(equations: Equations) -> Tape:
-    """Put all equations of a structure on a tape; `tape.refs` then has every signal by name."""
+def build_tape(equations: Equations, *, residuals: bool = False) -> Tape:
+    """Put all equations of a structure on a tape; `tape.refs` then has every signal by name.
+
+    With residuals=True the system's balances are there too, and what they measure is among the inputs.
+    """
+    measured = equations.measured if residuals else ()
     tape = Tape(
-        inputs=[*(s.name for s in equations.states), *equations.inputs, *equations.directions],
+        inputs=[*(s.name for s in equations.states), *equations.inputs, *equations.directions, *measured],
         parameters=equations.parameter_names,
     )
-    for call in equations.calls:
+    for call in (*equations.calls, *(equations.residual_calls if residuals else ())):
         tape.refs[call.target] = tape.call(
             call.function, {argument: tape.refs[name] for argument, name in call.arguments.items()}
         )

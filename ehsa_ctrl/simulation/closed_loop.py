@@ -116,11 +116,11 @@ def run_closed_loop(
         raise InputError(f"lag = {lag}; expected a whole number of samples, 0 or more")
     sensors = sensors or Sensors.of(plant, ideal=True)
     dt = controller.sample_time
-    noise, resolution, delay = sensors.tables(samples, dt)
+    scale, noise, resolution, delay = sensors.tables(samples, dt)
     state = np.array(plant.rest if start is None else start, dtype=float)
     n = state.size
     states = np.full((samples, n), np.nan)
-    modes = np.zeros((samples, 2), dtype=np.int8)
+    modes = np.zeros((samples, len(plant.structure.system.contacts)), dtype=np.int8)
     measured = np.full((samples, len(MEASURED)), np.nan)
     asked = np.full(samples, np.nan)
     extremes = np.stack([state, state])
@@ -147,6 +147,7 @@ def run_closed_loop(
                 memory,
                 reference,
                 outer,
+                scale,
                 noise,
                 resolution,
                 delay,

@@ -28,7 +28,7 @@ STATUS = {
 
 
 def initial_modes(plant: Plant, states: np.ndarray) -> np.ndarray:
-    """Sliding direction (..., 2) of each contact that fits states (..., n): 0 where the speed is exactly zero."""
+    """Sliding direction (..., contacts) that fits states (..., n): 0 where the speed is exactly zero."""
     equations = plant.structure.equations
     columns = [equations.index(contact.velocity) for contact in plant.structure.system.contacts]
     return np.ascontiguousarray(np.sign(states[..., columns]))
@@ -67,7 +67,8 @@ def simulate(
     tolerance: float = 1e-6,
     raise_on_failure: bool = True,
 ) -> Trajectory:
-    """Run the plant with a given current.
+    """Run the plant with a given current; for a system other than the EHSA read its first input for the current and
+    its second one for the force.
 
     Parameters
     ----------
@@ -123,8 +124,8 @@ def why_stopped(who: str, status: int, time: float) -> str:
 class Batch:
     """Many runs with the same input.
 
-    states (runs, N, n), modes (runs, N, 2), cell_force (runs, N), extremes (runs, 2, n), status (runs,): 0 is done,
-    else a key of STATUS; rows after a failure are nan.
+    states (runs, N, n), modes (runs, N, contacts), cell_force (runs, N), extremes (runs, 2, n), status (runs,): 0 is
+    done, else a key of STATUS; rows after a failure are nan.
     """
 
     states: np.ndarray
@@ -169,9 +170,8 @@ def simulate_batch(
     runs = parameters.shape[0]
     if start is None:
         states = np.tile(plant.rest, (runs, 1))
-        equations = plant.structure.equations
-        states[:, [equations.index("P_1"), equations.index("P_2")]] = parameters[:, [names.index("P_0")]]
-        states[:, equations.index("x")] = parameters[:, names.index("x_0")]
+        for state, parameter in plant.structure.system.start.items():
+            states[:, plant.structure.equations.index(state)] = parameters[:, names.index(parameter)]
     else:
         states = np.array(start, dtype=float)
         if states.shape != (runs, plant.rest.size):

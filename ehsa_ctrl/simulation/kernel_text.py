@@ -59,6 +59,7 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
     equations = structure.equations
     tape = build_tape(equations)
     printer = Printer(tape, equations.parameter_names)
+    cell = structure.system.cell
     contacts = []
     for contact in structure.system.contacts:
         law = structure.law(contact)
@@ -82,7 +83,9 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
         "scales": {state.name: state.scale for state in equations.states},
         "contacts": contacts,
         "rates_text": printer.function([tape.refs[rate] for rate in equations.rates]),
-        "cell_text": printer.function([tape.refs["F_cell"]]),
+        "input_names": equations.inputs,
+        "measured": [state if state in tape.refs else "0.0" for state in ("omega", "P_1", "P_2", "x")],
+        "cell_text": printer.function([tape.refs[cell] if cell else tape.constant(0.0)]),
         "tableau": [{"number": i + 2, "c": c, "a": _terms(row)} for i, (c, row) in enumerate(TABLEAU)],
         "error_weights": _terms(ERROR),
     }
@@ -100,10 +103,10 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
 
 
 def _slopes(structure: Structure, tape: Tape, printer: Printer) -> dict[str, Any]:
-    """What the sensitivities need: the rates with their exact derivatives by states and by parameters."""
+    """What the sensitivities need: the rates with their exact derivatives by states, parameters and inputs."""
     equations = structure.equations
     names = [state.name for state in equations.states]
-    parameters = list(equations.parameter_names)
+    parameters = [*equations.parameter_names, *equations.inputs]
     tangent = Tangent(tape, [*names, *parameters])
     rates = [tape.refs[rate] for rate in equations.rates]
     jacobian, by_parameter, outputs, parameter_outputs = [], [], [], []

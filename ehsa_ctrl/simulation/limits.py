@@ -57,6 +57,14 @@ class Exceedance:
         return f"{NAMES[self.limit]} {verb} {figure} {SHOWN[self.limit]} (limit {self.allowed / scale:.4g}){when}"
 
 
+def reached(plant: Plant, current: np.ndarray, states: np.ndarray, extremes: np.ndarray) -> dict[str, float]:
+    """What a run made of each thing that a limit can stand for, SI units; names as in `file.LIMIT_UNITS`.
+
+    current (N,), states (N, n), extremes (2, n) as in a Trajectory.
+    """
+    return {name: worst for name, (worst, _) in _watched(plant, current, states, extremes).items()}
+
+
 def exceedances(
     plant: Plant, time: np.ndarray, current: np.ndarray, states: np.ndarray, extremes: np.ndarray
 ) -> Iterator[Exceedance]:
@@ -65,31 +73,46 @@ def exceedances(
     Speeds, pressures and stroke by the extremes between samples; torque by the asked current; power and current as
     averages over the run (the motor's continuous rating).
     """
+    watched = _watched(plant, current, states, extremes)
+    for name, limit in plant.limits.items():
+        worst, signal = watched[name]
+        if name == "pressure_min":
+            beyond = np.flatnonzero(signal < limit.value)
+            passed = worst < limit.value
+        else:
+            beyond = np.flatnonzero(signal > limit.value)
+            passed = worst > limit.value
+        if passed:
+            first = float(time[beyond[0]]) if beyond.size else float("nan")
+            yield Exceedance(name, limit.unit, limit.value, worst, first)
+
+
+def _watched(
+    plant: Plant, current: np.ndarray, states: np.ndarray, extremes: np.ndarray
+) -> dict[str, tuple[float, np.ndarray]]:
+    """Limit -> its worst value in the run, and the signal (N,) that it watches; none for an average."""
     index = plant.structure.equations.index
-    omega, P_1, P_2, x = (states[:, index(name)] for name in ("omega", "P_1", "P_2", "x"))
+    has = {state.name for state in plant.structure.equations.states}
+    watched: dict[str, tuple[float, np.ndarray]] = {}
 
     def worst(name: str) -> float:
         return float(np.max(np.abs(extremes[:, index(name)])))
 
-    torque = plant["K_T"] * current
-    watched: dict[str, tuple[float, np.ndarray]] = {
-        "pump_speed": (worst("omega"), np.abs(omega)),
-        "motor_speed": (worst("omega"), np.abs(omega)),
-        "motor_torque": (float(np.max(np.abs(torque))), np.abs(torque)),
-        "motor_power": (float(np.mean(np.abs(torque * omega))), np.array([])),
-        "current_rms": (float(np.sqrt(np.mean(current**2))), np.array([])),
-        "pressure_max": (float(max(extremes[1, index("P_1")], extremes[1, index("P_2")])), np.maximum(P_1, P_2)),
-        "stroke": (2 * worst("x"), 2 * np.abs(x)),
-    }
-    for name, limit in plant.limits.items():
-        if name == "pressure_min":
-            reached = float(min(extremes[0, index("P_1")], extremes[0, index("P_2")]))
-            beyond = np.flatnonzero(np.minimum(P_1, P_2) < limit.value)
-            passed = reached < limit.value
-        else:
-            reached, signal = watched[name]
-            beyond = np.flatnonzero(signal > limit.value)
-            passed = reached > limit.value
-        if passed:
-            first = float(time[beyond[0]]) if beyond.size else float("nan")
-            yield Exceedance(name, limit.unit, limit.value, reached, first)
+    if "omega" in has:
+        omega = states[:, index("omega")]
+        torque = plant["K_T"] * current
+        watched |= {
+            "pump_speed": (worst("omega"), np.abs(omega)),
+            "motor_speed": (worst("omega"), np.abs(omega)),
+            "motor_torque": (float(np.max(np.abs(torque))), np.abs(torque)),
+            "motor_power": (float(np.mean(np.abs(torque * omega))), np.array([])),
+            "current_rms": (float(np.sqrt(np.mean(current**2))), np.array([])),
+        }
+    if "P_1" in has:
+        P_1, P_2 = states[:, index("P_1")], states[:, index("P_2")]
+        low, high = extremes[0], extremes[1]
+        watched["pressure_max"] = (float(max(high[index("P_1")], high[index("P_2")])), np.maximum(P_1, P_2))
+        watched["pressure_min"] = (float(min(low[index("P_1")], low[index("P_2")])), np.minimum(P_1, P_2))
+    if "x" in has:
+        watched["stroke"] = (2 * worst("x"), 2 * np.abs(states[:, index("x")]))
+    return watched

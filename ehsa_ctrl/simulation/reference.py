@@ -22,7 +22,7 @@ from .engine import Hold, checked_input, initial_modes
 
 @dataclass(frozen=True)
 class ReferenceRun:
-    """States (N, n), sliding directions (N, 2) and the instants of mode changes: (time, contact, new direction)."""
+    """States (N, n), sliding directions (N, contacts), instants of mode changes: (time, contact, new direction)."""
 
     states: np.ndarray
     modes: np.ndarray
@@ -48,7 +48,7 @@ def simulate_reference(
     y = np.array(plant.rest if start is None else start, dtype=float)
     modes = initial_modes(plant, y)
     states = np.empty((current.size, y.size))
-    directions = np.zeros((current.size, 2), dtype=np.int8)
+    directions = np.zeros((current.size, modes.size), dtype=np.int8)
     events: list[tuple[float, str, int]] = []
     for k in range(current.size):
         states[k], directions[k] = y, modes
@@ -69,6 +69,7 @@ class _ModeMachine:
         equations = plant.structure.equations
         self.names = [state.name for state in equations.states]
         self.rates = equations.rates
+        self.inputs = equations.inputs
         self.signals = evaluator(equations, plant.values)
         self.contacts = plant.structure.system.contacts
         self.laws = [plant.structure.law(contact) for contact in self.contacts]
@@ -83,7 +84,7 @@ class _ModeMachine:
     def evaluate(self, y: np.ndarray, inputs: np.ndarray, modes: np.ndarray) -> dict[str, float]:
         directions = {contact.direction: mode for contact, mode in zip(self.contacts, modes, strict=True)}
         states = dict(zip(self.names, y.tolist(), strict=True))
-        return self.signals(**states, current=inputs[0], F_D=inputs[1], **directions)
+        return self.signals(**states, **dict(zip(self.inputs, inputs, strict=True)), **directions)
 
     def held(self, index: int, y: np.ndarray, inputs: np.ndarray, modes: np.ndarray) -> tuple[float, float]:
         """Net effort on a contact at rest, and what friction can hold in its direction."""

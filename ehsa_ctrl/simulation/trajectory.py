@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..plant.plant import Plant
 from .limits import Exceedance, exceedances
 
@@ -34,11 +35,11 @@ class Trajectory:
     ----------
     plant: as it was believed in this run.
     time: (N,) s.
-    current: (N,) A, acting on the motor from each sample on.
-    outer_force: (N,) N, F_D(t), positive when it resists extension.
+    current: (N,) A, acting on the motor from each sample on; the first input of a system other than the EHSA.
+    outer_force: (N,) N, F_D(t), positive when it resists extension; the second input of another system.
     states: (N, n) in the order of the structure's states, SI units.
-    modes: (N, 2) sliding direction of shaft and rod, 0 while it sticks.
-    cell_force: (N,) N, what a load cell between rod and load feels.
+    modes: (N, contacts) sliding direction of shaft and rod, 0 while it sticks.
+    cell_force: (N,) N, what a load cell between rod and load feels; zero where the system has none.
     extremes: (2, n) smallest and largest value of each state, between the samples too.
     hold: "zero_order" or "first_order".
     tolerance: relative tolerance of the engine.
@@ -59,13 +60,21 @@ class Trajectory:
     provenance: dict[str, str] = field(default_factory=versions)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A signal by name (N,): a state (omega, P_1, P_2, v, x ...), current, dP, F_EXT or time."""
-        extra = {"current": self.current, "time": self.time, "F_cell": self.cell_force, "F_D": self.outer_force}
+        """A signal by name (N,): a state (omega, P_1, P_2, v, x ...), an input (current, F_D), dP, F_cell or time."""
+        extra = {**self._inputs, "time": self.time}
+        if self.plant.structure.system.cell is not None:
+            extra["F_cell"] = self.cell_force
         if name in extra:
             return extra[name]
         if name == "dP":
             return self["P_1"] - self["P_2"]
         return self.states[:, self.plant.structure.equations.index(name)]
+
+    @property
+    def _inputs(self) -> dict[str, np.ndarray]:
+        """The engine's two inputs by the names that the system has for them."""
+        first, second = self.plant.structure.system.inputs
+        return {first: self.current, second: self.outer_force}
 
     def __len__(self) -> int:
         return len(self.time)
@@ -84,7 +93,12 @@ class Trajectory:
 
     @property
     def pressure_level_drift(self) -> float:
-        """How far (P_1 + P_2)/2 has moved from P_0 at the end [Pa]; (12) lets it climb with work done."""
+        """How far (P_1 + P_2)/2 has moved from P_0 at the end [Pa]; (12) lets it climb with work done.
+
+        nan for a system without pressures.
+        """
+        if "P_0" not in self.plant.parameters:
+            return float("nan")
         return float((self["P_1"][-1] + self["P_2"][-1]) / 2 - self.plant["P_0"])
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -92,15 +106,22 @@ class Trajectory:
         import pandas
 
         names = [state.name for state in self.plant.structure.equations.states]
-        columns: dict[str, Any] = {"time": self.time, "current": self.current}
+        system = self.plant.structure.system
+        # A force from outside is seen in the load cell; a motion from outside is seen nowhere else.
+        inputs = system.inputs if system.cell is None else system.inputs[:1]
+        columns: dict[str, Any] = {"time": self.time} | {name: self._inputs[name] for name in inputs}
         columns |= {name: self[name] for name in names}
-        columns |= {"F_cell": self.cell_force, "shaft": self.modes[:, 0], "rod": self.modes[:, 1]}
+        columns |= {} if system.cell is None else {"F_cell": self.cell_force}
+        columns |= {contact.name: self.modes[:, column] for column, contact in enumerate(system.contacts)}
         return pandas.DataFrame(columns)
 
     def plot(self) -> Figure:
         """Current, speed, pressures, position over time; stuck phases shaded."""
         from ..report.figures import trajectory_figure
 
+        system = self.plant.structure.system_name
+        if system != "ehsa":
+            raise InputError(f"{self.plant.name} is a {system!r} system; the figure of a run is made for 'ehsa' alone")
         return trajectory_figure(self)
 
     def summary(self) -> str:

@@ -5,8 +5,8 @@ With viscous friction and constant volumes the same equations are (6); see `stru
 
 from __future__ import annotations
 
-from ..physics import chambers, load, motor, pump, rod, tank
-from .system import Contact, ParameterKind, ScalarFunction, State, System
+from ...physics import chambers, load, motor, pump, residuals, rod, tank
+from ..system import Balance, Contact, ParameterKind, ScalarFunction, State, System
 
 SHAFT = Contact(
     name="shaft",
@@ -39,8 +39,9 @@ CHAMBER_FORMS: dict[str, tuple[tuple[str, ScalarFunction], ...]] = {
     "stroke": (("V_1", chambers.stroke_volume_1), ("V_2", chambers.stroke_volume_2)),
 }
 
-EHSA = System(
+system = System(
     name="ehsa",
+    title="electro-hydrostatic actuator: motor, pump, cylinder, load",
     states=(
         State("omega", "rad/s", 100.0),
         State("P_1", "Pa", 5e5),
@@ -49,6 +50,12 @@ EHSA = System(
         State("x", "m", 0.02),
     ),
     inputs=("current", "F_D"),
+    drives={"current": "current"},
+    outputs={"speed": "omega", "p1": "P_1", "p2": "P_2", "position": "x"},
+    chamber_forms=CHAMBER_FORMS,
+    start={"P_1": "P_0", "P_2": "P_0", "x": "x_0"},
+    cell="F_cell",
+    measured=("force",),
     contacts=(SHAFT, ROD),
     equations=(
         ("T_M", motor.torque),
@@ -87,5 +94,12 @@ EHSA = System(
         ParameterKind("k_3", "N/m3", "hardening of that spring (load.hardening)"),
         ParameterKind("F_0", "N", "constant force of the load (load.force)"),
         ParameterKind("m_L", "kg", "mass of the load, behind the load cell (load.mass)", 0.0),
+    ),
+    balances=(
+        Balance("flow", "m3/s", (residuals.flow_1, residuals.flow_2), ("Q_P", "Q_P"), closed=("Q_T1", "Q_T2")),
+        Balance("torque", "N m", (residuals.torque,), ("T_M",), contacts=("shaft",)),
+        Balance("force", "N", (residuals.rod_force,), ("F_P",), contacts=("rod",)),
+        Balance("force, load as believed", "N", (residuals.believed_force,), ("F_P",), ("rod",), without="force"),
+        Balance("load", "N", (residuals.load_force,), ("force_measured",)),
     ),
 )

@@ -1,0 +1,193 @@
+"""Columns out of a file: CSV, Parquet or MAT; what is no table is one sentence with file, column and row."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+
+from .errors import InputError
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of equal length as they stand in a file.
+
+    first_row: number that a person gives the first row of data (in a CSV the header is row 1).
+    written: column, number of the row -> what stands there, for sentences.
+    """
+
+    path: Path
+    frame: pandas.DataFrame
+    first_row: int
+    written: Callable[[str, int], str]
+
+    @property
+    def names(self) -> list[str]:
+        return [str(name) for name in self.frame.columns]
+
+    def numbers(self, column: str) -> np.ndarray:
+        """A column (N,) of finite numbers. Raises InputError naming column and row of the first that is none."""
+        series = self.frame[column]
+        if series.dtype.kind in "mM":
+            raise InputError(f"{self.path}: column {column!r} holds dates or durations; expected plain numbers")
+        values = pandas.to_numeric(series, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            row = int(bad[0]) + self.first_row
+            text = self.written(column, row)
+            if not text:
+                raise InputError(
+                    f"{self.path}: column {column!r}, row {row}: the cell is empty; every row needs a number"
+                )
+            comma = re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text)
+            hint = f"; write decimals with a point, {text.strip().replace(',', '.')}" if comma else ""
+            raise InputError(f"{self.path}: column {column!r}, row {row}: {text!r} is no finite number{hint}")
+        return values
+
+
+def read_table(path: Path) -> Table:
+    """Read .csv, .parquet (.pq) or .mat; any other ending is taken for CSV.
+
+    A MAT file holds one vector a channel, or one structure with such fields.
+
+    Raises
+    ------
+    InputError: no such file, a folder, or no table of this kind; one sentence.
+    """
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give the file of one log")
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    readers = {".parquet": _parquet, ".pq": _parquet, ".mat": _mat}
+    table = readers.get(path.suffix.lower(), _csv)(path)
+    twice = {name for name in table.names if table.names.count(name) > 1}
+    if twice:
+        raise InputError(f"{path}: has more than one column {sorted(twice)[0]!r}; each name may stand once")
+    return table
+
+
+def _csv(path: Path) -> Table:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = csv.reader(file, skipinitialspace=True)
+            header, first = next(rows, []), next(rows, [])
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: is no CSV table with a header row ({_reason(error)})") from None
+    if not header:
+        raise InputError(f"{path}: is no CSV table with a header row (row 1 is empty)")
+    if any("\0" in name for name in header):
+        raise InputError(f"{path}: is no CSV table with a header row (it holds bytes that are no text)")
+    for sign, word in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and sign in header[0]:
+            raise InputError(
+                f"{path}: its columns are separated by {word}; expected commas between columns and points for "
+                "decimals: save it so"
+            )
+    twice = [name for name in header if header.count(name) > 1]
+    if twice:
+        raise InputError(f"{path}: row 1 names the column {twice[0]!r} more than once; each name may stand once")
+    if first and len(first) != len(header):
+        raise _ragged(path, 2, len(first), len(header))
+    try:
+        # Blank lines are kept, so that a row's number is that of the file's line.
+        frame = pandas.read_csv(
+            path, skipinitialspace=True, low_memory=False, skip_blank_lines=False, encoding="utf-8-sig"
+        )
+    except pandas.errors.ParserError as error:
+        found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+        if found:
+            raise _ragged(path, int(found[2]), int(found[3]), int(found[1])) from None
+        raise InputError(f"{path}: is no CSV table with a header row ({_reason(error)})") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: is no CSV table with a header row ({_reason(error)})") from None
+    filled = np.flatnonzero(frame.notna().any(axis=1))
+    frame = frame.iloc[: filled[-1] + 1 if filled.size else 0]
+
+    def written(column: str, row: int) -> str:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            (cells,) = itertools.islice(csv.reader(file, skipinitialspace=True), row - 1, row)
+        if not cells:
+            raise InputError(f"{path}: row {row} is empty; every row needs {len(header)} numbers")
+        if len(cells) != len(header):
+            raise _ragged(path, row, len(cells), len(header))
+        return cells[header.index(column)]
+
+    frame.columns = header
+    return Table(path, frame, 2, written)
+
+
+def _ragged(path: Path, row: int, got: int, expected: int) -> InputError:
+    comma = ", or decimals written with a comma instead of a point" if got > expected else ""
+    missing = "a cell too many" if got > expected else "a cell is missing"
+    return InputError(f"{path}: row {row} has {got} cells where the header has {expected}: {missing}{comma}")
+
+
+def _parquet(path: Path) -> Table:
+    try:
+        frame = pandas.read_parquet(path)
+    except ImportError:
+        raise InputError(
+            f'{path}: reading Parquet needs pyarrow; install it with pip install "ehsa_ctrl[parquet]"'
+        ) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: is no Parquet table ({_reason(error)})") from None
+    if frame.index.name is not None:
+        frame = frame.reset_index()
+    return _from_frame(path, frame)
+
+
+def _mat(path: Path) -> Table:
+    from scipy.io import loadmat
+
+    try:
+        content: dict[str, Any] = loadmat(path, simplify_cells=True)
+    except NotImplementedError:
+        raise InputError(f"{path}: is a MAT file of version 7.3; save it with -v7") from None
+    except Exception as error:  # scipy raises whatever its parsing of a broken file runs into
+        raise InputError(f"{path}: is no MAT file ({_reason(error)})") from None
+    content = {name: value for name, value in content.items() if not name.startswith("__")}
+    vectors = _vectors(content)
+    structures = {name: _vectors(value) for name, value in content.items() if isinstance(value, Mapping)}
+    structures = {name: fields for name, fields in structures.items() if fields}
+    if not vectors:
+        if len(structures) != 1:
+            what = f"the structures {', '.join(sorted(structures))}" if structures else "neither"
+            raise InputError(f"{path}: expected one vector a channel, or one structure of vectors; it holds {what}")
+        (vectors,) = structures.values()
+    longest = max(vectors.values(), key=len)
+    for name, vector in vectors.items():
+        if len(vector) != len(longest):
+            raise InputError(
+                f"{path}: {name!r} has {len(vector)} values where others have {len(longest)}; all need the same length"
+            )
+    return _from_frame(path, pandas.DataFrame(vectors))
+
+
+def _vectors(content: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """What of a MAT file's content is a vector of numbers."""
+    return {
+        name: value
+        for name, value in content.items()
+        if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiub" and value.size > 1
+    }
+
+
+def _from_frame(path: Path, frame: pandas.DataFrame) -> Table:
+    def written(column: str, row: int) -> str:
+        value = frame[column].iloc[row - 1]
+        return "" if value is None else str(value)
+
+    return Table(path, frame, 1, written)
+
+
+def _reason(error: Exception) -> str:
+    """The library's own words, on one line and not too many of them."""
+    return " ".join(str(error).split())[:160] or type(error).__name__

@@ -1,0 +1,64 @@
+"""The equations evaluated for whole records at once: numpy arrays in the place of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .structure import Equations
+from .tape import Tape, build_tape
+
+_OPERATIONS: dict[str, Callable[..., Any]] = {
+    "+": np.add,
+    "-": np.subtract,
+    "*": np.multiply,
+    "/": np.divide,
+    "**": np.power,
+    "<": np.less,
+    "<=": np.less_equal,
+    ">": np.greater,
+    ">=": np.greater_equal,
+    "==": np.equal,
+    "!=": np.not_equal,
+    "and": np.logical_and,
+    "or": np.logical_or,
+    "select": np.where,
+    "neg": np.negative,
+    "abs": np.abs,
+    "atan": np.arctan,
+    **{name: getattr(np, name) for name in ("exp", "log", "sqrt", "sin", "cos", "tan", "tanh")},
+}
+
+
+def array_evaluator(equations: Equations, wanted: Sequence[str]) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
+    """A function of states, inputs, directions, measured names and parameters that returns `wanted` signals by name.
+
+    Values may be arrays of one shape. What the wanted signals don't depend on need not be given. Both sides of a
+    conditional are computed, so that a domain error in the side that is not taken is no error.
+    """
+    tape: Tape = build_tape(equations, residuals=True)
+    needed = tape.needed(tape.refs[name] for name in wanted)
+
+    def evaluate(values: Mapping[str, Any]) -> dict[str, Any]:
+        found: dict[int, Any] = {}
+        with np.errstate(all="ignore"):
+            for ref in needed:
+                node = tape.nodes[ref]
+                if node.op == "const":
+                    found[ref] = node.value
+                elif node.op in ("input", "parameter"):
+                    found[ref] = values[str(node.value)]
+                else:
+                    found[ref] = _OPERATIONS[node.op](*(found[arg] for arg in node.args))
+        return {name: found[tape.refs[name]] for name in wanted}
+
+    return evaluate
+
+
+def needs(equations: Equations, signal: str) -> set[str]:
+    """Names of states, inputs, measured things and parameters that a signal depends on."""
+    tape = build_tape(equations, residuals=True)
+    nodes = [tape.nodes[ref] for ref in tape.needed([tape.refs[signal]])]
+    return {str(node.value) for node in nodes if node.op in ("input", "parameter")}

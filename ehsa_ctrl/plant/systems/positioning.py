@@ -1,0 +1,49 @@
+"""A carriage on a rail with friction under a given drive force: the electro-mechanical positioning system EMPS.
+
+A. Janot, M. Gautier, M. Brunot, "Data set and reference models of EMPS", Nonlinear System Identification Benchmarks,
+2019. Letters are theirs: M, Fv, Fc, offset. Their balance takes force and motion of one sample as simultaneous, so the
+force is joined by lines between the samples; held over each sample it would come half a sample later.
+"""
+
+from __future__ import annotations
+
+from ...physics import carriage, residuals, rod
+from ..system import Balance, Contact, ParameterKind, State, System
+
+CARRIAGE = Contact(
+    name="rod",
+    velocity="v",
+    net="F_net",
+    friction="F_FR",
+    direction="d_R",
+    suffix="FR",
+    effort_unit="N",
+    length_unit="m",
+    effort_scale=10.0,
+    bristle=State("z_R", "m", 1e-5),
+    letters={"A": "Fc", "B": "Fv"},
+)
+
+system = System(
+    name="positioning",
+    title="carriage on a rail under a given drive force",
+    states=(State("v", "m/s", 0.05), State("x", "m", 0.02)),
+    inputs=("F_M", "F_D"),
+    drives={"F_M": "drive_force"},
+    outputs={"position": "x", "velocity": "v"},
+    hold="first_order",
+    start={"x": "x_0"},
+    measured=("acceleration",),
+    contacts=(CARRIAGE,),
+    equations=(
+        ("F_net", carriage.net_force),
+        ("v_dot", carriage.acceleration),
+        ("x_dot", rod.velocity),
+    ),
+    parameters=(
+        ParameterKind("M", "kg", "moving mass, the drive's inertia included", 0.0, lower_open=True),
+        ParameterKind("offset", "N", "constant force against the drive: its bias, or gravity"),
+        ParameterKind("x_0", "m", "position at rest"),
+    ),
+    balances=(Balance("force", "N", (residuals.carriage_force,), ("F_M",), contacts=("rod",)),),
+)

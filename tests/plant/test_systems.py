@@ -1,0 +1,241 @@
+"""Systems beside the EHSA: what their plants must say, what their equations give, and that the engine runs them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ehsa_ctrl.core.catalogue import plants
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.physics.effects import EFFECTS
+from ehsa_ctrl.physics.friction import LAWS
+from ehsa_ctrl.plant.arrays import array_evaluator, needs
+from ehsa_ctrl.plant.linear import four_state
+from ehsa_ctrl.plant.linearise import linearise
+from ehsa_ctrl.plant.plain import evaluator
+from ehsa_ctrl.plant.plant import load_plant
+from ehsa_ctrl.plant.structure import Structure
+from ehsa_ctrl.plant.systems import SYSTEMS
+from ehsa_ctrl.simulation.bench import _Centring
+from ehsa_ctrl.simulation.closed_loop import run_closed_loop
+from ehsa_ctrl.simulation.engine import simulate, simulate_batch
+from ehsa_ctrl.simulation.reference import simulate_reference
+from ehsa_ctrl.simulation.sensitivity import sensitivities
+from ehsa_ctrl.simulation.sensors import Sensors
+
+
+@pytest.fixture
+def emps():
+    return load_plant("emps")
+
+
+@pytest.fixture
+def take_off():
+    return load_plant("mbari_pto")
+
+
+def edited(tmp_path, name, old, new):
+    text = plants[name].read_text()
+    assert old in text
+    path = tmp_path / "edited.toml"
+    path.write_text(text.replace(old, new))
+    return path
+
+
+def test_letters_are_those_of_the_system(emps):
+    """Friction of the carriage has the benchmark's names; a contact without names of its own has the paper's."""
+    assert set(emps.parameters) == {"M", "offset", "x_0", "Fc", "Fv"}
+    assert SYSTEMS["ehsa"].contacts[0].letter("A") == "A_FM"
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "says"),
+    [
+        ("emps", 'system = "positioning"', 'system = "position"', "did you mean 'positioning'"),
+        ("emps", 'rod_friction = "coulomb"', "", "rod_friction is missing; known: .*coulomb"),
+        ("emps", 'rod_friction = "coulomb"', 'rod_friction = "coulomb"\nchambers = "stroke"', "has none; leave it out"),
+        (
+            "emps",
+            'rod_friction = "coulomb"',
+            'rod_friction = "coulomb"\nshaft_friction = "none"',
+            "shaft_friction = 'none'.*leave it out",
+        ),
+        ("emps", "[log]", '[limits]\npump_speed = { value = 1, unit = "rpm", source = "assumed" }\n[log]', "no such"),
+        ("emps", "[sensors.position]", "[sensors.p1]", "unknown channel.*known: .*drive_force"),
+        ("emps", "[log]", '[load]\nmass = { value = 1, unit = "kg", source = "assumed" }\n[log]', "unknown parameter"),
+        ("mbari_pto", '"relief_valve"', '"end_stop"', "'end_stop' changes F_EXT, which the system 'driven_rod'"),
+        ("mbari_pto", 'rod_friction = "coulomb"', 'rod_friction = "lugre"', "inner state"),
+        ("mbari_pto", 'chambers = "constant"', 'chambers = "stroke"', "chambers = 'stroke' is not known"),
+    ],
+)
+def test_what_a_system_does_not_have_is_one_sentence(tmp_path, name, old, new, says):
+    """A contact, a volume, a limit, a sensor, a load or an effect that means nothing there."""
+    path = edited(tmp_path, name, old, new)
+
+    with pytest.raises(InputError, match=says) as caught:
+        load_plant(path)
+
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["ehsa", "emps", "mbari_pto"])
+def test_balances_vanish_at_the_rates_of_the_equations(name):
+    """What is estimated from and what is simulated is the same physics: with the model's own rates nothing is left."""
+    plant = load_plant(name)
+    equations = plant.structure.equations
+    rng = np.random.default_rng(4)
+    values = {state.name: state.scale * rng.normal(size=50) for state in equations.states}
+    values |= {name: rng.normal(size=50) for name in equations.inputs}
+    directions = {
+        contact.direction: np.sign(values[contact.velocity]) for contact in plant.structure.system.all_contacts
+    }
+    known = plant.values | values | directions
+    model = array_evaluator(equations, [*equations.rates, *equations.signals])(known)
+    known |= {f"{state.name}_rate": model[rate] for state, rate in zip(equations.states, equations.rates, strict=True)}
+    if plant.structure.system.cell is not None:
+        known["force_measured"] = model["F_cell"]
+    if name == "ehsa":
+        known["m_L"] = model["F_cell"] * 0.0  # behind the cell nothing moves, so that cell and F_EXT agree
+
+    checked = 0
+    for balance, residuals in zip(plant.structure.system.balances, equations.residuals, strict=True):
+        for residual, term in zip(residuals, balance.terms, strict=True):
+            if not needs(equations, residual) <= set(known):
+                continue
+            found = array_evaluator(equations, [residual, term])(known)
+            assert np.max(np.abs(found[residual])) <= 1e-9 * max(np.max(np.abs(found[term])), 1.0), residual
+            checked += 1
+    assert checked >= 1
+
+
+@pytest.mark.parametrize("law", sorted(LAWS))
+def test_records_at_once_are_what_the_functions_give_one_by_one(law):
+    """The array evaluation and the plain one agree, with every friction law and every effect."""
+    equations = Structure(law, law, effects=tuple(sorted(EFFECTS))).equations
+    parameters = dict.fromkeys(equations.parameter_names, 0.5)
+    rng = np.random.default_rng(1)
+    names = [*(state.name for state in equations.states), *equations.inputs]
+    values = {name: 0.01 * rng.normal(size=20) for name in names}
+    values |= {direction: np.sign(rng.normal(size=20)) for direction in equations.directions}
+
+    at_once = array_evaluator(equations, equations.rates)({**parameters, **values})
+
+    plain = evaluator(equations, parameters)
+    for k in range(20):
+        one = plain(**{name: float(value[k]) for name, value in values.items()})
+        for rate in equations.rates:
+            assert np.broadcast_to(at_once[rate], 20)[k] == pytest.approx(one[rate], rel=1e-12, abs=1e-15)
+
+
+def test_a_carriage_slides_and_stops_as_the_closed_form_says(emps):
+    """M dv/dt = -Fv v - (Fc + offset): an exponential to a stop at M/Fv ln(1 + Fv v0/(Fc + offset)), then it sticks."""
+    M, Fv, F = emps["M"], emps["Fv"], emps["Fc"] + emps["offset"]
+    v0, tau = 0.1, M / Fv
+    stop = tau * np.log(1 + Fv * v0 / F)
+    x_stop = tau * v0 - F / Fv * stop
+
+    run = simulate(emps, np.zeros(1000), start=np.array([v0, 0.0]))
+
+    t = run.time
+    moving = t < stop
+    expected = (v0 + F / Fv) * np.exp(-t / tau) - F / Fv
+    np.testing.assert_allclose(run["v"][moving], expected[moving], atol=1e-7)
+    assert (run["v"][~moving] == 0.0).all() and run.sticks("rod")[~moving].all()
+    assert run["x"][-1] == pytest.approx(x_stop, rel=1e-6)
+
+
+def test_a_driven_rod_turns_the_shaft_at_the_ratio_of_areas(take_off):
+    """At constant rod speed without leakage and valves: omega = A v / D and D dP = K_T I - friction."""
+    plant = take_off.with_structure(Structure("coulomb", "coulomb", "constant", (), "driven_rod")).set(K_L=0.0)
+    v, current = 0.2, -6.0
+
+    run = simulate(plant, np.full(4000, current), force=np.full(4000, v), hold="first_order", sample_time=0.01)
+
+    omega = plant["A"] * v / plant["D"]
+    friction = plant["A_FM"] + plant["B_FM"] * omega
+    assert run["omega"][-1] == pytest.approx(omega, rel=1e-4)
+    assert run["dP"][-1] == pytest.approx((plant["K_T"] * current - friction) / plant["D"], rel=1e-4)
+    np.testing.assert_array_equal(run["v"], v)
+
+
+@pytest.mark.parametrize("name", ["emps", "mbari_pto"])
+def test_engine_and_reference_agree(name):
+    """Another integrator on the plain functions: same states, same sticking, as for the EHSA."""
+    plant = load_plant(name)
+    t = 0.004 * np.arange(150)
+    first = (60.0 if name == "emps" else 4.0) * np.sin(2 * np.pi * 3 * t)
+    second = (10.0 if name == "emps" else 0.05) * np.cos(2 * np.pi * 2 * t)
+
+    run = simulate(plant, first, force=second, hold="first_order", sample_time=0.004, tolerance=1e-8)
+    reference = simulate_reference(plant, first, force=second, hold="first_order", sample_time=0.004)
+
+    scale = [state.scale for state in plant.structure.equations.states]
+    np.testing.assert_allclose(run.states / scale, reference.states / scale, atol=2e-5)
+    assert np.mean(run.modes != reference.modes) < 0.02
+    assert run.modes.shape == (150, 1)
+
+
+def test_what_a_run_of_another_system_says(emps, take_off):
+    """Signals by the system's own names, tables, summaries, sensors and batches."""
+    carriage = simulate(emps, np.full(20, 50.0))
+    rod = simulate(take_off, np.zeros(20), force=np.full(20, 0.01), hold="first_order")
+
+    assert list(carriage.to_pandas()) == ["time", "F_M", "F_D", "v", "x", "rod"]
+    assert list(rod.to_pandas()) == ["time", "current", "v", "omega", "P_1", "P_2", "shaft"]
+    assert "rod sticks" in str(carriage) and "shaft sticks" in str(rod)
+    assert set(Sensors.of(emps).log(carriage)) == {"position", "velocity", "drive_force"}
+    assert set(Sensors.of(take_off).log(rod)) == {"current", "velocity", "speed", "p1", "p2"}
+    assert np.isnan(carriage.pressure_level_drift) and np.isfinite(rod.pressure_level_drift)
+    with pytest.raises(InputError, match=r"'F_cell' is no state of the system 'positioning'; .*known: v, x"):
+        carriage["F_cell"]
+    batch = simulate_batch(emps, np.stack([emps.vector, emps.set(x_0=0.1).vector]), np.full(20, 50.0))
+    assert batch.states[1, 0, 1] == 0.1 and (batch.status == 0).all()
+
+
+def test_limits_are_watched_where_the_system_has_them(take_off):
+    """Drawing out the rod of a take-off whose check valves are shut lets its pressure fall through the limit."""
+    shut = take_off.set(K_check=0.0)
+
+    run = simulate(shut, np.full(100, -20.0), force=np.full(100, 0.3), hold="first_order")
+
+    assert [exceedance.limit for exceedance in run.exceeded] == ["pressure_min"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["emps", "mbari_pto"])
+def test_derivatives_of_a_run(name):
+    """The engine's derivatives by parameters are those of differences of two runs; the take-off without its valves."""
+    plant = load_plant(name)
+    plant = plant.with_structure(replace(plant.structure, effects=()))
+    first = (60.0 if name == "emps" else 4.0) * np.sin(np.arange(100) / 20)
+    letters = ["M", "Fv"] if name == "emps" else ["D", "J_M", "B_FM"]
+    how = {"force": np.full(100, 0.02), "sample_time": 0.004, "tolerance": 1e-9, "hold": "first_order"}
+
+    found = sensitivities(plant, letters, first, **how)
+
+    for column, letter in enumerate(letters):
+        step = 1e-5 * plant[letter]
+        above = simulate(plant.set(**{letter: plant[letter] + step}), first, **how).states
+        below = simulate(plant.set(**{letter: plant[letter] - step}), first, **how).states
+        difference = (above - below) / (2 * step)
+        scale = np.max(np.abs(difference), axis=0)
+        np.testing.assert_allclose(found.values[:, :, column] / scale, difference / scale, atol=5e-3)
+
+
+@pytest.mark.slow
+def test_a_controller_gets_what_there_is(emps):
+    """A closed loop around a carriage: its position is measured, what it lacks reads zero."""
+    loop = run_closed_loop(emps, _Centring(0.004), np.tile([40.0, 0.0, 0.0], (200, 1)))
+
+    assert loop.trajectory["F_M"][0] == 40.0 and loop.trajectory["x"][-1] > 0.01
+    np.testing.assert_array_equal(loop.measured[:, 3], loop.trajectory["x"])
+    assert not loop.measured[:, [0, 1, 2, 4]].any()
+
+
+def test_linear_models_are_for_the_actuator(emps):
+    """(6), (7), operating points and figures are made for the EHSA; another system is told so."""
+    with pytest.raises(InputError, match="'positioning' system"):
+        simulate(emps, np.zeros(3)).plot()
+    for asked in (four_state, linearise):
+        with pytest.raises(InputError, match="'positioning' system"):
+            asked(emps)
