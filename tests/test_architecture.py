@@ -14,11 +14,12 @@ ALLOWED = {
     "plant": {"physics", "core"},
     "simulation": {"plant", "physics", "core"},
     "design": {"core"},
+    "identification": {"simulation", "plant", "physics", "core"},
     "scenario": {"design", "simulation", "plant", "physics", "core"},
-    "report": {"scenario", "design", "simulation", "plant", "physics", "core"},
+    "report": {"scenario", "identification", "design", "simulation", "plant", "physics", "core"},
 }
 #: Drawing a result is asked of the result (`plot()`), so that the report is imported from below, inside that method.
-PLOTS = {("simulation", "report"), ("scenario", "report")}
+PLOTS = {("simulation", "report"), ("scenario", "report"), ("identification", "report")}
 
 
 def imports(path: Path, *, inside_functions: bool):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 
 class _Notice(logging.Handler):
@@ -15,6 +16,45 @@ class _Notice(logging.Handler):
         from rich.console import Console
 
         Console(stderr=True, highlight=False).print(record.getMessage(), style="dim")
+
+
+@contextmanager
+def watching() -> Iterator[Callable[[Any], None] | None]:
+    """A line on standard error that says where a fit is: stage, step, cost. None where that is no terminal."""
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("reading", total=None)
+
+        def watch(state: Any) -> None:
+            progress.update(task, description=f"{state.stage}: step {state.step}, cost {state.cost:.4g}")
+
+        yield watch
+
+
+@contextmanager
+def counting() -> Iterator[Callable[[str, int, int], None] | None]:
+    """A bar on standard error, a stage at a time. None where that is no terminal."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("reading", total=None)
+
+        def watch(stage: str, done: int, total: int) -> None:
+            progress.update(task, description=stage, completed=done, total=total)
+
+        yield watch
 
 
 @contextmanager

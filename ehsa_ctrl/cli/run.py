@@ -20,6 +20,10 @@ def command(
     controller: Annotated[
         str | None, typer.Option(help="Run these instead, names or files separated by commas.")
     ] = None,
+    plant: Annotated[str | None, typer.Option(help="Check on this plant instead of the scenario's.")] = None,
+    design: Annotated[
+        str | None, typer.Option(help="Design on this plant's linear set; by default on that of the plant checked.")
+    ] = None,
     jobs: Annotated[int, typer.Option(help="Processes to use.", min=1)] = 1,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder for results.json, report.html and figures.")
@@ -30,7 +34,7 @@ def command(
     """Design on the identified linear model, check on the nonlinear plant, judge the scenario's limits.
 
     Examples: ehsa-ctrl run · ehsa-ctrl run steps_spring --out results/steps ·
-    ehsa-ctrl run my/scenario.toml --controller pid_position,my/pid.toml
+    ehsa-ctrl run my/scenario.toml --controller pid_position,my/pid.toml · ehsa-ctrl run --plant results/rig.toml
     """
     from ..core.catalogue import scenarios as catalogue
     from .output import prepare_folder, to_json
@@ -52,7 +56,7 @@ def command(
     prepare_folder(out, "results.json", force=force)
     todo = [(name, other) for name in names for other in chosen]
     with compiling():
-        results = list(_run_all(todo, jobs))
+        results = list(_run_all(todo, plant, design, jobs))
     failed = [result for result in results if not result.passed]
     summary = {"passed": not failed, "scenarios": [result.to_dict() for result in results]}
     (out / "results.json").write_text(to_json(summary) + "\n")
@@ -73,16 +77,18 @@ def _all(folders: tuple[Path, ...]) -> list[str]:
     return names
 
 
-def _one(name: str, controller: str | None) -> ScenarioResult:
+def _one(name: str, controller: str | None, plant: str | None, design: str | None) -> ScenarioResult:
     from ..scenario.run import run
 
     try:
-        return run(name, controller=controller)
+        return run(name, controller=controller, plant=plant, design=design)
     except SimulationError as error:
         raise SimulationError(f"scenario {name}: {error}") from None
 
 
-def _run_all(todo: list[tuple[str, str | None]], jobs: int) -> Iterator[ScenarioResult]:
+def _run_all(
+    todo: list[tuple[str, str | None]], plant: str | None, design: str | None, jobs: int
+) -> Iterator[ScenarioResult]:
     """Run every pair of scenario and controller, with a bar on standard error where that is a terminal."""
     from joblib import Parallel, delayed
     from rich.console import Console
@@ -93,9 +99,9 @@ def _run_all(todo: list[tuple[str, str | None]], jobs: int) -> Iterator[Scenario
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("scenarios", total=len(todo))
         if jobs == 1 or len(todo) == 1:
-            results = (_one(name, controller) for name, controller in todo)
+            results = (_one(name, controller, plant, design) for name, controller in todo)
         else:
-            results = Parallel(n_jobs=jobs, return_as="generator")(delayed(_one)(*pair) for pair in todo)
+            results = Parallel(n_jobs=jobs, return_as="generator")(delayed(_one)(*pair, plant, design) for pair in todo)
         for result in results:
             progress.update(task, advance=1, description=result.scenario.name)
             yield result

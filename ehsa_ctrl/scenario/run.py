@@ -187,7 +187,13 @@ class ScenarioResult:
         return f"<p>{html.escape(str(self).splitlines()[0])}</p>" + str(self.to_pandas().to_html(float_format="%.4g"))
 
 
-def run(scenario: str | Path | Scenario, *, controller: str | Path | None = None) -> ScenarioResult:
+def run(
+    scenario: str | Path | Scenario,
+    *,
+    controller: str | Path | None = None,
+    plant: str | Path | None = None,
+    design: str | Path | None = None,
+) -> ScenarioResult:
     """Run a scenario: design the controller, predict with the linear model, check on the nonlinear plant.
 
     The controller is designed on the plant's identified linear set as the plant's file has it; the scenario's load
@@ -196,7 +202,9 @@ def run(scenario: str | Path | Scenario, *, controller: str | Path | None = None
     Parameters
     ----------
     scenario: a name, a path, or a loaded scenario.
-    controller: instead of the one that the scenario names.
+    controller, plant: instead of those that the scenario names.
+    design: the plant whose linear set the controller is designed on and the prediction is made with, if that is
+        another one than the plant it is checked on: the rig's identified model on the plant that one takes for true.
 
     Raises
     ------
@@ -207,10 +215,12 @@ def run(scenario: str | Path | Scenario, *, controller: str | Path | None = None
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     definition = loaded.definition
     where = loaded.path or loaded.name
+    checked = plant or definition.plant
+    designed = design or checked
     try:
-        design_model = three_state(load_plant(definition.plant, model="linear"))
-        linear = load_plant(definition.plant, model="linear", settings=_known_to_linear(definition))
-        nonlinear = load_plant(definition.plant, model="nonlinear", settings=definition.all_settings)
+        design_model = three_state(load_plant(designed, model="linear"))
+        linear = load_plant(designed, model="linear", settings=_known_to_linear(definition, designed))
+        nonlinear = load_plant(checked, model="nonlinear", settings=definition.all_settings)
         chosen = load_controller(controller or definition.controller, design_model)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
@@ -221,10 +231,10 @@ def run(scenario: str | Path | Scenario, *, controller: str | Path | None = None
     for step in definition.disturbance:
         force[(time >= step.start - 1e-9) & (time < step.start + step.duration - 1e-9)] += step.force
     runs = []
-    for plant in (linear, nonlinear):
-        sensors = _sensors(plant, definition.sensors)
+    for believed in (linear, nonlinear):
+        sensors = _sensors(believed, definition.sensors)
         loop = run_closed_loop(
-            plant,
+            believed,
             chosen,
             reference,
             force=force,
@@ -270,9 +280,9 @@ def _sensors(plant: Plant, measuring: Measuring) -> Sensors:
     return Sensors.of(replace(plant, sensors={**plant.sensors, **changed}), seed=measuring.seed, noise=measuring.noise)
 
 
-def _known_to_linear(definition: ScenarioFile) -> dict[str, str]:
+def _known_to_linear(definition: ScenarioFile, name: str | Path) -> dict[str, str]:
     """The settings that the linear set has as well: a scenario may change A_FR, which only the nonlinear one knows."""
-    plant = load_plant(definition.plant, model="linear")
+    plant = load_plant(name, model="linear")
     return {
         key: value
         for key, value in definition.all_settings.items()

@@ -1,0 +1,197 @@
+"""`ehsa-ctrl compare`: a measured log beside the simulation that it drives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..core.errors import InputError, SimulationError
+from .options import Force, Json, Out, Settings, read_pairs
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from ..identification.checks import Finding
+    from ..identification.preparation import Step
+    from ..identification.replay import Replay
+    from ..plant.plant import Plant
+
+
+def command(
+    log: Annotated[Path, typer.Argument(help="Measured log: CSV, Parquet or MAT.")],
+    plant: Annotated[str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.")],
+    model: Annotated[str, typer.Option(help="linear, nonlinear or both (what the plant has).")] = "both",
+    settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
+    start: Annotated[float | None, typer.Option("--from", metavar="S", help="First second to use.")] = None,
+    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last second to use.")] = None,
+    zero: Annotated[str, typer.Option(metavar="p1,p2", help="Set these channels' zero from the rest.")] = "",
+    rest: Annotated[str, typer.Option(metavar="S:S", help="That rest, e.g. 0:0.5; else it is looked for.")] = "",
+    resample: Annotated[float | None, typer.Option(metavar="HZ", help="Bring the log to this rate.")] = None,
+    align: Annotated[str, typer.Option(metavar="CHANNELS", help="Move these channels by their delay.")] = "",
+    as_json: Json = False,
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Overlay a log and the free run that its drive gives, and say how well they fit; no diagnosis.
+
+    Examples: ehsa-ctrl compare log.csv --plant ehsa · ehsa-ctrl compare log.csv --plant my/rig.toml --model nonlinear
+    --set load.stiffness=50e3 --from 2 --to 12 --zero p1,p2 --out results/compare
+    """
+    from ..identification.checks import check_log
+    from ..identification.preparation import Preparation
+    from ..identification.record import read_plant_log, untold
+    from ..identification.replay import replay
+    from .output import prepare_folder, to_json, warn
+    from .progress import compiling
+
+    believed = load_models(plant, model, read_pairs(settings))
+    if out is not None:
+        prepare_folder(out, "comparison.json", force=force)
+    last = believed[-1]
+    preparation = Preparation(start, stop, names(zero), read_rest(rest), resample, names(align))
+    raw = read_plant_log(log, last, uniform=resample is None)
+    with compiling():
+        ready, steps = preparation.apply(raw, last)
+        findings = check_log(raw if resample is None else ready, last)
+        replays = [replay(each, ready) for each in believed]
+    if all(run.stopped for run in replays):
+        for finding in findings:
+            warn(str(finding))
+        raise SimulationError("; ".join(run.stopped for run in replays))
+    cannot_tell = untold(raw, last)
+    result: dict[str, Any] = {
+        "log": log,
+        "plant": plant,
+        "settings": read_pairs(settings),
+        "samples": len(ready),
+        "sample_time": ready.sample_time,
+        "from": float(ready.time[0]),
+        "to": float(ready.time[-1]),
+        "models": {run.plant.model: _figures(run) for run in replays},
+        "preparation": [step.to_dict() for step in steps],
+        "findings": [finding.to_dict() for finding in findings],
+        "untold": list(cannot_tell),
+        "assumed": [name for name, p in last.parameters.items() if p.source == "assumed"],
+        "provenance": replays[0].provenance,
+    }
+    for finding in findings:
+        warn(str(finding))
+    for run in replays:
+        if run.stopped:
+            warn(f"{run.plant.model} model: {run.stopped}; no fit is given")
+    if out is not None:
+        _write(out, result, replays, findings, cannot_tell, steps)
+    if as_json:
+        print(to_json(result))
+        return
+    print(f"{last.name} beside {log.name}: {len(ready)} samples from {ready.time[0]:g} to {ready.time[-1]:g} s")
+    for step in steps:
+        print(f"  {step}")
+    print(table(replays))
+    for run in replays:
+        print(f"{run.plant.model} starts {run.start}")
+    for sentence in cannot_tell:
+        print(sentence)
+    if out is not None:
+        print(f"written to {out}")
+
+
+def load_models(plant: str, model: str, settings: dict[str, str]) -> list[Plant]:
+    """The models asked for. With both, a setting that only one of them knows is meant for that one.
+
+    Raises InputError as load_plant does, and for a setting that no model knows.
+    """
+    from ..plant.file import LOAD_LETTERS
+    from ..plant.plant import load_plant, models_of
+
+    if model not in ("linear", "nonlinear", "both"):
+        raise InputError(f"--model {model!r}: expected linear, nonlinear or both")
+    if model != "both":
+        return [load_plant(plant, model=model, settings=settings)]  # type: ignore[arg-type]
+    plain = [load_plant(plant, model=word) for word in models_of(plant)]
+    words = {f"load.{word}": letter for word, letter in LOAD_LETTERS.items()}
+    for key in settings:
+        if not any(words.get(key, key) in each.parameters for each in plain):
+            load_plant(plant, model=plain[-1].model, settings={key: settings[key]})
+    return [
+        load_plant(
+            plant,
+            model=each.model,
+            settings={key: value for key, value in settings.items() if words.get(key, key) in each.parameters},
+        )
+        for each in plain
+    ]
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Turn "p1, p2" into ("p1", "p2")."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def read_rest(text: str) -> tuple[float, float] | None:
+    """Turn "0:0.5" into (0.0, 0.5); None for nothing. Raises InputError for anything else."""
+    if not text:
+        return None
+    first, _, last = text.partition(":")
+    try:
+        return float(first), float(last)
+    except ValueError:
+        raise InputError(f"--rest {text!r}: expected two times in seconds, as 0:0.5") from None
+
+
+def table(replays: list[Replay]) -> str:
+    """Fit in percent, a row a channel, a column a model."""
+    lines = ["fit, %     " + "".join(f"{run.plant.model:>12}" for run in replays)]
+    for channel in replays[0].fit_percent:
+        cells = "".join(
+            f"{'-' if percent != percent else f'{percent:.2f}':>12}"
+            for percent in (run.fit_percent[channel] for run in replays)
+        )
+        lines.append(f"{channel:<11}{cells}")
+    return "\n".join(lines)
+
+
+def _figures(run: Replay) -> dict[str, Any]:
+    states = [state.name for state in run.plant.structure.equations.states]
+    return {
+        "fit_percent": run.fit_percent,
+        "start": {"words": run.start.words, "state": dict(zip(states, run.start.state, strict=True))},
+        "stopped": run.stopped,
+    }
+
+
+def _write(
+    out: Path,
+    result: dict[str, Any],
+    replays: list[Replay],
+    findings: Iterable[Finding],
+    cannot_tell: Iterable[str],
+    steps: Iterable[Step],
+) -> None:
+    import sys
+
+    from ..report.comparison_page import write_comparison_page
+    from ..report.figures import replay_figure, save
+    from .output import to_json
+
+    (out / "comparison.json").write_text(to_json(result) + "\n")
+    frame = replays[0].to_pandas().rename(columns=lambda name: _column(name, replays[0].plant.model))
+    for run in replays[1:]:
+        for channel, values in run.simulated.items():
+            frame[_column(f"{channel}_simulated", run.plant.model)] = values
+    frame.to_csv(out / "compare.csv", index=False, float_format="%.9g")
+    save(replay_figure(replays), out / "compare")
+    write_comparison_page(
+        replays,
+        out,
+        command="ehsa-ctrl " + " ".join(sys.argv[1:]),
+        findings=findings,
+        untold=cannot_tell,
+        steps=steps,
+    )
+
+
+def _column(name: str, model: str) -> str:
+    return f"{name.removesuffix('_simulated')}_{model}" if name.endswith("_simulated") else name

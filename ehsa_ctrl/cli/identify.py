@@ -1,0 +1,237 @@
+"""`ehsa-ctrl identify`: from logs to a plant whose numbers one can trust."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..core.errors import InputError
+from .compare import names, read_rest
+from .options import Force, Json, Out, Settings, read_pairs
+
+if TYPE_CHECKING:
+    from ..core.log import Log
+    from ..identification.identification import Identification
+    from ..identification.preparation import Preparation, Step
+    from ..plant.plant import Plant
+
+
+def command(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Measured logs: CSV, Parquet or MAT.")],
+    plant: Annotated[str, typer.Option("--plant", help="Name of a plant, or the path of its TOML: start values.")],
+    model: Annotated[str, typer.Option(help="linear, nonlinear or both.")] = "nonlinear",
+    validate: Annotated[
+        list[Path], typer.Option("--validate", metavar="LOG", help="Log that is only scored. Repeatable.")
+    ] = [],  # noqa: B006 - typer reads the default, nobody changes it
+    settings: Settings = [],  # noqa: B006
+    free: Annotated[str, typer.Option(metavar="K_T,beta", help="Estimate these too; also bias.p1, delay.speed.")] = "",
+    fix: Annotated[str, typer.Option(metavar="M", help="Leave these as they are.")] = "",
+    bounds: Annotated[
+        list[str], typer.Option("--bounds", metavar="KEY=LOW:HIGH", help="Keep a parameter between. Repeatable.")
+    ] = [],  # noqa: B006
+    prior: Annotated[
+        list[str],
+        typer.Option("--prior", metavar="KEY[=SD]", help="Hold a parameter with this sd (or the file's). Repeatable."),
+    ] = [],  # noqa: B006
+    linear: Annotated[
+        str, typer.Option(help="Linear set in the written plant: keep, or sliding (derived from the nonlinear one).")
+    ] = "keep",
+    method: Annotated[
+        str | None, typer.Option(help="simulation or balances; by default what the plant's file says.")
+    ] = None,
+    window: Annotated[
+        float | None, typer.Option(metavar="S", help="Length of simulated windows; by default the whole log.")
+    ] = None,
+    starts: Annotated[int, typer.Option(help="At most so many starts.", min=1)] = 6,
+    seed: Annotated[int, typer.Option(help="Of the drawn starts.", min=0)] = 0,
+    profiles: Annotated[str, typer.Option("--profile", metavar="KEYS", help="Profile these parameters too.")] = "",
+    start: Annotated[float | None, typer.Option("--from", metavar="S", help="First second to use.")] = None,
+    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last second to use.")] = None,
+    zero: Annotated[str, typer.Option(metavar="p1,p2", help="Set these channels' zero from the rest.")] = "",
+    rest: Annotated[str, typer.Option(metavar="S:S", help="That rest, e.g. 0:0.5; else it is looked for.")] = "",
+    resample: Annotated[float | None, typer.Option(metavar="HZ", help="Bring the logs to this rate.")] = None,
+    align: Annotated[str, typer.Option(metavar="CHANNELS", help="Move these channels by their delay.")] = "",
+    as_json: Json = False,
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Estimate a plant's free parameters from logs, with their uncertainty, and check them on other logs.
+
+    Examples: ehsa-ctrl identify log.csv --plant ehsa --validate steps.csv --out results/rig ·
+    ehsa-ctrl identify a.csv b.csv --plant my/rig.toml --free K_T --prior K_T=0.05 --fix M ·
+    ehsa-ctrl identify log.csv --plant ehsa --model both --set load.stiffness=50e3 --out results/rig
+    """
+    from ..identification.preparation import Preparation
+    from .output import prepare_folder, to_json, warn
+    from .progress import compiling, watching
+
+    models = _models(plant, model, read_pairs(settings))
+    if linear not in ("keep", "sliding"):
+        raise InputError(f"--linear {linear!r}: expected keep or sliding")
+    if linear == "sliding" and model != "nonlinear":
+        raise InputError(f"--linear sliding derives the linear set from the nonlinear one; it does not go with {model}")
+    if method not in (None, "simulation", "balances"):
+        raise InputError(f"--method {method!r}: expected simulation or balances")
+    if set(map(_resolved, validate)) & set(map(_resolved, logs)) and start is None and stop is None:
+        raise InputError(f"{validate[0]}: is used for the estimate and to validate it; give another log")
+    if out is not None:
+        prepare_folder(out, "identification.json", force=force)
+    preparation = Preparation(start, stop, names(zero), read_rest(rest), resample, names(align))
+    results = []
+    with compiling(), watching() as watch:
+        for believed in models:
+            results.append(
+                _one(
+                    believed, logs, validate, preparation, watch,
+                    names(free), names(fix), bounds, prior, method, window, starts, seed, names(profiles),
+                )
+            )  # fmt: skip
+    answer = {**results[-1][1], "plant": plant, "settings": read_pairs(settings)}
+    if len(results) > 1:
+        answer["models"] = {believed.model: result[1] for believed, result in zip(models, results, strict=True)}
+    found = [result[0] for result in results]
+    for finding in {str(finding) for each in found for finding in each.findings}:
+        warn(finding)
+    written = _write(out, found, answer, linear) if out is not None else None
+    if as_json:
+        print(to_json(answer))
+    else:
+        for identification in found:
+            print(identification)
+        for sentence in answer["untold"]:
+            print(sentence)
+        if len(found) > 1:
+            print(_models_table(found))
+        if written is not None:
+            print(f"written to {out}; use it as --plant {written}")
+    if any(identification.interrupted for identification in found):
+        warn("interrupted: what is written is the best so far")
+        raise typer.Exit(130)
+
+
+def _resolved(path: Path) -> Path:
+    return path.resolve()
+
+
+def _models(plant: str, model: str, settings: dict[str, str]) -> list[Plant]:
+    """The models to identify; a plant with one model has that one, whatever the default is."""
+    from ..plant.plant import models_of
+    from .compare import load_models
+
+    known = models_of(plant)
+    if model == "nonlinear" and known == ("linear",):
+        model = "linear"
+    return load_models(plant, model, settings)
+
+
+def _one(
+    believed: Plant,
+    logs: list[Path],
+    validate: list[Path],
+    preparation: Preparation,
+    watch: Any,
+    free: tuple[str, ...],
+    fix: tuple[str, ...],
+    bounds: list[str],
+    prior: list[str],
+    method: Any,
+    window: float | None,
+    starts: int,
+    seed: int,
+    profiles: tuple[str, ...],
+) -> tuple[Identification, dict[str, Any]]:
+    """Identify one model; the result and what goes into the JSON."""
+    from ..identification.free import read_quantity
+    from ..identification.identify import identify
+    from ..identification.profile import profile
+    from ..identification.record import untold
+
+    steps: list[dict[str, Any]] = []
+    missing: list[str] = []
+
+    def ready(path: Path, how: Preparation) -> Log:
+        log, done = _read(path, believed, how)
+        steps.extend({"log": str(path), **step.to_dict()} for step in done)
+        missing.extend(sentence for sentence in untold(log, believed) if sentence not in missing)
+        return log
+
+    used = [ready(path, preparation) for path in logs]
+    held_out = [ready(path, replace(preparation, from_=None, to=None)) for path in validate]
+    limits = {}
+    for text in bounds:
+        key, _, pair = text.partition("=")
+        low, colon, high = pair.partition(":")
+        if not colon:
+            raise InputError(f"--bounds {text!r}: expected KEY=LOW:HIGH, as in --bounds K_T=0.9:1.5")
+        limits[key] = (read_quantity(believed, key, low), read_quantity(believed, key, high))
+    priors: dict[str, float | None] = {}
+    for text in prior:
+        key, equals, value = text.partition("=")
+        priors[key] = read_quantity(believed, key, value) if equals else None
+    found = identify(
+        believed, used, validate=held_out, free=free, fix=fix, bounds=limits, priors=priors, method=method,
+        window=window, starts=starts, seed=seed, watch=watch,
+    )  # fmt: skip
+    answer = {**found.to_dict(), "model": believed.model, "preparation": steps, "untold": missing}
+    if profiles:
+        lines = [profile(found, name) for name in profiles]
+        answer["profiles"] = {
+            line.name: {"values": line.values, "rise": line.rise, "interval_95": list(line.interval)} for line in lines
+        }
+    return found, answer
+
+
+def _read(path: Path, believed: Plant, how: Preparation) -> tuple[Log, tuple[Step, ...]]:
+    from ..identification.record import read_plant_log
+
+    raw = read_plant_log(path, believed, uniform=how.resample is None)
+    log, steps = how.apply(raw, believed)
+    return replace(log, path=path, missing=raw.missing), steps
+
+
+def _write(out: Path, found: list[Identification], answer: dict[str, Any], linear: str) -> Path:
+    """Plant, JSON, table, figures and page; returns the plant's path."""
+    import sys
+
+    from ..identification.sliding import sliding_linear
+    from ..identification.write import write_plant
+    from ..report.figures import (
+        correlation_figure,
+        identification_figure,
+        parameters_figure,
+        residuals_figure,
+        save,
+    )
+    from ..report.identification_page import write_identification_page
+    from .output import to_json
+
+    plants = [each.plant for each in found]
+    if linear == "sliding":
+        plants.insert(0, sliding_linear(plants[0]))
+    written = write_plant(out / f"{found[-1].believed.name}_identified.toml", *plants)
+    (out / "identification.json").write_text(to_json({**answer, "written": written}) + "\n")
+    for each in found:
+        suffix = f"-{each.plant.model}" if len(found) > 1 else ""
+        each.to_pandas().to_csv(out / f"parameters{suffix}.csv")
+        save(identification_figure(each), out / f"fit{suffix}")
+        save(parameters_figure(each), out / f"parameters{suffix}")
+        if each.method == "simulation":
+            save(correlation_figure(each), out / f"correlation{suffix}")
+        if each.residual_tests:
+            save(residuals_figure(each), out / f"residuals{suffix}")
+    write_identification_page(found, out, command="ehsa-ctrl " + " ".join(sys.argv[1:]))
+    return written
+
+
+def _models_table(found: list[Identification]) -> str:
+    """Fit in free run, a row a channel and a log's use, a column a model."""
+    lines = ["fit in free run, %     " + "".join(f"{each.plant.model:>12}" for each in found)]
+    for word in ("train", "validation"):
+        reaches = [getattr(each, word) for each in found]
+        for channel in reaches[0].fit_percent:
+            cells = "".join(f"{reach.fit_percent[channel]:>12.2f}" for reach in reaches)
+            lines.append(f"  {'used' if word == 'train' else 'held out':<9}{channel:<12}{cells}")
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""From logs to parameters: preparation, estimates, uncertainty, validation and experiment design."""

@@ -1,0 +1,285 @@
+"""What is done to a log before it is used, each step only when asked for, and recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, correlate, correlation_lags, sosfiltfilt
+
+from ..core.errors import InputError, choices
+from ..core.log import CHANNELS, Log
+from ..plant.plant import Plant
+from ..simulation.engine import simulate
+from .record import SHORTEST
+from .replay import replay
+from .window import sensor_sd
+
+#: A channel is at rest while it stays within this many standard deviations of its first samples' median.
+REST_BAND = 5.0
+#: The shortest rest that gives a zero [s].
+SHORTEST_REST = 0.1
+#: Longest delay that alignment looks for [s], and the weakest correlation of rates that it trusts.
+LONGEST_DELAY, WEAKEST = 0.25, 0.6
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing that was done to a log: its kind, a sentence, and its figures in SI units."""
+
+    kind: str
+    words: str
+    figures: Mapping[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return self.words
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"kind": self.kind, "words": self.words, **self.figures}
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """What to do to a log; the default does nothing.
+
+    Attributes
+    ----------
+    from_, to: the segment to keep, s of the log's own time.
+    zero: channels (pressures, force, position, speed) whose mean at rest is set to what the plant has at rest.
+    rest: (from, to) of that rest, s; found before the first motion if not given.
+    resample: rate to bring all channels to, Hz.
+    align: output channels that are moved in time by their delay against the replay.
+    """
+
+    from_: float | None = None
+    to: float | None = None
+    zero: tuple[str, ...] = ()
+    rest: tuple[float, float] | None = None
+    resample: float | None = None
+    align: tuple[str, ...] = ()
+
+    def apply(self, log: Log, plant: Plant) -> tuple[Log, tuple[Step, ...]]:
+        """The prepared log and what was done, in this order: resample, zero, align, segment.
+
+        The rest that gives the zeros may lie before the segment; delays are those of the segment.
+
+        Raises
+        ------
+        InputError: a channel that is not there or can't be treated so, no rest, a segment that holds too little.
+        """
+        steps: list[Step] = []
+        if self.resample is not None:
+            log, step = resample(log, plant, self.resample)
+            steps.append(step)
+        if self.zero:
+            log, found = zero(log, plant, self.zero, self.rest)
+            steps += found
+        for channel in self.align:
+            log, step = align(log, plant, channel, self.from_, self.to)
+            steps.append(step)
+        if self.from_ is not None or self.to is not None:
+            log = log.segment(self.from_, self.to, shortest=SHORTEST)
+            ends = {"from": float(log.time[0]), "to": float(log.time[-1]), "samples": len(log)}
+            steps.append(
+                Step("segment", f"segment from {log.time[0]:g} to {log.time[-1]:g} s, {len(log)} samples", ends)
+            )
+        return log, tuple(steps)
+
+
+def resample(log: Log, plant: Plant, rate: float) -> tuple[Log, Step]:
+    """Bring all channels to a uniform `rate` [Hz]; also the remedy for time that jitters.
+
+    A drive that is held over each sample is averaged over the new ones, so that its integral stays what it was. Other
+    channels are interpolated by cubics; on the way down a zero-phase low-pass first takes away what the new rate can't
+    show.
+
+    Raises InputError for a rate that is no positive number or leaves fewer than SHORTEST samples.
+    """
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise InputError(f"resample to {rate:g} Hz: the rate must be a number greater than 0")
+    usual = float(np.median(np.diff(log.time)))
+    count = int(np.floor((log.time[-1] - log.time[0]) * rate * (1 + 1e-9))) + 1
+    if not SHORTEST <= count <= 10_000_000:
+        raise InputError(f"resample to {rate:g} Hz: leaves {count} samples; expected {SHORTEST} to 10000000")
+    time = log.time[0] + np.arange(count) / rate
+    system = plant.structure.system
+    held = set(system.drives.values()) if system.hold == "zero_order" else set()
+    channels = {}
+    for name, values in log.channels.items():
+        if name in held:
+            channels[name] = _averaged(log.time, values, time, usual)
+        else:
+            channels[name] = _interpolated(log.time, values, time, usual, rate)
+    before = None if log.before is None else resample(log.before, plant, rate)[0]
+    words = f"resampled from {1 / usual:.4g} to {rate:g} Hz, {count} samples"
+    figures = {"rate": rate, "rate_before": 1 / usual, "samples": count}
+    return Log(time, channels, log.path, log.missing, before), Step("resample", words, figures)
+
+
+def _averaged(time: np.ndarray, held: np.ndarray, new: np.ndarray, usual: float) -> np.ndarray:
+    """Means over the new samples of values that are each held until the next old sample."""
+    edges = np.append(time, time[-1] + usual)
+    integral = np.concatenate([[0.0], np.cumsum(held * np.diff(edges))])
+    ends = np.minimum(np.append(new, new[-1] + new[1] - new[0]), edges[-1])
+    return np.diff(np.interp(ends, edges, integral)) / np.diff(ends)
+
+
+def _interpolated(time: np.ndarray, values: np.ndarray, new: np.ndarray, usual: float, rate: float) -> np.ndarray:
+    if rate * usual < 0.95:
+        even = time[0] + usual * np.arange(int(np.floor((time[-1] - time[0]) / usual * (1 + 1e-9))) + 1)
+        signal = values if np.allclose(time, _padded(even, time), atol=1e-3 * usual) else np.interp(even, time, values)
+        # Four fifths of the new half rate; run forth and back, order 4 counts twice.
+        low_pass = butter(4, 0.8 * rate * usual, output="sos")
+        values, time = sosfiltfilt(low_pass, signal, padlen=min(len(signal) - 1, int(10 / (rate * usual)))), even
+    return CubicSpline(time, values)(np.minimum(new, time[-1]))
+
+
+def _padded(even: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """The even grid where it has as many samples as `time`, else something that is nowhere near it."""
+    return even if even.size == time.size else np.full_like(time, np.inf)
+
+
+def zero(
+    log: Log, plant: Plant, channels: tuple[str, ...], rest: tuple[float, float] | None = None
+) -> tuple[Log, list[Step]]:
+    """Shift channels so that their mean at rest is what the plant has at rest: P_0, x_0, no speed, the load's force.
+
+    Raises InputError for a drive or an unknown channel, and where no rest is given or found.
+    """
+    targets = _rest_values(plant)
+    for channel in channels:
+        if channel not in targets or channel not in log.channels:
+            known = [name for name in targets if name in log.channels]
+            raise InputError(f"no zero of {channel!r}: the plant has no rest value or the log no such channel; "
+                             f"{choices(channel, known)}")  # fmt: skip
+    if rest is not None:
+        piece = log.segment(*rest)
+        first, last = float(piece.time[0]), float(piece.time[-1])
+    else:
+        first, last = find_rest(log, plant)
+        piece = log.segment(first, last)
+    changed, steps = dict(log.channels), []
+    for channel in channels:
+        mean = float(np.mean(piece[channel]))
+        shift = targets[channel] - mean
+        changed[channel] = log[channel] + shift
+        unit = CHANNELS[channel].unit
+        words = (
+            f"{channel}: zero from the rest {first:g} to {last:g} s, shifted by {shift:.4g} {unit} (mean {mean:.4g}, "
+            f"at rest the plant has {targets[channel]:.4g})"
+        )
+        figures = {"channel": channel, "shift": shift, "unit": unit, "rest": [first, last]}
+        steps.append(Step("zero", words, figures))
+    before = log.before
+    if before is not None:
+        shifts = {step.figures["channel"]: step.figures["shift"] for step in steps}
+        moved = {name: values + shifts.get(name, 0.0) for name, values in before.channels.items()}
+        before = replace(before, channels=moved)
+    return replace(log, channels=changed, before=before), steps
+
+
+def _rest_values(plant: Plant) -> dict[str, float]:
+    """What each output channel, and the load cell, shows at the plant's rest."""
+    index = plant.structure.equations.index
+    values = {channel: float(plant.rest[index(state)]) for channel, state in plant.structure.system.outputs.items()}
+    if plant.structure.system.cell is not None:
+        values["force"] = float(simulate(plant, np.zeros(2)).cell_force[0])
+    return values
+
+
+def find_rest(log: Log, plant: Plant) -> tuple[float, float]:
+    """From and to [s] of the rest at the log's beginning: outputs constant, drives too, within their noise.
+
+    Raises InputError if it is shorter than SHORTEST_REST.
+    """
+    system = plant.structure.system
+    quiet = np.ones(len(log), dtype=bool)
+    for channel in (*system.drives.values(), *system.outputs):
+        if channel not in log.channels:
+            continue
+        sd = sensor_sd(plant, log, channel)
+        level = float(np.median(log[channel][: max(int(SHORTEST_REST / log.sample_time), 5)]))
+        quiet &= np.abs(log[channel] - level) <= REST_BAND * sd
+    moving = np.flatnonzero(~quiet)
+    count = int(moving[0]) if moving.size else len(log)
+    # The motion begins before it stands out of the noise.
+    count -= max(count // 20, 1) if moving.size else 0
+    if count * log.sample_time < SHORTEST_REST or count < 5:
+        raise InputError(
+            f"{log.path or 'the log'}: is not at rest for its first {SHORTEST_REST:g} s, so that no zero can be taken "
+            "there; give the rest by its time, from and to"
+        )
+    return float(log.time[0]), float(log.time[count - 1])
+
+
+def align(
+    log: Log, plant: Plant, channel: str, from_: float | None = None, to: float | None = None
+) -> tuple[Log, Step]:
+    """Move a channel in time by its delay against the replay: where their rates correlate best, to a part of a sample.
+
+    The delay is found between `from_` and `to`; the whole channel is moved. Samples at the ends that would have to come
+    from outside the log hold the last value there is.
+
+    Raises InputError for a channel that is no output or not in the log.
+    """
+    outputs = [name for name in plant.structure.system.outputs if name in log.channels]
+    if channel not in outputs:
+        raise InputError(
+            f"no alignment of {channel!r}: it is no output channel of this log; {choices(channel, outputs)}"
+        )
+    run = replay(plant, log.segment(from_, to, shortest=SHORTEST))
+    dt = log.sample_time
+    why, delay, strength = run.stopped, 0.0, 0.0
+    if not why:
+        measured, simulated, middle = run.log[channel], run.simulated[channel], len(run.log) // 2
+        delay, strength = _delay(measured, simulated, dt)
+        halves = [_delay(measured[part], simulated[part], dt) for part in (slice(middle), slice(middle, None))]
+        apart = abs(halves[0][0] - halves[1][0])
+        if strength < WEAKEST:
+            why = f"its rate and the replay's correlate by {strength:.2f} only, {WEAKEST:g} is needed"
+        elif min(weak for _, weak in halves) >= WEAKEST and apart > max(2 * dt, abs(delay)):
+            why = (
+                f"the log's halves give {1e3 * halves[0][0]:.3g} and {1e3 * halves[1][0]:.3g} ms: its peak is too broad"
+            )
+    figures = {"channel": channel, "delay": None if why else delay, "correlation": strength}
+    if why:
+        return log, Step("align", f"{channel}: not aligned, {why}", figures)
+    moved = dict(log.channels)
+    moved[channel] = CubicSpline(log.time, log[channel])(np.clip(log.time + delay, log.time[0], log.time[-1]))
+    words = (
+        f"{channel}: moved by its delay against the replay, {1e3 * delay:.3g} ms (correlation of rates {strength:.3f})"
+    )
+    return replace(log, channels=moved), Step("align", words, figures)
+
+
+def _delay(measured: np.ndarray, simulated: np.ndarray, dt: float) -> tuple[float, float]:
+    """How much later `measured` (N,) is than `simulated` [s], and the correlation of their rates at that shift."""
+    a, b = np.diff(measured), np.diff(simulated)
+    a, b = a - np.mean(a), b - np.mean(b)
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    if size == 0.0:
+        return 0.0, 0.0
+    product = correlate(a, b) / size
+    lags = correlation_lags(a.size, b.size)
+    near = np.abs(lags) <= max(int(LONGEST_DELAY / dt), 2)
+    product, lags = product[near], lags[near]
+    best = int(np.argmax(product))
+    # A parabola through the peak; over some samples where the peak is that broad, because it is noisy then.
+    half = 1
+    while (
+        half < min(best, product.size - 1 - best)
+        and min(product[best - half], product[best + half]) > 0.9 * product[best]
+    ):
+        half += 1
+    if best - half < 0 or best + half >= product.size:
+        return float(lags[best] * dt), 0.0
+    curve, slope, _ = np.polyfit(np.arange(-half, half + 1), product[best - half : best + half + 1], 2)
+    shift = -0.5 * slope / curve if curve < 0 else 0.0
+    # Noise on the measured channel lowers the correlation, whatever the delay.
+    noise = np.median(np.abs(np.diff(measured, 2))) / 0.6745 / np.sqrt(6.0)
+    power = float(np.dot(a, a))
+    kept = max(1.0 - 2.0 * a.size * noise**2 / power, 0.05) if power > 0.0 else 1.0
+    return float((lags[best] + shift) * dt), min(float(product[best] / np.sqrt(kept)), 1.0)

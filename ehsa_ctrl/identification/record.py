@@ -1,0 +1,74 @@
+"""A measured log as a plant needs it: its drives, what of its outputs there is, and what the rest leaves unsaid."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from ..core.errors import InputError
+from ..core.log import Log, read_log
+from ..plant.plant import Plant
+
+#: Fewer samples than this say nothing about a plant.
+SHORTEST = 25
+
+#: What a log without a channel can't tell, by the state that the channel shows.
+UNTOLD = {
+    "omega": "what the shaft does: motor friction and inertia can't be told from the torque constant",
+    "P_1": "the pressure in chamber 1: what the rod feels can't be told from what the motor gives",
+    "P_2": "the pressure in chamber 2: what the rod feels can't be told from what the motor gives",
+    "v": "the rod's speed",
+    "x": "where the rod is: leakage, load spring and end stops can't be told apart",
+}
+UNTOLD_FORCE = "the force on the rod: the load can't be told from the rod's friction"
+
+
+def read_plant_log(path: str | Path, plant: Plant, *, shortest: int = SHORTEST, uniform: bool = True) -> Log:
+    """Read a log of this plant through the plant's [log] table.
+
+    The channels that drive the plant have to be there, and one of those that show what it did; the others are read
+    where they are there and else named in `missing` of the log.
+
+    Raises
+    ------
+    InputError: as `read_log`; no output at all; a sample time that only another unit of time explains.
+    """
+    system = plant.structure.system
+    log = read_log(path, list(system.drives.values()), columns=plant.log, shortest=shortest, uniform=uniform)
+    wanted = [*system.outputs, *(["force"] if system.cell else [])]
+    missing = tuple(channel for channel in wanted if channel not in log.channels)
+    if not any(channel in log.channels for channel in system.outputs):
+        raise InputError(
+            f"{path}: has none of the channels {', '.join(system.outputs)} that show what {plant.name} did; name their "
+            "columns so, or map them in the plant's [log] table"
+        )
+    wrong = wrong_time_unit(log, plant)
+    if wrong:
+        raise InputError(wrong)
+    return replace(log, missing=missing)
+
+
+def wrong_time_unit(log: Log, plant: Plant) -> str:
+    """A sentence if the samples are so far apart that time must be in ms or us; else empty."""
+    ratio = log.sample_time / plant.sample_time
+    if ratio < 100.0:
+        return ""
+    unit, scale = ("ms", 1e-3) if ratio < 1e5 else ("us", 1e-6)
+    column = plant.log["t"].column if "t" in plant.log else "t"
+    return (
+        f"{log.path or 'the log'}: column {column!r} has steps of {log.sample_time:g} s, {ratio:.3g} times the sample "
+        f'time of {plant.name}; it is probably in {unit}: write t = {{ column = "{column}", scale = {scale:g} }} in '
+        "the plant's [log] table"
+    )
+
+
+def untold(log: Log, plant: Plant) -> tuple[str, ...]:
+    """What this log can't tell, a sentence for each channel that is missing."""
+    outputs = plant.structure.system.outputs
+    return tuple(
+        f"without {channel} the log does not tell "
+        + (UNTOLD_FORCE if channel == "force" else UNTOLD.get(outputs.get(channel, ""), f"what {channel} shows"))
+        for channel in log.missing
+        # A speed that is missing is the slope of the position.
+        if outputs.get(channel) != "v" or "x" not in {outputs[c] for c in outputs if c in log.channels}
+    )

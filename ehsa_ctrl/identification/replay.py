@@ -1,0 +1,143 @@
+"""A log replayed: the plant simulated freely with the log's drive, held against what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.errors import InputError, SimulationError, choices
+from ..core.log import Log
+from ..plant.plant import Plant
+from ..simulation.trajectory import Trajectory, versions
+from .start import Start, drive, find_start
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+
+def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
+    """100 (1 - ||y - yhat|| / ||y - mean(y)||): 100 is exact, 0 no better than the mean; nan for a constant y.
+
+    measured y, simulated yhat: (N,), same unit. Source: the fit of L. Ljung, "System Identification: Theory for the
+    User", 2nd ed., as its toolbox computes it.
+    """
+    spread = float(np.linalg.norm(measured - np.mean(measured)))
+    # The mean of equal numbers differs from them in the last digit.
+    if spread <= 1e-12 * float(np.linalg.norm(measured)):
+        return float("nan")
+    return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A free run beside the log that drove it.
+
+    Attributes
+    ----------
+    plant: as it was believed.
+    log: what was measured.
+    start: the state at the first sample and how it was found.
+    trajectory: the run; None if it could not even begin.
+    simulated: channel -> (N,) what its sensor would have shown, without noise and converter steps; nan after the run
+        has ended. Channels that the log lacks are there too.
+    fit_percent: channel of the log -> fit; nan if the channel is constant or the run ended early.
+    stopped: why the run ended before the log did, in a sentence; empty for a run that was finished.
+    """
+
+    plant: Plant
+    log: Log
+    start: Start
+    trajectory: Trajectory | None
+    simulated: Mapping[str, np.ndarray]
+    fit_percent: Mapping[str, float]
+    stopped: str = ""
+    provenance: dict[str, str] = field(default_factory=versions)
+
+    def residual(self, channel: str) -> np.ndarray:
+        """Measured minus simulated (N,), in the channel's SI unit. Raises InputError for a channel not measured."""
+        if channel not in self.fit_percent:
+            raise InputError(f"no residual of {channel!r}; {choices(channel, self.fit_percent)}")
+        return self.log[channel] - self.simulated[channel]
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a sample: t, the drives, and each output as measured and as simulated."""
+        import pandas
+
+        columns = {"t": self.log.time}
+        columns |= {channel: self.log[channel] for channel in self.plant.structure.system.drives.values()}
+        for channel, values in self.simulated.items():
+            if channel in self.log.channels:
+                columns[f"{channel}_measured"] = self.log[channel]
+            columns[f"{channel}_simulated"] = values
+        return pandas.DataFrame(columns)
+
+    def plot(self) -> Figure:
+        """Drives, and each output measured and simulated, over the log's time."""
+        from ..report.figures import replay_figure
+
+        return replay_figure([self])
+
+    def __str__(self) -> str:
+        log = self.log
+        lines = [
+            f"{self.plant.name} ({self.plant.model}) beside {log.path.name if log.path else 'a log'}: "
+            f"{len(log)} samples, {log.time[-1] - log.time[0]:g} s",
+            f"  starts {self.start}",
+        ]
+        lines += [f"  {channel:<10} {percent:>8.2f} % fit" for channel, percent in self.fit_percent.items()]
+        return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def replay(plant: Plant, log: Log, *, before: Log | None = None) -> Replay:
+    """Simulate the plant freely with the drive of a log.
+
+    Parameters
+    ----------
+    log: its channels that drive the plant have to be there.
+    before: what was recorded up to the log's first sample; by default what the log was cut from (`Log.segment`). It
+        gives the state in which a log that begins in motion starts, see `find_start`.
+
+    Returns
+    -------
+    Replay. A run that leaves the range of the equations is no error: `stopped` says so and its fits are nan.
+
+    Raises
+    ------
+    InputError: a drive is missing in the log, or its sample time is not one to simulate with.
+    """
+    system = plant.structure.system
+    for channel in system.drives.values():
+        log[channel]
+    start = find_start(plant, log, before if before is not None else log.before)
+    measured = [channel for channel in system.outputs if channel in log.channels]
+    try:
+        run = drive(plant, log, start.state)
+    except SimulationError as error:
+        nothing = {channel: np.full(len(log), np.nan) for channel in system.outputs}
+        return Replay(plant, log, start, None, nothing, dict.fromkeys(measured, float("nan")), str(error))
+    shown = {channel: _shown(plant, channel, run, len(log)) for channel in system.outputs}
+    fits = {channel: float("nan") if run.stopped else fit_percent(log[channel], shown[channel]) for channel in measured}
+    return Replay(plant, log, start, run, shown, fits, run.stopped)
+
+
+def _shown(plant: Plant, channel: str, run: Trajectory, samples: int) -> np.ndarray:
+    """What the channel's sensor makes of the run (samples,): its delay, scale and bias, not its noise and steps."""
+    values = np.full(samples, np.nan)
+    true = run[plant.structure.system.outputs[channel]]
+    sensor = plant.sensors.get(channel)
+    if sensor is not None:
+        late = np.interp(run.time - sensor.delay, run.time, true) if sensor.delay > 0.0 else true
+        true = sensor.scale * late + sensor.bias
+    values[: len(run)] = true
+    return values

@@ -1,0 +1,104 @@
+"""An identified plant as a TOML: the file it came from, with the numbers that are new."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from ..core.errors import InputError
+from ..core.parameter import Parameter
+from ..core.unit import factor
+from ..plant.file import LOAD_LETTERS
+from ..plant.plant import SENSOR_WORDS, Plant, load_plant
+
+
+def plant_toml(plants: Sequence[Plant]) -> str:
+    """The text of a plant's TOML with the numbers of one or more of its models.
+
+    Order, comments, units and everything that was not identified or set stay as they are in the file that the plants
+    were read from. A number that both models share goes to the model that identified it, so that the other one keeps
+    what it had.
+
+    Parameters
+    ----------
+    plants: models of one file, with changed values.
+
+    Raises InputError for plants without a file, or of different files.
+    """
+    paths = {plant.path for plant in plants}
+    path = next(iter(paths), None)
+    if len(paths) != 1 or path is None:
+        raise InputError("the plants to be written must come from one TOML file; load them with load_plant")
+    document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
+    words = {letter: word for word, letter in LOAD_LETTERS.items()}
+    for plant in plants:
+        before = load_plant(path, model=plant.model)
+        for name, parameter in plant.parameters.items():
+            old = before.parameters.get(name)
+            if old is not None and (old.value, old.source, old.sd) == (parameter.value, parameter.source, parameter.sd):
+                continue
+            identified = parameter.source == "identified"
+            if name in words:
+                _put(_table(document, "load"), words[name], parameter)
+            elif identified or parameter.source == "derived" or name in document[plant.model]["parameters"]:
+                _put(_table(document, plant.model, "parameters"), name, parameter)
+            else:
+                _put(_table(document, "parameters"), name, parameter)
+        for channel, sensor in plant.sensors.items():
+            for word in SENSOR_WORDS:
+                value, unit = getattr(sensor, word), {"scale": "1", "delay": "s"}.get(word, sensor.unit)
+                if value != getattr(before.sensors[channel], word):
+                    entry = Parameter(word, value, unit, "identified", note="as identified or set")
+                    _put(_table(document, "sensors", channel), word, entry)
+    return str(tomlkit.dumps(document))
+
+
+def write_plant(path: str | Path, *plants: Plant) -> Path:
+    """Write `plant_toml` to a file and return its path. Raises InputError as that does."""
+    path = Path(path)
+    text = plant_toml(plants)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def _table(document: Any, *keys: str) -> Any:
+    """The table at `keys`, made where it is missing."""
+    table = document
+    for key in keys:
+        if key not in table:
+            table[key] = tomlkit.table()
+        table = table[key]
+    return table
+
+
+def _put(table: Any, key: str, parameter: Parameter) -> None:
+    """Write one number, in the unit that the file uses for it."""
+    old = table.get(key)
+    unit = str(old["unit"]) if old is not None else parameter.unit
+    scale = factor(unit, parameter.unit)
+    entry = tomlkit.inline_table()
+    entry["value"] = _rounded(parameter.value / scale, None if parameter.sd is None else parameter.sd / scale)
+    entry["unit"] = unit
+    if parameter.sd is not None and math.isfinite(parameter.sd):
+        entry["sd"] = float(f"{parameter.sd / scale:.3g}")
+    lower, upper = parameter.lower / scale, parameter.upper / scale
+    if math.isfinite(lower) and math.isfinite(upper) and lower <= entry["value"] <= upper:
+        entry["bounds"] = [float(f"{lower:.6g}"), float(f"{upper:.6g}")]
+    entry["source"] = "assumed" if parameter.source == "given" else parameter.source
+    note = "set for an identification" if parameter.source == "given" else parameter.note
+    if note:
+        entry["note"] = note
+    table[key] = entry
+
+
+def _rounded(value: float, sd: float | None) -> float:
+    """A value with the digits that a thousandth of its deviation leaves, at least six."""
+    digits = 6
+    if sd is not None and math.isfinite(sd) and sd > 0.0 and value != 0.0:
+        digits = max(digits, math.ceil(math.log10(abs(value) / sd)) + 3)
+    return float(f"{value:.{min(digits, 15)}g}")

@@ -1,0 +1,153 @@
+"""`ehsa-ctrl compare` as a user meets it."""
+
+import json
+import sys
+
+import numpy as np
+import pandas
+import pytest
+
+from ehsa_ctrl import excitation, load_plant, record
+from ehsa_ctrl.cli import main as entry
+
+
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path):
+    """Call the command line in an empty folder; gives exit status, standard output and standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["ehsa-ctrl", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stopped:
+            entry.main()
+        captured = capsys.readouterr()
+        return stopped.value.code or 0, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Four seconds of the unloaded bench: log.csv in the current folder, and the log."""
+    time, current = excitation("steps", amplitude=3.0, duration=4.0)
+    log, _ = record(load_plant("ehsa"), time, current)
+    log.write(tmp_path / "log.csv")
+    return log
+
+
+def test_both_models_are_compared_with_the_log(run, log):
+    """A table, how each run starts, nothing on standard error, exit status 0."""
+    status, out, err = run("compare", "log.csv", "--plant", "ehsa")
+
+    assert (status, err) == (0, "")
+    assert "linear   nonlinear" in out
+    assert "nonlinear starts at rest, as the plant" in out
+    cells = next(line for line in out.splitlines() if line.startswith("speed")).split()
+    assert float(cells[2]) > 98.0 > float(cells[1])
+
+
+def test_the_result_is_in_json_csv_and_figures(run, log, tmp_path):
+    """The same figures everywhere; an existing result stays unless --force is said."""
+    call = ("compare", "log.csv", "--plant", "ehsa", "--from", "1", "--zero", "p1,p2", "--out", "out", "--json")
+    status, out, _ = run(*call)
+    result = json.loads(out)
+    table = pandas.read_csv(tmp_path / "out" / "compare.csv")
+    fit = result["models"]["nonlinear"]["fit_percent"]["p1"]
+    left = np.linalg.norm(table["p1_measured"] - table["p1_nonlinear"])
+
+    assert status == 0
+    assert json.loads((tmp_path / "out" / "comparison.json").read_text()) == result
+    assert [step["kind"] for step in result["preparation"]] == ["zero", "zero", "segment"]
+    assert fit == pytest.approx(100 * (1 - left / np.linalg.norm(table["p1_measured"] - table["p1_measured"].mean())))
+    assert {"compare.png", "compare.svg"} <= {path.name for path in (tmp_path / "out").iterdir()}
+    assert run(*call)[0] == 2
+    assert run(*call, "--force")[0] == 0
+
+
+def test_a_setting_of_one_model_is_for_that_model(run, log):
+    """A_FR is no letter of the linear model; --model linear says so."""
+    assert run("compare", "log.csv", "--plant", "ehsa", "--set", "A_FR=900")[0] == 0
+    status, _, err = run("compare", "log.csv", "--plant", "ehsa", "--set", "A_FR=900", "--model", "linear")
+    assert status == 2 and "the linear model of ehsa has no such parameter" in err
+    status, _, err = run("compare", "log.csv", "--plant", "ehsa", "--set", "A_XX=900")
+    assert status == 2 and "no such parameter" in err
+
+
+def test_findings_are_warnings_and_what_is_missing_is_said(run, log, tmp_path):
+    """Speed in rpm, no pressures."""
+    table = log.to_pandas().drop(columns=["p1", "p2"])
+    table["speed"] *= 30 / np.pi
+    table.to_csv(tmp_path / "log.csv", index=False)
+    status, out, err = run("compare", "log.csv", "--plant", "ehsa", "--model", "nonlinear")
+
+    assert status == 0
+    assert "warning: speed varies" in err and "probably in rpm" in err
+    assert "without p1 the log does not tell" in out and "without force" not in out
+
+
+def test_somebody_elses_log_is_mapped_by_the_plant(run, log, tmp_path):
+    """Columns, units and a sign of their own; the fit is that of the plain log."""
+    plain = json.loads(run("compare", "log.csv", "--plant", "ehsa", "--json")[1])
+    table = log.to_pandas()
+    other = pandas.DataFrame(
+        {
+            "ms": 1e3 * table["t"],
+            "I": table["current"],
+            "n_rpm": -table["speed"] * 30 / np.pi,
+            "pA_bar": table["p1"] / 1e5,
+        }
+    )
+    other.to_csv(tmp_path / "other.csv", index=False)
+    text = (load_plant("ehsa").path).read_text()
+    mapping = """
+[log]
+t = { column = "ms", scale = 1e-3 }
+current = { column = "I" }
+speed = { column = "n_rpm", scale = -0.10471975511965977 }
+p1 = { column = "pA_bar", scale = 1e5 }
+"""
+    (tmp_path / "rig.toml").write_text(text + mapping)
+    status, out, _ = run("compare", "other.csv", "--plant", "rig.toml", "--json")
+
+    assert status == 0
+    fits = json.loads(out)["models"]["nonlinear"]["fit_percent"]
+    assert set(fits) == {"speed", "p1"}
+    for channel, fit in fits.items():
+        assert fit == pytest.approx(plain["models"]["nonlinear"]["fit_percent"][channel], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ('pressure = { column = "x" }', "[log] pressure: unknown channel; "),
+        ('p1 = { column = "x", scale = 0 }', "[log] p1: scale = 0: must be a finite number other than 0"),
+        ('p1 = { colum = "x" }', "colum"),
+    ],
+)
+def test_a_wrong_mapping_is_one_sentence(run, log, tmp_path, line, says):
+    """With file and key."""
+    (tmp_path / "rig.toml").write_text(load_plant("ehsa").path.read_text() + f"\n[log]\n{line}\n")
+    status, _, err = run("compare", "log.csv", "--plant", "rig.toml")
+
+    assert status == 2
+    assert says in err and "rig.toml" in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("nothing.csv",), "nothing.csv: no such file"),
+        (("log.csv", "--model", "cubic"), "expected linear, nonlinear or both"),
+        (("log.csv", "--from", "9"), "the log runs from 0 to 4 s"),
+        (("log.csv", "--zero", "p3"), "no zero of 'p3'"),
+        (("log.csv", "--rest", "abc"), "--rest 'abc': expected two times"),
+        (("log.csv", "--resample", "-1"), "the rate must be a number greater than 0"),
+        (("log.csv", "--align", "current"), "no alignment of 'current'"),
+    ],
+)
+def test_a_wrong_call_is_one_sentence(run, log, arguments, says):
+    """Exit status 2, no traceback."""
+    status, _, err = run("compare", *arguments, "--plant", "ehsa")
+
+    assert status == 2
+    assert says in err and err.count("\n") == 1

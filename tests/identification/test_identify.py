@@ -1,0 +1,203 @@
+"""Known truth: a bench log is made by a plant, and the plant comes out again."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ehsa_ctrl import InputError, identify, load_plant, replay
+from ehsa_ctrl.cli.output import to_json
+
+from .conftest import bench_log, thirty_percent_off
+
+
+def test_the_truth_comes_out_within_its_deviations(truth, found):
+    """All eleven parameters from 30 % off, each within four standard deviations and 3 % of the truth or closer."""
+    for estimate in found.estimates:
+        assert abs(estimate.value - truth[estimate.name]) < 4 * estimate.sd, estimate
+        assert abs(estimate.value / truth[estimate.name] - 1) < 0.1, estimate
+        assert estimate.identifiable, estimate
+    z = [(e.value - truth[e.name]) / e.sd for e in found.estimates]
+    assert 0.3 < np.sqrt(np.mean(np.square(z))) < 1.8
+    assert found.explained and found.uncertainty.source == "noise"
+
+
+def test_a_held_out_log_fits_as_well_as_with_the_truth(truth, found, steps_log):
+    """Free run on steps that were not used: within one point of what the true parameters reach."""
+    best = replay(truth, steps_log).fit_percent
+
+    for channel, fit in found.validation.fit_percent.items():
+        assert fit > best[channel] - 1.0, channel
+    assert found.validation.fit_percent_before["speed"] < found.validation.fit_percent["speed"] - 5.0
+
+
+def test_what_is_left_is_white(found):
+    """A right model leaves residuals that know nothing of themselves, of the drive or of the direction."""
+    assert sum(not test.passed for test in found.residual_tests) <= 2
+    assert max(test.largest for test in found.residual_tests) < 0.15
+
+
+def test_the_result_is_json_and_a_table(found):
+    """Every parameter has value, sd, unit and whether it is identifiable; nothing is lost on the way to JSON."""
+    answer = json.loads(to_json(found.to_dict()))
+
+    assert set(answer["parameters"]) == set(found.plant.free)
+    for name, entry in answer["parameters"].items():
+        assert entry["value"] == found[name].value and entry["sd"] == found[name].sd
+        assert entry["identifiable"] is True and entry["unit"] == found.plant.parameters[name].unit
+    assert set(answer["fit_percent"]["train"]) == {"speed", "p1", "p2", "position"}
+    assert list(found.to_pandas().index) == [e.name for e in found.estimates]
+    assert "A_FR" in str(found)
+
+
+@pytest.mark.slow
+def test_two_logs_together_know_more(truth, noise_log, steps_log):
+    """Two logs, each with its own initial state, give smaller deviations than one, and one cost."""
+    one = identify(truth, noise_log, starts=3)
+    two = identify(truth, [noise_log, steps_log], starts=3)
+
+    for estimate in two.estimates:
+        assert estimate.sd < one[estimate.name].sd, estimate.name
+    assert two.fit.residuals == one.fit.residuals + 4 * len(steps_log)
+
+
+@pytest.mark.slow
+def test_windows_between_one_step_and_the_whole_log(truth, noise_log):
+    """One-step prediction, half a second and the whole log agree; the longer they are the more they know.
+
+    One step from a measured state can't tell a rod that creeps from one that is held: some per cent there.
+    """
+    fits = [identify(truth, noise_log, window=window, starts=3) for window in (0.008, 0.5, None)]
+
+    for name in ("A_FM", "A_FR", "V_10"):
+        values = [found[name] for found in fits]
+        assert values[0].sd > values[1].sd > values[2].sd, name
+        assert values[0].value == pytest.approx(truth[name], rel=0.03)
+        for value in values[1:]:
+            assert abs(value.value - truth[name]) < 4 * value.sd, name
+
+
+def test_effects_that_are_one_are_named_as_a_set(truth, noise_log):
+    """Preload and constant force are the same force: neither is identifiable, each names the other."""
+    found = identify(truth, noise_log, free=["load.preload", "load.force"], fix=list(truth.free)[:-2], starts=3)
+
+    for name, other in (("F_pre", "F_0"), ("F_0", "F_pre")):
+        assert found[name].verdict == "not identifiable from this log"
+        assert found[name].trades == (other,)
+        assert np.isinf(found[name].sd)
+    assert found["B_FR"].identifiable
+
+
+@pytest.mark.slow
+def test_sensors_are_estimated_too(truth, noise_log):
+    """Bias, scale and delay that were put into a log come out of it."""
+    late = np.interp(noise_log.time - 0.006, noise_log.time, noise_log["speed"])
+    changed = {
+        **noise_log.channels,
+        "p1": noise_log["p1"] + 4e4,
+        "position": 1.02 * noise_log["position"],
+        "speed": late,
+    }
+    log = replace(noise_log, channels=changed)
+
+    found = identify(
+        truth, log, free=["bias.p1", "scale.position", "delay.speed"], fix=["K_L", "M"], starts=3, check=False
+    )
+
+    assert found["bias.p1"].value == pytest.approx(4e4, rel=0.1)
+    assert found["scale.position"].value == pytest.approx(1.02, abs=4e-3)
+    assert found["delay.speed"].value == pytest.approx(0.006, abs=2e-4)
+    assert found.plant.sensors["p1"].bias == found["bias.p1"].value
+
+
+@pytest.mark.slow
+def test_a_prior_holds_what_the_log_does_not_show(truth, noise_log):
+    """With a prior the deviation is at most the prior's; a tight one keeps the value."""
+    held = identify(truth, noise_log, free=["K_T"], priors={"K_T": 1e-6}, starts=3)
+
+    assert held["K_T"].value == pytest.approx(1.2, abs=1e-5)
+    assert held["K_T"].sd <= 1.0001e-6
+
+
+def test_a_wrong_structure_is_said_to_leave_more_than_noise(truth, noise_log):
+    """The linear model on a plant with friction: weights are the residuals, and deviations come from them."""
+    linear = load_plant("ehsa", model="linear")
+
+    found = identify(linear, noise_log, starts=3)
+
+    assert (
+        found.uncertainty.source == "residuals"
+        or not found.explained
+        or found.fit.point.runs[0].measurement.input_sd == 0
+    )
+    assert any(not test.passed for test in found.residual_tests)
+    assert found.train.fit_percent["speed"] > found.train.fit_percent_before["speed"] + 20
+
+
+def test_an_interrupt_keeps_the_best_so_far(truth, noise_log):
+    """Ctrl-C in the middle of the last stage gives what there is, marked as interrupted."""
+
+    def stop(progress):
+        if "windows" not in progress.stage:
+            raise KeyboardInterrupt
+
+    found = identify(thirty_percent_off(truth, 1), noise_log, watch=stop)
+
+    assert found.interrupted and "interrupted" in str(found)
+    assert found.train.fit_percent["speed"] > 90
+
+
+@pytest.mark.slow
+def test_pressures_may_be_missing(truth, noise_log):
+    """Speed and position alone still give what the shaft sees of all friction, with larger deviations."""
+    some = replace(noise_log, channels={c: noise_log[c] for c in ("current", "speed", "position")})
+    full = identify(truth, noise_log, starts=3)
+
+    found = identify(truth, some, starts=3)
+
+    for name in ("J_M", "A_FM", "B_FM", "A_FR", "B_FR"):
+        assert found[name].sd > 1.2 * full[name].sd, name
+        assert found[name].value == pytest.approx(truth[name], rel=0.05), name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"free": ["K_X"]}, "K_X: is nothing that can be estimated"),
+        ({"fix": ["K_T"]}, "it is not free"),
+        ({"bounds": {"K_L": (1.0, 0.0)}}, "must be in order"),
+        ({"bounds": {"K_L": (1.0, 2.0)}}, "hold the start"),
+        ({"priors": {"M": -1.0}}, "greater than 0"),
+        ({"free": ["K_T"], "priors": {"K_T": None}}, "needs a standard deviation"),
+        ({"window": -1.0}, "window = -1 s"),
+        ({"starts": 0}, "starts = 0"),
+        (
+            {"fix": ["J_M", "K_L", "V_10", "V_20", "M", "A_FM", "B_FM", "C_FM", "A_FR", "B_FR", "C_FR"]},
+            "nothing is left",
+        ),
+    ],
+)
+def test_wrong_wishes_are_sentences(truth, noise_log, arguments, said):
+    """What can't be done is said with the name that can't."""
+    with pytest.raises(InputError, match=said):
+        identify(truth, noise_log, **arguments)
+
+
+def test_wrong_logs_are_sentences(truth, noise_log):
+    """No motion, a swapped sign, bar for Pa, exchanged pressures: each is named with its channel."""
+    still = bench_log(truth, "noise", 0.1, 4.0, 1)
+    turned = replace(noise_log, channels={**noise_log.channels, "speed": -noise_log["speed"]})
+    bar = replace(noise_log, channels={**noise_log.channels, "p1": noise_log["p1"] / 1e5, "p2": noise_log["p2"] / 1e5})
+    crossed = replace(noise_log, channels={**noise_log.channels, "p1": noise_log["p2"], "p2": noise_log["p1"]})
+
+    for log, said in (
+        (still, "nothing moves"),
+        (turned, "speed runs against"),
+        (bar, "in bar"),
+        (crossed, "exchanged"),
+    ):
+        with pytest.raises(InputError, match=said):
+            identify(truth, log)
+    with pytest.raises(InputError, match="at least one log"):
+        identify(truth, [])
