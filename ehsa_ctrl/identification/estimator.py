@@ -59,7 +59,8 @@ class Fit:
     """An estimate over some windows.
 
     values (k,). cost: sum of squares of whitened residuals and priors; lowered: the cost that was minimised, which
-    without unknown errors of the drive is the same. residuals: how many. information (k, k): the
+    without unknown errors of the drive is the same. weighted: by other weights than the sensors' noise. residuals: how
+    many. information (k, k): the
     inverse of the covariance that the noise alone gives. scores (blocks, k): gradient of each half second, by which
     one sees whether residuals hang together. stopped: why it ended.
     """
@@ -69,6 +70,7 @@ class Fit:
     point: Point
     cost: float
     lowered: float
+    weighted: bool
     residuals: int
     information: np.ndarray
     scores: np.ndarray
@@ -367,6 +369,7 @@ class _Problem:
             point=point,
             cost=reduced.white_cost,
             lowered=reduced.cost,
+            weighted=self.weights is not None,
             residuals=self.residuals,
             information=reduced.information,
             scores=reduced.scores,

@@ -19,6 +19,7 @@ from .estimator import Fit
 from .replay import Replay
 from .uncertainty import Estimate, Uncertainty, consistent
 from .whiteness import Correlation
+from .window import sensor_sd
 
 if TYPE_CHECKING:
     import pandas
@@ -109,6 +110,23 @@ class Identification:
         return self.fit is not None and consistent(self.fit)
 
     @property
+    def noise_ratio(self) -> float:
+        """Mean square of the residuals over the variance that the sensors' noise gives them; 1 is all noise.
+
+        Whitened, so that the noise of the logged drive is in it; not so where the residuals had to be the weights.
+        """
+        if self.fit is None:
+            return math.nan
+        if not self.fit.weighted:
+            return self.fit.reduced_cost
+        squares, count = 0.0, 0
+        for run in self.fit.point.runs:
+            noise = [sensor_sd(self.plant, run.window.log, channel) for channel in run.measurement.channels]
+            squares += float(np.sum((run.residual / np.array(noise)) ** 2))
+            count += run.residual.size
+        return squares / count
+
+    @property
     def differing(self) -> tuple[str, ...]:
         """Parameters on which the two methods differ by more than two standard deviations of both together."""
         other = {estimate.name: estimate for estimate in self.beside}
@@ -172,6 +190,8 @@ class Identification:
             if self.fit is None
             else {
                 "reduced": self.fit.reduced_cost,
+                "noise_ratio": self.noise_ratio,
+                "weights": "residuals" if self.fit.weighted else "noise",
                 "explained": self.explained,
                 "residuals": self.fit.residuals,
                 "steps": self.fit.steps,
@@ -261,8 +281,9 @@ class Identification:
             yield from self._beside()
         elif self.fit is not None:
             yield (
-                f"  residuals {self.fit.reduced_cost:.3g} times the noise's variance"
+                f"  residuals {self.noise_ratio:.3g} times the noise's variance"
                 + ("" if self.explained else ": more than noise is left, standard deviations are from the residuals")
+                + (", and so are the channels' weights" if self.fit.weighted else "")
             )
         yield "  fit in free run, %   " + "".join(f"{channel:>10}" for channel in self.train.fit_percent)
         for name, reach in (("used", self.train), ("held out", self.validation)):

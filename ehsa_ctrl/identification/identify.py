@@ -15,7 +15,7 @@ from ..plant.arrays import needs
 from ..plant.plant import Plant
 from .balances import BalanceEstimate, estimate_by_balances, first_estimate
 from .checks import check_log
-from .estimator import Fit, Point, Progress, fit
+from .estimator import Fit, Progress, fit
 from .free import FreeParameter, free_parameters, with_values
 from .identification import Identification, Reach
 from .replay import replay
@@ -312,14 +312,10 @@ class _Search:
         assert best is not None
         if self.misfit:
             return
-        begin: Point = best.point
-        self.best = None
-        self.keep(
-            fit(self.plant, self.long, self.parameters, begin=begin, stage="best", watch=self.watch, keep=self.keep)
+        last = fit(
+            self.plant, self.long, self.parameters, begin=best.point, stage="best", watch=self.watch, keep=self.keep
         )
-        assert self.best is not None
-        if self.best.lowered > best.lowered:
-            self.best = best
+        self.keep(last)
 
     def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
         return np.array([p.lower for p in self.parameters]), np.array([p.upper for p in self.parameters])

@@ -81,8 +81,11 @@ class Uncertainty:
 
 
 def consistent(fit: Fit, deviations: float = 6.0) -> bool:
-    """Whether residuals are as small as the noise allows: reduced cost within so many standard deviations of 1."""
-    return fit.reduced_cost < 1.0 + deviations * math.sqrt(2.0 / max(fit.residuals, 1))
+    """Whether residuals are as small as the noise allows: reduced cost within so many standard deviations of 1.
+
+    Never if the residuals themselves had to be the weights.
+    """
+    return not fit.weighted and fit.reduced_cost < 1.0 + deviations * math.sqrt(2.0 / max(fit.residuals, 1))
 
 
 def uncertainty(fit: Fit) -> Uncertainty:

@@ -28,6 +28,21 @@ def number(value: float) -> str:
     return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
 
 
+def uncertain(value: float, sd: float) -> str:
+    """A value to the second digit of its standard deviation: "853.0 ± 1.1", "(4.096 ± 0.069)e-13".
+
+    The value alone where the standard deviation is infinite, zero or none.
+    """
+    if not (math.isfinite(value) and math.isfinite(sd) and sd > 0.0):
+        return number(value)
+    power = math.floor(math.log10(max(abs(value), sd)))
+    power = power if power < -2 or power >= 6 or sd >= 99.5 else 0
+    scale = 10.0**power
+    decimals = max(1 - math.floor(math.log10(sd / scale)), 0)
+    both = f"{value / scale:.{decimals}f} ± {sd / scale:.{decimals}f}"
+    return f"({both})e{power}" if power else both
+
+
 def unit(text: str) -> str:
     """A unit as it is typeset: "m3/(Pa s)" becomes "m³/(Pa s)", "um" becomes "µm", and "1" nothing."""
     if text == "1":

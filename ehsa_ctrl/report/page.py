@@ -1,25 +1,23 @@
-"""One self-contained HTML page: verdict first, then each scenario, at the end what the numbers rest on."""
+"""The page of scenarios: verdict first, then each scenario, at the end what the numbers rest on."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from ..core.errors import InputError
-from ..core.parameter import Parameter
 from ..core.unit import factor
 from ..design.analysis import LoopAnalysis
 from ..scenario.metrics import METRICS
 from ..scenario.run import Judgement, ScenarioResult
-from .figures import loop_figure, scenario_figure, to_svg
+from .document import anchors, assumed_of, embedded, merged_versions, write_document
+from .figures import loop_figure, scenario_figure
 from .number import number, quantity, unit
 
 #: Metrics in the table of all runs; the scenario's own section has all of them.
@@ -41,35 +39,27 @@ def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str)
     """
     if not results:
         raise InputError("there is no result to report; run at least one scenario")
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "unit": unit, "breakable": breakable}
-    anchors = _anchors(f"run-{result.scenario.name}-{result.controller.name}" for result in results)
+    names = anchors(f"run-{result.scenario.name}-{result.controller.name}" for result in results)
     loops = _loops(results)
-    failed = [(result, anchor) for result, anchor in zip(results, anchors, strict=True) if not result.passed]
-    page = environment.get_template("page.html.j2").render(
+    failed = [(result, anchor) for result, anchor in zip(results, names, strict=True) if not result.passed]
+    runs = [run.trajectory for result in results for run in (result.nonlinear, result.linear)]
+    return write_document(
+        "page.html.j2",
+        folder,
+        {"breakable": breakable},
         results=results,
         failed=failed,
         passed=len(results) - len(failed),
         columns=[name for name in SHOWN if any(_exists(result, name) for result in results)],
         metrics=METRICS,
         shown=shown,
-        summary=list(zip(results, anchors, strict=True)),
-        scenarios=_scenarios(results, anchors, loops),
+        summary=list(zip(results, names, strict=True)),
+        scenarios=_scenarios(results, names, loops),
         loops=list(loops.values()),
-        versions=_versions(results),
-        assumed=_assumed(results),
+        versions=merged_versions(result.nonlinear.trajectory.provenance for result in results),
+        assumed=assumed_of(run.plant for run in runs),
         command=command,
     )
-    path = Path(folder) / "report.html"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8")
-    return path
 
 
 def shown(metric: str, value: float) -> str:
@@ -173,20 +163,6 @@ class Run:
         ]
 
 
-def embedded(figure: Figure, words: str, name: str) -> Markup:
-    """A figure as an SVG inside a page: said in words for those who don't see it, its ids apart from other figures'."""
-    svg = to_svg(figure)
-    svg = svg[svg.index("<svg") :]
-    # What a page can't use: name spaces, comments, and a style that would hold for the whole page.
-    svg = re.sub(r"\s*(<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->)", "", svg, flags=re.DOTALL)
-    box = re.search(r'viewBox="[^"]+"', svg)
-    head = f'<svg role="img" aria-label="{Markup.escape(words)}" {box[0] if box else ""}>'
-    svg = head + svg[svg.index(">") + 1 :]
-    svg = re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{name}-", svg)
-    # matplotlib's own text, in which every word is an outline; `words` is escaped.
-    return Markup(svg.strip())
-
-
 def breakable(name: str) -> Markup:
     """A metric's name that may break between its words: SteadyStateError."""
     return Markup("<wbr>").join(re.split(r"(?<=[a-z])(?=[A-Z])", name))
@@ -210,23 +186,10 @@ def _exists(result: ScenarioResult, metric: str) -> bool:
     return not all(math.isnan(value) for value in result.metrics[metric])
 
 
-def _anchors(names: Iterable[str]) -> list[str]:
-    """An id for each name; a name that comes twice (files in two folders) gets a number."""
-    anchors: list[str] = []
-    for name in names:
-        anchor = plain = re.sub(r"[^A-Za-z0-9_-]+", "-", name)
-        number_of = 2
-        while anchor in anchors:
-            anchor = f"{plain}--{number_of}"
-            number_of += 1
-        anchors.append(anchor)
-    return anchors
-
-
-def _scenarios(results: Sequence[ScenarioResult], anchors: Sequence[str], loops: Mapping[str, Loop]) -> list[list[Run]]:
+def _scenarios(results: Sequence[ScenarioResult], names: Sequence[str], loops: Mapping[str, Loop]) -> list[list[Run]]:
     """Runs of the same scenario together, in the order in which the scenarios came."""
     groups: dict[tuple[str, str], list[Run]] = {}
-    for result, anchor in zip(results, anchors, strict=True):
+    for result, anchor in zip(results, names, strict=True):
         loop = loops[_loop_key(result)] if result.loop is not None else None
         groups.setdefault((result.scenario.name, str(result.scenario.path)), []).append(Run(result, anchor, loop))
     return list(groups.values())
@@ -242,40 +205,10 @@ def _loops(results: Sequence[ScenarioResult]) -> dict[str, Loop]:
     """Each controller's loop on each plant, by `_loop_key`."""
     first = {_loop_key(result): result for result in reversed(results) if result.loop is not None}
     keys = [key for key in dict.fromkeys(map(_loop_key, results)) if key in first]
-    names = _anchors(f"loop-{first[key].controller.name}-{first[key].plant.name}" for key in keys)
+    names = anchors(f"loop-{first[key].controller.name}-{first[key].plant.name}" for key in keys)
     loops = {}
     for key, name in zip(keys, names, strict=True):
         analysis = first[key].loop
         assert analysis is not None
         loops[key] = Loop(analysis, first[key].controller, first[key].plant.name, name)
     return loops
-
-
-def _versions(results: Sequence[ScenarioResult]) -> dict[str, str]:
-    found: dict[str, set[str]] = {}
-    for result in results:
-        for name, version in result.nonlinear.trajectory.provenance.items():
-            found.setdefault(name, set()).add(version)
-    return {name: ", ".join(sorted(versions)) for name, versions in found.items()}
-
-
-def _assumed(results: Sequence[ScenarioResult]) -> list[tuple[str, Parameter, str, str]]:
-    """Plant, parameter or limit, its value and its believed range as written, of everything that is assumed."""
-    found: dict[tuple[str, str, float], tuple[str, Parameter, str, str]] = {}
-    for result in results:
-        for run in (result.nonlinear.trajectory, result.linear.trajectory):
-            for parameter in (*run.plant.parameters.values(), *run.plant.limits.values()):
-                if parameter.source == "assumed":
-                    key = (run.plant.name, parameter.name, parameter.value)
-                    found.setdefault(key, (run.plant.name, parameter, *_written(parameter)))
-    return list(found.values())
-
-
-def _written(parameter: Parameter) -> tuple[str, str]:
-    """Value and believed range in the unit of the plant's file."""
-    own = parameter.written.partition(" ")[2] or parameter.unit
-    scale = factor(own, parameter.unit)
-    value = quantity(parameter.value / scale, own)
-    if parameter.lower == -float("inf") and parameter.upper == float("inf"):
-        return value, ""
-    return value, f"{number(parameter.lower / scale)} to {quantity(parameter.upper / scale, own)}"

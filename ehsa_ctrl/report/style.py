@@ -76,6 +76,12 @@ ROLES: dict[str, dict[str, Any]] = {
         "zorder": 2.4,
     },
     "nonlinear": {"label": "nonlinear model", "color": VERMILION, "linestyle": "-", "linewidth": 1.6, "zorder": 2.3},
+    "before": {
+        "label": "before, as believed", "color": "#444444", "linestyle": (0, (3, 1.2)), "linewidth": 1.0, "zorder": 2.3,
+    },
+    "after": {
+        "label": "after, as identified", "color": VERMILION, "linestyle": "-", "linewidth": 1.2, "zorder": 2.4,
+    },
 }  # fmt: skip
 #: Lines that belong to one panel only.
 PRESSURES: dict[str, dict[str, Any]] = {

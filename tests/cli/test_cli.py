@@ -11,23 +11,7 @@ import numpy as np
 import pandas
 import pytest
 
-from ehsa_ctrl.cli import main as entry
 from ehsa_ctrl.core.catalogue import scenarios
-
-
-@pytest.fixture
-def run(monkeypatch, capsys, tmp_path):
-    """Call the command line in an empty folder; gives exit status, standard output and standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["ehsa-ctrl", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stopped:
-            entry.main()
-        captured = capsys.readouterr()
-        return stopped.value.code or 0, captured.out, captured.err
-
-    return call
 
 
 def test_help_answers_at_once():
@@ -44,7 +28,7 @@ def test_help_explains_every_command_with_an_example(run):
     status, out, _ = run("--help")
     assert status == 0
 
-    for command in ("run", "simulate", "analyse", "list", "check"):
+    for command in ("run", "simulate", "analyse", "compare", "identify", "excite", "list", "check"):
         assert command in out
         status, text, _ = run(command, "--help")
         assert status == 0

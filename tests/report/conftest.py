@@ -1,8 +1,15 @@
-"""One short scenario that passes, one that fails and trips, made once for all tests of the report."""
+"""Scenarios that pass and fail, identifications that fit and don't, made once for all tests of the report."""
 
+import dataclasses
+from pathlib import Path
+
+import numpy as np
 import pytest
 
+import ehsa_ctrl
 from ehsa_ctrl.core.definition import validate
+from ehsa_ctrl.identification.identification import Reach
+from ehsa_ctrl.identification.identify import identify
 from ehsa_ctrl.scenario.definition import ScenarioFile
 from ehsa_ctrl.scenario.run import Scenario, run
 
@@ -43,3 +50,61 @@ def gentle():
 def harsh():
     """Fails a limit, passes limits of the plant, and misses a trip that it expects."""
     return result_of("harsh", HARSH)
+
+
+#: A file's name that is no HTML.
+AWKWARD = "noise <script>alert(1).csv"
+
+
+@pytest.fixture(scope="session")
+def bench_logs():
+    """Noise to identify from and steps to hold out, of the nonlinear plant."""
+    plant = ehsa_ctrl.load_plant("ehsa")
+    logs = []
+    for seed, (kind, amplitude, duration, name) in enumerate(
+        (("noise", 3, 8, AWKWARD), ("steps", 1.5, 4, "steps.csv"))
+    ):
+        made = ehsa_ctrl.excitation(kind, amplitude=amplitude, duration=duration, sample_time=0.004, seed=seed)
+        log, _ = ehsa_ctrl.record(plant, *made, centre=True, seed=seed)
+        logs.append(dataclasses.replace(log, path=Path(name)))
+    return logs
+
+
+@pytest.fixture(scope="session")
+def fitting(bench_logs):
+    """The plant that made the logs, with four parameters 30 % off at the start."""
+    plant = ehsa_ctrl.load_plant("ehsa")
+    free = ("J_M", "V_10", "A_FM", "A_FR")
+    start = plant.set(**{name: 1.3 * plant[name] for name in free})
+    return identify(start, bench_logs[0], validate=[bench_logs[1]], fix=[n for n in plant.free if n not in free])
+
+
+@pytest.fixture(scope="session")
+def failing(bench_logs):
+    """The linear plant, which can't follow the same logs."""
+    return identify(ehsa_ctrl.load_plant("ehsa", model="linear"), bench_logs[0], validate=[bench_logs[1]])
+
+
+@pytest.fixture(scope="session")
+def vague(fitting):
+    """Nothing held out; a parameter without any information, one at its bound, one that trades, a bias of zero."""
+    endless, bound, bias, sure = fitting.estimates
+    covariance = fitting.uncertainty.covariance.copy()
+    covariance[0, 0] = np.inf
+    covariance[1, 2] = covariance[2, 1] = -0.95 * np.sqrt(covariance[1, 1] * covariance[2, 2])
+    names = (endless.name, bound.name, "bias.position", sure.name)
+    rows = (
+        dataclasses.replace(
+            endless, sd=np.inf, interval=(-np.inf, np.inf), verdict="not identifiable from this log", trades=("V_10",)
+        ),
+        dataclasses.replace(
+            bound, sd=0.2 * bound.value, interval=(0.6 * bound.value, 1.4 * bound.value),
+            verdict="poorly determined", at_bound="lower", trades=("bias.position",), prior_sd=0.1 * bound.value,
+        ),
+        dataclasses.replace(
+            bias, name="bias.position", unit="m", value=0.0, start=0.0, sd=1e-5, interval=(-2e-5, 2e-5)
+        ),
+        sure,
+    )  # fmt: skip
+    unsure = dataclasses.replace(fitting.uncertainty, names=names, covariance=covariance)
+    return dataclasses.replace(fitting, estimates=rows, uncertainty=unsure, validation=Reach((), ()))

@@ -22,7 +22,9 @@ from ehsa_ctrl.report.figures import (
     to_svg,
     trajectory_figure,
 )
-from ehsa_ctrl.report.style import RASTER_POINTS, ROLES, style
+from ehsa_ctrl.report.style import RASTER_POINTS, ROLES
+
+from .reading import words_are_apart
 
 FIGURES = (
     "scenario",
@@ -103,32 +105,8 @@ def test_every_axis_says_its_quantity_and_unit(drawn, name):
 def test_nothing_is_clipped_and_no_words_meet(drawn, name):
     """All words lie on the sheet; axis labels, panel legends, titles and notes do not overlap each other."""
     figure, _ = drawn(name)
-    with style():
-        renderer = figure._get_renderer()
-        boxes = [figure._suptitle.get_window_extent(renderer)]
-        for ax in figure.axes:
-            words = [ax.get_legend(), *ax.texts]
-            if ax.axison:
-                low, high = sorted(ax.get_ylim())
-                ticks = zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)
-                words += [ax.yaxis.label, ax.xaxis.label, *(label for at, label in ticks if low <= at <= high)]
-            boxes += [
-                item.get_window_extent(renderer)
-                for item in words
-                if item is not None and item.get_visible() and (not hasattr(item, "get_text") or item.get_text())
-            ]
-    sheet = figure.bbox
-    boxes = [box for box in boxes if box.width * box.height > 0]
 
-    for box in boxes:
-        assert box.x0 >= sheet.x0 - 1 and box.x1 <= sheet.x1 + 1, box
-        assert box.y0 >= sheet.y0 - 1 and box.y1 <= sheet.y1 + 1, box
-    # Two pixels at 100 dpi: a box has room for letters that its words don't have.
-    for index, one in enumerate(boxes):
-        for other in boxes[index + 1 :]:
-            wide = min(one.x1, other.x1) - max(one.x0, other.x0)
-            high = min(one.y1, other.y1) - max(one.y0, other.y0)
-            assert not (wide > 2 and high > 2), (one, other)
+    words_are_apart(figure)
 
 
 @pytest.mark.parametrize("name", ["scenario tripped", "bode", "overlay"])

@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -12,54 +11,7 @@ from ehsa_ctrl.report.number import number, unit
 from ehsa_ctrl.report.page import write_page
 from ehsa_ctrl.scenario.metrics import METRICS
 
-VOID = {"meta", "br", "wbr", "link", "img", "hr", "input"}
-#: Attributes by which a page loads something.
-LOADS = {"src", "srcset", "href", "xlink:href", "data", "action", "poster"}
-
-
-class Page(HTMLParser):
-    """Tags, ids, links and tables of a page; remembers what is not closed."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.wrong, self.tags, self.words = [], [], [], []
-        self.tables, self.cell = [], None
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append((tag, dict(attributes)))
-        if tag not in VOID:
-            self.open.append(tag)
-        if tag == "table":
-            self.tables.append([])
-        elif tag == "tr":
-            self.tables[-1].append([])
-        elif tag in ("th", "td"):
-            self.tables[-1][-1].append("")
-            self.cell = tag
-
-    def handle_startendtag(self, tag, attributes):
-        self.tags.append((tag, dict(attributes)))
-
-    def handle_endtag(self, tag):
-        if not self.open or self.open.pop() != tag:
-            self.wrong.append((tag, self.getpos()))
-        if tag in ("th", "td"):
-            self.cell = None
-
-    def handle_data(self, data):
-        if "style" not in self.open:
-            self.words.append(data)
-        if self.cell:
-            self.tables[-1][-1][-1] += data
-
-    def with_tag(self, *names):
-        return [attributes for tag, attributes in self.tags if tag in names]
-
-    def table(self, *heads):
-        """Rows of the first table whose head begins so."""
-        return next(rows[1:] for rows in self.tables if tuple(rows[0][: len(heads)]) == heads)
+from .reading import LOADS, Page
 
 
 @pytest.fixture(scope="module")

@@ -1,16 +1,28 @@
 """One figure a file. Every function returns a matplotlib Figure that is the caller's own; none of them uses pyplot."""
 
 from .bode import bode_figure
+from .correlation import correlation_figure
+from .experiment import experiment_figure
+from .identification import identification_figure
 from .loop import loop_figure
 from .overlay import overlay_figure
+from .parameters import parameters_figure
+from .replay import replay_figure
+from .residuals import residuals_figure
 from .save import save, to_svg
 from .scenario import scenario_figure
 from .trajectory import trajectory_figure
 
 __all__ = [
     "bode_figure",
+    "correlation_figure",
+    "experiment_figure",
+    "identification_figure",
     "loop_figure",
     "overlay_figure",
+    "parameters_figure",
+    "replay_figure",
+    "residuals_figure",
     "save",
     "scenario_figure",
     "to_svg",

@@ -1,0 +1,108 @@
+"""The page of a comparison: how well free runs of a plant fit a log, and what is doubtful in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..core.errors import InputError
+from ..identification.checks import Finding
+from ..identification.preparation import Step
+from ..identification.replay import Replay
+from .channel import name_of
+from .document import Picture, assumed_of, embedded, merged_versions, write_document
+from .figures import replay_figure
+from .number import number
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """One model's free run, as the page shows it."""
+
+    replay: Replay
+
+    @property
+    def name(self) -> str:
+        return f"{self.replay.plant.model} model"
+
+    @property
+    def good(self) -> bool:
+        """Whether the run reached the log's end and is nowhere worse than the mean; the rest the reader decides."""
+        return not self.replay.stopped and not any(fit <= 0.0 for fit in self.replay.fit_percent.values())
+
+    @property
+    def sentence(self) -> str:
+        """How well it fits, in words."""
+        run = self.replay
+        if run.stopped:
+            return f"The free run ended early, no fit is given: {run.stopped.rstrip('.')}."
+        known = {channel: fit for channel, fit in run.fit_percent.items() if not math.isnan(fit)}
+        if not known:
+            return "No channel moved, so that there is no fit."
+        ordered = sorted(known, key=lambda channel: known[channel])
+        worst, best = ordered[0], ordered[-1]
+        if len(ordered) == 1:
+            return f"The fit of {worst} is {number(known[worst])} %."
+        return f"The fit is from {number(known[worst])} % ({worst}) to {number(known[best])} % ({best})."
+
+
+def write_comparison_page(
+    replays: Sequence[Replay],
+    folder: Path,
+    *,
+    command: str,
+    findings: Iterable[Finding] = (),
+    untold: Iterable[str] = (),
+    steps: Iterable[Step] = (),
+) -> Path:
+    """Write `report.html` to the folder and return its path; the same replays give the same bytes.
+
+    Parameters
+    ----------
+    replays: of one log, each model once.
+    command: the command line that made them, for the page's end.
+    findings: what `check_log` says of the log. untold: what it can't tell. steps: how it was prepared.
+
+    Raises InputError if there is no replay.
+    """
+    if not replays:
+        raise InputError("there is no replay to report; replay at least one model")
+    log, plant = replays[0].log, replays[0].plant
+    channels = list(dict.fromkeys(channel for run in replays for channel in run.fit_percent))
+    models = [Replayed(run) for run in replays]
+    return write_document(
+        "comparison.html.j2",
+        folder,
+        headline=f"{plant.name} beside {name_of(log)}",
+        models=models,
+        fits=[(channel, [number(run.fit_percent.get(channel, math.nan)) for run in replays]) for channel in channels],
+        section={"name": plant.name, "pictures": _pictures(replays, models)},
+        findings=list(findings),
+        untold=list(untold),
+        steps=list(steps),
+        facts=[
+            ("log", str(log.path or "not from a file")),
+            ("samples", f"{len(log)}, {number(1e3 * log.sample_time)} ms apart"),
+            ("time", f"{number(float(log.time[0]))} to {number(float(log.time[-1]))} s"),
+            *((f"{model.name} starts", model.replay.start.words) for model in models),
+        ],
+        versions=merged_versions(run.provenance for run in replays),
+        assumed=assumed_of(run.plant for run in replays),
+        command=command,
+    )
+
+
+def _pictures(replays: Sequence[Replay], models: Sequence[Replayed]) -> list[Picture]:
+    words = " ".join(f"{model.name}: {model.sentence}" for model in models)
+    kinds = (
+        ("whole", "All of the log", False, "Free runs, driven by the logged drive and nothing else."),
+        ("detail", "In detail", True, "The second in which the drive varies most."),
+    )
+    return [
+        Picture(
+            heading, embedded(replay_figure(replays, detail=detail), f"Measured and simulated. {words}", name), caption
+        )
+        for name, heading, detail, caption in kinds
+    ]

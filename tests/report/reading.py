@@ -1,0 +1,89 @@
+"""How tests read pages and figures."""
+
+from html.parser import HTMLParser
+
+from ehsa_ctrl.report.style import style
+
+VOID = {"meta", "br", "wbr", "link", "img", "hr", "input"}
+#: Attributes by which a page loads something.
+LOADS = {"src", "srcset", "href", "xlink:href", "data", "action", "poster"}
+
+
+class Page(HTMLParser):
+    """Tags, ids, links and tables of a page; remembers what is not closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.wrong, self.tags, self.words = [], [], [], []
+        self.tables, self.cell = [], None
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "table":
+            self.tables.append([])
+        elif tag == "tr":
+            self.tables[-1].append([])
+        elif tag in ("th", "td"):
+            self.tables[-1][-1].append("")
+            self.cell = tag
+
+    def handle_startendtag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append((tag, self.getpos()))
+        if tag in ("th", "td"):
+            self.cell = None
+
+    def handle_data(self, data):
+        if "style" not in self.open:
+            self.words.append(data)
+        if self.cell:
+            self.tables[-1][-1][-1] += data
+
+    def with_tag(self, *names):
+        return [attributes for tag, attributes in self.tags if tag in names]
+
+    def table(self, *heads):
+        """Rows of the first table whose head begins so."""
+        return next(rows[1:] for rows in self.tables if tuple(rows[0][: len(heads)]) == heads)
+
+
+def words_are_apart(figure):
+    """Fail unless all words lie on the sheet and none overlap."""
+    with style():
+        # Axis labels find their place when they are drawn.
+        figure.draw_without_rendering()
+        renderer = figure._get_renderer()
+        boxes = [figure._suptitle.get_window_extent(renderer)]
+        for ax in figure.axes:
+            words = [ax.get_legend(), *ax.texts]
+            if ax.axison:
+                low, high = sorted(ax.get_ylim())
+                ticks = zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)
+                words += [ax.yaxis.label, ax.xaxis.label, *(label for at, label in ticks if low <= at <= high)]
+                low, high = sorted(ax.get_xlim())
+                level = [label for label in ax.get_xticklabels() if label.get_rotation() == 0]
+                words += [label for label in level if low <= label.get_position()[0] <= high]
+            boxes += [
+                item.get_window_extent(renderer)
+                for item in words
+                if item is not None and item.get_visible() and (not hasattr(item, "get_text") or item.get_text())
+            ]
+    sheet = figure.bbox
+    boxes = [box for box in boxes if box.width * box.height > 0]
+
+    for box in boxes:
+        assert box.x0 >= sheet.x0 - 1 and box.x1 <= sheet.x1 + 1, box
+        assert box.y0 >= sheet.y0 - 1 and box.y1 <= sheet.y1 + 1, box
+    # Two pixels at 100 dpi: a box has room for letters that its words don't have.
+    for index, one in enumerate(boxes):
+        for other in boxes[index + 1 :]:
+            wide = min(one.x1, other.x1) - max(one.x0, other.x0)
+            high = min(one.y1, other.y1) - max(one.y0, other.y0)
+            assert not (wide > 2 and high > 2), (one, other)

@@ -1,0 +1,273 @@
+"""Pages of an identification and of a comparison: verdict first, right numbers, one file, the same each time."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.identification.checks import Finding
+from ehsa_ctrl.identification.identification import Reach
+from ehsa_ctrl.identification.preparation import Step
+from ehsa_ctrl.report.comparison_page import write_comparison_page
+from ehsa_ctrl.report.identification_page import write_identification_page
+from ehsa_ctrl.report.number import NOTHING, number, uncertain
+from ehsa_ctrl.report.verdict import listed, verdict
+
+from .reading import LOADS, Page
+
+COMMAND = 'ehsa-ctrl identify "my <log>.csv"'
+WARNING = Finding("dead", "p1", "warning", "my <log>.csv: p1 stands still; look at its sensor")
+
+
+@pytest.fixture(scope="module")
+def identified(fitting, failing, tmp_path_factory):
+    """The page of a model that fails and one that fits."""
+    warned = dataclasses.replace(failing, findings=(WARNING,))
+    path = write_identification_page([warned, fitting], tmp_path_factory.mktemp("page"), command=COMMAND)
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def unsure(vague, tmp_path_factory):
+    """The page of one model of which little is known."""
+    return write_identification_page([vague], tmp_path_factory.mktemp("page"), command="").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def compared(fitting, failing, tmp_path_factory):
+    """The page of two replays of a log."""
+    replays = [failing.validation.after[0], fitting.validation.after[0]]
+    path = write_comparison_page(
+        replays,
+        tmp_path_factory.mktemp("page"),
+        command=COMMAND,
+        findings=[WARNING],
+        untold=["without p2 the log does not tell V_20"],
+        steps=[Step("zero", "p1: zero moved by 0.1 bar")],
+    )
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(params=["identified", "unsure", "compared"])
+def text(request):
+    """Each of the pages."""
+    return request.getfixturevalue(request.param)
+
+
+def top(text):
+    """What stands before the first table, without tags."""
+    body = text[text.index("<main>") : text.index("<table")]
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body))
+
+
+def test_every_tag_is_closed_and_every_table_described(text):
+    """The page is well formed; headings of tables have a scope, figures are said in words."""
+    page = Page(text)
+
+    assert page.wrong == [] and page.open == []
+    assert all(attributes.get("scope") in ("col", "row") for attributes in page.with_tag("th"))
+    assert len(page.with_tag("caption")) == len(page.with_tag("table"))
+    assert page.with_tag("svg")
+    for attributes in page.with_tag("svg"):
+        assert attributes["role"] == "img" and len(attributes["aria-label"]) > 60
+
+
+def test_the_page_loads_nothing(text):
+    """No network, no other file, no script; what is drawn as pixels is inside."""
+    for tag, attributes in Page(text).tags:
+        assert tag not in ("script", "link", "iframe", "img", "object")
+        for name, value in attributes.items():
+            if name in LOADS:
+                assert value.startswith(("#", "data:image/png;base64,")), (tag, name, value[:40])
+    assert "http://" not in text and "https://" not in text
+    assert "@import" not in text and not re.search(r"url\((?!#)", text)
+
+
+def test_links_lead_somewhere_and_ids_are_unique(text):
+    """Figures share their letters' names: in one page each needs its own."""
+    ids = [attributes["id"] for _, attributes in Page(text).tags if "id" in attributes]
+    targets = re.findall(r'(?:xlink:)?href="#([^"]+)"|url\(#([^)]+)\)', text)
+
+    assert len(ids) == len(set(ids))
+    assert {one or other for one, other in targets} <= set(ids)
+
+
+def test_names_of_files_are_no_html(identified, compared):
+    """A log may be called anything."""
+    assert "<script" not in identified + compared
+    assert "noise &lt;script&gt;alert(1).csv" in identified
+    assert "my &lt;log&gt;.csv" in identified and "my &lt;log&gt;.csv" in compared
+
+
+@pytest.mark.slow
+def test_the_same_results_give_the_same_page(failing, tmp_path):
+    """No date, no random id; a folder that is missing is made."""
+    first, again = (write_identification_page([failing], tmp_path / name / "deep", command="x") for name in ("a", "b"))
+    one, other = (
+        write_comparison_page(failing.train.after, tmp_path / name / "deep", command="x") for name in ("c", "d")
+    )
+
+    assert first.name == one.name == "report.html"
+    assert again.read_bytes() == first.read_bytes() and one.read_bytes() == other.read_bytes()
+
+
+def test_the_verdict_comes_first(identified, fitting, failing):
+    """How many parameters of each model, the worst fit held out before and after, and what is left."""
+    words = top(identified)
+    worst = min(fitting.validation.fit_percent, key=fitting.validation.fit_percent.get)
+    good = sum(e.identifiable for e in failing.estimates)
+
+    assert f"ehsa: {good} of 6 (linear) and 4 of 4 (nonlinear) parameters well determined" in words
+    assert (
+        f"In free run on steps.csv, held out, the worst fit, that of {worst}, went from "
+        f"{number(fitting.validation.fit_percent_before[worst])} % to {number(fitting.validation.fit_percent[worst])} %"
+    ) in words
+    assert "No parameters make the simulation fit within the noise" in words
+    assert "Residuals are the sensors' noise" in words.replace("&#39;", "'")
+
+
+def test_the_table_of_parameters_is_that_of_the_result(identified, fitting):
+    """Value to the second digit of its deviation, unit, relative deviation, verdict, start, interval, meaning."""
+    rows = {row[0]: row for rows in Page(identified).tables if rows[0][:2] == ["name", "value"] for row in rows[1:]}
+    meanings = {kind.name: kind.meaning for kind in fitting.plant.structure.equations.parameters}
+
+    for e in fitting.estimates:
+        low, high = e.interval
+        assert rows[e.name] == [
+            e.name, uncertain(e.value, e.sd), rows[e.name][2], f"{100 * e.relative_sd:.2g} %", "✓ well determined",
+            number(e.start), f"{number(low)} to {number(high)}", meanings[e.name],
+        ]  # fmt: skip
+    assert rows["J_M"][2] == "kg m²"
+
+
+def test_what_is_not_known_is_said(unsure, vague):
+    """Verdict by mark and word, no interval without a deviation, bound, trade and prior; first in the page too."""
+    rows = {row[0]: row for rows in Page(unsure).tables if rows[0][:2] == ["name", "value"] for row in rows[1:]}
+    endless, bound = vague.estimates[:2]
+    words = top(unsure)
+
+    assert rows[endless.name][3:5] == [NOTHING, "✗ not identifiable from this logtrades with V_10"]
+    assert rows[endless.name][6] == "unbounded"
+    assert rows[bound.name][4].startswith("△ poorly determinedat its lower bound; trades with bias.position; held at")
+    assert rows["bias.position"][7] == "bias of the sensor of position"
+    assert "2 of 4 parameters are well determined; not identifiable from this log: J_M; " in words
+    assert "poorly determined: V_10." in words
+    assert "used to identify as none was held out" in words
+
+
+def test_fits_stand_in_tables(identified, fitting, failing):
+    """Linear beside nonlinear; each before and after, used and held out."""
+    page = Page(identified)
+    beside = {row[0]: row[1:] for row in page.table("channel", "usedlinear", "usednonlinear")}
+    own = [rows[1:] for rows in page.tables if rows[0][:2] == ["channel", "usedbefore"]][1]
+    reaches = (fitting.train, fitting.validation)
+
+    for channel, cells in beside.items():
+        reached = (failing.train, fitting.train, failing.validation, fitting.validation)
+        assert cells == [number(reach.fit_percent[channel]) for reach in reached]
+    for row in own:
+        fits = [fits[row[0]] for reach in reaches for fits in (reach.fit_percent_before, reach.fit_percent)]
+        assert row[1:] == [number(fit) for fit in fits]
+
+
+def test_residual_tests_and_weights_stand_in_tables(identified, failing):
+    """Each test with its largest correlation and verdict; weights beside the sensors' noise, in shown units."""
+    page = Page(identified)
+    tests = page.table("residual of", "with")
+    weights = {row[0]: row[1:] for row in page.table("channel", "weight")}
+
+    assert [row[:3] for row in tests] == [[t.channel, t.against, number(t.largest)] for t in failing.residual_tests]
+    assert [row[-1] for row in tests] == ["✓ yes" if t.passed else "✗ no" for t in failing.residual_tests]
+    assert weights["position"][0] == number(1e3 * failing.noise_sd["position"]) and weights["position"][2] == "mm"
+
+
+def test_the_other_method_stands_beside(identified, fitting):
+    """Each parameter by both methods, and how far they are apart; how well the balances close."""
+    page = Page(identified)
+    tables = [rows[1:] for rows in page.tables if rows[0][:3] == ["name", "by simulation", "by balances"]]
+    rows = {row[0]: row for row in tables[1]}
+    other = {e.name: e for e in fitting.beside}
+    (closing,) = [rows[1:] for rows in page.tables[len(page.tables) // 2 :] if rows[0][:2] == ["balance", "residual"]]
+
+    assert set(rows) == {e.name for e in fitting.estimates} & set(other)
+    one, its = fitting["J_M"], other["J_M"]
+    apart = abs(one.value - its.value) / np.hypot(one.sd, its.sd)
+    assert rows["J_M"][1:3] == [uncertain(one.value, one.sd), uncertain(its.value, its.sd)]
+    assert float(rows["J_M"][4]) == pytest.approx(apart, abs=0.06)
+    assert [row[0] for row in closing] == [fit.name for fit in fitting.balances.balances]
+
+
+def test_the_end_says_what_the_numbers_rest_on(identified, fitting):
+    """Logs, starts, findings, assumed parameters, versions and the command."""
+    page = Page(identified)
+    words = "".join(page.words)
+
+    assert {row[1] for row in page.table("plant", "name", "value")} >= {"K_T"}
+    assert "steps.csv" in words and COMMAND in words and WARNING.sentence in words
+    assert f"{fitting.tried[0][0]}: {number(fitting.tried[0][1])}" in words
+    assert fitting.provenance["numpy"] in words
+
+
+def test_a_verdict_is_bad_where_something_is(fitting, failing, vague):
+    """All well with the right model; not with one that can't fit, that knows too little, or that was interrupted."""
+    worse = dataclasses.replace(fitting, validation=Reach(fitting.validation.before, fitting.validation.after))
+    ended = dataclasses.replace(fitting.validation.after[0], stopped="the rod left its stroke.")
+    early = dataclasses.replace(fitting, validation=Reach((ended,), fitting.validation.before))
+    untested = dataclasses.replace(fitting, fit=None, residual_tests=())
+
+    assert verdict(fitting).good and verdict(untested).good
+    assert [verdict(each).good for each in (failing, vague, worse, early)] == [False] * 4
+    assert not verdict(dataclasses.replace(fitting, interrupted=True)).good
+    assert "fell" in verdict(worse).sentences[1][0]
+    assert verdict(early).sentences[1][0].endswith("the simulation ended early: the rod left its stroke.")
+    assert not verdict(dataclasses.replace(untested, without="the start is too far off")).good
+
+
+def test_balances_say_how_well_they_close(fitting):
+    """Where the estimate is theirs, each balance's error is part of the verdict."""
+    by_balances = dataclasses.replace(fitting, method="balances", estimates=fitting.beside, beside=fitting.estimates)
+    words = verdict(by_balances).sentences[0][0]
+
+    for fit in fitting.balances.balances:
+        assert f"{number(100 * fit.relative_error)} % ({fit.name})" in words
+
+
+def test_a_comparison_says_how_well_each_model_fits(compared, fitting, failing):
+    """Range of the fits first, then a table; what was done to the log, what is doubtful, what it can't tell."""
+    page = Page(compared)
+    linear, nonlinear = (found.validation.after[0].fit_percent for found in (failing, fitting))
+    worst, best = min(nonlinear, key=nonlinear.get), max(nonlinear, key=nonlinear.get)
+    words = top(compared)
+
+    assert "ehsa beside steps.csv" in words
+    assert f"from {number(nonlinear[worst])} % ({worst}) to {number(nonlinear[best])} % ({best})" in words
+    assert page.table("channel", "linear model", "nonlinear model") == [
+        [channel, number(linear[channel]), number(nonlinear[channel])] for channel in nonlinear
+    ]
+    for sentence in (WARNING.sentence, "without p2 the log does not tell V_20", "p1: zero moved by 0.1 bar"):
+        assert sentence in "".join(page.words)
+
+
+def test_a_comparison_with_a_run_that_ended_says_why(fitting, tmp_path):
+    """No fit is made up for it."""
+    run = fitting.validation.after[0]
+    ended = dataclasses.replace(run, stopped="the pressure fell.", fit_percent=dict.fromkeys(run.fit_percent, np.nan))
+    text = write_comparison_page([ended], tmp_path, command="").read_text(encoding="utf-8")
+
+    assert "ended early, no fit is given: the pressure fell." in top(text)
+    assert {row[1] for row in Page(text).table("channel", "nonlinear model")} == {NOTHING}
+    assert "It was used as it is." in text
+
+
+@pytest.mark.parametrize("write", [write_identification_page, write_comparison_page])
+def test_a_page_about_nothing_is_refused(write, tmp_path):
+    """There is no verdict over nothing."""
+    with pytest.raises(InputError, match="to report"):
+        write([], tmp_path, command="")
+
+
+def test_words_are_listed_as_in_a_sentence():
+    """A comma between, "and" before the last."""
+    assert [listed(words) for words in ([], ["a"], ["a", "b"], ["a", "b", "c"])] == ["", "a", "a and b", "a, b and c"]
