@@ -1,0 +1,92 @@
+"""Inputs to choose from: the excitations of the bench at several paces, alone or one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.errors import InputError, choices
+from ..simulation.excitation import EXCITATIONS
+
+#: At which multiples of its own pace (its frequencies) an excitation is tried, and whether it depends on a seed. A
+#: slow sine is a train of slow reversals, which is where friction shows.
+PACES: dict[str, tuple[float, ...]] = {
+    "noise": (1.0, 0.5, 2.0),
+    "multisine": (1.0, 0.5),
+    "steps": (1.0, 0.5),
+    "sine": (1.0, 0.5, 0.25),
+    "chirp": (1.0, 0.5),
+    "ramp": (1.0,),
+}
+RANDOM = ("noise", "multisine")
+
+
+@dataclass(frozen=True)
+class Part:
+    """One excitation over a share of the time, with a peak that is `size` times the amplitude of the whole."""
+
+    kind: str
+    pace: float = 1.0
+    seed: int = 0
+    share: float = 1.0
+    size: float = 1.0
+
+    def __str__(self) -> str:
+        pace = self.pace
+        return {
+            "noise": f"noise {0.2 * pace:g}-{15 * pace:g} Hz",
+            "multisine": f"multisine {0.25 * pace:g}-{19.75 * pace:g} Hz",
+            "steps": f"steps of {0.25 / pace:g} s",
+            "sine": f"sine {2 * pace:g} Hz",
+            "chirp": f"chirp {0.2 * pace:g}-{20 * pace:g} Hz",
+        }.get(self.kind, self.kind)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Parts one after the other."""
+
+    parts: tuple[Part, ...]
+
+    def current(self, time: np.ndarray, amplitude: float) -> np.ndarray:
+        """Current (N,) [A] over time (N,) [s]; a lone part of pace 1 is the excitation of its name and seed."""
+        edges = np.round(np.cumsum([0.0, *(part.share for part in self.parts)]) * time.size).astype(int)
+        pieces = []
+        for part, first, last in zip(self.parts, edges[:-1], edges[1:], strict=True):
+            own = (time[first:last] - time[first]) * part.pace
+            pieces.append(EXCITATIONS[part.kind](own, part.size * amplitude, np.random.default_rng([part.seed, 77])))
+        return np.concatenate(pieces)
+
+    def __str__(self) -> str:
+        return ", then ".join(map(str, self.parts))
+
+    @property
+    def kind(self) -> str:
+        return ", then ".join(part.kind for part in self.parts)
+
+    def words(self, amplitude: float) -> str:
+        """As "noise 0.2-15 Hz, 2.5 A peak"."""
+        return ", then ".join(f"{part}, {part.size * amplitude:.3g} A" for part in self.parts)
+
+
+def single_shapes(kind: str, seed: int, seeds: int) -> Iterator[Shape]:
+    """Shapes of one part: of one kind, or of all for "best". Raises InputError for an unknown kind."""
+    if kind != "best" and kind not in PACES:
+        raise InputError(f"no kind {kind!r} of input; {choices(kind, ['best', *PACES])}")
+    for name in PACES if kind == "best" else (kind,):
+        for pace in PACES[name]:
+            for draw in range(seeds if name in RANDOM else 1):
+                yield Shape((Part(name, pace, seed + draw),))
+
+
+def joined(first: Shape, first_amplitude: float, second: Shape, second_amplitude: float) -> tuple[Shape, float]:
+    """Half of the time the one, half the other, each with its own amplitude; the shape and its amplitude."""
+    amplitude = max(first_amplitude, second_amplitude)
+    halves = (
+        replace(part, share=0.5 * part.share, size=part.size * own / amplitude)
+        for shape, own in ((first, first_amplitude), (second, second_amplitude))
+        for part in shape.parts
+    )
+    return Shape(tuple(halves)), amplitude
