@@ -88,6 +88,16 @@ def consistent(fit: Fit, deviations: float = 6.0) -> bool:
     return not fit.weighted and fit.reduced_cost < 1.0 + deviations * math.sqrt(2.0 / max(fit.residuals, 1))
 
 
+#: A tenth of a second that fits worse than this many standard deviations of its sum probably holds more than noise:
+#: by chance one in some ten logs of 20 s gets there, which costs a second look and no more.
+SPOTTED = 3.8
+
+
+def spotless(fit: Fit) -> bool:
+    """Whether no short piece of the logs fits plainly worse than noise makes it."""
+    return fit.weighted or fit.worst_block[0] < SPOTTED
+
+
 def uncertainty(fit: Fit) -> Uncertainty:
     """Covariance of an estimate.
 
@@ -99,7 +109,7 @@ def uncertainty(fit: Fit) -> Uncertainty:
     inverse, null = invert(fit.information)
     source: Literal["noise", "residuals"] = "noise"
     covariance = inverse
-    if not consistent(fit):
+    if not consistent(fit) or not spotless(fit):
         source = "residuals"
         scaled = inverse * max(fit.reduced_cost, 1.0)
         blocks = len(fit.scores)

@@ -198,3 +198,15 @@ def test_wrong_logs_are_sentences(truth, noise_log):
             identify(truth, log)
     with pytest.raises(InputError, match="at least one log"):
         identify(truth, [])
+
+
+@pytest.mark.slow
+def test_a_slip_that_the_simulation_misses_is_found(truth):
+    """A log on which both starts end where one slip of the rod is missing, some deviations off: it is mended."""
+    log = bench_log(truth, "noise", 3.0, 20.0, 11)
+
+    found = identify(thirty_percent_off(truth, 11), log)
+
+    z = [(e.value - truth[e.name]) / e.sd for e in found.estimates]
+    assert np.max(np.abs(z)) < 3.5
+    assert found.fit.worst_block[0] < 5.0
