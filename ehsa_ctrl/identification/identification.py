@@ -68,7 +68,8 @@ class Identification:
     beside: the same by the other method, where there is one; without: why there is none.
     uncertainty: covariance and correlation.
     fit: the minimum of the cost, with what it was computed from; None if only the balances were used.
-    balances: what the balances say. tried: starts and the cost that each came to.
+    balances: what the balances say. tried: starts and the cost that each came to. settled: two
+        of them came to the same minimum, or one fits as well as noise allows.
     train, validation: free runs of the logs used, and of those not used.
     residual_tests: is anything left that a better model could explain.
     findings: what `check_log` had to say.
@@ -86,6 +87,7 @@ class Identification:
     fit: Fit | None = field(repr=False)
     balances: BalanceEstimate | None
     tried: tuple[tuple[str, float], ...]
+    settled: bool
     train: Reach = field(repr=False)
     validation: Reach = field(repr=False)
     residual_tests: tuple[Correlation, ...] = field(repr=False)
@@ -198,6 +200,7 @@ class Identification:
                 "stopped": "interrupted" if self.interrupted else self.fit.stopped,
                 "window": self.window,
                 "starts": [{"name": name, "cost": cost} for name, cost in self.tried],
+                "settled": self.settled,
                 "noise_sd": self.noise_sd,
             },
             "residual_tests": [
@@ -285,6 +288,9 @@ class Identification:
                 + ("" if self.explained else ": more than noise is left, standard deviations are from the residuals")
                 + (", and so are the channels' weights" if self.fit.weighted else "")
             )
+        if not self.settled:
+            count = len(self.tried)
+            yield f"  no two of {count} starts came to the same minimum: a lower one may exist; try more with --starts"
         yield "  fit in free run, %   " + "".join(f"{channel:>10}" for channel in self.train.fit_percent)
         for name, reach in (("used", self.train), ("held out", self.validation)):
             if reach.after:

@@ -139,6 +139,7 @@ def identify(
         fit=best,
         balances=balances,
         tried=tuple(search.tried) if search is not None else (),
+        settled=search is None or search.settled or starts == 1,
         train=_reach(identified, plant, logs),
         validation=_reach(identified, plant, validate),
         residual_tests=_residual_tests(best) if best is not None else (),
@@ -225,6 +226,7 @@ class _Search:
         self.draws = np.random.default_rng(seed)
         self.best: Fit | None = None
         self.ends: list[float] = []
+        self.settled = False
         self.misfit, self.best_size = False, np.inf
         self.tried: list[tuple[str, float]] = []
 
@@ -252,9 +254,9 @@ class _Search:
                 failures.append(error)
                 continue
             near = [cost for cost in self.ends if cost < min(self.ends) + SAME]
-            if len(near) > 1 or (self.misfit and number + 1 >= len(candidates)):
-                break
-            if number + 1 >= ENOUGH and self.best is not None and consistent(self.best, GOOD):
+            good = number + 1 >= ENOUGH and self.best is not None and consistent(self.best, GOOD)
+            if len(near) > 1 or good or (self.misfit and number + 1 >= len(candidates)):
+                self.settled = True
                 break
         if self.best is None:
             raise failures[0]

@@ -20,7 +20,7 @@ def test_the_truth_comes_out_within_its_deviations(truth, found):
         assert estimate.identifiable, estimate
     z = [(e.value - truth[e.name]) / e.sd for e in found.estimates]
     assert 0.3 < np.sqrt(np.mean(np.square(z))) < 1.8
-    assert found.explained and found.uncertainty.source == "noise"
+    assert found.explained and found.settled
 
 
 def test_a_held_out_log_fits_as_well_as_with_the_truth(truth, found, steps_log):

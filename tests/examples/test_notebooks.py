@@ -1,0 +1,62 @@
+"""Every notebook runs from its first cell to its last, and what is stored in it is what such a run gave."""
+
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.ipynb"))
+IDS = [notebook.stem for notebook in NOTEBOOKS]
+
+
+def _code(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def _words(cell):
+    """Everything that a cell printed or showed as text."""
+    for output in cell.outputs:
+        shown = output.get("data", {})
+        yield from (output.get("text", ""), shown.get("text/plain", ""), shown.get("text/html", ""))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning:zmq.*", "ignore::DeprecationWarning:jupyter_client.*")
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=IDS)
+def test_a_notebook_runs(path, tmp_path):
+    """No cell raises, warns or writes to the error stream; a notebook asserts its own statements."""
+    notebook = nbformat.read(path, as_version=4)
+    client = NotebookClient(notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": tmp_path}})
+
+    client.execute()
+
+    for cell in _code(notebook):
+        assert not [output for output in cell.outputs if output.get("name") == "stderr"], cell.source
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=IDS)
+def test_a_notebook_is_stored_as_executed(path):
+    """Executed once from top to bottom, every cell; no error; figures are there."""
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    code = _code(notebook)
+
+    assert [cell.execution_count for cell in code] == list(range(1, len(code) + 1))
+    assert not [output for cell in code for output in cell.outputs if output.output_type == "error"]
+    assert any("image/png" in output.get("data", {}) for cell in code for output in cell.outputs)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=IDS)
+def test_a_notebook_names_no_machine(path):
+    """No folder of the machine it was executed on in what it shows, no time of execution in its metadata."""
+    notebook = nbformat.read(path, as_version=4)
+
+    shown = "\n".join(words for cell in _code(notebook) for words in _words(cell))
+
+    assert not re.search(r"/(home|root|tmp|work|Users|usr|opt)/|[A-Z]:\\", shown)
+    assert set(notebook.metadata) == {"kernelspec", "language_info"}
+    assert set(notebook.metadata.kernelspec) <= {"name", "display_name", "language"}
+    assert notebook.metadata.language_info == {"name": "python"}
+    assert not [cell for cell in notebook.cells if "execution" in cell.metadata]
