@@ -2,28 +2,9 @@
 
 import json
 import shlex
-import sys
 
 import pandas
 import pytest
-
-from ehsa_ctrl.cli import main as entry
-
-
-@pytest.fixture
-def run(monkeypatch, capsys, tmp_path):
-    """Call the command line in an empty folder; gives exit status, standard output and standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["ehsa-ctrl", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stopped:
-            entry.main()
-        captured = capsys.readouterr()
-        return stopped.value.code or 0, captured.out, captured.err
-
-    return call
-
 
 QUICK = ("excite", "ehsa", "--kind", "sine", "--duration", "3", "--rehearsals", "2")
 

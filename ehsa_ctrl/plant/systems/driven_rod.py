@@ -6,9 +6,9 @@ simulation; with the force and the pressures of gas springs beside the piston me
 
 from __future__ import annotations
 
-from ...physics import chambers, motor, pump, residuals, rod, tank
+from ...physics import residuals
 from ..system import Balance, ParameterKind, System
-from .ehsa import CHAMBER_FORMS, ROD, SHAFT
+from .ehsa import CHAMBER_FORMS, ROD, SHAFT, SHAFT_TO_PISTON
 from .ehsa import system as ehsa
 
 _SAME = {kind.name: kind for kind in ehsa.parameters}
@@ -27,20 +27,7 @@ system = System(
     measured=("position", "force", "spring_p1", "spring_p2"),
     contacts=(SHAFT,),
     prescribed=(ROD,),
-    equations=(
-        ("T_M", motor.torque),
-        ("T_P", pump.torque),
-        ("T_net", motor.net_torque),
-        ("omega_dot", motor.acceleration),
-        ("Q_P", pump.flow),
-        ("Q_1", chambers.inflow_1),
-        ("Q_2", chambers.outflow_2),
-        ("Q_T1", tank.closed),
-        ("Q_T2", tank.closed),
-        ("P_1_dot", chambers.pressure_rate_1),
-        ("P_2_dot", chambers.pressure_rate_2),
-        ("F_P", rod.pressure_force),
-    ),
+    equations=SHAFT_TO_PISTON,
     parameters=(
         *(_SAME[name] for name in ("J_M", "K_T", "D", "K_L", "V", "beta", "A", "M", "P_0")),
         ParameterKind("A_S1", "m2", "area of the gas spring that pushes the rod out", 0.0),

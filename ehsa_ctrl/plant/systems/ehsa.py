@@ -39,6 +39,22 @@ CHAMBER_FORMS: dict[str, tuple[tuple[str, ScalarFunction], ...]] = {
     "stroke": (("V_1", chambers.stroke_volume_1), ("V_2", chambers.stroke_volume_2)),
 }
 
+#: From the current to the force on the piston: what every EHSA shares, whatever is at its rod.
+SHAFT_TO_PISTON: tuple[tuple[str, ScalarFunction], ...] = (
+    ("T_M", motor.torque),
+    ("T_P", pump.torque),
+    ("T_net", motor.net_torque),
+    ("omega_dot", motor.acceleration),
+    ("Q_P", pump.flow),
+    ("Q_1", chambers.inflow_1),
+    ("Q_2", chambers.outflow_2),
+    ("Q_T1", tank.closed),
+    ("Q_T2", tank.closed),
+    ("P_1_dot", chambers.pressure_rate_1),
+    ("P_2_dot", chambers.pressure_rate_2),
+    ("F_P", rod.pressure_force),
+)
+
 system = System(
     name="ehsa",
     title="electro-hydrostatic actuator: motor, pump, cylinder, load",
@@ -58,18 +74,7 @@ system = System(
     measured=("force",),
     contacts=(SHAFT, ROD),
     equations=(
-        ("T_M", motor.torque),
-        ("T_P", pump.torque),
-        ("T_net", motor.net_torque),
-        ("omega_dot", motor.acceleration),
-        ("Q_P", pump.flow),
-        ("Q_1", chambers.inflow_1),
-        ("Q_2", chambers.outflow_2),
-        ("Q_T1", tank.closed),
-        ("Q_T2", tank.closed),
-        ("P_1_dot", chambers.pressure_rate_1),
-        ("P_2_dot", chambers.pressure_rate_2),
-        ("F_P", rod.pressure_force),
+        *SHAFT_TO_PISTON,
         ("F_EXT", load.force),
         ("F_net", rod.net_force),
         ("v_dot", rod.acceleration),
