@@ -60,9 +60,8 @@ class Fit:
 
     values (k,). cost: sum of squares of whitened residuals and priors; lowered: the cost that was minimised, which
     without unknown errors of the drive is the same. weighted: by other weights than the sensors' noise. residuals: how
-    many. information (k, k): the
-    inverse of the covariance that the noise alone gives. scores (blocks, k): gradient of each half second, by which
-    one sees whether residuals hang together. stopped: why it ended.
+    many. information (k, k): the inverse of the covariance that the noise alone gives. scores (blocks, k): gradient of
+    each half second, by which one sees whether residuals hang together. stopped: why it ended.
     """
 
     parameters: tuple[FreeParameter, ...]
@@ -121,7 +120,6 @@ def fit(
     start: np.ndarray | None = None,
     begin: Point | None = None,
     drive_errors: bool = True,
-    robust: bool = False,
     weights: Mapping[str, float] | None = None,
     steps: int = 40,
     stage: str = "",
@@ -137,9 +135,6 @@ def fit(
     start: (k,) parameter values to begin with; the plant's by default. begin: go on from here, with its initial states
         and errors of the drive.
     drive_errors: take the errors of the logged drive as unknowns of their own (the second cost above).
-    robust: a window that fits much worse than the others counts less (Cauchy's loss of its mean square). Where the
-        simulation misses a breakaway, no derivative tells it so; the other windows then lead to parameters with which
-        it does not.
     weights: channel -> standard deviation, instead of the sensors' noise and the drive's.
     steps: at most so many accepted steps.
     watch: is told of each step. keep: is given the fit so far after each step, for work that may be interrupted.
@@ -149,7 +144,7 @@ def fit(
     ------
     InputError: the plant can't be simulated over the windows even at the start.
     """
-    problem = _Problem(plant, tuple(windows), tuple(parameters), drive_errors, robust, weights, tolerance)
+    problem = _Problem(plant, tuple(windows), tuple(parameters), drive_errors, weights, tolerance)
     names = problem.names
     values = np.array([p.value for p in parameters]) if start is None else np.array(start, dtype=float)
     if begin is not None:
@@ -230,13 +225,11 @@ class _Problem:
         windows: tuple[Window, ...],
         parameters: tuple[FreeParameter, ...],
         drive_errors: bool,
-        robust: bool,
         weights: Mapping[str, float] | None,
         tolerance: float,
     ) -> None:
         self.plant, self.windows, self.parameters = plant, windows, parameters
-        self.drive_errors, self.robust, self.tolerance = drive_errors, robust, tolerance
-        self.weights, self.usual = weights, 1.0
+        self.drive_errors, self.weights, self.tolerance = drive_errors, weights, tolerance
         self.names = tuple(parameter.name for parameter in parameters)
         self.lower = np.array([parameter.lower for parameter in parameters])
         self.upper = np.array([parameter.upper for parameter in parameters])
@@ -272,21 +265,10 @@ class _Problem:
         for run, old, start in zip(trial.runs, base.runs, trial.starts, strict=True):
             total += float(np.sum(self._pull(run.window, start) ** 2))
             if self.drive_errors:
-                total += self._loss(_noise(run), run)
+                total += _noise(run)
             else:
-                total += self._loss(float(np.sum(old.whitening(run.residual[:, :, None], run.errors) ** 2)), run)
+                total += float(np.sum(old.whitening(run.residual[:, :, None], run.errors) ** 2))
         return total
-
-    def _loss(self, squares: float, run: WindowRun) -> float:
-        """What a window's sum of squares counts."""
-        if not self.robust:
-            return squares
-        usual = self.usual * run.residual.size
-        return float(usual * np.log1p(squares / usual))
-
-    def _weight(self, squares: float, run: WindowRun) -> float:
-        """Derivative of the loss by the sum of squares."""
-        return 1.0 / (1.0 + squares / (self.usual * run.residual.size)) if self.robust else 1.0
 
     @staticmethod
     def _pull(window: Window, start: np.ndarray) -> np.ndarray:
@@ -299,8 +281,6 @@ class _Problem:
         k = len(self.names)
         blocks, rights, scores, back = [], [], [], []
         cost = white_cost = 0.0
-        if self.robust:
-            self.usual = float(np.median([_noise(run) / run.residual.size for run in point.runs]))
         for run, start in zip(point.runs, point.starts, strict=True):
             q = len(run.window.free)
             stack = np.concatenate([run.residual[:, :, None], run.by_start, run.by_parameter], axis=2)
@@ -313,9 +293,7 @@ class _Problem:
             everything = np.vstack([white, pull])
             squares = float(everything[:, 0] @ everything[:, 0])
             white_cost += squares
-            inner = squares - float(pull[:, 0] @ pull[:, 0])
-            cost += self._loss(_noise(run) if self.drive_errors else inner, run) + float(pull[:, 0] @ pull[:, 0])
-            weight = np.sqrt(self._weight(inner, run))
+            cost += _noise(run) + float(pull[:, 0] @ pull[:, 0]) if self.drive_errors else squares
             size = np.maximum(np.linalg.norm(everything[:, 1 : 1 + q], axis=0), 1e-30)
             # A direction that nothing depends on gets a faint pull to stay, so that the elimination is always possible.
             faint = np.hstack([np.zeros((q, 1)), np.diag(1e-8 * size), np.zeros((q, k))])
@@ -325,8 +303,8 @@ class _Problem:
             link, shift = Q.T @ by_parameter, Q.T @ residual
             rest, left = by_parameter - Q @ link, residual - Q @ shift
             back.append((upper, link, shift, white.reshape(samples, -1, 1 + q + k)))
-            blocks.append(weight * rest)
-            rights.append(weight * left)
+            blocks.append(rest)
+            rights.append(left)
             per_block = max(int(BLOCK / run.window.log.sample_time), 1) * white.shape[0] // samples
             product = rest * left[:, None]
             edges = np.arange(0, white.shape[0], per_block)

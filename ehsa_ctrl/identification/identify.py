@@ -195,7 +195,7 @@ def _tables(
     if best is not None:
         of_fit = uncertainty(best)
         pairs = zip(best.parameters, best.values, strict=True)
-        by_fit = estimates(best, of_fit, np.array([_size(plant, p, float(value), logs) for p, value in pairs]))
+        by_fit = estimates(best, of_fit, np.array([size_of(plant, p, float(value), logs) for p, value in pairs]))
     by_balance = balance_estimates(parameters, balances) if balances is not None else ()
     if chosen == "simulation":
         assert best is not None
@@ -358,17 +358,6 @@ class _Search:
         spread = np.clip(30.0 * np.where(np.isfinite(sd), sd, size) / size, 0.03, LOOSE)
         drawn = best.values * np.exp(spread * self.draws.standard_normal(size.size))
         return np.clip(drawn, *self._bounds())
-
-
-def _size(plant: Plant, parameter: FreeParameter, value: float, logs: Sequence[Log]) -> float:
-    """Against what a standard deviation is called small: the value, or what matters where zero is a fair value."""
-    sensor = parameter.sensor
-    if sensor is None:
-        return abs(value)
-    word, channel = sensor
-    if word == "bias":
-        return max(abs(value), 0.1 * float(np.std(logs[0][channel])) if channel in logs[0].channels else abs(value))
-    return max(abs(value), logs[0].sample_time) if word == "delay" else abs(value)
 
 
 def _residual_rms(found: Fit) -> dict[str, float]:
