@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cache
 
 from ..core.errors import InputError, choices
-from ..physics.effects import EFFECTS
+from ..physics.effects import EFFECTS, Effect
 from ..physics.friction import LAWS, LETTERS, FrictionLaw, held
 from .system import Balance, Contact, ParameterKind, ScalarFunction, State, System
 from .systems import SYSTEMS
@@ -70,9 +70,25 @@ class Structure:
         known |= {contact.friction for contact in system.all_contacts}
         known |= {signal for form in system.chamber_forms.values() for signal, _ in form}
         for name in self.effects:
+            if not EFFECTS[name].wired:
+                raise InputError(f"effects: {name!r} {_instead(EFFECTS[name])}")
+            for contact in system.all_contacts:
+                self._check_letters(name, contact)
             if not known.issuperset(EFFECTS[name].changes):
                 missing = ", ".join(sorted(set(EFFECTS[name].changes) - known))
                 raise InputError(f"effects: {name!r} changes {missing}, which the system {system.name!r} does not have")
+
+    def _check_letters(self, effect: str, contact: Contact) -> None:
+        """An effect may ask for a letter of friction that the contact's law does not have."""
+        functions = (*EFFECTS[effect].changes.values(), *EFFECTS[effect].adds.values())
+        asked = {argument for function in functions for argument in inspect.signature(function).parameters}
+        for letter in LETTERS:
+            name = contact.letter(letter)
+            if name in asked and letter not in self.law(contact).letters:
+                raise InputError(
+                    f"effects: {effect!r} needs {name}, which {contact.name}_friction = {self.law(contact).name!r} "
+                    f"does not have; choose a law that has it"
+                )
 
     def __str__(self) -> str:
         return repr(self) if self.system_name == "ehsa" else f"{self.system_name} {self!r}"
@@ -85,6 +101,12 @@ class Structure:
         word = self.shaft_friction if contact.name == "shaft" else self.rod_friction
         assert word is not None
         return LAWS[word]
+
+    @property
+    def delay(self) -> str | None:
+        """The parameter by which the first input acts late; None if it does not."""
+        late = [name for name in self.effects if EFFECTS[name].delays]
+        return EFFECTS[late[0]].parameters[0].name if late else None
 
     @property
     def equations(self) -> Equations:
@@ -149,6 +171,15 @@ class Equations:
         return names.index(state)
 
 
+def _instead(effect: Effect) -> str:
+    """What to write for an effect that has no equations of its own."""
+    if effect.letters:
+        return f"is no equation of its own; set {' or '.join(effect.letters)} instead"
+    if effect.sensor is not None:
+        return f"belongs to a sensor; set {effect.sensor}.CHANNEL instead"
+    return f'is a friction law; set rod_friction = "{effect.rod_friction}" instead'
+
+
 class _Wiring:
     """Works from the wanted signals backwards: an equation is placed when everything it needs is there."""
 
@@ -178,6 +209,10 @@ class _Wiring:
                     contact.letter(letter), unit, f"{meaning}, {contact.name}", 0.0, lower_open=positive
                 )
         self.changes: dict[str, list[tuple[str, ScalarFunction]]] = {}
+        for name in structure.effects:
+            self.states += [State(state.name, state.unit, state.scale) for state in EFFECTS[name].states]
+            for signal, function in EFFECTS[name].adds.items():
+                self.sources[signal] = (function, {})
         self.held = {f"{c.velocity}_dot": c.direction for c in system.contacts if structure.law(c).sticks}
         for name in structure.effects:
             for signal, function in EFFECTS[name].changes.items():
@@ -194,7 +229,8 @@ class _Wiring:
             *(contact.direction for contact in system.prescribed),
         )
         self.calls: list[Call] = []
-        self.placed: dict[str, str] = {}
+        # An effect's own state may follow the current that was asked for, while the effect changes the acting one.
+        self.placed: dict[str, str] = {f"asked_{name}": name for name in system.inputs}
         self.open: list[str] = []
         self.used: set[str] = set()
 

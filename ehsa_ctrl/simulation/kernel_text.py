@@ -13,6 +13,7 @@ from typing import Any
 
 import jinja2
 
+from ..core.errors import InputError
 from ..plant.printer import Printer
 from ..plant.structure import Structure
 from ..plant.tangent import Tangent
@@ -57,6 +58,11 @@ PARTS = {
 def kernel_text(structure: Structure, part: str = "open_loop") -> str:
     """Source of the module that simulates plants of this structure; `part` is one of PARTS."""
     equations = structure.equations
+    if part == "sensitivity" and structure.delay is not None:
+        raise InputError(
+            f"no derivatives by {structure.delay}: a dead time of the drive is the same as delays of all sensors; "
+            f"free delay.CHANNEL instead"
+        )
     tape = build_tape(equations)
     printer = Printer(tape, equations.parameter_names)
     cell = structure.system.cell
@@ -79,7 +85,11 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
     context: dict[str, Any] = {
         "title": f"the structure {structure}",
         "n": len(equations.states),
+        # Position of the dead time among the parameters; none for most plants.
+        "late": None if structure.delay is None else equations.parameter_names.index(structure.delay),
         "state_names": [state.name for state in equations.states],
+        # An effect's own states must not change the steps of a plant in which it is neutral.
+        "weighed": len(structure.system.states),
         "scales": {state.name: state.scale for state in equations.states},
         "contacts": contacts,
         "rates_text": printer.function([tape.refs[rate] for rate in equations.rates]),

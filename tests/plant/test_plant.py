@@ -127,9 +127,12 @@ def test_an_unknown_plant_offers_the_nearest():
         load_plant("ehsb")
 
 
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+WIRED = {name: effect for name, effect in EFFECTS.items() if effect.wired}
+
+
+@pytest.mark.parametrize("effect", WIRED.values(), ids=WIRED)
 def test_an_effect_can_be_switched_on_by_name(plant, effect):
-    """Every effect of the folder has typical parameters within its own bounds."""
+    """Every effect with equations has typical parameters within its own bounds."""
     with_effect = plant.with_effects(effect.name)
 
     for parameter in effect.parameters:
@@ -141,3 +144,9 @@ def test_a_structure_that_needs_more_says_what(plant):
     """LuGre without its bristle stiffness is refused with the letter and its meaning."""
     with pytest.raises(InputError, match=r"sigma_0_FR \(bristle stiffness, rod\)"):
         plant.with_structure(Structure(rod_friction="lugre"))
+
+
+def test_an_effect_of_friction_needs_a_law_that_has_its_letter(plant):
+    """A tight spot is a share of A_FR; a plant without A_FR is told so."""
+    with pytest.raises(InputError, match="'position_dependent_friction' needs A_FR, which rod_friction = 'viscous'"):
+        plant.with_structure(Structure("stribeck", "viscous")).with_effects("position_dependent_friction")

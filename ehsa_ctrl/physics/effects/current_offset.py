@@ -1,0 +1,19 @@
+"""A drive that gives a constant current more than it is asked for."""
+
+from ._effect import Effect, EffectParameter
+
+
+def current(current: float, I_0: float) -> float:
+    """I + I_0."""
+    return current + I_0
+
+
+effect = Effect(
+    name="current_offset",
+    place="drive",
+    summary="constant current on top of the one asked for",
+    fingerprint="constant torque error; breakaway currents differ by twice the offset, and the rod drifts one way",
+    changes={"current": current},
+    parameters=(EffectParameter("I_0", "A", "offset", 0.0, 0.1, -2.0, 2.0),),
+    source="definition",
+)

@@ -1,0 +1,28 @@
+"""A current loop of finite bandwidth: the current follows the one asked for with a first-order lag."""
+
+from math import inf
+
+from ._effect import Effect, EffectParameter, EffectState
+
+
+def current(current: float, I_A: float, tau_I: float) -> float:
+    """The lagging current; the asked one at tau_I = 0."""
+    return I_A if tau_I > 0.0 else current
+
+
+def current_rate(asked_current: float, I_A: float, tau_I: float) -> float:
+    """d I_A/dt = (I_asked - I_A) / tau_I."""
+    return (asked_current - I_A) / max(tau_I, 1e-9) if tau_I > 0.0 else 0.0
+
+
+effect = Effect(
+    name="drive_lag",
+    place="drive",
+    summary="first-order lag of the motor current",
+    fingerprint="torque error in proportion to the current's rate: after steps, not at steady current",
+    changes={"current": current},
+    parameters=(EffectParameter("tau_I", "s", "time constant", 0.0, 2e-3, 0.0, inf),),
+    states=(EffectState("I_A", "A", 1.0),),
+    adds={"I_A_dot": current_rate},
+    source="first-order current loop",
+)

@@ -1,0 +1,41 @@
+"""Free air in the oil: soft at low pressure.
+
+A volume share a of air at atmospheric pressure p_a, compressed polytropically with n, beside oil of modulus beta. With
+r = (p_a / p)^(1/n), p absolute, the mixture has 1/beta_mix = (1/beta + a r / (n p)) / (1 + a r), so that the pressure
+rates of (11) are multiplied by beta_mix / beta = (1 + a r) / (1 + a r beta / (n p)).
+"""
+
+from ._effect import Effect, EffectParameter
+
+P_ATM = 101325.0
+
+
+def softening(P: float, beta: float, air_fraction: float, n_air: float) -> float:
+    """beta_mix / beta at gauge pressure P; the air is not followed below a hundredth of an atmosphere."""
+    p = max(P + P_ATM, 0.01 * P_ATM)
+    share = air_fraction * (P_ATM / p) ** (1.0 / n_air)
+    return (1.0 + share) / (1.0 + share * (beta / (n_air * p)))
+
+
+def rate_1(P_1_dot: float, P_1: float, beta: float, air_fraction: float, n_air: float) -> float:
+    """Chamber 1 answers more softly."""
+    return P_1_dot * softening(P_1, beta, air_fraction, n_air)
+
+
+def rate_2(P_2_dot: float, P_2: float, beta: float, air_fraction: float, n_air: float) -> float:
+    """Chamber 2 answers more softly."""
+    return P_2_dot * softening(P_2, beta, air_fraction, n_air)
+
+
+effect = Effect(
+    name="entrained_air",
+    place="flow",
+    summary="free air makes the oil soft at low pressure",
+    fingerprint="pressures rise slowly while low and fast while high; the low chamber swings less than the high one",
+    changes={"P_1_dot": rate_1, "P_2_dot": rate_2},
+    parameters=(
+        EffectParameter("air_fraction", "1", "volume share of free air at 1 atm", 0.0, 0.01, 0.0, 0.3),
+        EffectParameter("n_air", "1", "polytropic exponent", 1.2, 1.2, 1.0, 1.4),
+    ),
+    source="volume balance of oil and polytropic air, derived here",
+)

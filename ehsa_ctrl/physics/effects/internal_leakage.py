@@ -1,0 +1,12 @@
+"""Laminar leakage K_L of pump and piston is not the one believed."""
+
+from ._effect import Effect
+
+effect = Effect(
+    name="internal_leakage",
+    place="flow",
+    summary="laminar leakage other than believed",
+    fingerprint="flow error ~ dP",
+    letters=("K_L",),
+    source="paper, (2)",
+)

@@ -1,0 +1,28 @@
+"""Narrow lines: the pressures at the pump ports are not those in the cylinder.
+
+Laminar and turbulent drop along each line, R_lam Q + R_turb Q |Q| with Q = A v. P_1 and P_2 stay the pressures at the
+ports, where the sensors are and where nearly all of the oil is; the piston feels less of their difference. The laminar
+part acts exactly as more viscous friction of the rod: 2 A^2 R_lam.
+"""
+
+from ._effect import Effect, EffectParameter
+
+
+def force(F_P: float, v: float, A: float, R_lam: float, R_turb: float) -> float:
+    """A (P_1 - P_2) less what both lines take."""
+    flow = A * v
+    return F_P - 2.0 * A * (flow * (R_lam + R_turb * abs(flow)))
+
+
+effect = Effect(
+    name="line_pressure_drop",
+    place="force",
+    summary="pressure drop between pump ports and chambers",
+    fingerprint="force error ~ v |v| (turbulent) or ~ v (laminar: the same as viscous rod friction)",
+    changes={"F_P": force},
+    parameters=(
+        EffectParameter("R_turb", "Pa s2/m6", "turbulent, each line", 0.0, 2e12, 0.0),
+        EffectParameter("R_lam", "Pa s/m3", "laminar, each line", 0.0, 0.0, 0.0),
+    ),
+    source="pipe flow, laminar and turbulent",
+)

@@ -1,0 +1,19 @@
+"""Seals and guides that press harder under load: Coulomb friction of the rod grows by kappa |A (P_1 - P_2)|."""
+
+from ._effect import Effect, EffectParameter
+
+
+def friction(F_FR: float, d_R: float, P_1: float, P_2: float, A: float, kappa: float) -> float:
+    """F_FR + sign(v) kappa |A (P_1 - P_2)|, set-valued at standstill."""
+    return F_FR + d_R * (kappa * abs(A * (P_1 - P_2)))
+
+
+effect = Effect(
+    name="load_dependent_friction",
+    place="force",
+    summary="rod friction that grows with the load",
+    fingerprint="friction level in the force balance rises with |dP|",
+    changes={"F_FR": friction},
+    parameters=(EffectParameter("kappa", "1", "friction per force", 0.0, 0.05, 0.0, 0.9),),
+    source="Coulomb's law at a loaded guide",
+)

@@ -1,0 +1,12 @@
+"""The load's spring K_S is not the one believed, or missing."""
+
+from ._effect import Effect
+
+effect = Effect(
+    name="load_spring",
+    place="force",
+    summary="spring of the load off or missing",
+    fingerprint="force error ~ position",
+    letters=("K_S",),
+    source="paper, (5)",
+)

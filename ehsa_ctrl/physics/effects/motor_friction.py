@@ -1,0 +1,12 @@
+"""Dry friction of motor and pump, A_FM and C_FM of (8), is not the one believed, or missing."""
+
+from ._effect import Effect
+
+effect = Effect(
+    name="motor_friction",
+    place="torque",
+    summary="dry friction of the shaft off or missing",
+    fingerprint="torque error ~ sign(omega), and more at standstill",
+    letters=("A_FM", "C_FM"),
+    source="paper, (8), (9)",
+)

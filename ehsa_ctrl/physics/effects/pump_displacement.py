@@ -1,0 +1,12 @@
+"""The pump's displacement D is not the one believed."""
+
+from ._effect import Effect
+
+effect = Effect(
+    name="pump_displacement",
+    place="flow",
+    summary="pump displacement other than believed",
+    fingerprint="flow error ~ omega, whatever the pressure; also a torque error ~ dP",
+    letters=("D",),
+    source="paper, (2), (3)",
+)

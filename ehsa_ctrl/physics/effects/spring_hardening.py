@@ -1,0 +1,12 @@
+"""The load's spring grows stiffer with the way: k_3 x^3."""
+
+from ._effect import Effect
+
+effect = Effect(
+    name="spring_hardening",
+    place="force",
+    summary="spring of the load hardens",
+    fingerprint="force error ~ cube of the position",
+    letters=("k_3",),
+    source="paper, (5)",
+)

@@ -1,0 +1,24 @@
+"""Magnetic saturation: at high current the torque falls behind K_T I.
+
+T_M = K_T I / (1 + (k_sat I)^2): three per cent less at k_sat I = 0.17. The form is the simplest smooth one that is
+odd in I and falls monotonously; data sheets (Kollmorgen AKM) only state that torque is proportional up to about twice
+the continuous current.
+"""
+
+from ._effect import Effect, EffectParameter
+
+
+def torque(T_M: float, current: float, k_sat: float) -> float:
+    """T_M / (1 + (k_sat I)^2)."""
+    return T_M / (1.0 + (k_sat * current) * (k_sat * current))
+
+
+effect = Effect(
+    name="torque_saturation",
+    place="torque",
+    summary="the torque constant falls with the current",
+    fingerprint="the torque balance lacks torque at high current only, odd in the current",
+    changes={"T_M": torque},
+    parameters=(EffectParameter("k_sat", "1/A", "T_M = K_T I / (1 + (k_sat I)^2)", 0.0, 0.1, 0.0, 1.0),),
+    source="form assumed; data sheets give the limit of proportionality",
+)
