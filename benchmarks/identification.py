@@ -63,6 +63,7 @@ def lines(found: Summary) -> list[str]:
     return [
         f"called identifiable and within max(3 %, 2 sd): {found.near}",
         f"truth within the 95 % interval, all parameters: {found.covered}",
+        f"the same without {found.unsettled} logs that the tool calls unsettled: {found.covered_settled}",
         f"held-out fit, points lost against the true parameters, worst (median): {lost}",
         f"worst: {found.held_out[worst][0]:.3f} points of {worst[1]} on {worst[0]}",
         f"reduced cost {least:.3f} to {most:.3f}, median {middle:.3f}; {found.explained} of {good} are as small as "

@@ -82,13 +82,13 @@ class Fit:
         return self.point.values
 
     @property
-    def worst_block(self) -> tuple[float, int, int]:
-        """The tenth of a second that fits worst: by how many standard deviations of its sum, in which run, where.
+    def worst_blocks(self) -> tuple[tuple[float, int], ...]:
+        """Of each run the tenth of a second that fits worst: by how many standard deviations of its sum, and where.
 
         The overall cost hides one missed slip among thousands of samples; in its own block it stands out.
         """
-        worst = (-np.inf, 0, 0)
-        for number, run in enumerate(self.point.runs):
+        found = []
+        for run in self.point.runs:
             squares = np.sum((run.residual / run.measurement.sd) ** 2, axis=1)
             if run.measurement.input_sd > 0.0:
                 squares = squares + (run.errors / run.measurement.input_sd) ** 2
@@ -96,14 +96,35 @@ class Fit:
             sums = np.convolve(squares, np.ones(length), mode="valid")
             expected = length * run.residual.shape[1]
             at = int(np.argmax(sums))
-            worst = max(worst, (float((sums[at] - expected) / np.sqrt(2.0 * expected)), number, at + length // 2))
-        return worst
+            found.append((float((sums[at] - expected) / np.sqrt(2.0 * expected)), at + length // 2))
+        return tuple(found)
+
+    @property
+    def worst_block(self) -> tuple[float, int, int]:
+        """The worst of them all: by how many standard deviations, in which run, where."""
+        number = int(np.argmax([size for size, _ in self.worst_blocks]))
+        size, at = self.worst_blocks[number]
+        return size, number, at
 
     @property
     def reduced_cost(self) -> float:
         """Cost per degree of freedom: one when model and noise are right."""
+        return self.cost / self._freedom
+
+    @property
+    def noise_ratio(self) -> float:
+        """The larger of both costs per degree of freedom.
+
+        At a minimum where first order holds they agree. A run that has missed slips, or that runs away, may look white
+        to its own filter, which takes the unstable direction for noise of the drive; the errors that this would need
+        are then far beyond the drive's noise, and the cost that was minimised shows it.
+        """
+        return max(self.cost, self.lowered) / self._freedom
+
+    @property
+    def _freedom(self) -> int:
         states = sum(len(run.window.free) for run in self.point.runs)
-        return self.cost / max(self.residuals - self.values.size - states, 1)
+        return max(self.residuals - self.values.size - states, 1)
 
 
 #: Length of a piece in which one missed slip stands out, s.
@@ -153,23 +174,24 @@ def fit(
     states = tuple(window.start for window in windows) if begin is None else begin.starts
     errors = tuple(np.zeros(len(window)) for window in windows) if begin is None else begin.errors
     first = problem.run(values, states, errors)
-    if first is None:
+    reduced = problem.reduce(first) if first is not None else None
+    if first is None or reduced is None:
         raise InputError(
             f"{plant.name} can't be simulated along the log with "
             + ", ".join(f"{name} = {value:g}" for name, value in zip(names, values, strict=True))
             + ": the run leaves the range where the equations hold; start nearer or use shorter windows"
         )
     point, damping, done, stopped, history = first, 1e-3, 0, "no steps were left", []
-    reduced = problem.reduce(point)
     while done < steps:
         history.append(reduced.white_cost)
-        accepted = None
+        accepted = there = None
         for _ in range(8):
             step = problem.solve(reduced, point, damping)
             trial = problem.run(point.values + step.values, step.starts, step.errors)
             if trial is not None:
                 cost = problem.cost(trial, point)
-                if cost < reduced.cost:
+                there = problem.reduce(trial) if cost < reduced.cost else None
+                if there is not None:
                     accepted = trial
                     gain = (reduced.cost - cost) / max(reduced.cost, 1e-300)
                     ratio = (reduced.cost - cost) / max(step.promised, 1e-300)
@@ -178,12 +200,11 @@ def fit(
             if step.promised < 1e-9 * reduced.cost:
                 break
             damping = max(damping * 8.0, 1e-6)
-        if accepted is None:
+        if accepted is None or there is None:
             stopped = "no step lowers the cost any more"
             break
         moved = np.abs(accepted.values - point.values) @ np.diag(np.sqrt(np.diag(reduced.information)))
-        point, done = accepted, done + 1
-        reduced = problem.reduce(point)
+        point, reduced, done = accepted, there, done + 1
         if keep is not None:
             keep(problem.result(point, reduced, done, "interrupted", history))
         if watch is not None:
@@ -276,8 +297,11 @@ class _Problem:
         free = list(window.free)
         return (window.start[free] - start[free]) / window.spread[free]
 
-    def reduce(self, point: Point) -> _Reduced:
-        """Linearise: per window eliminate the initial state, then stack what is left with the priors."""
+    def reduce(self, point: Point) -> _Reduced | None:
+        """Linearise: per window eliminate the initial state, then stack what is left with the priors.
+
+        None where derivatives have run away beyond what numbers can hold.
+        """
         k = len(self.names)
         blocks, rights, scores, back = [], [], [], []
         cost = white_cost = 0.0
@@ -285,6 +309,8 @@ class _Problem:
             q = len(run.window.free)
             stack = np.concatenate([run.residual[:, :, None], run.by_start, run.by_parameter], axis=2)
             white = run.whitening(stack, run.errors)
+            if not np.isfinite(white).all() or np.max(np.abs(white)) > 1e60:
+                return None
             samples = white.shape[0]
             white = white.reshape(-1, 1 + q + k)
             pull = np.zeros((q, 1 + q + k))

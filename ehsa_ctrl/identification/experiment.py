@@ -48,7 +48,7 @@ class Experiment:
         be on as well, because without it the rod of a plant that is not quite as believed leaves its stroke.
     chosen: the candidate it is. candidates: all that were tried in full, best first.
     rehearsals: candidate's number -> whether the promised sd came out on the bench; empty if none was asked for.
-    at_worst: name -> largest relative sd if the plant is one of the variations.
+    at_worst: name -> largest relative sd if the plant is one of the variations; calibrated as the forecast is.
     margin: share of each limit that the believed plant leaves. spread: how far the variations' parameters are off.
     draws: how many variations kept the plain limits.
     criterion: "worst" or "D".
@@ -76,9 +76,17 @@ class Experiment:
         return self.chosen.forecast.run
 
     @property
+    def calibration(self) -> float:
+        """What the deviations of the linear theory are multiplied by, so that they are those that came out rehearsed.
+
+        One where they came out no larger, or where nothing was rehearsed.
+        """
+        return max(1.0, self.rehearsal.ratio) if self.rehearsal is not None and self.rehearsal.logs else 1.0
+
+    @property
     def forecast(self) -> Forecast:
-        """Expected standard deviations."""
-        return self.chosen.forecast
+        """Expected standard deviations, as rehearsals found them where there were some."""
+        return self.chosen.forecast.scaled(self.calibration)
 
     @property
     def limits(self) -> tuple[LimitUse, ...]:
@@ -154,6 +162,7 @@ class Experiment:
                 for use in self.limits
             },
             "margin": self.margin,
+            "calibration": self.calibration,
             "variations": {"draws": self.draws, "spread": self.spread},
             "undetermined": {name: list(trades) for name, trades in self.undetermined.items()},
             "candidates": [
@@ -187,6 +196,8 @@ class Experiment:
             yield f"  {percent(c.score):>9}  {c.words}{missing}{errors}"
         if self.rehearsal is not None:
             yield str(self.rehearsal)
+            if self.calibration > 1.0:
+                yield f"all expected sd above are {self.calibration:.2f} times those of the linear theory"
         yield (
             "apply it with the slow loop around the rod on: without it a plant that is a little other than believed "
             "leaves the stroke" if self.centre else "apply it as it stands, without a loop around the rod"
@@ -268,6 +279,7 @@ def design_experiment(
     search = Search(plant, parameters, duration, amplitude, criterion, margin, spread, draws, seed, jobs, watch)
     candidates = search.run(kind)
     chosen, rehearsed = search.rehearsed(candidates, rehearsals)
+    at = candidates.index(chosen)
     return Experiment(
         plant=plant,
         time=search.time,
@@ -276,7 +288,10 @@ def design_experiment(
         chosen=chosen,
         candidates=tuple(candidates),
         rehearsals=rehearsed,
-        at_worst=search.worst_relative(chosen),
+        at_worst={
+            name: value * max(1.0, rehearsed[at].ratio if at in rehearsed and rehearsed[at].logs else 1.0)
+            for name, value in search.worst_relative(chosen).items()
+        },
         margin=margin,
         spread=spread,
         draws=len(search.others),

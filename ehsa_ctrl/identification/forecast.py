@@ -43,6 +43,11 @@ class Forecast:
                 return estimate
         raise InputError(f"{name} is not free; {choices(name, [e.name for e in self.estimates])}")
 
+    def scaled(self, factor: float) -> Forecast:
+        """The same with every sd `factor` times as large, as rehearsals ask for; `fit` stays what it was."""
+        found = replace(self.uncertainty, covariance=factor**2 * self.uncertainty.covariance)
+        return replace(self, estimates=estimates(self.fit, found, self.sizes), uncertainty=found)
+
     @property
     def relative(self) -> dict[str, float]:
         """Name -> sd over the parameter's size; infinite where the log tells nothing."""

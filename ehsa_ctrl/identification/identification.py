@@ -73,7 +73,8 @@ class Identification:
     train, validation: free runs of the logs used, and of those not used.
     residual_tests: is anything left that a better model could explain.
     findings: what `check_log` had to say.
-    window: length of the windows of the cost in s; None for whole logs in free run.
+    window: length of the windows of the cost in s; None for whole logs in free run. fell_back: these windows were not
+        asked for, no start could follow the logs as they are.
     interrupted: the search was ended by hand; this is the best that it had.
     """
 
@@ -95,6 +96,7 @@ class Identification:
     window: float | None
     interrupted: bool
     seconds: float
+    fell_back: bool = False
     provenance: dict[str, str] = field(default_factory=versions)
 
     def __getitem__(self, name: str) -> Estimate:
@@ -120,13 +122,58 @@ class Identification:
         if self.fit is None:
             return math.nan
         if not self.fit.weighted:
-            return self.fit.reduced_cost
+            return self.fit.noise_ratio
         squares, count = 0.0, 0
         for run in self.fit.point.runs:
             noise = [sensor_sd(self.plant, run.window.log, channel) for channel in run.measurement.channels]
             squares += float(np.sum((run.residual / np.array(noise)) ** 2))
             count += run.residual.size
         return squares / count
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the minimum may be the wrong one, in sentences."""
+        if self.method != "simulation":
+            return ()
+        found = []
+        if self.fell_back:
+            found.append(
+                f"no start could follow the logs in free run, so that windows of {self.window:.3g} s were fitted: "
+                "where the rod hardly moves, noise decides when it slips; use a log that moves more (see excite)"
+            )
+        if not self.settled:
+            count = len(self.tried)
+            found.append(
+                (
+                    "the only start does not fit as well as noise allows"
+                    if count == 1
+                    else f"no two of {count} starts came to the same minimum"
+                )
+                + ": a lower one may exist, so that nothing is called well determined; try more with --starts"
+            )
+        return tuple(found)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What stands against the standard deviations and verdicts, in sentences; empty for a sound result."""
+        if self.method != "simulation" or self.fit is None:
+            return ()
+        failed = [test for test in self.residual_tests if not test.passed]
+        told = ", ".join(f"{test.channel} with {test.against}" for test in failed[:3])
+        told += f" and {len(failed) - 3} more" if len(failed) > 3 else ""
+        if not self.explained:
+            left = (
+                f"residuals have {self.noise_ratio:.3g} times the noise's variance: the model misses something, and "
+                "true errors may be larger than the standard deviations"
+            )
+            return (*self.doubts, left)
+        if failed:
+            return (
+                *self.doubts,
+                f"residuals are as small as noise but not as random ({told}): true errors may be larger than the "
+                "standard deviations",
+            )
+        return self.doubts
 
     @property
     def differing(self) -> tuple[str, ...]:
@@ -143,6 +190,7 @@ class Identification:
     def to_dict(self) -> dict[str, Any]:
         """As it stands in identification.json."""
         return {
+            "warnings": list(self.warnings),
             "parameters": {
                 e.name: {
                     "value": e.value,
@@ -288,9 +336,7 @@ class Identification:
                 + ("" if self.explained else ": more than noise is left, standard deviations are from the residuals")
                 + (", and so are the channels' weights" if self.fit.weighted else "")
             )
-        if not self.settled:
-            count = len(self.tried)
-            yield f"  no two of {count} starts came to the same minimum: a lower one may exist; try more with --starts"
+        yield from (f"  warning: {sentence}" for sentence in self.warnings)
         yield "  fit in free run, %   " + "".join(f"{channel:>10}" for channel in self.train.fit_percent)
         for name, reach in (("used", self.train), ("held out", self.validation)):
             if reach.after:

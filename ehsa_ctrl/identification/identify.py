@@ -24,6 +24,10 @@ from .uncertainty import Estimate, Uncertainty, balance_estimates, estimates, un
 from .whiteness import Correlation, correlations
 from .window import Window
 
+#: Residuals of more than so many times the noise's variance, unless they are the weights, come from a run that misses
+#: what happened: no standard deviation describes that.
+DOUBTED = 3.0
+
 
 def identify(
     plant: Plant,
@@ -109,7 +113,8 @@ def identify(
                 raise
             search, without = None, str(error)
     best = search.best if search is not None else None
-    primary, beside, certainty = _tables(plant, logs, parameters, chosen, best, balances)
+    settled = search is None or search.settled
+    primary, beside, certainty = _tables(plant, logs, parameters, chosen, search, balances)
     values = with_values(plant, [e.name for e in primary], [e.value for e in primary])
     identified = _with_provenance(values, primary, logs)
     whole = search is None or all(len(piece) == len(piece.log) for piece in search.long)
@@ -124,7 +129,7 @@ def identify(
         fit=best,
         balances=balances,
         tried=tuple(search.tried) if search is not None else (),
-        settled=search is None or search.settled or starts == 1,
+        settled=settled,
         train=_reach(identified, plant, logs),
         validation=_reach(identified, plant, validate),
         residual_tests=_residual_tests(best) if best is not None else (),
@@ -132,6 +137,7 @@ def identify(
         window=None if whole or search is None else float(np.median(_lengths(search.long))),
         interrupted=interrupted,
         seconds=time.monotonic() - began,
+        fell_back=search is not None and search.lost and search.long is search.short,
     )
 
 
@@ -172,15 +178,17 @@ def _tables(
     logs: Sequence[Log],
     parameters: Sequence[FreeParameter],
     chosen: str,
-    best: Fit | None,
+    search: Search | None,
     balances: BalanceEstimate | None,
 ) -> tuple[tuple[Estimate, ...], tuple[Estimate, ...], Uncertainty]:
     """Estimates by the chosen method, those by the other one, and the uncertainty of the chosen."""
     by_fit: tuple[Estimate, ...] = ()
-    if best is not None:
-        of_fit = uncertainty(best)
+    best = search.best if search is not None else None
+    if search is not None and best is not None:
+        of_fit = uncertainty(best, search.spread)
         pairs = zip(best.parameters, best.values, strict=True)
-        by_fit = estimates(best, of_fit, np.array([size_of(plant, p, float(value), logs) for p, value in pairs]))
+        sizes = np.array([size_of(plant, p, float(value), logs) for p, value in pairs])
+        by_fit = estimates(best, of_fit, sizes, sure=search.settled and (best.weighted or best.noise_ratio < DOUBTED))
     by_balance = balance_estimates(parameters, balances) if balances is not None else ()
     if chosen == "simulation":
         assert best is not None

@@ -35,7 +35,11 @@ class Rehearsal:
     passed: bool
 
     def __str__(self) -> str:
-        words = "as promised" if self.passed else "more than promised: the run hangs on events that noise can change"
+        words = (
+            "as the linear theory has them"
+            if self.passed
+            else "more than promised by it: the run hangs on events that noise can change"
+        )
         return f"{self.logs} rehearsals: errors {self.ratio:.2f} times the expected sd, {words}"
 
 

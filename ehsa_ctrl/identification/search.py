@@ -10,6 +10,7 @@ from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from ..core.errors import InputError, SimulationError
 from ..core.unit import factor
@@ -27,12 +28,16 @@ from .uncertainty import POOR, invert
 CRITERIA = ("worst", "D")
 #: Inputs are compared over at most this time first [s]: what tells more in 8 s mostly does so in 60 s.
 SCREENING = 8.0
-#: Shares of the largest amplitude that are tried: friction shows better where the plant hardly moves.
-FRACTIONS = (1.0, 0.6, 0.35)
+#: Shares of the largest amplitude that are tried first: friction shows better where the plant hardly moves. Then, with
+#: so many more runs, what lies between the best of them and its neighbours.
+FRACTIONS, REFINED = (1.0, 0.6, 0.35), 4
 #: Seeds of a random input, and how many singles and pairs are tried in full.
 SEEDS, SINGLES, PAIRS = 2, 4, 3
 #: So many of the best are rehearsed at most.
 REHEARSED = 3
+
+#: The score of an input that moves nothing.
+NOTHING = 1e9
 
 Watch = Callable[[str, int, int], None]
 Rank = tuple[int, float]
@@ -275,17 +280,31 @@ class Search:
         time = self.short
         # Of the variations the first alone: with its low friction it goes furthest.
         largest, _ = self._largest(lambda a: self._passed_by_all(shape.current(time, a), time, 1), self.top, 3)
-        found = []
-        for fraction in FRACTIONS if largest > 0.0 else ():
-            here = self._forecast(self._run(time, shape.current(time, fraction * largest), self.stiff))
-            if here is not None:
-                information = here.fit.information
-                found.append(
-                    _Trial(
-                        shape, fraction * largest, information, here.sizes,
-                        rank(information, here.sizes, self.criterion),
-                    )
-                )  # fmt: skip
+        found: list[_Trial] = []
+
+        def score(logarithm: float) -> float:
+            """The criterion at a share of the largest amplitude; parameters that are not determined count most."""
+            amplitude = float(np.exp(logarithm)) * largest
+            here = self._forecast(self._run(time, shape.current(time, amplitude), self.stiff))
+            if here is None:
+                return NOTHING
+            information = here.fit.information
+            ranked = rank(information, here.sizes, self.criterion)
+            found.append(_Trial(shape, amplitude, information, here.sizes, ranked))
+            return min(1e3 * ranked[0] + ranked[1], NOTHING)
+
+        scores = [score(float(np.log(fraction))) for fraction in FRACTIONS] if largest > 0.0 else []
+        if not found:
+            return []
+        # One neighbour further on each side, down to half of the smallest.
+        grid = np.log([1.0, *FRACTIONS, 0.5 * FRACTIONS[-1]])
+        best = int(np.argmin(scores)) + 1
+        minimize_scalar(
+            score,
+            bounds=(grid[best + 1], grid[best - 1]),
+            method="bounded",
+            options={"maxiter": REFINED, "xatol": 0.05},
+        )
         return found
 
     def _forecast(self, run: Trajectory | None) -> Forecast | None:

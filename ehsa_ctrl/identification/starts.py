@@ -13,21 +13,27 @@ from ..plant.plant import Plant
 from .estimator import Fit, Point, Progress, fit
 from .free import FreeParameter
 from .uncertainty import SPOTTED, consistent, uncertainty
-from .window import cut, sensor_sd
+from .window import Window, cut, sensor_sd
 
 #: Length of the windows in which a start finds its way [s]: some events of sticking, not many.
 SHORT = 0.4
 #: While it does, a parameter is held this loosely at where the start puts it, relative.
 LOOSE = 0.3
+#: At most so many starts are drawn for the windows, this far apart (relative), until PATIENCE in a row come no lower.
+NEAR_DRAWS, NEAR_SPREAD, PATIENCE = 10, 0.15, 3
 #: Two starts that end within so much cost of each other, in squared standard deviations, have found the same minimum.
 SAME = 10.0
-#: After so many starts a best one is believed whose cost is within GOOD standard deviations of what noise makes it.
-ENOUGH, GOOD = 3, 2.5
 #: At most so many pieces are mended, each from NEAR samples before to NEAR after its middle.
 MENDINGS, NEAR = 4, 20
 #: Residuals of short windows beyond so many times the noise's variance are the model's own: no parameters make it fit.
 #: Each channel is then weighed by the residual that it has, not by its noise, and drives are taken as logged.
 MISFIT = 3.0
+#: Beyond so many times the noise's variance the logs as they are could not be followed; short windows may be.
+LOST = 1.5
+#: From so many of the windows' best ends the fit to windows is made then.
+FALLS = 3
+#: Two such starts have come to the same minimum if their residuals differ in size by less than this, relative.
+ALIKE = 0.01
 #: How often these weights are made anew.
 REWEIGHTED = 4
 
@@ -53,8 +59,8 @@ class Search:
         self.long = [piece for log in logs for piece in cut(plant, log, window)]
         self.draws = np.random.default_rng(seed)
         self.best: Fit | None = None
-        self.ends: list[float] = []
-        self.settled = False
+        self.ends: list[Fit] = []
+        self.settled = self.lost = False
         self.misfit, self.best_size = False, np.inf
         self.tried: list[tuple[str, float]] = []
 
@@ -64,54 +70,155 @@ class Search:
             self.best = found
 
     def run(self, first: Mapping[str, float], starts: int) -> None:
+        """Lead at most so many starts to their ends.
+
+        Raises InputError if the plant can't be simulated along the log from any of them.
+        """
         plain = np.array([parameter.value for parameter in self.parameters])
         balanced = np.array([first.get(parameter.name, parameter.value) for parameter in self.parameters])
-        candidates = [("balances", balanced)] if first else []
-        candidates.append(("plant", plain))
-        failures: list[InputError] = []
+        near = self._near({"balances": balanced, "plant": plain} if first else {"plant": plain})
+        # A start whose windows don't fit is a bad start as long as another one's do; else the model is wrong.
+        fitting = [each for each in near if each[0] <= MISFIT]
+        self.misfit = not fitting
+        if self.misfit:
+            for _, name, values in near[: min(starts, 2)]:
+                self._weigh_by_residuals(name, values)
+            sizes = sorted(size for _, size in self.tried)
+            self.settled = len(sizes) == 1 or sizes[1] < (1.0 + ALIKE) * sizes[0]
+            return
+        failure = InputError("no start was tried")
         for number in range(starts):
-            if number < len(candidates):
-                name, values = candidates[number]
-            elif self.best is not None:
-                name, values = f"draw {number - len(candidates) + 1}", self._draw(self.best)
+            # The two best of the windows; more of them would mostly be led to the same end.
+            if number < min(len(fitting), 2):
+                _, name, values = fitting[number]
             else:
-                break
+                name, values = f"draw {number - min(len(fitting), 2) + 1}", self._draw(fitting[0][2])
             try:
-                self._one(name, values, through_windows=number < len(candidates))
+                self._lead(name, values)
             except InputError as error:
-                failures.append(error)
+                failure = error
                 continue
-            near = [cost for cost in self.ends if cost < min(self.ends) + SAME]
-            good = number + 1 >= ENOUGH and self.best is not None and consistent(self.best, GOOD)
-            if len(near) > 1 or good or (self.misfit and number + 1 >= len(candidates)):
-                self.settled = True
+            if self.best is None:
+                continue
+            self.lost = number + 1 >= min(len(fitting), 2) and self.best.noise_ratio > MISFIT
+            if self.lost:
+                break
+            if not consistent(self.best):
+                continue
+            if self._agreeing() > 1:
                 break
         if self.best is None:
-            raise failures[0]
-        self._polish()
+            raise failure
+        self.settled |= self._agreeing() > 1
+        if not self.lost:
+            self._polish()
+        if self.best.noise_ratio > LOST:
+            self._fall_back([values for _, _, values in fitting[:FALLS]])
 
-    def _one(self, name: str, values: np.ndarray, *, through_windows: bool) -> None:
-        """One start, through short windows unless it is near already, to the end."""
-        if through_windows:
-            held = [
-                replace(parameter, value=float(value), prior_sd=parameter.prior_sd or LOOSE * abs(value) or None)
-                for parameter, value in zip(self.parameters, np.clip(values, *self._bounds()), strict=True)
-            ]
-            near = fit(
-                self.plant, self.short, held, stage=f"{name}, windows of {SHORT:g} s", steps=15, enough=1e-2,
-                drive_errors=False, watch=self.watch,
-            )  # fmt: skip
-            values = near.values
-            self.misfit = near.reduced_cost > MISFIT
-        if self.misfit:
-            self._weigh_by_residuals(name, values)
+    def _near(self, candidates: Mapping[str, np.ndarray]) -> list[tuple[float, str, np.ndarray]]:
+        """Cost per residual over short windows, name and values of each candidate led through them, the best first.
+
+        Windows have wrong minima too, but a fit to them is cheap and its cost tells: while none is as small as noise,
+        values between the candidates are drawn, until some in a row come no lower.
+        """
+        near: list[tuple[float, str, np.ndarray]] = []
+        best: Fit | None = None
+        failure: InputError | None = None
+        first = np.array(list(candidates.values()))
+        since, fine = 0, False
+        for number in range(len(first) + NEAR_DRAWS):
+            if number < len(first):
+                name, values = list(candidates.items())[number]
+            else:
+                share = self.draws.random(first.shape[1])
+                away = np.exp(NEAR_SPREAD * self.draws.standard_normal(first.shape[1]))
+                name, values = (
+                    f"window draw {number - len(first) + 1}",
+                    away * (share * first[0] + (1.0 - share) * first[-1]),
+                )
+            try:
+                found = self._through_windows(name, values)
+            except InputError as error:
+                failure = error
+                continue
+            lowest = min((cost for cost, _, _ in near), default=np.inf)
+            since = 0 if found.reduced_cost < 0.995 * lowest else since + 1
+            near.append((found.reduced_cost, name, found.values))
+            best = found if found.reduced_cost < lowest else best
+            fine = fine or consistent(found, 1.0)
+            if number + 1 >= len(first) and (fine or since >= PATIENCE):
+                break
+        if failure is not None and not near:
+            raise failure
+        near.sort(key=lambda each: each[0])
+        if best is not None and best.reduced_cost <= MISFIT:
+            near[:0] = self._without_misses(best)
+        return near
+
+    def _without_misses(self, best: Fit) -> list[tuple[float, str, np.ndarray]]:
+        """The same start over the windows that fit: one in which a slip is missed pulls parameters where it likes."""
+        kept = [p for p, (size, _) in zip(self.short, best.worst_blocks, strict=True) if size < 2.0 * SPOTTED]
+        if len(kept) == len(self.short) or 2 * len(kept) < len(self.short):
+            return []
+        found = self._through_windows("without misses", best.values, kept)
+        return [(found.reduced_cost, "without misses", found.values)]
+
+    def _through_windows(self, name: str, values: np.ndarray, windows: Sequence[Window] = ()) -> Fit:
+        """Values led through short windows, each held loosely where it was put."""
+        held = [
+            replace(parameter, value=float(value), prior_sd=parameter.prior_sd or LOOSE * abs(value) or None)
+            for parameter, value in zip(self.parameters, np.clip(values, *self._bounds()), strict=True)
+        ]
+        return fit(
+            self.plant, windows or self.short, held, stage=f"{name}, windows of {SHORT:g} s", steps=15, enough=1e-2,
+            drive_errors=False, watch=self.watch,
+        )  # fmt: skip
+
+    def _fall_back(self, candidates: Sequence[np.ndarray]) -> None:
+        """Short windows instead of the logs as they are, which no start could follow: kept if they fit better."""
+        assert self.best is not None
+        whole, ends = self.best, []
+        for number, values in enumerate(candidates):
+            stage = f"windows of {SHORT:g} s, {number + 1}"
+            found = fit(
+                self.plant, self.short, self.parameters, start=values, stage=stage, enough=1e-4, watch=self.watch
+            )
+            self.tried.append((stage, found.noise_ratio))
+            ends.append(found)
+        best = min(ends, key=lambda end: end.lowered)
+        if best.noise_ratio >= whole.noise_ratio:
             return
+        self.best, self.long, self.ends = best, self.short, ends
+        self.settled = self._agreeing() > 1
+
+    def _agreeing(self) -> int:
+        """How many ends have come as low as the lowest one."""
+        lowest = min(end.lowered for end in self.ends)
+        return sum(end.lowered < lowest + SAME for end in self.ends)
+
+    @property
+    def spread(self) -> np.ndarray:
+        """Mean square (k, k) of how far other ends are from the best, where no two have come to the same minimum.
+
+        Ends that fit far worse than the best, against the noise, are none that the search could have believed.
+        """
+        assert self.best is not None
+        k = self.best.values.size
+        level = LOST * max(self.best.noise_ratio, 1.0)
+        away = [end.values - self.best.values for end in self.ends if end.noise_ratio < level]
+        away = [step for step in away if np.any(step)]
+        if self.settled or not away:
+            return np.zeros((k, k))
+        return np.mean([np.outer(step, step) for step in away], axis=0)
+
+    def _lead(self, name: str, values: np.ndarray) -> None:
+        """One start over the logs as they are, to its end."""
         found = fit(
             self.plant, self.long, self.parameters, start=values, stage=name, steps=25, enough=1e-4,
             watch=self.watch, keep=self.keep,
         )  # fmt: skip
-        self.tried.append((name, found.reduced_cost))
-        self.ends.append(found.lowered)
+        self.tried.append((name, found.noise_ratio))
+        self.ends.append(found)
         self.keep(found)
 
     def _weigh_by_residuals(self, name: str, values: np.ndarray) -> None:
@@ -142,8 +249,6 @@ class Search:
         """Go on from the best to the very minimum."""
         best = self.best
         assert best is not None
-        if self.misfit:
-            return
         self._go_on(best.point, "best")
         self._mend()
 
@@ -179,13 +284,15 @@ class Search:
     def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
         return np.array([p.lower for p in self.parameters]), np.array([p.upper for p in self.parameters])
 
-    def _draw(self, best: Fit) -> np.ndarray:
-        """Values around the best so far, wide where the log says little."""
-        sd = uncertainty(best).sd
-        size = np.maximum(np.abs(best.values), 1e-300)
-        spread = np.clip(30.0 * np.where(np.isfinite(sd), sd, size) / size, 0.03, LOOSE)
-        drawn = best.values * np.exp(spread * self.draws.standard_normal(size.size))
-        return np.clip(drawn, *self._bounds())
+    def _draw(self, near: np.ndarray) -> np.ndarray:
+        """Values around the best so far, wide where the log says little; around `near` while there is none."""
+        if self.best is None or self.best.noise_ratio > MISFIT:
+            values, spread = near, np.full(near.size, LOOSE / 3.0)
+        else:
+            values, sd = self.best.values, uncertainty(self.best).sd
+            size = np.maximum(np.abs(values), 1e-300)
+            spread = np.clip(30.0 * np.where(np.isfinite(sd), sd, size) / size, 0.03, LOOSE)
+        return np.clip(values * np.exp(spread * self.draws.standard_normal(values.size)), *self._bounds())
 
 
 def _residual_rms(found: Fit) -> dict[str, float]:

@@ -81,11 +81,11 @@ class Uncertainty:
 
 
 def consistent(fit: Fit, deviations: float = 6.0) -> bool:
-    """Whether residuals are as small as the noise allows: reduced cost within so many standard deviations of 1.
+    """Whether residuals are as small as the noise allows: both costs within so many standard deviations of 1.
 
     Never if the residuals themselves had to be the weights.
     """
-    return not fit.weighted and fit.reduced_cost < 1.0 + deviations * math.sqrt(2.0 / max(fit.residuals, 1))
+    return not fit.weighted and fit.noise_ratio < 1.0 + deviations * math.sqrt(2.0 / max(fit.residuals, 1))
 
 
 #: A tenth of a second that fits worse than this many standard deviations of its sum probably holds more than noise:
@@ -98,12 +98,12 @@ def spotless(fit: Fit) -> bool:
     return fit.weighted or fit.worst_block[0] < SPOTTED
 
 
-def uncertainty(fit: Fit) -> Uncertainty:
-    """Covariance of an estimate.
+def uncertainty(fit: Fit, spread: np.ndarray | None = None) -> Uncertainty:
+    """Covariance of an estimate; `spread` (k, k) is added: of starts that did not agree.
 
     With residuals that are noise: the inverse of the information. Otherwise the sandwich of H. White, Econometrica
     50(1), 1982, with the gradient's half-second pieces as independent draws, at least as large as the former scaled
-    by the reduced cost. A direction that the log doesn't show gets an infinite variance.
+    by the noise ratio. A direction that the log doesn't show gets an infinite variance.
     """
     names = tuple(parameter.name for parameter in fit.parameters)
     inverse, null = invert(fit.information)
@@ -111,7 +111,7 @@ def uncertainty(fit: Fit) -> Uncertainty:
     covariance = inverse
     if not consistent(fit) or not spotless(fit):
         source = "residuals"
-        scaled = inverse * max(fit.reduced_cost, 1.0)
+        scaled = inverse * max(fit.noise_ratio, 1.0)
         blocks = len(fit.scores)
         covariance = scaled
         if blocks > 2 * len(names):
@@ -120,13 +120,16 @@ def uncertainty(fit: Fit) -> Uncertainty:
             # Never surer than white residuals of that size would make it.
             ratio = np.sqrt(np.maximum(np.diag(scaled) / np.maximum(np.diag(covariance), 1e-300), 1.0))
             covariance = covariance * np.outer(ratio, ratio)
-    covariance = covariance.copy()
+    covariance = covariance.copy() if spread is None else covariance + spread
     covariance[null, null] = np.inf
     return Uncertainty(names, covariance, source)
 
 
-def estimates(fit: Fit, found: Uncertainty, sizes: np.ndarray) -> tuple[Estimate, ...]:
-    """A verdict for each parameter; sizes (k,): against what a standard deviation is small or large."""
+def estimates(fit: Fit, found: Uncertainty, sizes: np.ndarray, *, sure: bool = True) -> tuple[Estimate, ...]:
+    """A verdict for each parameter; sizes (k,): against what a standard deviation is small or large.
+
+    sure: that the minimum is the right one. If not, nothing is called well determined, however flat or steep it is.
+    """
     out = []
     correlation = found.correlation
     null = _null_vectors(fit.information)
@@ -136,7 +139,7 @@ def estimates(fit: Fit, found: Uncertainty, sizes: np.ndarray) -> tuple[Estimate
         verdict: Verdict
         if not math.isfinite(sd) or sd > POOR * size:
             verdict = "not identifiable from this log"
-        elif sd > WELL * size or (at_bound and not _natural(parameter, at_bound)):
+        elif not sure or sd > WELL * size or (at_bound and not _natural(parameter, at_bound)):
             verdict = "poorly determined"
         else:
             verdict = "well determined"

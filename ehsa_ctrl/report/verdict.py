@@ -29,7 +29,8 @@ class Verdict(NamedTuple):
 
 def verdict(identification: Identification) -> Verdict:
     """How many parameters are determined, what the fit became, whether residuals are noise; in this order."""
-    sentences = (_determined(identification), _reached(identification), _left(identification))
+    doubts = tuple((f"{sentence[0].upper()}{sentence[1:]}.", False) for sentence in identification.doubts)
+    sentences = (_determined(identification), *doubts, _reached(identification), _left(identification))
     if identification.interrupted:
         interrupted = ("The search was interrupted: this is the best that it had, not the minimum.", False)
         return Verdict((interrupted, *sentences))

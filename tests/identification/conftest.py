@@ -1,7 +1,10 @@
 """Bench logs that several tests of the identification use."""
 
+import pickle
+
 import numpy as np
 import pytest
+from filelock import FileLock
 
 import ehsa_ctrl
 
@@ -35,6 +38,29 @@ def steps_log(truth):
 
 
 @pytest.fixture(scope="session")
-def found(truth, noise_log, steps_log):
+def once(tmp_path_factory, worker_id):
+    """once(name, make): what make() gives, made by the first of all workers that asks and kept for this session."""
+    folder = tmp_path_factory.getbasetemp()
+    # Workers of one session have neighbouring folders.
+    folder = folder if worker_id == "master" else folder.parent
+
+    def get(name, make):
+        file = folder / f"{name}.pickle"
+        with FileLock(f"{file}.lock"):
+            if not file.exists():
+                file.write_bytes(pickle.dumps(make()))
+        return pickle.loads(file.read_bytes())
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def found(truth, noise_log, steps_log, once):
     """The nonlinear plant identified from the noise, 30 % off at the start, the steps held out."""
-    return ehsa_ctrl.identify(thirty_percent_off(truth, 1), noise_log, validate=[steps_log])
+    return once("found", lambda: ehsa_ctrl.identify(thirty_percent_off(truth, 1), noise_log, validate=[steps_log]))
+
+
+@pytest.fixture(scope="session")
+def from_truth(truth, noise_log, once):
+    """The same log identified with the true values to begin with."""
+    return once("from_truth", lambda: ehsa_ctrl.identify(truth, noise_log, starts=3))

@@ -12,7 +12,7 @@ from ehsa_ctrl.identification.admissible import shares, variations
 from ehsa_ctrl.identification.estimator import fit
 from ehsa_ctrl.identification.free import free_parameters
 from ehsa_ctrl.identification.rehearsal import rehearse
-from ehsa_ctrl.identification.search import rank
+from ehsa_ctrl.identification.search import Search, rank
 from ehsa_ctrl.identification.shapes import PACES, joined, single_shapes
 from ehsa_ctrl.identification.window import cut
 from ehsa_ctrl.simulation.limits import reached
@@ -57,7 +57,8 @@ def test_all_parameters_of_the_paper_are_determined(proposal):
     relative = proposal.forecast.relative
 
     assert len(relative) == 11 and max(relative.values()) < 0.05
-    assert max(relative.values()) <= proposal.chosen.score
+    assert max(relative.values()) <= proposal.calibration * proposal.chosen.score
+    assert proposal.calibration == max(1.0, proposal.rehearsal.ratio)
     assert proposal.undetermined == {}
     assert [c.rank for c in proposal.candidates] == sorted(c.rank for c in proposal.candidates)
 
@@ -72,6 +73,34 @@ def test_a_rehearsal_tells_a_promise_that_holds_from_one_that_does_not(plant, pr
 
     assert not found.passed and found.ratio > 1.8
     assert "more than promised" in str(found)
+
+
+def test_what_is_promised_is_what_the_rehearsals_showed(plant, proposal):
+    """Errors 1.2 times the linear theory's make every sd 1.2 times as large; smaller errors change nothing."""
+    own = proposal.chosen.forecast
+    larger, smaller = (
+        replace(proposal, rehearsals={0: replace(proposal.rehearsal, ratio=ratio)}, chosen=proposal.candidates[0])
+        for ratio in (1.2, 0.8)
+    )
+
+    np.testing.assert_allclose(larger.forecast.uncertainty.sd, 1.2 * larger.chosen.forecast.uncertainty.sd)
+    assert larger.forecast["M"].sd == pytest.approx(1.2 * larger.chosen.forecast["M"].sd)
+    np.testing.assert_allclose(smaller.forecast.uncertainty.sd, smaller.chosen.forecast.uncertainty.sd)
+    assert own["M"].value == plant["M"]
+
+
+def test_the_amplitude_that_is_found_is_a_minimum(plant):
+    """Over the screening time no amplitude of a fine grid tells ten per cent more than the best that was tried."""
+    search = Search(plant, free_parameters(plant), 8.0, None, "worst", 0.15, 0.3, 0, 0, 1, None)
+    shape = next(single_shapes("sine", 0, 1))
+    trials = search._screen(shape)
+
+    amplitudes = np.linspace(0.3, 1.0, 15) * max(trial.amplitude for trial in trials)
+    runs = (search._forecast(search._run(search.short, shape.current(search.short, a))) for a in amplitudes)
+    grid = [rank(here.fit.information, here.sizes, "worst") for here in runs if here is not None]
+
+    assert min(trial.rank for trial in trials)[0] == 0 and len(trials) > 3
+    assert min(trial.rank for trial in trials)[1] < 1.1 * min(grid)[1]
 
 
 @pytest.mark.slow

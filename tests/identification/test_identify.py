@@ -39,7 +39,7 @@ def test_a_held_out_log_fits_as_well_as_with_the_truth(truth, found, steps_log):
 
 def test_what_is_left_is_white(found):
     """A right model leaves residuals that know nothing of themselves, of the drive or of the direction."""
-    assert sum(not test.passed for test in found.residual_tests) <= 2
+    assert sum(not test.passed for test in found.residual_tests) <= 1
     assert max(test.largest for test in found.residual_tests) < 0.15
 
 
@@ -57,9 +57,9 @@ def test_the_result_is_json_and_a_table(found):
 
 
 @pytest.mark.slow
-def test_two_logs_together_know_more(truth, noise_log, steps_log):
+def test_two_logs_together_know_more(truth, noise_log, steps_log, from_truth):
     """Two logs, each with its own initial state, give smaller deviations than one, and one cost."""
-    one = identify(truth, noise_log, starts=3)
+    one = from_truth
     two = identify(truth, [noise_log, steps_log], starts=3)
 
     less, more = informed(one), informed(two)
@@ -69,12 +69,12 @@ def test_two_logs_together_know_more(truth, noise_log, steps_log):
 
 
 @pytest.mark.slow
-def test_windows_between_one_step_and_the_whole_log(truth, noise_log):
+def test_windows_between_one_step_and_the_whole_log(truth, noise_log, from_truth):
     """One-step prediction, half a second and the whole log agree; the longer they are the more they know.
 
     One step from a measured state can't tell a rod that creeps from one that is held: some per cent there.
     """
-    fits = [identify(truth, noise_log, window=window, starts=3) for window in (0.008, 0.5, None)]
+    fits = [*(identify(truth, noise_log, window=window, starts=3) for window in (0.008, 0.5)), from_truth]
 
     for name in ("A_FM", "A_FR", "V_10"):
         values = [found[name] for found in fits]
@@ -135,6 +135,7 @@ def test_a_wrong_structure_is_said_to_leave_more_than_noise(truth, noise_log):
 
     assert not found.explained and found.uncertainty.source == "residuals"
     assert found.noise_ratio > 50 and "so are the channels' weights" in str(found)
+    assert any("times the noise's variance" in sentence for sentence in found.warnings)
     assert any(not test.passed for test in found.residual_tests)
     assert found.train.fit_percent["speed"] > found.train.fit_percent_before["speed"] + 20
 
@@ -149,19 +150,18 @@ def test_an_interrupt_keeps_the_best_so_far(truth, noise_log):
     found = identify(thirty_percent_off(truth, 1), noise_log, watch=stop)
 
     assert found.interrupted and "interrupted" in str(found)
+    assert not any(e.identifiable for e in found.estimates)
     assert found.train.fit_percent["speed"] > 90
 
 
 @pytest.mark.slow
-def test_pressures_may_be_missing(truth, noise_log):
+def test_pressures_may_be_missing(truth, noise_log, from_truth):
     """Speed and position alone still give what the shaft sees of all friction, with larger deviations."""
     some = replace(noise_log, channels={c: noise_log[c] for c in ("current", "speed", "position")})
-    full = identify(truth, noise_log, starts=3)
-
     found = identify(truth, some, starts=3)
 
     for name in ("J_M", "A_FM", "B_FM", "A_FR", "B_FR"):
-        assert informed(found)[name] > 1.1 * informed(full)[name], name
+        assert informed(found)[name] > 1.1 * informed(from_truth)[name], name
         assert found[name].value == pytest.approx(truth[name], rel=0.05), name
 
 
@@ -205,6 +205,45 @@ def test_wrong_logs_are_sentences(truth, noise_log):
             identify(truth, log)
     with pytest.raises(InputError, match="at least one log"):
         identify(truth, [])
+
+
+@pytest.mark.slow
+def test_a_log_that_can_t_be_followed_is_said_to_be_one(truth):
+    """A slow ramp, where noise decides when the rod slips: no verdict is better than the estimate, and that is said."""
+    log = bench_log(truth, "ramp", 1.5, 10.0, 1)
+
+    found = identify(thirty_percent_off(truth, 1), log)
+
+    for estimate in found.estimates:
+        off = abs(estimate.value - truth[estimate.name])
+        assert not estimate.identifiable or off < max(4 * estimate.sd, 0.03 * truth[estimate.name]), estimate
+    assert found.warnings and found.to_dict()["warnings"] == list(found.warnings)
+    assert all(f"warning: {sentence}" in str(found) for sentence in found.warnings)
+
+
+@pytest.mark.slow
+def test_one_start_that_misses_is_not_believed(truth):
+    """--free K_T,beta with one start: what is called well determined is, or nothing is and the reason stands there."""
+    log = bench_log(truth, "multisine", 2.0, 8.0, 1004)
+
+    found = identify(thirty_percent_off(truth, 1004), log, free=["K_T", "beta"], starts=1)
+
+    wrong = [e.name for e in found.estimates if e.identifiable and abs(e.value / truth[e.name] - 1.0) > 0.1]
+    assert wrong == []
+    assert found.settled or any("only start" in sentence for sentence in found.warnings)
+
+
+@pytest.mark.slow
+def test_windows_are_searched_for_a_start(truth):
+    """Both starts lie in a wrong minimum, by windows too; values between them do not."""
+    log, draws = bench_log(truth, "multisine", 2.0, 20.0, 12), np.random.default_rng([12, 30])
+    start = truth.set(**{name: truth[name] * float(draws.choice((0.7, 1.3))) for name in truth.free})
+
+    found = identify(start, log)
+
+    z = [(e.value - truth[e.name]) / e.sd for e in found.estimates]
+    assert np.max(np.abs(z)) < 3.5 and found.explained
+    assert any("window draw" in name for name, _ in found.tried)
 
 
 @pytest.mark.slow

@@ -2,19 +2,17 @@
 
 import pytest
 
-from ehsa_ctrl import InputError, identify
+from ehsa_ctrl import InputError
 from ehsa_ctrl.identification.profile import profile
 
 
 @pytest.mark.slow
-def test_the_profile_of_a_well_determined_parameter_is_a_parabola(truth, noise_log):
+def test_the_profile_of_a_well_determined_parameter_is_a_parabola(from_truth):
     """One, two, three deviations raise the cost by one, four, nine, and the interval is that of the deviation."""
-    found = identify(truth, noise_log, starts=3)
-
-    line = profile(found, "A_FR")
+    line = profile(from_truth, "A_FR")
 
     assert line.rise == pytest.approx([9, 4, 1, 1, 4, 9], rel=0.1)
-    assert line.interval == pytest.approx(found["A_FR"].interval, abs=0.1 * found["A_FR"].sd)
+    assert line.interval == pytest.approx(from_truth["A_FR"].interval, abs=0.1 * from_truth["A_FR"].sd)
 
 
 def test_what_has_no_profile(found):

@@ -21,8 +21,8 @@ ROW, HEADER, BETWEEN, ASIDE, LEFT, RIGHT = 1.0, 0.5, 0.2, 0.55, 0.95, 0.15
 def residuals_figure(identification: Identification) -> Figure:
     """Correlation of each channel's whitened residual with itself, the drive, sign(v) and x over the lag [samples].
 
-    A row a channel, a column what it is held against. The band holds 99 of 100 lags of a right model; what lies outside
-    is drawn darker, and above each panel stands the largest.
+    A row a channel, a column what it is held against. In 99 of 100 logs a right model stays in the bands at all lags of
+    all panels; what lies outside is drawn darker, and above each panel stands the largest.
 
     Raises InputError if there are no residual tests.
     """
@@ -41,7 +41,7 @@ def residuals_figure(identification: Identification) -> Figure:
         (header,) = stack(figure, [HEADER], top=top - HEADER - GAP, left=LEFT, right=RIGHT)
         header.set_axis_off()
         header.text(
-            0, 1, f"correlation over the lag; in the grey band are {100 * LEVEL:g} of 100 lags of a right model",
+            0, 1, f"correlation over the lag; a right model stays in all grey bands for {100 * LEVEL:g} of 100 logs",
             transform=header.transAxes, va="top", fontsize=8.5,
         )  # fmt: skip
         for column, name in enumerate(against):
