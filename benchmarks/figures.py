@@ -71,16 +71,19 @@ class Summary:
 
     near: of parameters called identifiable. covered: of all parameters with a finite sd. held_out: (log, channel) ->
     points of fit lost against the true parameters (worst, median). failures: sentences of those that gave nothing, each
-    of whose parameters counts as missed.
+    of whose parameters counts as missed. unsettled: logs on which no two starts agreed, which the tool says;
+    covered_settled: of the others.
     """
 
     runs: int
     failures: tuple[str, ...]
     near: Share
     covered: Share
+    covered_settled: Share
     parameters: tuple[Parameter, ...]
     held_out: dict[tuple[str, str], tuple[float, float]]
     explained: int
+    unsettled: int
     sd_from_residuals: int
     one_start: int
     reduced_cost: tuple[float, float, float]
@@ -89,10 +92,18 @@ class Summary:
 
     def to_dict(self) -> dict[str, Any]:
         """For a JSON file."""
-        plain = {name: value for name, value in vars(self).items() if name not in ("near", "covered", "parameters")}
+        plain = {
+            name: value for name, value in vars(self).items() if not isinstance(value, Share) and name != "parameters"
+        }
         plain["held_out"] = {" ".join(key): value for key, value in self.held_out.items()}
         rows = {p.name: {**vars(p), "near": vars(p.near), "covered": vars(p.covered)} for p in self.parameters}
-        return {**plain, "near": vars(self.near), "covered": vars(self.covered), "parameters": rows}
+        return {
+            **plain,
+            "near": vars(self.near),
+            "covered": vars(self.covered),
+            "covered_settled": vars(self.covered_settled),
+            "parameters": rows,
+        }
 
 
 def is_near(row: Result) -> bool:
@@ -123,9 +134,11 @@ def summary(results: Sequence[Result]) -> Summary:
         failures=failures,
         near=share(near + missed),
         covered=share(covered),
+        covered_settled=share([hits for hits, result in zip(covered, good, strict=True) if result["settled"]]),
         parameters=tuple(_parameter(name, tables) for name in names),
         held_out={key: (max(values), float(np.median(values))) for key, values in lost.items()},
         explained=sum(result["explained"] for result in good),
+        unsettled=sum(not result["settled"] for result in good),
         sd_from_residuals=sum(result["sd_from"] == "residuals" for result in good),
         one_start=sum(len(result["tried"]) == 1 for result in good),
         reduced_cost=(min(costs), float(np.median(costs)), max(costs)),

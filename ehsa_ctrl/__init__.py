@@ -44,10 +44,18 @@ _WHERE = {
     "write_plant": "identification.write",
     "profile": "identification.profile",
     "load_controller": "design.load",
-    "load_scenario": "scenario.run",
+    "load_scenario": "scenario.scenario",
     "run": "scenario.run",
-    "analyse": "design.analysis",
-    "analyse_loop": "design.analysis",
+    "monte_carlo": "scenario.montecarlo",
+    "shortest_time": "simulation.shortest",
+    "slip_quantum": "simulation.slip",
+    "analyse": "design.analysis.system",
+    "analyse_loop": "design.analysis.loop",
+    "robust_margins": "design.analysis.robustness",
+    "review": "design.review",
+    "draw": "plant.draws",
+    "drawn_models": "plant.draws",
+    "conditions": "plant.conditions",
 }
 
 __all__ = sorted([*_WHERE, "__version__"])

@@ -1,23 +1,55 @@
-"""`ehsa-ctrl analyse`: the linear model through python-control."""
+"""`ehsa-ctrl analyse`: the linear model and its loops through python-control, and the worst of many plants."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..core.errors import InputError
 from .options import Force, Json, Out, Settings, read_pairs
 
+if TYPE_CHECKING:
+    from ..design.analysis.loop import LoopAnalysis
+    from ..design.analysis.robustness import RobustMargins
+    from ..design.analysis.system import Analysis
+    from ..design.review import Known, Review
+    from ..plant.plant import Plant
+
 
 def command(
     plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.")],
-    controller: Annotated[str | None, typer.Option(help="Show the margins of the loop with this controller.")] = None,
+    controller: Annotated[
+        str | None, typer.Option(metavar="A[,B]", help="Show the margins of the loop with these controllers.")
+    ] = None,
     model: Annotated[
         str, typer.Option(help="linear: the identified linear set; nonlinear: linearised while sliding.")
     ] = "linear",
-    position: Annotated[float, typer.Option(help="Rod position of the operating point, m (nonlinear).")] = 0.0,
-    velocity: Annotated[float, typer.Option(help="Rod speed of the operating point, m/s (nonlinear).")] = 0.05,
+    position: Annotated[
+        str, typer.Option(help="Rod position of the operating point, m (nonlinear); several: each is tried.")
+    ] = "0",
+    velocity: Annotated[
+        str, typer.Option(help="Rod speed of the operating point, m/s (nonlinear); several: each is tried.")
+    ] = "0.05",
+    stiffness: Annotated[
+        str, typer.Option(help="Springs to try the loop with, e.g. '0,50 kN/m,100 kN/m'; N/m without a unit.")
+    ] = "",
+    mass: Annotated[str, typer.Option(help="Masses of the load to try the loop with, e.g. '0,100 kg'.")] = "",
+    draws: Annotated[int, typer.Option(min=0, help="Plants drawn from what is known of the parameters' errors.")] = 0,
+    covariance: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="identification.json whose covariance the draws have.")
+    ] = None,
+    spread: Annotated[
+        float, typer.Option(min=0, help="Relative sd taken for identified numbers of which none is known.")
+    ] = 0.05,
+    assumed: Annotated[
+        bool, typer.Option("--assumed", help="Draw what is only assumed as well, evenly between its bounds.")
+    ] = False,
+    lag: Annotated[int, typer.Option(min=0, help="Samples between a measurement and the current from it.")] = 0,
+    review: Annotated[bool, typer.Option("--review", help="Look through each design, friction included.")] = False,
+    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
     settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
     as_json: Json = False,
     out: Out = None,
@@ -25,40 +57,130 @@ def command(
 ) -> None:
     """Poles, zeros, damping, DC gains and Bode figure of the plant's linear model; margins with a controller.
 
-    Examples: ehsa-ctrl analyse ehsa · ehsa-ctrl analyse ehsa --controller pid_position --out results/loop
+    With --draws or several conditions, also the worst margins among all of these plants, and which plant it is.
+
+    Examples: ehsa-ctrl analyse ehsa · ehsa-ctrl analyse ehsa --controller pid_position --out results/loop ·
+    ehsa-ctrl analyse ehsa --controller pid_position,lqr_position --draws 200 --stiffness '0,50 kN/m,100 kN/m' --review
     """
-    from ..design.analysis import analyse, analyse_loop
+    from ..design.analysis.loop import analyse_loop
+    from ..design.analysis.robustness import robust_margins
+    from ..design.analysis.system import analyse
     from ..design.load import load_controller
-    from ..plant.linear import three_state
-    from ..plant.linearise import linearise, reduce_to_difference
+    from ..design.review import review as look_through
+    from ..plant.conditions import conditions
     from ..plant.plant import load_plant
     from .output import prepare_folder, to_json
 
     if model not in ("linear", "nonlinear"):
         raise InputError(f"--model {model!r}: expected linear or nonlinear")
+    names = [name.strip() for name in controller.split(",") if name.strip()] if controller is not None else []
+    at = conditions(
+        positions=_numbers("--position", position, "m"),
+        velocities=_numbers("--velocity", velocity, "m/s"),
+        stiffnesses=_numbers("--stiffness", stiffness, "N/m"),
+        masses=_numbers("--mass", mass, "kg"),
+    )
+    many = bool(draws) or len(at) > 1 or bool(stiffness or mass)
+    if (many or review or lag) and not names:
+        raise InputError("draws, conditions, --lag and --review are about a loop; give its --controller")
+    if covariance is not None and not draws:
+        raise InputError("--covariance is what plants are drawn from; say how many with --draws")
     folder = prepare_folder(out, "analysis.json", force=force) if out is not None else None
-    loaded = load_plant(plant, model=model, settings=read_pairs(settings))  # type: ignore[arg-type]
-    if model == "linear":
-        system = three_state(loaded)
-    else:
-        system = reduce_to_difference(linearise(loaded, position=position, velocity=velocity), loaded)
+    believed = read_pairs(settings)
+    loaded = load_plant(plant, model=model, settings=believed)  # type: ignore[arg-type]
+    system = conditions(positions=[at[0].position], velocities=[at[0].velocity])[0].model(loaded)
     analysis = analyse(system)
-    loop = None
-    if controller is not None:
-        loop = analyse_loop(system, load_controller(controller, system))
-    result = {"plant": plant, "model": model, **analysis.to_dict(), **({"loop": loop.to_dict()} if loop else {})}
-    if folder is not None:
-        from ..report.figures import bode_figure, loop_figure, save
+    known = _known(plant, loaded, believed)
+    models = {}
+    if many:
+        from ..plant.draws import draw, drawn_models, read_covariance
 
+        spoken = read_covariance(covariance) if covariance is not None else None
+        drawn = draw(loaded, draws, seed=seed, covariance=spoken, unknown=spread, assumed=assumed) if draws else []
+        models = drawn_models(loaded, drawn, at)
+    loops, robust, reviews = [], [], []
+    for name in names:
+        chosen = load_controller(name, system)
+        loops.append(analyse_loop(system, chosen, lag=lag, noise=known.noise))
+        robust.append(robust_margins(models, chosen, lag=lag) if models else None)
+        if review:
+            reviews.append(look_through(system, chosen, known=known, robust=robust[-1], lag=lag))
+    result: dict[str, Any] = {"plant": plant, "model": model, **analysis.to_dict()}
+    if loops:
+        result |= {"loop": loops[0].to_dict(), "loops": [loop.to_dict() for loop in loops]}
+    result |= {"robust": [margins.to_dict() for margins in robust if margins is not None]} if many else {}
+    result |= {"reviews": [one.to_dict() for one in reviews]} if review else {}
+    if folder is not None:
         (folder / "analysis.json").write_text(to_json(result) + "\n")
-        save(bode_figure(analysis), folder / "bode")
-        if loop is not None:
-            save(loop_figure(loop), folder / "loop")
+        _draw(folder, analysis, loops, robust)
     if as_json:
         print(to_json(result))
-    else:
-        print(analysis)
-        if loop is not None:
-            print(loop)
-        if folder is not None:
-            print(f"written to {folder}")
+        return
+    print(analysis)
+    _print(loops, robust, reviews)
+    if folder is not None:
+        print(f"written to {folder}")
+
+
+def _numbers(option: str, text: str, unit: str) -> list[float]:
+    """Turn "0,50 kN/m" into [0.0, 50e3]. Raises InputError naming the option."""
+    from ..core.unit import parse
+
+    values = []
+    for part in (part.strip() for part in text.split(",") if part.strip()):
+        try:
+            values.append(float(part))
+        except ValueError:
+            try:
+                values.append(parse(part, unit))
+            except InputError as error:
+                raise InputError(f"{option} {text!r}: {error}") from None
+    return values
+
+
+def _known(name: str, plant: Plant, settings: dict[str, str]) -> Known:
+    """What a review asks beside the linear model: sensors' noise, and friction where the plant's file has any."""
+    from ..core.protocol import MEASURED
+    from ..design.review import Known
+    from ..plant.motion_current import motion_current
+    from ..plant.plant import load_plant, models_of
+
+    noise = {channel: plant.sensors[channel].sd for channel in MEASURED if channel in plant.sensors}
+    if "nonlinear" not in models_of(name):
+        return Known(noise=noise)
+    nonlinear = load_plant(name, model="nonlinear")
+    shared = {key: value for key, value in settings.items() if key in nonlinear.parameters}
+    needed = motion_current(load_plant(name, model="nonlinear", settings=shared))
+    stroke = nonlinear.limits.get("stroke")
+    return Known(
+        static=needed["static"],
+        coulomb=needed["coulomb"],
+        reach=0.5 * stroke.value if stroke is not None else float("nan"),
+        noise=noise,
+    )
+
+
+def _print(loops: Sequence[LoopAnalysis], robust: Sequence[RobustMargins | None], reviews: Sequence[Review]) -> None:
+    for k, loop in enumerate(loops):
+        print(loop)
+        margins = robust[k]
+        if margins is not None:
+            print(margins)
+        if reviews:
+            print(reviews[k])
+
+
+def _draw(
+    folder: Path, analysis: Analysis, loops: Sequence[LoopAnalysis], robust: Sequence[RobustMargins | None]
+) -> None:
+    """Figures; with several controllers each has its name in the files' names."""
+    from ..report.figures import bode_figure, loop_figure, nyquist_figure, robustness_figure, save
+
+    save(bode_figure(analysis), folder / "bode")
+    for loop, margins in zip(loops, robust, strict=True):
+        end = f"-{loop.controller}" if len(loops) > 1 else ""
+        save(loop_figure(loop), folder / f"loop{end}")
+        save(nyquist_figure(loop, margins), folder / f"nyquist{end}")
+        if margins is not None and any(one.stable for one in margins.loops.values()):
+            save(robustness_figure(margins), folder / f"robustness{end}")
+            margins.to_pandas().to_csv(folder / f"robustness{end}.csv")

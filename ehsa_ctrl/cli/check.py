@@ -13,9 +13,10 @@ from .options import Json
 
 def command(
     files: Annotated[list[Path] | None, typer.Argument(help="TOML files; by default the whole catalogue.")] = None,
+    plant: Annotated[str, typer.Option(help="Plant on whose linear model controllers are designed.")] = "ehsa",
     as_json: Json = False,
 ) -> None:
-    """Validate plants, controllers and scenarios: units, ranges, names, what refers to what.
+    """Validate plants, controllers and scenarios: units, ranges, names, what refers to what; design the controllers.
 
     Examples: ehsa-ctrl check · ehsa-ctrl check scenarios/my_step.toml
     """
@@ -33,7 +34,7 @@ def command(
     mistakes: dict[str, str] = {}
     for name, path in todo:
         try:
-            check_definition(path)
+            check_definition(path, plant=plant)
         except InputError as error:
             mistakes[name] = str(error)
     if as_json:

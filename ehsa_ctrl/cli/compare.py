@@ -8,7 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError, SimulationError
-from .options import Force, Json, Out, Settings, read_pairs
+from .options import (
+    Align,
+    First,
+    Force,
+    Json,
+    Last,
+    Out,
+    Resample,
+    Rest,
+    Settings,
+    Zero,
+    read_pairs,
+    read_preparation,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -24,12 +37,12 @@ def command(
     plant: Annotated[str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.")],
     model: Annotated[str, typer.Option(help="linear, nonlinear or both (what the plant has).")] = "both",
     settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
-    start: Annotated[float | None, typer.Option("--from", metavar="S", help="First second to use.")] = None,
-    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last second to use.")] = None,
-    zero: Annotated[str, typer.Option(metavar="p1,p2", help="Set these channels' zero from the rest.")] = "",
-    rest: Annotated[str, typer.Option(metavar="S:S", help="That rest, e.g. 0:0.5; else it is looked for.")] = "",
-    resample: Annotated[float | None, typer.Option(metavar="HZ", help="Bring the log to this rate.")] = None,
-    align: Annotated[str, typer.Option(metavar="CHANNELS", help="Move these channels by their delay.")] = "",
+    start: First = None,
+    stop: Last = None,
+    zero: Zero = "",
+    rest: Rest = "",
+    resample: Resample = None,
+    align: Align = "",
     as_json: Json = False,
     out: Out = None,
     force: Force = False,
@@ -40,17 +53,17 @@ def command(
     --set load.stiffness=50e3 --from 2 --to 12 --zero p1,p2 --out results/compare
     """
     from ..identification.checks import check_log
-    from ..identification.preparation import Preparation
     from ..identification.record import read_plant_log, untold
     from ..identification.replay import replay
-    from .output import prepare_folder, to_json, warn
+    from .output import prepare_folder, to_json, warn, warn_unbelieved
     from .progress import compiling
 
     believed = load_models(plant, model, read_pairs(settings))
+    warn_unbelieved(believed)
     if out is not None:
         prepare_folder(out, "comparison.json", force=force)
     last = believed[-1]
-    preparation = Preparation(start, stop, names(zero), read_rest(rest), resample, names(align))
+    preparation = read_preparation(start, stop, zero, rest, resample, align)
     raw = read_plant_log(log, last, uniform=resample is None)
     with compiling():
         ready, steps = preparation.apply(raw, last)
@@ -123,22 +136,6 @@ def load_models(plant: str, model: str, settings: dict[str, str]) -> list[Plant]
         )
         for each in plain
     ]
-
-
-def names(text: str) -> tuple[str, ...]:
-    """Turn "p1, p2" into ("p1", "p2")."""
-    return tuple(name.strip() for name in text.split(",") if name.strip())
-
-
-def read_rest(text: str) -> tuple[float, float] | None:
-    """Turn "0:0.5" into (0.0, 0.5); None for nothing. Raises InputError for anything else."""
-    if not text:
-        return None
-    first, _, last = text.partition(":")
-    try:
-        return float(first), float(last)
-    except ValueError:
-        raise InputError(f"--rest {text!r}: expected two times in seconds, as 0:0.5") from None
 
 
 def table(replays: list[Replay]) -> str:

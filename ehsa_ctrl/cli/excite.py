@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.errors import InputError
-from .compare import names
-from .options import Force, Json, Out, Settings, read_pairs
+from .options import Force, Json, Out, Settings, names, read_pairs
 
 if TYPE_CHECKING:
     from ..identification.experiment import Experiment
@@ -45,13 +44,14 @@ def command(
     """
     from ..identification.experiment import design_experiment
     from ..plant.plant import load_plant
-    from .output import prepare_folder, to_json, warn
+    from .output import prepare_folder, to_json, warn, warn_unbelieved
     from .progress import compiling, counting
 
     if model not in ("linear", "nonlinear"):
         raise InputError(f"--model {model!r}: expected linear or nonlinear")
     pairs = read_pairs(settings)
     loaded = load_plant(plant, model=model, settings=pairs)  # type: ignore[arg-type]
+    warn_unbelieved([loaded])
     if out is not None:
         prepare_folder(out, "excitation.json", force=force)
         if (out / "current.csv").exists() and not force:

@@ -9,8 +9,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
-from .compare import names, read_rest
-from .options import Force, Json, Out, Settings, read_pairs
+from .options import (
+    Align,
+    First,
+    Force,
+    Json,
+    Last,
+    Out,
+    Resample,
+    Rest,
+    Settings,
+    Zero,
+    names,
+    read_pairs,
+    read_preparation,
+)
 
 if TYPE_CHECKING:
     from ..core.log import Log
@@ -48,12 +61,12 @@ def command(
     starts: Annotated[int, typer.Option(help="At most so many starts.", min=1)] = 6,
     seed: Annotated[int, typer.Option(help="Of the drawn starts.", min=0)] = 0,
     profiles: Annotated[str, typer.Option("--profile", metavar="KEYS", help="Profile these parameters too.")] = "",
-    start: Annotated[float | None, typer.Option("--from", metavar="S", help="First second to use.")] = None,
-    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last second to use.")] = None,
-    zero: Annotated[str, typer.Option(metavar="p1,p2", help="Set these channels' zero from the rest.")] = "",
-    rest: Annotated[str, typer.Option(metavar="S:S", help="That rest, e.g. 0:0.5; else it is looked for.")] = "",
-    resample: Annotated[float | None, typer.Option(metavar="HZ", help="Bring the logs to this rate.")] = None,
-    align: Annotated[str, typer.Option(metavar="CHANNELS", help="Move these channels by their delay.")] = "",
+    start: First = None,
+    stop: Last = None,
+    zero: Zero = "",
+    rest: Rest = "",
+    resample: Resample = None,
+    align: Align = "",
     as_json: Json = False,
     out: Out = None,
     force: Force = False,
@@ -64,11 +77,11 @@ def command(
     ehsa-ctrl identify a.csv b.csv --plant my/rig.toml --free K_T --prior K_T=0.05 --fix M ·
     ehsa-ctrl identify log.csv --plant ehsa --model both --set load.stiffness=50e3 --out results/rig
     """
-    from ..identification.preparation import Preparation
-    from .output import prepare_folder, to_json, warn
+    from .output import prepare_folder, to_json, warn, warn_unbelieved
     from .progress import compiling, watching
 
     models = _models(plant, model, read_pairs(settings))
+    warn_unbelieved(models)
     if linear not in ("keep", "sliding"):
         raise InputError(f"--linear {linear!r}: expected keep or sliding")
     if linear == "sliding" and model != "nonlinear":
@@ -79,7 +92,7 @@ def command(
         raise InputError(f"{validate[0]}: is used for the estimate and to validate it; give another log")
     if out is not None:
         prepare_folder(out, "identification.json", force=force)
-    preparation = Preparation(start, stop, names(zero), read_rest(rest), resample, names(align))
+    preparation = read_preparation(start, stop, zero, rest, resample, align)
     results = []
     with compiling(), watching() as watch:
         for believed in models:
@@ -98,6 +111,8 @@ def command(
     written = _write(out, found, answer, linear) if out is not None else None
     if as_json:
         print(to_json(answer))
+        for sentence in {sentence for each in found for sentence in each.warnings}:
+            warn(sentence)
     else:
         for identification in found:
             print(identification)

@@ -10,7 +10,7 @@ import sys
 import typer
 
 from ..core.errors import EhsaError
-from . import analyse, check, compare, excite, identify, listing, run, simulate
+from . import analyse, check, compare, design, excite, export, identify, listing, montecarlo, run, simulate
 
 EPILOG = """\
 Exit status: 0 done; 1 ran, but a scenario's limit failed; 2 the input was wrong, said in one sentence.
@@ -27,11 +27,14 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("run")(run.command)
+app.command("montecarlo")(montecarlo.command)
 app.command("simulate")(simulate.command)
 app.command("analyse")(analyse.command)
+app.command("design")(design.command)
 app.command("excite")(excite.command)
 app.command("compare")(compare.command)
 app.command("identify")(identify.command)
+app.command("export")(export.command)
 app.command("list")(listing.command)
 app.command("check")(check.command)
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..core.errors import InputError
+
+if TYPE_CHECKING:
+    from ..identification.preparation import Preparation
 
 Settings = Annotated[
     list[str],
@@ -21,16 +24,57 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write the result's files to this folder.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace a result that is already in the folder.")]
 
+#: A pair for each option that takes them, as a message shows it.
+EXAMPLES = {
+    "--set": "K_T=1.1",
+    "--weight": "position='1 mm'",
+    "--limit": "speed='350 rad/s'",
+    "--spec": "tuning.Ms=1.5",
+}
 
-def read_pairs(settings: list[str]) -> dict[str, str]:
+
+First = Annotated[float | None, typer.Option("--from", metavar="S", help="First second to use.")]
+Last = Annotated[float | None, typer.Option("--to", metavar="S", help="Last second to use.")]
+Zero = Annotated[str, typer.Option(metavar="p1,p2", help="Set these channels' zero from the rest.")]
+Rest = Annotated[str, typer.Option(metavar="S:S", help="That rest, e.g. 0:0.5; else it is looked for.")]
+Resample = Annotated[float | None, typer.Option(metavar="HZ", help="Bring the logs to this rate.")]
+Align = Annotated[str, typer.Option(metavar="CHANNELS", help="Move these channels by their delay.")]
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Turn "p1, p2" into ("p1", "p2")."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def read_preparation(
+    first: float | None, last: float | None, zero: str, rest: str, resample: float | None, align: str
+) -> Preparation:
+    """What the six options above ask for. Raises InputError for a rest that is not two times."""
+    from ..identification.preparation import Preparation
+
+    return Preparation(first, last, names(zero), _read_rest(rest), resample, names(align))
+
+
+def _read_rest(text: str) -> tuple[float, float] | None:
+    """Turn "0:0.5" into (0.0, 0.5); None for nothing."""
+    if not text:
+        return None
+    first, _, last = text.partition(":")
+    try:
+        return float(first), float(last)
+    except ValueError:
+        raise InputError(f"--rest {text!r}: expected two times in seconds, as 0:0.5") from None
+
+
+def read_pairs(settings: list[str], option: str = "--set") -> dict[str, str]:
     """Turn ["K_T=1.1"] into {"K_T": "1.1"}. Raises InputError for text without '=' and for a key given twice."""
     pairs: dict[str, str] = {}
     for text in settings:
         key, equals, value = text.partition("=")
         key = key.strip()
         if not equals or not key or not value.strip():
-            raise InputError(f"--set {text!r}: expected KEY=VALUE, as in --set K_T=1.1")
+            raise InputError(f"{option} {text!r}: expected KEY=VALUE, as in {option} {EXAMPLES[option]}")
         if key in pairs:
-            raise InputError(f"--set {key} is given twice; give it once")
+            raise InputError(f"{option} {key} is given twice; give it once")
         pairs[key] = value.strip()
     return pairs

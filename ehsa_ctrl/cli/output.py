@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
+
+if TYPE_CHECKING:
+    from ..plant.plant import Plant
 
 
 def prepare_folder(folder: Path, result: str, *, force: bool) -> Path:
@@ -43,6 +46,12 @@ def plain(value: Any) -> Any:
 
 def to_json(value: Any) -> str:
     return json.dumps(plain(value), indent=2)
+
+
+def warn_unbelieved(plants: Iterable[Plant]) -> None:
+    """Say which values were set outside the range in which a plant's file believes them."""
+    for sentence in dict.fromkeys(sentence for plant in plants for sentence in plant.unbelieved):
+        warn(sentence)
 
 
 def warn(sentence: str) -> None:

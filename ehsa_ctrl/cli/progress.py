@@ -60,7 +60,7 @@ def counting() -> Iterator[Callable[[str, int, int], None] | None]:
 @contextmanager
 def compiling() -> Iterator[None]:
     """Say on standard error when an engine has to be compiled first, so that nobody wonders at a slow first run."""
-    logger = logging.getLogger("ehsa_ctrl.simulation.compiled")
+    logger = logging.getLogger("ehsa_ctrl.core.compiled")
     handler = _Notice()
     level = logger.level
     logger.addHandler(handler)

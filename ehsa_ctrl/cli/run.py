@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +13,9 @@ from ..core.errors import InputError, SimulationError
 from .options import Force, Json
 
 if TYPE_CHECKING:
-    from ..scenario.run import ScenarioResult
+    from rich.table import Table
+
+    from ..scenario.result import ScenarioResult
 
 
 def command(
@@ -30,15 +33,25 @@ def command(
     ] = Path("results"),
     as_json: Json = False,
     force: Force = False,
+    update_baselines: Annotated[
+        bool, typer.Option("--update-baselines", help="Record runs that have no baseline or have left it.")
+    ] = False,
+    reason: Annotated[str, typer.Option(help="Why the baselines change; asked for on a terminal.")] = "",
 ) -> None:
-    """Design on the identified linear model, check on the nonlinear plant, judge the scenario's limits.
+    """Design on the identified linear model, check on the nonlinear plant, judge the scenario's limits and baseline.
 
     Examples: ehsa-ctrl run · ehsa-ctrl run steps_spring --out results/steps ·
-    ehsa-ctrl run my/scenario.toml --controller pid_position,my/pid.toml · ehsa-ctrl run --plant results/rig.toml
+    ehsa-ctrl run my/scenario.toml --controller pid_position,my/pid.toml · ehsa-ctrl run --plant results/rig.toml ·
+    ehsa-ctrl run --update-baselines --reason "softer spring in the rig"
     """
     from ..core.catalogue import scenarios as catalogue
-    from .output import prepare_folder, to_json
+    from .output import prepare_folder, to_json, warn
     from .progress import compiling
+
+    if update_baselines and (plant or design):
+        raise InputError("--update-baselines records the scenario's own plant; leave --plant and --design out")
+    if update_baselines and not reason.strip() and not sys.stdin.isatty():
+        raise InputError("--update-baselines changes what counts as right: say why with --reason TEXT")
 
     names = scenarios or _all(catalogue.folders)
     chosen: list[str | None] = [None]
@@ -54,13 +67,18 @@ def command(
         if twice:
             raise InputError(f"{kind} {twice[0]!r} is given twice; files of the result are named by it")
     prepare_folder(out, "results.json", force=force)
+    _remove_old(out)
     todo = [(name, other) for name in names for other in chosen]
     with compiling():
         results = list(_run_all(todo, plant, design, jobs))
+    for sentence in dict.fromkeys(sentence for result in results for sentence in result.plant.unbelieved):
+        warn(sentence)
+    if update_baselines:
+        results = _update(results, reason, out, quiet=as_json)
     failed = [result for result in results if not result.passed]
-    summary = {"passed": not failed, "scenarios": [result.to_dict() for result in results]}
+    files = _write_report(results, out)
+    summary = {"passed": not failed, "scenarios": [result.to_dict() for result in results], "files": files}
     (out / "results.json").write_text(to_json(summary) + "\n")
-    _write_report(results, out)
     if as_json:
         print(to_json(summary))
     else:
@@ -107,52 +125,122 @@ def _run_all(
             yield result
 
 
-def _write_report(results: list[ScenarioResult], out: Path) -> None:
-    import sys
+def _remove_old(out: Path) -> None:
+    """Remove the files that an earlier result in this folder names as its own: some would not be replaced."""
+    import json
 
+    try:
+        old = json.loads((out / "results.json").read_text(encoding="utf-8")).get("files", [])
+    except (OSError, ValueError, AttributeError):
+        return
+    for name in old:
+        if isinstance(name, str) and Path(name).name == name:
+            (out / name).unlink(missing_ok=True)
+
+
+def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: bool) -> list[ScenarioResult]:
+    """Show what has changed, ask why unless that was said, and record it."""
+    from ..report.figures import save
+    from ..scenario.baseline import differences, updated
+
+    changed = [(result, differences(result)) for result in results]
+    for result, lines in changed:
+        if lines and not quiet:
+            print("\n  ".join([f"{result.scenario.name} with {result.controller.name}:", *lines]))
+            if result.baseline is not None:
+                name = f"{result.scenario.name}-{result.controller.name}-old-baseline"
+                save(result.plot_baseline(), out / name)
+                print(f"  figure: {out / name}.png")
+    if not any(lines for _, lines in changed):
+        return results
+    reason = reason.strip() or typer.prompt("Why do the baselines change?")
+    return [updated(result, reason)[0] for result in results]
+
+
+def _write_report(results: list[ScenarioResult], out: Path) -> list[str]:
+    """Figures and page; returns the names of the files."""
     from ..report.figures import loop_figure, save
     from ..report.page import write_page
 
-    loops = {}
-    for result in results:
-        save(result.plot(), out / f"{result.scenario.name}-{result.controller.name}")
-        if result.loop is not None:
-            loops[result.controller.name] = result.loop
+    figures = {f"{result.scenario.name}-{result.controller.name}": result.plot for result in results}
+    figures |= {
+        f"{result.scenario.name}-{result.controller.name}-baseline": result.plot_baseline
+        for result in results
+        if result.baseline is not None and result.baseline.differences(result)
+    }
+    loops = {result.controller.name: result.loop for result in results if result.loop is not None}
+    for name, plot in figures.items():
+        save(plot(), out / name)
     for name, loop in loops.items():
         save(loop_figure(loop), out / f"loop-{name}")
+    names = [*figures, *(f"loop-{name}" for name in loops)]
     write_page(results, out, command="ehsa-ctrl " + " ".join(sys.argv[1:]))
+    return ["report.html", *sorted(path.name for path in out.iterdir() if path.stem in names)]
 
 
 #: What the table on the terminal shows; the page has all metrics.
-SHOWN = ("RiseTime", "SettlingTime", "Overshoot", "SteadyStateError", "MaxError", "RMSError", "Slips", "CurrentRMS")
+SHOWN = (
+    "RiseTime", "SettlingTime", "SettlingRatio", "Overshoot", "SteadyStateError", "MaxError", "RMSError",
+    "HuntingAmplitude", "Slips", "SaturationShare", "CurrentRMS", "Energy", "StopTime", "TravelAfterStop",
+)  # fmt: skip
+VERDICTS = {"pass": ("passed", "bold green"), "fail": ("FAILED", "bold red"), "untested": ("untested", "bold yellow")}
 
 
 def _print(results: list[ScenarioResult], out: Path) -> None:
     from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
 
     console = Console()
+    groups: dict[str, list[ScenarioResult]] = {}
     for result in results:
-        table = Table(box=None, pad_edge=False, title_justify="left")
-        verdict = ("passed", "bold green") if result.passed else ("FAILED", "bold red")
-        name = f"{result.scenario.name} with {result.controller.name}: "
-        console.print(Text.assemble(name, verdict, f", {result.scenario.title}"))
-        table.add_column("")
-        table.add_column("linear prediction", justify="right")
-        table.add_column("nonlinear plant", justify="right")
-        table.add_column("unit")
-        frame = result.to_pandas()
-        for name in SHOWN:
-            row = frame.loc[name]
-            if row[["linear", "nonlinear"]].isna().all():
-                continue
-            table.add_row(
-                name, f"{row['linear']:.4g}", f"{row['nonlinear']:.4g}", "" if row["unit"] == "1" else row["unit"]
-            )
-        console.print(table)
-        for failure in result.failures:
-            console.print(Text(f"  {failure}", "red"))
+        groups.setdefault(f"{result.scenario.path or result.scenario.name}", []).append(result)
+    for group in groups.values():
+        for result in group:
+            name = f"{result.scenario.name} with {result.controller.name}: "
+            console.print(Text.assemble(name, VERDICTS[result.verdict], f", {result.scenario.title}"))
+            for failure in result.failures:
+                console.print(Text(f"  {failure}", "red"))
+        console.print(_alone(group[0]) if len(group) == 1 else _beside(group))
         console.print()
-    passed = sum(result.passed for result in results)
-    console.print(f"{passed} of {len(results)} passed; written to {out} (open {out / 'report.html'})")
+    passed = sum(result.verdict == "pass" for result in results)
+    untested = sum(result.verdict == "untested" for result in results)
+    more = f", {untested} untested" if untested else ""
+    console.print(f"{passed} of {len(results)} passed{more}; written to {out} (open {out / 'report.html'})")
+
+
+def _alone(result: ScenarioResult) -> Table:
+    """One controller: linear prediction, nonlinear outcome and their gap."""
+    table = _table("linear prediction", "nonlinear plant", "gap")
+    frame = result.to_pandas()
+    for name in SHOWN:
+        row = frame.loc[name]
+        if row[["linear", "nonlinear"]].isna().all():
+            continue
+        table.add_row(name, *(f"{row[word]:.4g}" for word in ("linear", "nonlinear", "gap")), _unit(row["unit"]))
+    return table
+
+
+def _beside(results: list[ScenarioResult]) -> Table:
+    """Several controllers on one scenario: what each did on the nonlinear plant."""
+    table = _table(*(result.controller.name for result in results))
+    frames = [result.to_pandas() for result in results]
+    for name in SHOWN:
+        values = [float(frame.loc[name, "nonlinear"]) for frame in frames]
+        if any(value == value for value in values):
+            table.add_row(name, *(f"{value:.4g}" for value in values), _unit(frames[0].loc[name, "unit"]))
+    return table
+
+
+def _table(*columns: str) -> Table:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    table.add_column("")
+    for column in columns:
+        table.add_column(column, justify="right")
+    table.add_column("unit")
+    return table
+
+
+def _unit(text: str) -> str:
+    return "" if text == "1" else text

@@ -39,7 +39,7 @@ def command(
     from ..plant.plant import load_plant
     from ..simulation.bench import record
     from ..simulation.excitation import excitation as make
-    from .output import prepare_folder, to_json
+    from .output import prepare_folder, to_json, warn_unbelieved
     from .progress import compiling
 
     if model not in ("linear", "nonlinear"):
@@ -47,6 +47,7 @@ def command(
     if (input_file is None) == (excitation is None):
         raise InputError("give either --input current.csv or --excitation noise|steps|sine|ramp|chirp|multisine")
     loaded = load_plant(plant, model=model, settings=read_pairs(settings))  # type: ignore[arg-type]
+    warn_unbelieved([loaded])
     if input_file is not None:
         given = read_log(input_file, ["current"])
         time, current = given.time, given["current"]

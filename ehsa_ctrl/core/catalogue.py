@@ -76,18 +76,29 @@ class Catalogue(Mapping[str, Path]):
         rows = [f"  {name:<24} {title}" for name, title in self.titles().items()]
         return "\n".join([f"{self.kind}:", *rows])
 
-    def find(self, name: str | Path) -> Path:
+    def find(self, name: str | Path, *, beside: Path | None = None) -> Path:
         """The file of a definition given by name or by path.
+
+        Parameters
+        ----------
+        beside: the TOML file that refers to this one. A path is then looked for from that file's folder first, and a
+            name in the project's own folder of this kind beside that folder, so that a project's files find each
+            other wherever they are run from. What came with the package is still looked at last.
 
         Raises InputError, with the nearest name, if there is neither.
         """
         text = str(name)
         if text.endswith(".toml") or "/" in text or "\\" in text:
-            path = Path(text)
-            if not path.is_file():
-                raise InputError(f"{path}: no such file; give a {self.kind[:-1]}'s name or the path of a TOML file")
-            return path
+            places = [Path(text)] if beside is None else [beside.parent / text, Path(text)]
+            for path in places:
+                if path.is_file():
+                    return path
+            raise InputError(f"{places[0]}: no such file; give a {self.kind[:-1]}'s name or the path of a TOML file")
         files = self._files()
+        if beside is not None:
+            project = beside.resolve().parent.parent / self.kind
+            if project.is_dir() and project != shipped_folder(self.kind).resolve():
+                files |= {path.stem: path for path in sorted(project.glob("*.toml"))}
         if text not in files:
             raise InputError(f"no {self.kind[:-1]} {text!r}; {choices(text, files)}")
         return files[text]

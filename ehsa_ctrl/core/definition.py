@@ -71,10 +71,10 @@ def read_definition(path: Path, kind: type[D]) -> D:
     return validate(read_toml(path), kind, str(path))
 
 
-def validate(content: dict[str, Any], kind: type[D], where: str) -> D:
-    """Validate parsed TOML; `where` is the file's name for messages."""
+def validate(content: dict[str, Any], kind: type[D], where: str, context: dict[str, Any] | None = None) -> D:
+    """Validate parsed TOML; `where` is the file's name for messages, `context` what its validators may ask for."""
     try:
-        return kind.model_validate(content)
+        return kind.model_validate(content, context=context)
     except ValidationError as error:
         raise InputError(f"{where}: {_sentence(error, kind)}") from None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -11,6 +11,8 @@ import numpy as np
 MEASURED = ("speed", "p1", "p2", "position", "force")
 #: The reference row a controller is given each sample: position, its speed and its acceleration.
 REFERENCE = ("position", "velocity", "acceleration")
+#: Names of the inputs of a controller's linear law: reference and measured values can't be told apart by name alone.
+INPUTS = (*(f"reference_{name}" for name in REFERENCE), *MEASURED)
 
 
 @runtime_checkable
@@ -24,6 +26,7 @@ class Controller(Protocol):
     compiled: the step as a numba-compiled function with the signature
         float64(float64[::1], float64[::1], float64[::1], float64[::1]), arguments as in `step` and the settings last;
         None if it has only the plain step.
+    traces: what of its memory is worth recording at each sample, name -> index.
     """
 
     @property
@@ -34,6 +37,9 @@ class Controller(Protocol):
 
     @property
     def compiled(self) -> Callable[..., float] | None: ...
+
+    @property
+    def traces(self) -> Mapping[str, int]: ...
 
     def settings(self) -> np.ndarray:
         """Numbers (k,) that the compiled step gets as its last argument; they don't change during a run."""

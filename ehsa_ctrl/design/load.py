@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.catalogue import controllers
-from ..core.definition import Definition, read_toml, validate
+from ..core.definition import read_toml, validate
 from ..core.errors import InputError, choices
-from ..core.protocol import Controller
-from .kinds import CONTROLLER_KINDS, ControllerKind
+from .controller import SampledController
+from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 
 if TYPE_CHECKING:
     import control
 
 
-def read_controller(path: Path) -> tuple[ControllerKind, Definition]:
+def read_controller(path: Path) -> tuple[ControllerKind, ControllerFile]:
     """Read and validate a controller's TOML. Raises InputError with file and key."""
     content: dict[str, Any] = read_toml(path)
     word = content.get("kind")
@@ -25,7 +25,7 @@ def read_controller(path: Path) -> tuple[ControllerKind, Definition]:
     return kind, validate(content, kind.file, str(path))
 
 
-def load_controller(name: str | Path, system: control.StateSpace) -> Controller:
+def load_controller(name: str | Path, system: control.StateSpace) -> SampledController:
     """Load a controller by catalogue name or path and design it on a linear model.
 
     Parameters
@@ -39,7 +39,23 @@ def load_controller(name: str | Path, system: control.StateSpace) -> Controller:
     path = controllers.find(name)
     kind, definition = read_controller(path)
     try:
-        controller: Controller = kind.design(path.stem, definition, system)
+        return build_controller(path.stem, kind, definition, system)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    return controller
+
+
+def build_controller(
+    name: str, kind: ControllerKind, definition: ControllerFile, system: control.StateSpace
+) -> SampledController:
+    """Design a controller from its definition on a linear model. Raises InputError as `load_controller` does."""
+    return SampledController(
+        name=name,
+        kind=kind.name,
+        sample_time=definition.sample_time,
+        current_limit=definition.current_limit,
+        law=kind.design(name, definition, system),
+        trajectory=definition.trajectory,
+        feedforward=definition.feedforward,
+        rest=definition.rest,
+        dither=definition.dither,
+    )

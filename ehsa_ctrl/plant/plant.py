@@ -40,7 +40,8 @@ Model = Literal["linear", "nonlinear"]
 class Sensor:
     """One channel of the bench: scale * (what it measures, `delay` seconds ago) + bias, noisy, then rounded.
 
-    noise is one standard deviation, step that of the converter (0: none).
+    noise is one standard deviation, step that of the converter (0: none). `stated` are these numbers as the plant's
+    file has them, with their provenance.
     """
 
     channel: str
@@ -50,6 +51,7 @@ class Sensor:
     delay: float = 0.0
     scale: float = 1.0
     bias: float = 0.0
+    stated: tuple[Parameter, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def sd(self) -> float:
@@ -110,6 +112,16 @@ class Plant:
         start = self.structure.system.start
         states = [state.name for state in self.structure.equations.states]
         return np.array([self[start[name]] if name in start else 0.0 for name in states])
+
+    @property
+    def unbelieved(self) -> tuple[str, ...]:
+        """Sentences on values that were set for one run and lie outside the range in which the file believes them."""
+        return tuple(
+            f"{p.name} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the range in which "
+            f"{self.name} believes it"
+            for p in self.parameters.values()
+            if p.source == "given" and not p.lower <= p.value <= p.upper
+        )
 
     def set(self, **values: float) -> Plant:
         """The same plant with other values (SI units), e.g. plant.set(K_S=50e3, K_T=1.1).
@@ -354,7 +366,8 @@ def _sensor(path: Path, channel: str, sensor: SensorFile | None) -> Sensor:
     unit = CHANNEL_UNITS[channel]
     if sensor is None:
         return Sensor(channel, unit)
-    values = {}
+    values: dict[str, float] = {}
+    stated = []
     for name, quantity, si in (
         ("noise", sensor.noise, unit),
         ("step", sensor.step, unit),
@@ -364,7 +377,8 @@ def _sensor(path: Path, channel: str, sensor: SensorFile | None) -> Sensor:
     ):
         if quantity is not None:
             where = f"{path}: [sensors.{channel}] {name}"
-            values[name] = quantity.parameter(name, si, where).value
+            stated.append(quantity.parameter(f"{channel} {name}", si, where))
+            values[name] = stated[-1].value
             lower = 0.0 if name != "bias" else float("-inf")
             check_range(where, values[name], si, lower, float("inf"), lower_open=name == "scale")
-    return Sensor(channel, unit, **values)
+    return Sensor(channel, unit, stated=tuple(stated), **values)

@@ -86,7 +86,8 @@ def assumed_of(plants: Iterable[Plant]) -> list[Assumed]:
     """Everything that is assumed in some plants, each value once."""
     found: dict[tuple[str, str, float], Assumed] = {}
     for plant in plants:
-        for parameter in (*plant.parameters.values(), *plant.limits.values()):
+        sensors = [number for sensor in plant.sensors.values() for number in sensor.stated]
+        for parameter in (*plant.parameters.values(), *plant.limits.values(), *sensors):
             if parameter.source == "assumed":
                 key = (plant.name, parameter.name, parameter.value)
                 found.setdefault(key, (plant.name, parameter, *_written(parameter)))

@@ -13,9 +13,9 @@ from markupsafe import Markup
 
 from ..core.errors import InputError
 from ..core.unit import factor
-from ..design.analysis import LoopAnalysis
+from ..design.analysis.loop import LoopAnalysis
 from ..scenario.metrics import METRICS
-from ..scenario.run import Judgement, ScenarioResult
+from ..scenario.result import Judgement, ScenarioResult, gap
 from .document import anchors, assumed_of, embedded, merged_versions, write_document
 from .figures import loop_figure, scenario_figure
 from .number import number, quantity, unit
@@ -25,6 +25,10 @@ SHOWN = (
     "RiseTime", "SettlingTime", "Overshoot", "SteadyStateError", "MaxError", "RMSError", "Slips", "StickShare",
     "CurrentRMS",
 )  # fmt: skip
+
+
+#: A verdict in words, and the class of its colour.
+SAID = {"pass": ("✓ passed", "good"), "fail": ("✗ failed", "bad"), "untested": ("– untested", "soft")}
 
 
 def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str) -> Path:
@@ -53,6 +57,9 @@ def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str)
         columns=[name for name in SHOWN if any(_exists(result, name) for result in results)],
         metrics=METRICS,
         shown=shown,
+        said=lambda result: SAID[result.verdict][0],
+        mood=lambda result: SAID[result.verdict][1],
+        beside=beside,
         summary=list(zip(results, names, strict=True)),
         scenarios=_scenarios(results, names, loops),
         loops=list(loops.values()),
@@ -136,13 +143,19 @@ class Run:
         return [(judgement, _bounds(judgement)) for judgement in self.result.judgements]
 
     @property
-    def comparison(self) -> list[tuple[str, str, str, str, str]]:
-        """Metric, linear prediction, nonlinear outcome, unit and meaning; without what happened in neither run."""
+    def comparison(self) -> list[tuple[str, ...]]:
+        """Metric, linear prediction, nonlinear outcome, their gap, unit and meaning; without what never happened."""
         return [
-            (name, shown(name, linear), shown(name, nonlinear), unit(METRICS[name].shown), METRICS[name].meaning)
+            (name, *(shown(name, value) for value in (linear, nonlinear, gap(linear, nonlinear))), *_about(name))
             for name, (linear, nonlinear) in self.result.metrics.items()
             if _exists(self.result, name)
         ]
+
+    @property
+    def saturates(self) -> bool:
+        """The controller asked for all the current that it may, so that the figure shows its limit."""
+        limit = float(getattr(self.result.controller, "current_limit", math.inf))
+        return bool((abs(self.result.nonlinear.asked) >= limit * (1 - 1e-9)).any())
 
     @property
     def facts(self) -> list[tuple[str, str]]:
@@ -154,13 +167,38 @@ class Run:
             + (f" for {quantity(step.duration, 's')}" if step.duration != float("inf") else " to the end")
             for step in definition.disturbance
         )
+        faults = ", ".join(_fault(fault) for fault in definition.fault)
+        baseline = self.result.baseline
         plant = self.result.plant
         return [
             ("plant", f"{plant.name}: {plant.title}"),
             ("set in this scenario", believed or "nothing; the plant as its file has it"),
             ("force on the rod", forces or "none"),
+            ("faults", faults or "none"),
             ("duration", quantity(definition.duration, "s")),
+            ("baseline", f"recorded because: {baseline.reason}" if baseline else "none"),
         ]
+
+
+def beside(runs: Sequence[Run]) -> list[tuple[str, list[str], str]]:
+    """Metric, its value on the nonlinear plant with each controller, and its unit; without what never happened."""
+    return [
+        (name, [shown(name, run.result.metrics[name][1]) for run in runs], unit(METRICS[name].shown))
+        for name in METRICS
+        if any(_exists(run.result, name) for run in runs)
+    ]
+
+
+def _about(metric: str) -> tuple[str, str]:
+    return unit(METRICS[metric].shown), METRICS[metric].meaning
+
+
+def _fault(fault: Any) -> str:
+    """A fault in words."""
+    what = {"stuck": "stuck", "lost": "lost"}.get(fault.kind)
+    words = f"{fault.channel} {what}" if what else f"drive limited to {quantity(fault.current, 'A')}"
+    lasting = "" if fault.duration == float("inf") else f" for {quantity(1e3 * fault.duration, 'ms')}"
+    return f"{words} from {quantity(fault.start, 's')}{lasting}"
 
 
 def breakable(name: str) -> Markup:

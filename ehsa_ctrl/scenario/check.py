@@ -6,17 +6,24 @@ from pathlib import Path
 
 from ..core.definition import read_toml
 from ..core.errors import InputError
-from ..design.load import load_controller, read_controller
+from ..design.load import load_controller
 from ..plant.linear import three_state
 from ..plant.plant import load_plant
-from .run import load_scenario
+from .baseline import baseline_files, read_baseline
+from .run import prepare
+from .scenario import load_scenario
+from .spread import uncertainty_of
 
 
-def check_definition(path: Path) -> str:
+def check_definition(path: Path, *, plant: str | Path = "ehsa") -> str:
     """Return the kind ("plant", "controller", "scenario") of a valid definition.
 
-    Raises InputError, one sentence with file and key, for the first mistake: of form, of a unit, of a value, or a
-    name that refers to nothing.
+    Parameters
+    ----------
+    plant: on whose linear model a controller is designed, to see that it can be.
+
+    Raises InputError, one sentence with file and key, for the first mistake: of form, of a unit, of a value, a name
+    that refers to nothing, a controller that can't be designed.
     """
     content = read_toml(path)
     if "system" in content:
@@ -27,16 +34,16 @@ def check_definition(path: Path) -> str:
             raise InputError(f"{path}: has neither a [linear] nor a [nonlinear] model")
         return "plant"
     if "kind" in content:
-        read_controller(path)
+        load_controller(path, three_state(load_plant(plant, model="linear")))
         return "controller"
     if "why" in content or "reference" in content:
         scenario = load_scenario(path)
-        definition = scenario.definition
+        case = prepare(scenario)
         try:
-            model = three_state(load_plant(definition.plant, model="linear"))
-            load_plant(definition.plant, settings=definition.all_settings)
-            load_controller(definition.controller, model)
+            uncertainty_of(case.nonlinear, scenario.definition.spread)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
+        for file in baseline_files(scenario):
+            read_baseline(file)
         return "scenario"
     raise InputError(f"{path}: is no plant (system = ...), no controller (kind = ...) and no scenario (why = ...)")

@@ -11,8 +11,11 @@ from ..core.errors import InputError, choices
 from ..core.protocol import MEASURED
 from ..core.unit import parse
 from ..plant.file import CHANNEL_UNITS, LIMIT_UNITS
+from .baseline import BaselineTolerances
+from .fault import Fault, Supervising
 from .metrics import METRICS
 from .reference import Reference
+from .spread import Spread
 
 
 class ForceStep(Definition):
@@ -94,14 +97,17 @@ class ScenarioFile(Definition):
     reference: Reference
     disturbance: list[ForceStep] = []
     sensors: Measuring = Measuring()
+    fault: list[Fault] = []
+    supervision: Supervising | None = None
     limits: dict[str, Limit] = {}
     expect_trips: list[str] = []
+    baseline: BaselineTolerances = BaselineTolerances()
+    spread: dict[str, Spread] = {}
 
     @model_validator(mode="after")
     def _within(self) -> ScenarioFile:
-        late = [
-            at for at in (*self.reference.holds(), *(step.start for step in self.disturbance)) if at >= self.duration
-        ]
+        begins = [step.start for step in (*self.disturbance, *self.fault)]
+        late = [at for at in (*(start for start, _ in self.reference.holds()), *begins) if at >= self.duration]
         if late:
             raise ValueError(
                 f"something is to happen at {late[0]:g} s, but duration is {self.duration:g} s; make it longer"
@@ -130,6 +136,17 @@ class ScenarioFile(Definition):
                 raise ValueError(f"{trip!r} is no limit of a plant; {choices(trip, LIMIT_UNITS)}")
         return trips
 
+    @field_validator("spread", mode="before")
+    @classmethod
+    def _flat(cls, spread: Any) -> Any:
+        """TOML reads load.stiffness = ... as a table within the table."""
+        if not isinstance(spread, dict):
+            return spread
+        flat: dict[str, Any] = {}
+        for key, value in spread.items():
+            flat |= {f"{key}.{word}": item for word, item in value.items()} if isinstance(value, dict) else {key: value}
+        return flat
+
     @field_validator("limits", mode="before")
     @classmethod
     def _in_units(cls, limits: Any) -> Any:
@@ -144,6 +161,20 @@ class ScenarioFile(Definition):
                 raise ValueError(f"{name} = {bounds!r}; expected {{ max = '...' }}, {{ min = '...' }} or both")
             read[name] = {key: _bound(name, key, value) for key, value in bounds.items()}
         return read
+
+    def holds(self) -> list[tuple[float, float]]:
+        """From when to when a place is to be held under the same force, s."""
+        edges = sorted({edge for step in self.disturbance for edge in (step.start, step.start + step.duration)})
+        spans = []
+        for start, end in self.reference.holds():
+            cuts = [start, *(edge for edge in edges if start < edge < min(end, self.duration)), end]
+            spans += list(zip(cuts[:-1], cuts[1:], strict=True))
+        return spans
+
+    @property
+    def first_fault(self) -> float | None:
+        """When the first thing goes wrong, s; None where nothing does."""
+        return min((fault.start for fault in self.fault), default=None)
 
     @property
     def all_settings(self) -> dict[str, str]:

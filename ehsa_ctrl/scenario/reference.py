@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from ..core.definition import Definition, Hertz, Metre, Second
+from ..core.definition import Definition, Hertz, In, Metre, Second
+from ..core.errors import InputError
+
+#: From when to when something is to be held, s.
+Hold = tuple[float, float]
+MetrePerSecond = Annotated[float, In("m/s")]
+MetrePerSecond2 = Annotated[float, In("m/s2")]
 
 
 class Steps(Definition):
@@ -38,9 +45,9 @@ class Steps(Definition):
         """Times at which the target jumps, s."""
         return list(self.times)
 
-    def holds(self) -> list[float]:
-        """Times from which on a target is to be held, s."""
-        return list(self.times)
+    def holds(self) -> list[Hold]:
+        """From when to when a target is to be held, s; the last one to the end of the run."""
+        return list(zip(self.times, [*self.times[1:], np.inf], strict=True))
 
 
 class Moves(Definition):
@@ -82,8 +89,9 @@ class Moves(Definition):
     def jumps(self) -> list[float]:
         return []
 
-    def holds(self) -> list[float]:
-        return [at + takes for at, takes in zip(self.times, self.durations, strict=True)]
+    def holds(self) -> list[Hold]:
+        ends = [at + takes for at, takes in zip(self.times, self.durations, strict=True)]
+        return list(zip(ends, [*self.times[1:], np.inf], strict=True))
 
 
 class Sine(Definition):
@@ -111,8 +119,188 @@ class Sine(Definition):
     def jumps(self) -> list[float]:
         return []
 
-    def holds(self) -> list[float]:
+    def holds(self) -> list[Hold]:
         return []
 
 
-Reference = Annotated[Steps | Moves | Sine, Field(discriminator="kind")]
+class Ramp(Definition):
+    """From zero at `start` to `position` at constant `velocity`, held there; speed jumps at both ends."""
+
+    kind: Literal["ramp"]
+    position: Metre
+    velocity: MetrePerSecond
+    start: Second = 0.0
+
+    @model_validator(mode="after")
+    def _fit(self) -> Ramp:
+        if self.velocity <= 0 or self.start < 0 or self.position == 0:
+            raise ValueError("velocity must be greater than 0 m/s, start at least 0 s and position not 0 m")
+        return self
+
+    @property
+    def end(self) -> float:
+        """When the ramp has arrived, s."""
+        return self.start + abs(self.position) / self.velocity
+
+    def signal(self, time: np.ndarray) -> np.ndarray:
+        """Position, speed and acceleration (N, 3); a jump of the speed has no acceleration."""
+        way = np.sign(self.position)
+        values = np.zeros((time.size, 3))
+        values[:, 0] = way * np.clip(self.velocity * (time - self.start), 0.0, abs(self.position))
+        values[:, 1] = way * self.velocity * ((time >= self.start - 1e-9) & (time < self.end - 1e-9))
+        return values
+
+    def jumps(self) -> list[float]:
+        return []
+
+    def holds(self) -> list[Hold]:
+        return [(self.end, np.inf)]
+
+
+class Trapezoid(Definition):
+    """Moves to `positions`, each beginning at its time, under a largest velocity and acceleration.
+
+    Speed rises at constant acceleration, is held, and falls likewise; a short move has no held part.
+    """
+
+    kind: Literal["trapezoid"]
+    times: list[Second]
+    positions: list[Metre]
+    velocity: MetrePerSecond
+    acceleration: MetrePerSecond2
+
+    @model_validator(mode="after")
+    def _fit(self) -> Trapezoid:
+        if not self.times or len(self.times) != len(self.positions):
+            raise ValueError(
+                f"times has {len(self.times)} and positions {len(self.positions)} entries; give one position a time"
+            )
+        if self.velocity <= 0 or self.acceleration <= 0:
+            raise ValueError("velocity and acceleration must be greater than 0")
+        ends = [0.0, *self._ends()]
+        for at, end in zip(self.times, ends, strict=False):
+            if at < end:
+                raise ValueError(f"the move at {at:g} s begins before the one before it has ended, at {end:g} s")
+        return self
+
+    def _phases(self, way: float) -> tuple[float, float]:
+        """Duration of the rise (and of the fall), and of the held speed."""
+        rise = min(self.velocity / self.acceleration, float(np.sqrt(abs(way) / self.acceleration)))
+        held = abs(way) / self.velocity - rise if rise * self.acceleration >= self.velocity * (1 - 1e-12) else 0.0
+        return rise, max(held, 0.0)
+
+    def signal(self, time: np.ndarray) -> np.ndarray:
+        """Position, speed and acceleration (N, 3)."""
+        values = np.zeros((time.size, 3))
+        for at, position, begin in zip(self.times, self.positions, [0.0, *self.positions], strict=False):
+            way = position - begin
+            rise, held = self._phases(way)
+            a, sign, t = self.acceleration, np.sign(way), np.maximum(time - at, 0.0)
+            first, second = np.minimum(t, rise), np.clip(t - rise, 0.0, held)
+            third = np.clip(t - rise - held, 0.0, rise)
+            top = a * rise
+            values[:, 0] += sign * (0.5 * a * first**2 + top * second + top * third - 0.5 * a * third**2)
+            values[:, 1] += sign * a * (first - third)
+            on = time >= at - 1e-12
+            values[:, 2] += sign * a * ((on & (t < rise)).astype(float) - ((third > 0) & (third < rise)))
+        return values
+
+    def jumps(self) -> list[float]:
+        return []
+
+    def _ends(self) -> list[float]:
+        """When each move has arrived, s."""
+        ends = []
+        for at, position, begin in zip(self.times, self.positions, [0.0, *self.positions], strict=False):
+            rise, held = self._phases(position - begin)
+            ends.append(at + 2 * rise + held)
+        return ends
+
+    def holds(self) -> list[Hold]:
+        return list(zip(self._ends(), [*self.times[1:], np.inf], strict=True))
+
+
+class File(Definition):
+    """A trajectory from a CSV: t [s], position [m] and, where it has them, velocity [m/s] and acceleration [m/s2].
+
+    Between its rows positions lie on lines, and so do given speeds and accelerations; a speed that is not given is the
+    slope of the position. The last position is held. The path is looked for from the scenario's own folder.
+    """
+
+    kind: Literal["file"]
+    file: str
+    start: Second = 0.0
+    _table: dict[str, np.ndarray] = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _read(self, info: ValidationInfo) -> File:
+        folder = (info.context or {}).get("folder")
+        path = Path(self.file)
+        if folder is not None and (Path(folder) / path).is_file():
+            path = Path(folder) / path
+        if self.start < 0:
+            raise ValueError("start must be at least 0 s")
+        try:
+            self._table.update(read_trajectory(path))
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, File) and self.model_dump() == other.model_dump()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def signal(self, time: np.ndarray) -> np.ndarray:
+        """Position, speed and acceleration (N, 3)."""
+        table, t = self._table, time - self.start
+        values = np.zeros((time.size, 3))
+        values[:, 0] = np.interp(t, table["t"], table["position"])
+        within = (t >= table["t"][0] - 1e-9) & (t < table["t"][-1] - 1e-9)
+        if "velocity" in table:
+            values[:, 1] = np.interp(t, table["t"], table["velocity"]) * within
+        else:
+            slope = np.diff(table["position"]) / np.diff(table["t"])
+            row = np.clip(np.searchsorted(table["t"], t + 1e-9, side="right") - 1, 0, slope.size - 1)
+            values[:, 1] = slope[row] * within
+        if "acceleration" in table:
+            values[:, 2] = np.interp(t, table["t"], table["acceleration"]) * within
+        return values
+
+    def jumps(self) -> list[float]:
+        return []
+
+    def holds(self) -> list[Hold]:
+        return [(self.start + float(self._table["t"][-1]), np.inf)]
+
+
+def read_trajectory(path: Path) -> dict[str, np.ndarray]:
+    """Columns of a trajectory's CSV: t and position, and velocity and acceleration where they are there.
+
+    Raises InputError, naming file, column and row, for a file that is absent or is no such table.
+    """
+    import pandas
+
+    try:
+        frame = pandas.read_csv(path)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; a trajectory is a CSV with columns t and position") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: can't be read as CSV ({error})") from None
+    table: dict[str, np.ndarray] = {}
+    for name in ("t", "position", "velocity", "acceleration"):
+        if name not in frame:
+            if name in ("t", "position"):
+                raise InputError(f"{path}: has no column {name!r}; expected t and position, in s and m")
+            continue
+        column: Any = pandas.to_numeric(frame[name], errors="coerce").to_numpy(dtype=float)
+        bad = np.flatnonzero(~np.isfinite(column))
+        if bad.size:
+            raise InputError(f"{path}: column {name!r}, row {bad[0] + 1} is no finite number")
+        table[name] = column
+    if table["t"].size < 2 or table["t"][0] < 0 or np.any(np.diff(table["t"]) <= 0):
+        raise InputError(f"{path}: t must grow from row to row, from 0 s or later, over at least two rows")
+    return table
+
+
+Reference = Annotated[Steps | Moves | Sine | Ramp | Trapezoid | File, Field(discriminator="kind")]

@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..core.errors import SimulationError
 from ..core.log import Log
 from ..plant.plant import Plant
 from .closed_loop import run_closed_loop
@@ -45,6 +44,10 @@ class _Centring:
     @property
     def compiled(self) -> Callable[..., float]:
         return _compiled()
+
+    @property
+    def traces(self) -> dict[str, int]:
+        return {}
 
     def settings(self) -> np.ndarray:
         return np.array([CENTRING_GAIN, CENTRING_TIME, CENTRING_LIMIT, self.sample_time])
@@ -95,6 +98,5 @@ def record(
         run = loop.trajectory
     else:
         run = simulate(plant, current, sample_time=dt, tolerance=tolerance, raise_on_failure=False)
-    if run.stopped and not run.exceeded:
-        raise SimulationError(run.stopped)
+    run.explained()
     return Log(time[: len(run)], sensors.log(run)), run

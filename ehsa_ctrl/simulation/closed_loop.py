@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ..core.protocol import MEASURED, REFERENCE, Controller
 from ..plant.plant import Plant
 from .compiled import engine
 from .engine import DONE, initial_carry, initial_modes, why_stopped
+from .faults import Faults
 from .sensors import Sensors
 from .trajectory import Trajectory
 
@@ -34,12 +35,14 @@ class ClosedLoop:
     reference: (N, 3) position, speed, acceleration asked for.
     measured: (N, 5) what the controller got, in the order of core.protocol.MEASURED.
     asked: (N,) the current the controller asked for at each sample.
+    traces: name -> (N,), what the controller's protocol names of its memory.
     """
 
     trajectory: Trajectory
     reference: np.ndarray
     measured: np.ndarray
     asked: np.ndarray
+    traces: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def error(self) -> np.ndarray:
@@ -47,13 +50,14 @@ class ClosedLoop:
         return self.reference[:, 0] - self.trajectory["x"]
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a sample: the trajectory's columns, reference, measured values and the current asked for."""
+        """One row a sample: the trajectory's columns, reference, measured values, current asked for and traces."""
         table = self.trajectory.to_pandas()
         for k, name in enumerate(REFERENCE):
             table[f"reference_{name}"] = self.reference[:, k]
         for k, name in enumerate(MEASURED):
             table[f"measured_{name}"] = self.measured[:, k]
-        return table.assign(asked=self.asked)
+        traces = {f"controller_{name}": values for name, values in self.traces.items()}
+        return table.assign(asked=self.asked, **traces)
 
     def plot(self) -> Figure:
         """The trajectory's figure."""
@@ -69,7 +73,8 @@ class ClosedLoop:
         run = self.trajectory
         names = ("time", "current", "outer_force", "states", "modes", "cell_force")
         cut = replace(run, **{name: getattr(run, name)[:samples] for name in names})
-        return ClosedLoop(cut, self.reference[:samples], self.measured[:samples], self.asked[:samples])
+        traces = {name: values[:samples] for name, values in self.traces.items()}
+        return ClosedLoop(cut, self.reference[:samples], self.measured[:samples], self.asked[:samples], traces)
 
 
 def run_closed_loop(
@@ -80,6 +85,7 @@ def run_closed_loop(
     force: np.ndarray | None = None,
     sensors: Sensors | None = None,
     lag: int = 0,
+    faults: Faults | None = None,
     start: np.ndarray | None = None,
     tolerance: float = 1e-6,
     compiled: bool | None = None,
@@ -93,6 +99,7 @@ def run_closed_loop(
     force: (N,) force from outside [N], positive when it resists extension.
     sensors: ideal ones by default.
     lag: whole samples between a measurement and the current that follows from it.
+    faults: of sensors and drive; none by default.
     start: state (n,) at the first sample; at rest by default.
     compiled: False runs the controller's plain step; by default the compiled one if there is one.
     raise_on_failure: False gives what there is of a run that could not be finished; its trajectory's `stopped` says
@@ -127,9 +134,13 @@ def run_closed_loop(
     mode = initial_modes(plant, state)
     carry = initial_carry(plant, 1, dt)[0]
     true = np.empty((samples, len(MEASURED)))
+    fault, ceiling = (faults or Faults()).tables(dt * np.arange(samples))
     memory = controller.initial_memory()
+    traced = np.array(list(controller.traces.values()), dtype=np.int64)
+    traces = np.full((samples, traced.size), np.nan)
     kernel = engine(plant.structure, "closed_loop")
     step = controller.compiled if compiled is None or compiled else None
+    parameters, settings, law = plant.vector, controller.settings(), step or _idle()
 
     def run(first: int, stop: int) -> int:
         """Advance by the engine; with a compiled controller that is the whole run."""
@@ -137,13 +148,13 @@ def run_closed_loop(
             kernel.closed_loop(
                 first,
                 stop,
-                plant.vector,
+                parameters,
                 state,
                 mode,
                 carry,
                 step is not None,
-                step or _idle(),
-                controller.settings(),
+                law,
+                settings,
                 memory,
                 reference,
                 outer,
@@ -160,6 +171,10 @@ def run_closed_loop(
                 measured,
                 asked,
                 extremes,
+                fault,
+                ceiling,
+                traced,
+                traces,
             )
         )
 
@@ -172,6 +187,7 @@ def run_closed_loop(
             status = run(k, k + 1)
             if status == DONE:
                 asked[k] = controller.step(reference[k], measured[k], memory)
+                traces[k] = memory[traced]
                 status = DONE if np.isfinite(asked[k]) else NO_CURRENT
             if status != DONE:
                 break
@@ -179,7 +195,8 @@ def run_closed_loop(
     stopped = why_stopped(f"{plant.name} with {controller.name}", status, (there.stop - 1) * dt)
     if stopped and (raise_on_failure or there.stop < 2):
         raise SimulationError(stopped)
-    acting = np.concatenate([np.zeros(lag), asked[: samples - lag]]) if lag else asked
+    late = np.concatenate([np.zeros(lag), asked[: samples - lag]]) if lag else asked
+    acting = np.clip(late, -ceiling, ceiling)
     trajectory = Trajectory(
         plant=plant,
         time=dt * np.arange(there.stop),
@@ -193,16 +210,31 @@ def run_closed_loop(
         tolerance=tolerance,
         stopped=stopped,
     )
-    return ClosedLoop(trajectory, reference[there], measured[there], asked[there])
+    kept = {name: traces[there, i] for i, name in enumerate(controller.traces)}
+    return ClosedLoop(trajectory, reference[there], measured[there], asked[there], kept)
 
 
 @lru_cache(maxsize=1)
-def _idle() -> Callable[..., float]:
-    """A compiled controller that asks for nothing: the engine wants one even while the caller does the asking."""
+def _idle() -> Any:
+    """A compiled controller that asks for nothing: the engine wants one even while the caller does the asking.
+
+    It has its address at hand; a plain compiled function's would be looked up by numba at every call.
+    """
     import numba
+    from numba.core.types import WrapperAddressProtocol
 
     vector = numba.float64[::1]
-    return numba.njit(numba.float64(vector, vector, vector, vector))(_no_current)
+    signature = numba.float64(vector, vector, vector, vector)
+    compiled = numba.cfunc(signature)(_no_current)
+
+    class Idle(WrapperAddressProtocol):
+        def __wrapper_address__(self) -> int:
+            return int(compiled.address or 0)
+
+        def signature(self) -> Any:
+            return signature
+
+    return Idle()
 
 
 def _no_current(reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:

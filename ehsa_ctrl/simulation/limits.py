@@ -31,7 +31,7 @@ NAMES = {
     "current_rms": "RMS current",
     "pressure_max": "a pressure",
     "pressure_min": "a pressure",
-    "stroke": "stroke",
+    "stroke": "stroke: the rod's distance from the middle",
 }
 
 
@@ -49,7 +49,8 @@ class Exceedance:
     first: float
 
     def __str__(self) -> str:
-        scale = factor(SHOWN[self.limit], self.unit)
+        # A stroke goes both ways from the middle; what a person sees on the rig is the position.
+        scale = factor(SHOWN[self.limit], self.unit) * (2 if self.limit == "stroke" else 1)
         when = "" if np.isnan(self.first) else f", first at {self.first:.3f} s"
         verb = "fell to" if self.limit == "pressure_min" else "reached"
         reached = self.reached / scale

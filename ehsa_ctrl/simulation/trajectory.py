@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.errors import InputError
+from ..core.errors import InputError, SimulationError
 from ..plant.plant import Plant
 from .limits import Exceedance, exceedances
 
@@ -90,6 +90,15 @@ class Trajectory:
     def exceeded(self) -> tuple[Exceedance, ...]:
         """Limits of the plant that this run passed, in words and figures."""
         return tuple(exceedances(self.plant, self.time, self.current, self.states, self.extremes))
+
+    def explained(self) -> Trajectory:
+        """This run, if it was finished or ended because it had passed a limit of the plant.
+
+        Raises SimulationError with the reason for one that ended though it had passed none.
+        """
+        if self.stopped and not self.exceeded:
+            raise SimulationError(self.stopped)
+        return self
 
     @property
     def pressure_level_drift(self) -> float:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.design.analysis import LoopAnalysis, analyse
+from ehsa_ctrl.design.analysis.loop import LoopAnalysis
+from ehsa_ctrl.design.analysis.system import analyse
 from ehsa_ctrl.plant.linear import four_state, three_state
 from ehsa_ctrl.plant.plant import load_plant
 from ehsa_ctrl.report.figures import (

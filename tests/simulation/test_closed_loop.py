@@ -38,7 +38,7 @@ def test_the_linear_loop_is_the_discrete_one(linear, pid):
 
     from ehsa_ctrl import four_state
 
-    free = replace(pid, current_limit=1e9)
+    free = replace(pid, law=replace(pid.law, current_limit=1e9))
     run = run_closed_loop(linear, free, steps(), tolerance=1e-10)
     system = four_state(linear)
     a, b, *_ = cont2discrete((system.A, system.B[:, :1], np.eye(5), np.zeros((5, 1))), 0.004)
@@ -59,6 +59,7 @@ class Given:
     name: str = "given"
     sample_time: float = 0.004
     compiled: None = None
+    traces = {"samples": 0}
 
     def settings(self):
         return np.zeros(1)

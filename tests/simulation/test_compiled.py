@@ -54,7 +54,7 @@ def test_a_second_start_does_not_compile_and_an_edit_does(tmp_path):
 
 def test_a_cache_that_can_not_be_written_is_no_obstacle(tmp_path, monkeypatch):
     """A read-only home sends the cache to a temporary folder."""
-    from ehsa_ctrl.simulation import compiled
+    from ehsa_ctrl.core import compiled
 
     blocked = tmp_path / "file"
     blocked.write_text("")

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...core.unit import factor
-from ...design.analysis import OUTPUTS, Analysis
+from ...design.analysis.system import OUTPUTS, Analysis
 from ..number import number, unit
 from ..style import BLUE, SIGNALS, WIDTH, style
 from ._frequency import arranged, degrees, few_ticks, header, mark, name_marks

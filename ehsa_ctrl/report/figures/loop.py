@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ...design.analysis import LoopAnalysis
+from ...design.analysis.loop import LoopAnalysis
 from ..number import number
 from ..style import BLACK, BLUE, GREEN, VERMILION, style
 from ._frequency import arranged, degrees, few_ticks, header, mark, name_marks
@@ -31,7 +31,7 @@ def loop_figure(loop: LoopAnalysis) -> Figure:
     """
     omega, turned = loop.omega, _phase(loop)
     crossover = loop.crossover if np.isfinite([loop.crossover, loop.phase_margin]).all() else None
-    turnover = _phase_crossover(loop, turned)
+    turnover = loop.gain_frequency if loop.gain_frequency > 0 else None
     marks = arranged(_margins(loop, crossover, turnover), omega[0], omega[-1], width=0.28)
     stable = "" if loop.stable else ": NOT STABLE when closed"
     title = f"Position loop with {loop.controller}, broken at the current{stable}"
@@ -101,18 +101,3 @@ def _phase(loop: LoopAnalysis) -> np.ndarray:
         return unwrapped - 360 * np.round(unwrapped[0] / 360)
     at = np.interp(np.log(loop.crossover), np.log(loop.omega), unwrapped)
     return unwrapped - 360 * np.round((at - loop.phase_margin + 180) / 360)
-
-
-def _phase_crossover(loop: LoopAnalysis, turned: np.ndarray) -> float | None:
-    """Frequency [rad/s] at which the phase is -180 deg (or whole turns off) and the gain is 1 over the gain margin."""
-    if not np.isfinite(loop.gain_margin) or loop.gain_margin <= 0:
-        return None
-    turns = (turned + 180.0) / 360.0
-    crossings = np.flatnonzero(np.floor(turns[1:]) != np.floor(turns[:-1]))
-    if crossings.size == 0:
-        return None
-    gains = np.abs(loop.response[crossings])
-    k = crossings[int(np.argmin(np.abs(np.log(gains * loop.gain_margin))))]
-    edge = max(np.floor(turns[k]), np.floor(turns[k + 1]))
-    part = (edge - turns[k]) / (turns[k + 1] - turns[k])
-    return float(loop.omega[k] * (loop.omega[k + 1] / loop.omega[k]) ** part)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...scenario.run import ScenarioResult
+from ...scenario.result import ScenarioResult
 from ..style import GREY, PRESSURES, ROLES, SIGNALS, style
 from . import _panels as panel
 
@@ -30,7 +30,7 @@ def scenario_figure(result: ScenarioResult) -> Figure:
     heights = [panel.PANEL] * len(PANELS)
     heights[PANELS.index("x")] *= 1.4
     heights[PANELS.index("strip")] = panel.ROW * len(rows)
-    verdict = "passed" if result.passed else "FAILED"
+    verdict = {"pass": "passed", "fail": "FAILED", "untested": "untested"}[result.verdict]
     title = f"{result.scenario.title}\n{result.scenario.name} with {result.controller.name}: {verdict}"
     words = panel.passed_words(result.trips, result.expected_trips)
     with style():

@@ -1,4 +1,4 @@
-"""What a control engineer looks at first: poles, zeros, damping, gains, and the margins of a loop."""
+"""What a control engineer looks at first: poles, zeros, damping, gains."""
 
 from __future__ import annotations
 
@@ -6,10 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from ..core.errors import InputError
-from ..core.protocol import Controller
-from .frequency import sampled_response
 
 if TYPE_CHECKING:
     import control
@@ -86,13 +82,6 @@ def analyse(system: control.StateSpace) -> Analysis:
     return Analysis(system, poles, frequency, damping, zeros, gains)
 
 
-def _delay_margin(phase_margin: float, crossover: float) -> float:
-    """Delay [s] that uses up the phase margin [deg]; inf without a crossover, nan for a loop that has none to use."""
-    if not np.isfinite(crossover) or crossover == 0.0:
-        return float("inf")
-    return float(np.radians(phase_margin) / crossover) if phase_margin > 0 else float("nan")
-
-
 def _without_idle_position(system: control.StateSpace) -> control.StateSpace:
     """Without the position if nothing depends on it: it would put a pole and a zero at 0 into every channel."""
     import control
@@ -114,72 +103,4 @@ def balanced(system: control.StateSpace) -> control.StateSpace:
     _, (scale, _) = matrix_balance(system.A, permute=False, separate=True)
     return control.ss(
         system.A * (scale[None, :] / scale[:, None]), system.B / scale[:, None], system.C * scale[None, :], system.D
-    )
-
-
-@dataclass(frozen=True)
-class LoopAnalysis:
-    """A position loop, broken at the current.
-
-    Attributes
-    ----------
-    controller: for the title.
-    omega: (n,) rad/s; response: (n,) of the open loop, with the sampling's half sample of delay.
-    crossover [rad/s], phase_margin [deg], gain_margin (factor), delay_margin [s], Ms, Mt: peaks of |S| and |T|.
-    stable: whether the closed loop is, with controller and plant in continuous time.
-    """
-
-    controller: str
-    omega: np.ndarray
-    response: np.ndarray
-    crossover: float
-    phase_margin: float
-    gain_margin: float
-    delay_margin: float
-    Ms: float
-    Mt: float
-    stable: bool
-
-    def to_dict(self) -> dict[str, Any]:
-        names = ("crossover", "phase_margin", "gain_margin", "delay_margin", "Ms", "Mt", "stable")
-        return {"controller": self.controller, **{name: getattr(self, name) for name in names}}
-
-    def __str__(self) -> str:
-        return (
-            f"loop with {self.controller}, broken at the current\n"
-            f"  crossover {self.crossover:.4g} rad/s, phase margin {self.phase_margin:.3g} deg, "
-            f"gain margin {self.gain_margin:.3g}, delay margin {1e3 * self.delay_margin:.3g} ms\n"
-            f"  Ms {self.Ms:.3g}, Mt {self.Mt:.3g}, closed loop {'stable' if self.stable else 'NOT STABLE'}"
-        )
-
-
-def analyse_loop(system: control.StateSpace, controller: Controller) -> LoopAnalysis:
-    """Margins of the position loop, for a controller that has a linear `feedback()`.
-
-    Raises InputError for a controller without one.
-    """
-    import control
-
-    feedback = getattr(controller, "feedback", None)
-    if feedback is None:
-        raise InputError(f"controller {controller.name} has no linear feedback to analyse")
-    law = feedback()
-    omega = np.geomspace(0.1, 0.999 * np.pi / controller.sample_time, 4000)
-    response = sampled_response(system, "x", omega, controller.sample_time) * np.asarray(law(1j * omega))
-    loop = control.FrequencyResponseData(response, omega, smooth=True)
-    gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(loop)
-    sensitivity = np.abs(1 / (1 + response))
-    row = system.output_labels.index("x")
-    closed = control.feedback(control.ss(law) * system[row, 0])
-    return LoopAnalysis(
-        controller=controller.name,
-        omega=omega,
-        response=response,
-        crossover=float(crossover),
-        phase_margin=float(phase_margin),
-        gain_margin=float(gain_margin),
-        delay_margin=_delay_margin(float(phase_margin), float(crossover)),
-        Ms=float(np.max(sensitivity)),
-        Mt=float(np.max(np.abs(response) * sensitivity)),
-        stable=bool(np.all(closed.poles().real < 1e-9)),
     )

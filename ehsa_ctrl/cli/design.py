@@ -1,0 +1,140 @@
+"""`ehsa-ctrl design`: from a specification to a controller file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..core.errors import InputError
+from .options import Force, Json, Out, Settings, read_pairs
+
+
+def command(
+    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.")],
+    kind: Annotated[str, typer.Option(help="pid, cascade, scheduled_pid, lqr, mpc: what `kind` may be in a TOML.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE.toml", help="The controller; printed without it.")
+    ] = None,
+    bandwidth: Annotated[
+        str, typer.Option(help="'30 rad/s': crossover of a pid or cascade; of others how far x follows.")
+    ] = "",
+    phase_margin: Annotated[str, typer.Option(help="'60 deg'; makes a pid a classic design.")] = "",
+    Ms: Annotated[str, typer.Option("--Ms", help="Largest sensitivity |S|, 1.5.")] = "",
+    Mt: Annotated[str, typer.Option("--Mt", help="Largest complementary sensitivity |T|, 1.3.")] = "",
+    disk_margin: Annotated[str, typer.Option(help="Least disk margin, 0.7.")] = "",
+    noise_gain: Annotated[str, typer.Option(help="Most current per position noise, '8000 A/m'.")] = "",
+    weight: Annotated[
+        list[str], typer.Option(metavar="KEY=VALUE", help="Of [weights]: position='0.5 mm'. Repeatable.")
+    ] = [],  # noqa: B006 - typer reads the default, nobody changes it
+    limit: Annotated[
+        list[str], typer.Option(metavar="KEY=VALUE", help="Of [limits]: pressure='150 bar'. Repeatable.")
+    ] = [],  # noqa: B006
+    spec: Annotated[
+        list[str], typer.Option(metavar="KEY=VALUE", help="Any key of the TOML: tuning.minimise=IE. Repeatable.")
+    ] = [],  # noqa: B006
+    current_limit: Annotated[str, typer.Option(help="Largest current, '6 A'.")] = "",
+    sample_time: Annotated[str, typer.Option(help="Of the loop, '4 ms'.")] = "",
+    title: Annotated[str, typer.Option(help="What the controller is for.")] = "",
+    base: Annotated[
+        str | None, typer.Option(metavar="C", help="Controller whose other keys it takes; else a shipped one.")
+    ] = None,
+    freeze: Annotated[
+        bool, typer.Option("--freeze", help="Write a pid's gains instead of what they were designed from.")
+    ] = False,
+    settings: Settings = [],  # noqa: B006
+    as_json: Json = False,
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Design a controller on the plant's linear model and write its TOML, with what it reached as comments.
+
+    The file holds the specification: it is designed again on the model of each plant that it is used with.
+
+    Examples: ehsa-ctrl design ehsa --kind pid --Ms 1.5 --noise-gain '8000 A/m' -o mine.toml --out results/mine ·
+    ehsa-ctrl design ehsa --kind pid --bandwidth '35 rad/s' --phase-margin '60 deg' -o classic.toml ·
+    ehsa-ctrl design ehsa --kind lqr --bandwidth '40 rad/s' --Ms 1.6 --weight current='2 A' -o lqr.toml
+    """
+    from ..design.tuning.designed import design
+    from ..design.tuning.specification import begin
+    from ..plant.linear import three_state
+    from ..plant.plant import load_plant
+    from .output import prepare_folder, to_json
+
+    if output is not None and output.suffix != ".toml":
+        raise InputError(f"-o {output}: expected a file that ends in .toml")
+    if output is not None and output.exists() and not force:
+        raise InputError(f"{output}: is there already; choose another name or say --force")
+    folder = prepare_folder(out, "design.json", force=force) if out is not None else None
+    chosen, content = begin(kind, base)
+    given = {
+        "bandwidth": bandwidth,
+        "phase_margin": phase_margin,
+        "Ms": Ms,
+        "Mt": Mt,
+        "disk_margin": disk_margin,
+        "noise_gain": noise_gain,
+    }
+    figures = {word: text for word, text in given.items() if text}
+    asked = {f"weights.{key}": text for key, text in read_pairs(weight, "--weight").items()}
+    asked |= {f"limits.{key}": text for key, text in read_pairs(limit, "--limit").items()}
+    asked |= read_pairs(spec, "--spec")
+    asked |= {key: text for key, text in {"current_limit": current_limit, "sample_time": sample_time}.items() if text}
+    name = output.stem if output is not None else f"{kind}_designed"
+    content |= {"title": title or f"{kind} designed for {plant}", "note": ""}
+    content.pop("note")
+    believed = read_pairs(settings)
+    system = three_state(load_plant(plant, model="linear", settings=believed))
+    found = design(name, chosen, content, system, figures=figures, asked=asked)
+    words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
+    words += [f"{key} = {text} believed" for key, text in believed.items()]
+    comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'nothing in particular'}."]
+    comments.append("On its linear model:")
+    text = (frozen(found) if freeze else found).toml(comments)
+    result: dict[str, Any] = {
+        "plant": plant,
+        "kind": kind,
+        "settings": believed,
+        "asked": {**figures, **asked},
+        "controller": str(output) if output is not None else None,
+        "definition": found.content,
+        "law": str(found.controller.law),
+        "loop": found.loop.to_dict(),
+    }
+    if output is not None:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        output.write_text(text, encoding="utf-8")
+    if folder is not None:
+        from ..design.analysis.step import step_response
+        from ..report.figures import loop_figure, nyquist_figure, save, step_figure
+
+        steps = step_response(system, found.controller)
+        result |= {"overshoot": steps.overshoot, "settling_time": steps.settling_time}
+        (folder / "design.json").write_text(to_json(result) + "\n")
+        save(loop_figure(found.loop), folder / "loop")
+        save(nyquist_figure(found.loop), folder / "nyquist")
+        save(step_figure(steps), folder / "step")
+    if as_json:
+        print(to_json(result))
+        return
+    print(text.rstrip() if output is None else f"{found.controller}\n{found.loop}")
+    for place in (output, folder):
+        if place is not None:
+            print(f"written to {place}")
+
+
+def frozen(found: Any) -> Any:
+    """The same with its gains in the file. Raises InputError for a law that has none to write."""
+    from dataclasses import replace
+
+    from ..design.laws.pid import Pid
+    from ..design.tuning.specification import ALTERNATIVES
+
+    law = found.controller.law
+    if not isinstance(law, Pid):
+        raise InputError(f"--freeze is for kind = 'pid', which has gains to write; this is {found.controller.kind!r}")
+    content = {key: item for key, item in found.content.items() if key not in ALTERNATIVES}
+    units = {"k_p": "A/m", "k_i": "A/(m s)", "k_d": "A s/m", "T_f": "s"}
+    content["gains"] = {key: f"{getattr(law.gains, key):.9g} {unit}" for key, unit in units.items()}
+    return replace(found, content=content)

@@ -1,0 +1,92 @@
+"""`ehsa-ctrl montecarlo`: how likely a scenario passes on a plant that is not known exactly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..core.errors import InputError
+from .options import Json
+
+
+def command(
+    scenario: Annotated[str, typer.Argument(help="Name or TOML file.")],
+    controller: Annotated[
+        str | None, typer.Option(help="Run these instead, names or files separated by commas.")
+    ] = None,
+    runs: Annotated[int, typer.Option(help="How many, for each controller.", min=1)] = 1000,
+    seed: Annotated[int, typer.Option(help="Of the draws.", min=0)] = 0,
+    plant: Annotated[str | None, typer.Option(help="Check on this plant instead of the scenario's.")] = None,
+    design: Annotated[str | None, typer.Option(help="Design on this plant's linear set.")] = None,
+    identification: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw from the covariance of this identification.json.")
+    ] = None,
+    require: Annotated[
+        float | None, typer.Option(metavar="P", help="Exit 1 unless the probability is at least P, with --confidence.")
+    ] = None,
+    confidence: Annotated[float, typer.Option(help="Of the interval of the probability.")] = 0.95,
+    jobs: Annotated[int, typer.Option(help="Cores or workers to use; -1 for all.")] = 1,
+    backend: Annotated[
+        str | None, typer.Option(help="threading or loky on this machine; dask or ray on a cluster.")
+    ] = None,
+    address: Annotated[
+        str | None, typer.Option(help="Of the cluster's scheduler; without one a cluster is started here.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; runs in it are continued.")] = Path(
+        "results/montecarlo"
+    ),
+    as_json: Json = False,
+    force: Annotated[bool, typer.Option("--force", help="Begin anew instead of continuing.")] = False,
+) -> None:
+    """Draw what is not known exactly (plant, load, noise), run the scenario on each draw: pass probability with its
+    interval, and the parameter that decides it. Interrupt it and call it again: it goes on where it was.
+
+    Examples: ehsa-ctrl montecarlo spread_steps --jobs -1 · ehsa-ctrl montecarlo spread_steps --runs 5000
+    --controller pid_position,my/pid.toml --require 0.95 · ehsa-ctrl montecarlo my/scenario.toml
+    --identification results/rig/identification.json --backend dask --address tcp://head:8786 --jobs -1
+    """
+    from ..report.figures import save
+    from ..scenario.montecarlo import monte_carlo
+    from .output import prepare_folder, to_json
+    from .progress import compiling, counting
+
+    if not 0.0 < confidence < 1.0:
+        raise InputError(f"--confidence {confidence:g}: expected more than 0 and less than 1")
+    if require is not None and not 0.0 <= require <= 1.0:
+        raise InputError(f"--require {require:g}: expected a probability, 0 to 1")
+    chosen: list[str | None] = [None]
+    if controller is not None:
+        chosen = [name.strip() for name in controller.split(",") if name.strip()]
+        if not chosen:
+            raise InputError(f"--controller {controller!r}: names no controller")
+    prepare_folder(out, "", force=True)
+    found = []
+    for name in chosen:
+        stem = Path(scenario).stem + (f"-{Path(name).stem}" if name else "")
+        file = out / f"{stem}.jsonl"
+        if force:
+            file.unlink(missing_ok=True)
+        with compiling(), counting() as watch:
+            result = monte_carlo(
+                scenario, runs=runs, seed=seed, controller=name, plant=plant, design=design,
+                identification=identification, jobs=jobs, backend=backend, address=address, file=file,
+                watch=watch and (lambda done, total, stem=stem: watch(stem, done, total)),
+            )  # fmt: skip
+        found.append(result)
+        save(result.plot(), out / stem)
+        if not as_json:
+            print(result)
+        if result.interrupted:
+            break
+    summary = {"campaigns": [result.to_dict(confidence) for result in found]}
+    (out / "montecarlo.json").write_text(to_json(summary) + "\n")
+    if as_json:
+        print(to_json(summary))
+    else:
+        print(f"written to {out}")
+    if any(result.interrupted for result in found):
+        raise KeyboardInterrupt
+    if require is not None and any(result.interval(confidence)[0] < require for result in found):
+        raise typer.Exit(1)

@@ -1,0 +1,186 @@
+"""One controller, many plants: the worst margins, and which plant has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...core.errors import InputError
+from ...core.protocol import Controller
+from .loop import LoopAnalysis, analyse_loop
+
+if TYPE_CHECKING:
+    import control
+    import pandas
+
+#: Margin -> its unit, and whether a large value is the bad one; an unstable loop is worse than any other.
+JUDGED = {
+    "Ms": ("", True),
+    "Mt": ("", True),
+    "disk_margin": ("", False),
+    "phase_margin": ("deg", False),
+    "gain_margin": ("", False),
+    "delay_margin": ("s", False),
+}
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The worst value of a margin among many plants, and the name of the plant that has it."""
+
+    margin: str
+    value: float
+    label: str
+
+
+@dataclass(frozen=True)
+class RobustMargins:
+    """Margins of one controller's loop with each of many plants.
+
+    Attributes
+    ----------
+    controller: its name.
+    loops: label of the plant -> its loop, in the order in which they came.
+    """
+
+    controller: str
+    loops: Mapping[str, LoopAnalysis]
+
+    @cached_property
+    def worst(self) -> dict[str, Worst]:
+        """Of each margin in JUDGED, the worst value with the plant's label; an unstable loop is the worst in all."""
+        found = {}
+        for name, (_, large_is_bad) in JUDGED.items():
+
+            def badness(label: str, name: str = name, sign: int = 1 if large_is_bad else -1) -> float:
+                loop = self.loops[label]
+                return sign * float(getattr(loop, name)) if loop.stable else inf
+
+            label = max(self.loops, key=badness)
+            found[name] = Worst(name, float(getattr(self.loops[label], name)), label)
+        return found
+
+    @property
+    def Ms(self) -> float:
+        """The largest; inf if a loop is unstable."""
+        return self.worst["Ms"].value if self.stable else inf
+
+    @property
+    def disk_margin(self) -> float:
+        """The smallest; 0 if a loop is unstable."""
+        return self.worst["disk_margin"].value
+
+    @property
+    def stable(self) -> bool:
+        """Whether every loop is."""
+        return not self.unstable
+
+    @property
+    def unstable(self) -> tuple[str, ...]:
+        """Labels of the plants with which the loop is not stable."""
+        return tuple(label for label, loop in self.loops.items() if not loop.stable)
+
+    def meets(self, *, Ms: float = 1.6, disk_margin: float = 0.6) -> bool:
+        """Whether every loop is stable, its |S| at most Ms and its disk margin at least disk_margin."""
+        return self.stable and self.Ms <= Ms and self.disk_margin >= disk_margin
+
+    def band(self, of: str = "S") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Frequencies (n,) [rad/s], and the lowest and highest |S| or |T| (n,) of all stable loops there.
+
+        Raises InputError for another letter, and where no loop is stable.
+        """
+        if of not in ("S", "T"):
+            raise InputError(f"band of {of!r}: expected 'S' or 'T'")
+        loops = [loop for loop in self.loops.values() if loop.stable]
+        if not loops:
+            raise InputError(f"no loop with {self.controller} is stable: there is no band to show")
+        low = max(loop.omega[0] for loop in loops)
+        omega = np.geomspace(low, min(loop.omega[-1] for loop in loops), 400)
+        curves = []
+        for loop in loops:
+            curve = np.abs(loop.sensitivity if of == "S" else 1 - loop.sensitivity)
+            curves.append(np.interp(np.log(omega), np.log(loop.omega), curve))
+        return omega, np.min(curves, axis=0), np.max(curves, axis=0)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a plant: stable, crossover [rad/s] and the margins in SI units (phase in deg)."""
+        import pandas
+
+        names = ("stable", "crossover", *JUDGED)
+        rows = [{name: getattr(loop, name) for name in names} for loop in self.loops.values()]
+        return pandas.DataFrame(rows, index=pandas.Index(list(self.loops), name="plant"))
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "controller": self.controller,
+            "plants": len(self.loops),
+            "stable": self.stable,
+            "unstable": list(self.unstable),
+            "worst": {name: {"value": worst.value, "plant": worst.label} for name, worst in self.worst.items()},
+            "quantiles": {
+                name: dict(zip(("5 %", "50 %", "95 %"), self._quantiles(name), strict=True)) for name in JUDGED
+            },
+        }
+
+    def _quantiles(self, name: str) -> list[float]:
+        """5, 50 and 95 % of the stable loops, by rank: infinite margins are not averaged."""
+        values = np.sort([getattr(loop, name) for loop in self.loops.values() if loop.stable])
+        if values.size == 0:
+            return [float("nan")] * 3
+        return [float(values[int(round(share * (values.size - 1)))]) for share in (0.05, 0.5, 0.95)]
+
+    def __str__(self) -> str:
+        head = f"{self.controller} with {len(self.loops)} plants: "
+        if not self.stable:
+            shown = "; ".join(self.unstable[:3]) + (" ..." if len(self.unstable) > 3 else "")
+            return f"{head}{len(self.unstable)} NOT STABLE: {shown}"
+        lines = [f"{head}all stable; the worst of each margin, and where"]
+        for name, worst in self.worst.items():
+            value, unit = (1e3 * worst.value, "ms") if name == "delay_margin" else (worst.value, JUDGED[name][0])
+            lines.append(f"  {name.replace('_', ' '):<13} {value:8.3g} {unit:<4} {worst.label}")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{escape(name.replace('_', ' '))}</td><td>{worst.value:.3g} {JUDGED[name][0]}</td>"
+            f"<td>{escape(worst.label)}</td></tr>"
+            for name, worst in self.worst.items()
+        )
+        verdict = "all stable" if self.stable else f"{len(self.unstable)} not stable"
+        return (
+            f"<table><caption>{escape(self.controller)} with {len(self.loops)} plants, {verdict}</caption>"
+            f"<tr><th>margin</th><th>worst</th><th>plant</th></tr>{rows}</table>"
+        )
+
+
+def robust_margins(
+    systems: Mapping[str, control.StateSpace],
+    controller: Controller,
+    *,
+    lag: int = 0,
+    delay: float = 0.0,
+    points: int = 300,
+) -> RobustMargins:
+    """Analyse one controller's loop with each of many plants.
+
+    Parameters
+    ----------
+    systems: label -> continuous linear model; `plant.draws` makes them from a plant's uncertainty and operating points.
+    controller: designed once; it stays as it is.
+    lag, delay, points: as in analyse_loop.
+
+    Raises InputError if there is no plant.
+    """
+    if not systems:
+        raise InputError("robust_margins got no plant; give at least one")
+    loops = {
+        label: analyse_loop(system, controller, lag=lag, delay=delay, points=points)
+        for label, system in systems.items()
+    }
+    return RobustMargins(controller.name, loops)

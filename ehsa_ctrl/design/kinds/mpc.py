@@ -1,0 +1,128 @@
+"""MPC: state feedback that knows its limits."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from ...core.definition import Definition, In, Metre, RadianPerSecond, Second
+from ...core.errors import InputError, choices
+from ..laws.mpc import Mpc
+from ..laws.mpc_problem import Limits, MpcProblem
+from ..laws.state_feedback import StateFeedback
+from ..qp import QP_SOLVERS
+from ._kind import ControllerKind
+from ._state_feedback import AmperePerSecond, Pascal, StateFeedbackFile, cost_of, design_state_feedback
+
+if TYPE_CHECKING:
+    import control
+
+
+class MpcLimits(Definition):
+    """[limits] beside current_limit.
+
+    current_rate: of the current; always kept.
+    speed (of the shaft), pressure (difference p1 - p2), stroke (of the rod, to either side of 0): soft, because a rod
+        that already is too fast can't keep them; passing one by its own size costs `penalty` times
+        as much as being 0.1 m off the target.
+    """
+
+    current_rate: AmperePerSecond | None = None
+    speed: RadianPerSecond | None = None
+    pressure: Pascal | None = None
+    stroke: Metre | None = None
+    penalty: Annotated[float, In("1")] = Limits.penalty
+
+    @model_validator(mode="after")
+    def _room(self) -> MpcLimits:
+        for name, value in self:
+            if value is not None and not 0 < value < np.inf:
+                raise ValueError(f"{name} = {value:g} leaves no room; expected a limit greater than 0")
+        return self
+
+
+class Solver(Definition):
+    """[solver]: which, and when a sample is given up.
+
+    name: daqp or osqp. iteration_limit: per sample, in iterations of an active-set method.
+    deadline: left out, a solution is waited for and a run can be repeated to the last bit.
+    """
+
+    name: str = "daqp"
+    iteration_limit: Annotated[int, Field(ge=1)] = 200
+    deadline: Second | None = None
+
+    @field_validator("name")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        if name not in QP_SOLVERS:
+            raise ValueError(f"no solver {name!r}; {choices(name, QP_SOLVERS)}")
+        return name
+
+
+class MpcFile(StateFeedbackFile):
+    """An MPC's TOML: the keys of every state feedback and
+
+    horizon: samples that are planned ahead.
+    [limits], [solver]: see there.
+    """
+
+    kind: Literal["mpc"]
+    horizon: Annotated[int, Field(ge=2, le=500)] = 20
+    limits: MpcLimits = MpcLimits()
+    solver: Solver = Solver()
+
+    @model_validator(mode="after")
+    def _possible(self) -> MpcFile:
+        if self.offset_free == "integral":
+            raise ValueError('offset_free = "integral" is for kind = "lqr"; an MPC estimates disturbances')
+        if self.solver.deadline is not None and not 0 < self.solver.deadline <= self.sample_time:
+            raise ValueError(
+                f"[solver] deadline = {self.solver.deadline:g} s; expected more than 0 and at most sample_time"
+            )
+        return self
+
+
+def design_mpc(name: str, file: MpcFile, system: control.StateSpace) -> Mpc:
+    """An MPC for a linear model.
+
+    Raises
+    ------
+    InputError: as an LQR, or limits that forbid what [trajectory] plans.
+    """
+    feedback = design_state_feedback(file, system)
+    limits = Limits(**dict(file.limits))
+    problem = MpcProblem(
+        model=feedback.model,
+        target=feedback.target,
+        cost=cost_of(feedback.model, file.weights),
+        regulator=feedback.regulator,
+        horizon=file.horizon,
+        current_limit=file.current_limit,
+        limits=limits,
+    )
+    if file.trajectory is not None:
+        _require_room(feedback, limits, file.current_limit, file.trajectory.speed)
+    return Mpc(feedback, problem, file.solver.name, file.solver.iteration_limit, file.solver.deadline)
+
+
+def _require_room(feedback: StateFeedback, limits: Limits, current_limit: float, speed: float) -> None:
+    """The planned speed must be possible within the limits, on the model."""
+    needs = {signal: abs(feedback.model.row(signal) @ feedback.target.Pi[:, 1]) * speed for signal in limits.soft}
+    for signal, limit in limits.soft.items():
+        if signal != "position" and needs[signal] > limit:
+            raise InputError(
+                f"[trajectory] speed = {speed:g} m/s needs a {signal} of {needs[signal]:.4g}, beyond [limits] "
+                f"{signal} = {limit:g} (SI units): lower the one or raise the other"
+            )
+    current = abs(feedback.target.Gamma[1]) * speed
+    if current > current_limit:
+        raise InputError(
+            f"[trajectory] speed = {speed:g} m/s needs {current:.4g} A, beyond current_limit = {current_limit:g} A: "
+            "lower the one or raise the other"
+        )
+
+
+kind = ControllerKind("mpc", "model predictive control with limits, offset-free", MpcFile, design_mpc)

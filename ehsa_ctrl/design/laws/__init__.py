@@ -1,0 +1,1 @@
+"""The feedback laws themselves, as text that runs plain or compiled."""

@@ -1,0 +1,235 @@
+"""State feedback on estimated states: LQR with estimated disturbances, or LQI; the law that runs, plain or compiled.
+
+Each sample the estimate z = (x, d) is corrected by what is measured, then
+
+    u = Gamma w - K (x - Pi w) - K_before mu_before - K_integral q,    w = (planned motion, d),
+
+and the prediction for the next sample is made with the current that was really given. What feed-forward and cures
+against friction add (`extra`) is taken out of it first: it pays for friction, of which the linear model knows nothing,
+so that the model would take it for motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...core.protocol import INPUTS, MEASURED
+from ..synthesis.kalman import Kalman
+from ..synthesis.model import DesignModel
+from ..synthesis.regulator import Regulator
+from ..synthesis.target import MOTION, Target
+
+if TYPE_CHECKING:
+    import control
+
+#: Numbers before the matrices in settings, and before the estimates in memory.
+HEAD, STATE = 18, 4
+
+
+def estimate(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, hold: float) -> None:
+    """Correct the prediction by what is measured; memory and settings as in `state_feedback`."""
+    n, m, free = int(settings[0]), int(settings[1]), int(settings[2])
+    c, g, pick, start = int(settings[10]), int(settings[11]), int(settings[16]), int(settings[17])
+    predicted, z = 4, 4 + n
+    first = memory[0] == 0.0
+    for i in range(n):
+        memory[z + i] = memory[predicted + i]
+    for j in range(m):
+        surprise = 0.0
+        for i in range(5):
+            if settings[pick + 5 * j + i] != 0.0:
+                surprise += settings[pick + 5 * j + i] * measured[i]
+        if not isfinite(surprise):
+            continue  # a reading that is lost corrects nothing, and must not stay in the estimate for ever
+        if first:
+            for i in range(n):
+                memory[z + i] += settings[start + i * m + j] * surprise
+            continue
+        for i in range(n):
+            surprise -= settings[c + j * n + i] * memory[predicted + i]
+        for i in range(n):
+            if i < free or hold == 0.0:
+                memory[z + i] += settings[g + i * m + j] * surprise
+    if first:
+        memory[0] = 1.0
+        y = measured[3] if isfinite(measured[3]) else 0.0
+        # At rest where it is the rod needs no current yet: what the gains would ask for goes into the integral.
+        memory[2] = -target_current(y, 0.0, 0.0, memory, settings)
+        if settings[6] != 0.0:
+            memory[1] = regulator_current(y, 0.0, 0.0, memory, settings) / settings[6]
+
+
+def target_current(
+    position: float, velocity: float, acceleration: float, memory: np.ndarray, settings: np.ndarray
+) -> float:
+    """Gamma w: the current [A] that the motion and the disturbances need."""
+    n, f_z, f_r = int(settings[0]), int(settings[14]), int(settings[15])
+    current = settings[f_r] * position + settings[f_r + 1] * velocity + settings[f_r + 2] * acceleration
+    for i in range(n):
+        current += settings[f_z + i] * memory[4 + n + i]
+    return current
+
+
+def regulator_current(
+    position: float, velocity: float, acceleration: float, memory: np.ndarray, settings: np.ndarray
+) -> float:
+    """u of the law above, without limits [A]."""
+    n, k_z, k_r = int(settings[0]), int(settings[12]), int(settings[13])
+    current = settings[k_r] * position + settings[k_r + 1] * velocity + settings[k_r + 2] * acceleration
+    for i in range(n):
+        current -= settings[k_z + i] * memory[4 + n + i]
+    return current - settings[5] * memory[2] - settings[6] * memory[1]
+
+
+def predict(used: float, known: float, memory: np.ndarray, settings: np.ndarray) -> None:
+    """Predict the next sample from the current that moved the model [A]; `known` is its target's."""
+    n, a, b = int(settings[0]), int(settings[8]), int(settings[9])
+    memory[2], memory[3] = used - known, used
+    for i in range(n):
+        moved = settings[b + i] * used
+        for k in range(n):
+            moved += settings[a + i * n + k] * memory[4 + n + k]
+        memory[4 + i] = moved
+
+
+def state_feedback(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """One sample of the law above.
+
+    settings: numbers of z, of y and of x in z; current limit, sample time, K_before, K_integral, share of a saturation
+    that the integral gives back; where A, B, C, gain, K_z, K_r, F_z, F_r, pick and start begin, then these (see
+    `StateFeedback.matrices`).
+    memory: whether there was a sample, q, mu_before, the feedback's current, z predicted (n), z (n).
+    """
+    limit, T_s, integral, share = settings[3], settings[4], settings[6], settings[7]
+    estimate(measured, memory, settings, hold)
+    known = target_current(reference[0], reference[1], reference[2], memory, settings)
+    wanted = regulator_current(reference[0], reference[1], reference[2], memory, settings)
+    given = min(max(wanted + extra, -limit), limit)
+    used = given - extra
+    if integral != 0.0 and hold == 0.0 and isfinite(measured[3]):
+        memory[1] += T_s * (reference[0] - measured[3]) - share * (used - wanted) / integral
+    predict(used, known, memory, settings)
+    return given
+
+
+@dataclass(frozen=True)
+class StateFeedback:
+    """State feedback with its observer, a design.law.Law.
+
+    Attributes
+    ----------
+    model, target, kalman, regulator: what it was designed from and with.
+    current_limit: A.
+    tracking_time: s, within which the integral gives back what a saturation made it ask for too much (LQI).
+    """
+
+    model: DesignModel
+    target: Target
+    kalman: Kalman
+    regulator: Regulator
+    current_limit: float
+    tracking_time: float = 0.1
+    function = staticmethod(state_feedback)
+    uses = (target_current, regulator_current, estimate, predict)
+    compiles = True
+
+    @property
+    def K(self) -> np.ndarray:
+        """Gains (n,) per SI state: A s/rad, A/Pa, A s/m, A/m."""
+        return self.regulator.K / self.model.scale
+
+    @property
+    def L(self) -> np.ndarray:
+        """Gains (n + d, m) of the filter, SI, from a measurement's surprise to states and disturbances."""
+        return self._scale[:, None] * self.kalman.gain
+
+    @cached_property
+    def reads(self) -> tuple[str, ...]:
+        used = np.any(self.model.pick != 0.0, axis=0)
+        return tuple(channel for channel, needed in zip(MEASURED, used, strict=True) if needed)
+
+    @property
+    def traces(self) -> Mapping[str, int]:
+        names = (*self.model.states, *self.model.disturbances)
+        return {f"estimate_{name}": STATE + len(names) + i for i, name in enumerate(names)}
+
+    @property
+    def _scale(self) -> np.ndarray:
+        return np.r_[self.model.scale, self.model.disturbance_scale]
+
+    @cached_property
+    def matrices(self) -> dict[str, np.ndarray]:
+        """What the law is made of, by name, in SI units; in the order in which settings holds them.
+
+        A (n, n), B (n,), C (m, n), gain (n, m) of z; u = -K_z z + K_r motion ...; F_z z + F_r motion = Gamma w; pick
+        (m, 5); start (n, m). n counts states and disturbances here.
+        """
+        scale, x = self._scale, self.model.A.shape[0]
+        Pi, Gamma, K = self.target.Pi, self.target.Gamma, self.regulator.K
+        speed = tuple(i for i, name in enumerate(self.model.signals) if name == "speed")
+        return {
+            "A": self.kalman.A * scale[:, None] / scale[None, :],
+            "B": self.kalman.B * scale,
+            "C": self.kalman.C / scale[None, :],
+            "gain": self.L,
+            "K_z": np.r_[K, -(Gamma[MOTION:] + K @ Pi[:, MOTION:])] / scale,
+            "K_r": Gamma[:MOTION] + K @ Pi[:, :MOTION],
+            "F_z": np.r_[np.zeros(x), Gamma[MOTION:]] / scale,
+            "F_r": Gamma[:MOTION],
+            "pick": self.model.pick,
+            "start": scale[:, None] * self.kalman.start(still=speed),
+        }
+
+    @cached_property
+    def _settings(self) -> np.ndarray:
+        z, x, m = self._scale.size, self.model.scale.size, self.model.C.shape[0]
+        share = min(self.model.sample_time / self.tracking_time, 1.0)
+        gains = self.regulator.before, self.regulator.integral, share
+        parts = [part.ravel() for part in self.matrices.values()]
+        begins = HEAD + np.cumsum([0, *(part.size for part in parts[:-1])])
+        head = [z, m, x, self.current_limit, self.model.sample_time, *gains, *begins]
+        return np.concatenate([np.array(head, dtype=float), *parts])
+
+    def settings(self) -> np.ndarray:
+        return self._settings
+
+    def initial_memory(self) -> np.ndarray:
+        return np.zeros(STATE + 2 * self._scale.size)
+
+    def linear(self) -> control.StateSpace:
+        """States: z predicted, mu_before, q."""
+        import control
+
+        part, n = self.matrices, self._scale.size
+        before, integral, T_s = self.regulator.before, self.regulator.integral, self.model.sample_time
+        k = len(INPUTS)
+        motion, position = np.eye(MOTION, k), np.eye(1, k, MOTION + MEASURED.index("position"))[0]
+        seen = np.hstack([np.zeros((len(part["pick"]), MOTION)), part["pick"]])
+        # z, the current u and Gamma w as rows over (z predicted, mu_before, q) and over the inputs.
+        z = np.hstack([np.eye(n) - part["gain"] @ part["C"], np.zeros((n, 2))]), part["gain"] @ seen
+        u = -part["K_z"] @ z[0], -part["K_z"] @ z[1] + part["K_r"] @ motion
+        u[0][n:] -= before, integral
+        known = part["F_z"] @ z[0], part["F_z"] @ z[1] + part["F_r"] @ motion
+        q = np.eye(1, n + 2, n + 1)[0], T_s * (motion[0] - position)
+        a, b = (np.vstack([part["A"] @ z[i] + np.outer(part["B"], u[i]), u[i] - known[i], q[i]]) for i in (0, 1))
+        return control.ss(a, b, u[0][None, :], u[1][None, :], T_s, inputs=list(INPUTS), outputs=["current"])
+
+    def __str__(self) -> str:
+        gains = ", ".join(f"{gain:.4g}" for gain in self.K)
+        free = ", ".join(self.model.disturbances)
+        how = (
+            f"disturbances {free} estimated"
+            if free
+            else "an integral"
+            if self.regulator.integral
+            else "a standing error"
+        )
+        return f"state feedback K = [{gains}] of {', '.join(self.model.states)} with a Kalman filter and {how}"

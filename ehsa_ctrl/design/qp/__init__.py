@@ -1,0 +1,10 @@
+"""Solvers of quadratic programs, one a file. Adding a file adds the solver to every MPC."""
+
+import sys
+
+from ...core.registry import members
+from ._solver import FAILED, INFEASIBLE, LIMIT, NO_BOUND, SOLVED, QpKind, QpSolution, QpSolver
+
+QP_SOLVERS: dict[str, QpKind] = members(sys.modules[__name__], "solver")
+
+__all__ = ["FAILED", "INFEASIBLE", "LIMIT", "NO_BOUND", "QP_SOLVERS", "SOLVED", "QpKind", "QpSolution", "QpSolver"]

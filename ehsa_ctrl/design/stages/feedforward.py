@@ -1,0 +1,78 @@
+"""Feed-forward: the current that the planned motion needs, friction included.
+
+    I = load F + inertia a + viscous v + stiffness x + preload
+        + sign(v) (coulomb + (static - coulomb) exp(-|v| / stribeck))
+
+in amperes, of the planned motion and not of the measured one: noise does not reach it, and it can't make the loop
+unstable. Its numbers are a model's, divided by the torque constant (paper, (8) to (10)); plant/motion_current.py
+gives them for a plant.
+"""
+
+from __future__ import annotations
+
+from math import exp, inf
+from typing import Annotated
+
+import numpy as np
+from pydantic import model_validator
+
+from ...core.definition import Ampere, Definition, In, Second
+
+#: Numbers of memory and of settings that `feedforward` has.
+MEMORY, SETTINGS = 2, 9
+
+
+def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings: np.ndarray) -> float:
+    """Current [A] for planned position, speed and acceleration (3,) and the measured force [N].
+
+    settings: inertia [A s2/m], viscous [A s/m], stiffness [A/m], preload, coulomb, static [A], stribeck [m/s], load
+    [A/N], share of the force that its filter keeps. memory: filtered force [N], whether there was a sample.
+    """
+    inertia, viscous, stiffness, preload, coulomb, static, stribeck, load, kept = settings
+    if memory[1] == 0.0:
+        memory[0], memory[1] = force, 1.0
+    memory[0] = kept * memory[0] + (1.0 - kept) * force
+    x, v, a = planned[0], planned[1], planned[2]
+    current = load * memory[0] + inertia * a + viscous * v + stiffness * x + preload
+    if v != 0.0 and static > 0.0:
+        friction = coulomb + (static - coulomb) * exp(-abs(v) / stribeck)
+        current += friction if v > 0.0 else -friction
+    return current
+
+
+class Feedforward(Definition):
+    """A controller's [feedforward]: numbers of the law above; what is left out is zero.
+
+    static: at the start of a motion, at least `coulomb`, which is its default. load: current per measured force,
+    filtered with force_time; it carries what the rod works against before the integral has to learn it. As it comes
+    from a measurement it is a feedback: with a load that depends on the position it takes part in the margins.
+    """
+
+    inertia: Annotated[float, In("A s2/m")] = 0.0
+    viscous: Annotated[float, In("A s/m")] = 0.0
+    stiffness: Annotated[float, In("A/m")] = 0.0
+    preload: Ampere = 0.0
+    coulomb: Ampere = 0.0
+    static: Ampere | None = None
+    stribeck: Annotated[float, In("m/s")] = 0.01
+    load: Annotated[float, In("A/N")] = 0.0
+    force_time: Second = 0.01
+
+    @model_validator(mode="after")
+    def _fit(self) -> Feedforward:
+        if self.coulomb < 0 or (self.static is not None and not self.coulomb <= self.static < inf):
+            raise ValueError("coulomb must be at least 0 A and static at least coulomb")
+        if not 0 < self.stribeck < inf:
+            raise ValueError("stribeck must be greater than 0 m/s")
+        if not 0 <= self.force_time < inf:
+            raise ValueError("force_time must be at least 0 s")
+        return self
+
+
+def feedforward_settings(numbers: Feedforward | None, sample_time: float) -> np.ndarray:
+    """Numbers for `feedforward`; zeros without any."""
+    n = numbers or Feedforward()
+    static = n.coulomb if n.static is None else n.static
+    kept = exp(-sample_time / n.force_time) if n.force_time > 0 else 0.0
+    friction = [n.coulomb, static, n.stribeck]
+    return np.array([n.inertia, n.viscous, n.stiffness, n.preload, *friction, n.load, kept])

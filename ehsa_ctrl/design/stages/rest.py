@@ -1,0 +1,169 @@
+"""Rest: near its target the rod is left where friction holds it.
+
+A PID on a plant with static friction above Coulomb friction hunts, whatever its gains (B. Armstrong, B. Amin,
+"PID control in the presence of static friction", Automatica 32(5), 1996): its integral winds up until the rod breaks
+away, and the slip that follows is larger than the error that caused it. Two cures are here, both for a planned motion
+that has ended:
+
+- while the rod rests within a band around the target, the integral stands still and the law sees the readings of the
+  moment at which the rest began, averaged: its current stands still too, and noise can't make the shaft creep;
+- a knocker: outside the band short pulses towards the target, each a little higher than the one before, until the
+  rod slips; the current falls back at once, so that the slip stays near the smallest possible one (after
+  T. Hagglund, "A friction compensator for pneumatic control valves", J. Process Control 12, 2002, whose pulses
+  replace the integral's slow ramp).
+
+and one that acts all the time: dither, a fast sine that keeps the rod from sticking or does nothing, which the
+scenarios measure.
+"""
+
+from __future__ import annotations
+
+from math import exp, pi, sin
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ...core.definition import Ampere, Definition, Hertz, Metre, RadianPerSecond, Second
+
+#: Numbers of memory and of settings that `rest` has.
+MEMORY, SETTINGS = 19, 13
+
+
+def rest(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> None:
+    """One sample: memory[0] becomes 1 where integral action is to stand still and -1 where what it gathered at rest is
+    to be forgotten, memory[1] the extra current [A], and
+    memory[9:14] the readings that the law is to see.
+
+    settings: band and release [m], speed below which the shaft rests [rad/s], share that the filters keep; first
+    pulse, growth and largest pulse [A], samples of a pulse and from pulse to pulse; amplitude [A] and phase per sample
+    [rad] of the dither; samples before a rest is believed; 1 to forget.
+    memory: hold, extra current, filtered error [m] and shaft speed [rad/s], samples since the planned motion ended,
+    pulse height [A], samples into the pulse's period, phase of the dither, direction of the last pulse; readings for
+    the law (5), readings averaged (5).
+    """
+    band, release, still, kept = settings[0], settings[1], settings[2], settings[3]
+    first, growth, largest, width, period = settings[4], settings[5], settings[6], settings[7], settings[8]
+    amplitude, phase, patience = settings[9], settings[10], settings[11]
+    memory[1] = 0.0
+    if amplitude > 0.0:
+        memory[1] = amplitude * sin(memory[7])
+        memory[7] = (memory[7] + phase) % (2.0 * pi)
+    held = memory[0]
+    memory[0] = 0.0
+    if held == 0.0:
+        memory[9:14] = trusted
+    if band == 0.0:
+        return
+    error = planned[0] - trusted[3]
+    if planned[1] != 0.0 or planned[2] != 0.0:
+        memory[0] = -1.0 if settings[12] == 1.0 and memory[4] > 0.0 else 0.0
+        memory[2], memory[3], memory[4], memory[5] = error, trusted[0], 0.0, 0.0
+        memory[9:14] = trusted
+        memory[14:19] = trusted
+        return
+    memory[2] = kept * memory[2] + (1.0 - kept) * error
+    memory[3] = kept * memory[3] + (1.0 - kept) * trusted[0]
+    for i in range(5):
+        memory[14 + i] = kept * memory[14 + i] + (1.0 - kept) * trusted[i]
+    memory[4] += 1.0
+    if memory[4] <= patience or abs(memory[3]) >= still:
+        # It moves: the pulse that was on has done its work, and the next one may be lower.
+        memory[5], memory[6] = max(memory[5] - 2.0 * growth, 0.0), width
+        memory[9:14] = trusted
+        return
+    inside = abs(memory[2]) <= (release if held > 0.0 and memory[5] == 0.0 else band)
+    if not inside and largest == 0.0:
+        memory[9:14] = trusted
+        return
+    memory[0] = 1.0
+    if held == 0.0:
+        memory[9:14] = memory[14:19]
+        memory[9] = 0.0
+    if inside:
+        memory[5], memory[6] = 0.0, 0.0
+        return
+    # Outside, with a knocker: the integral stands still as well, the pulses do the work.
+    direction = 1.0 if memory[2] > 0.0 else -1.0
+    if memory[5] < first or direction != memory[8]:
+        memory[5], memory[6], memory[8] = first, 0.0, direction
+    if memory[6] < width:
+        memory[1] += direction * memory[5]
+    memory[6] += 1.0
+    if memory[6] >= period:
+        memory[6] = 0.0
+        memory[5] = min(memory[5] + growth, largest)
+
+
+class Knocker(Definition):
+    """[rest.knocker]: pulses towards the target, from `first` up by `growth` to `largest`, each `width` long."""
+
+    first: Ampere
+    growth: Ampere
+    largest: Ampere
+    width: Second = 0.004
+    period: Second = 0.02
+
+    @model_validator(mode="after")
+    def _fit(self) -> Knocker:
+        if not 0 < self.first <= self.largest or self.growth <= 0:
+            raise ValueError("first, growth and largest must be greater than 0 A, and first at most largest")
+        if not 0 < self.width < self.period:
+            raise ValueError("width must be greater than 0 s and less than period")
+        return self
+
+
+class Rest(Definition):
+    """A controller's [rest].
+
+    band: error within which a resting rod is left alone; release: beyond it again not (1.5 times the band by default).
+    speed: of the shaft, below which it rests. filter_time: of error and speed for that decision. patience: time after
+    the end of the planned motion before a rest is believed. forget: when the next motion begins, the integral goes back
+    to where the last one ended: what it wound up against friction would push the new motion.
+    """
+
+    band: Metre
+    release: Metre | None = None
+    speed: RadianPerSecond = Field(default=0.6)
+    filter_time: Second = 0.02
+    patience: Second = 0.06
+    forget: bool = False
+    knocker: Knocker | None = None
+
+    @model_validator(mode="after")
+    def _fit(self) -> Rest:
+        if self.band <= 0 or self.speed <= 0 or self.filter_time < 0 or self.patience < 0:
+            raise ValueError("band and speed must be greater than 0, filter_time and patience at least 0")
+        if self.release is not None and self.release < self.band:
+            raise ValueError("release must be at least the band")
+        return self
+
+
+class Dither(Definition):
+    """A controller's [dither]: a sine on top of the current."""
+
+    amplitude: Ampere
+    frequency: Hertz
+
+    @model_validator(mode="after")
+    def _fit(self) -> Dither:
+        if self.amplitude <= 0 or self.frequency <= 0:
+            raise ValueError("amplitude and frequency must be greater than 0")
+        return self
+
+
+def rest_settings(rest: Rest | None, dither: Dither | None, sample_time: float) -> np.ndarray:
+    """Numbers for `rest`; zeros switch a cure off."""
+    numbers = np.zeros(SETTINGS)
+    if rest is not None:
+        kept = exp(-sample_time / rest.filter_time) if rest.filter_time > 0 else 0.0
+        release = 1.5 * rest.band if rest.release is None else rest.release
+        numbers[:4] = rest.band, release, rest.speed, kept
+        numbers[11] = round(rest.patience / sample_time)
+        numbers[12] = float(rest.forget)
+        if rest.knocker is not None:
+            k = rest.knocker
+            samples = [max(round(time / sample_time), 1) for time in (k.width, k.period)]
+            numbers[4:9] = k.first, k.growth, k.largest, *samples
+    if dither is not None:
+        numbers[9:11] = dither.amplitude, 2 * pi * dither.frequency * sample_time
+    return numbers

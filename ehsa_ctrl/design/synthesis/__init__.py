@@ -1,0 +1,1 @@
+"""State-space design: the sampled design model, Kalman filter, regulator, target."""

@@ -1,0 +1,170 @@
+"""The design model: the linear plant sampled, in states of like size, with the disturbances that friction and load are.
+
+    x+ = A x + B u + E d,    d+ = d,    y = C x
+
+d holds what the linear model does not know, as constants that an observer estimates: a current at the motor (friction,
+a wrong torque constant), a force on the rod (the load) and a speed of the pump that is lost (leakage). With as many of
+them as there are measurements, a law that knows their estimates has no standing error (U. Maeder, F. Borrelli,
+M. Morari, "Linear offset-free model predictive control", Automatica 45(10), 2009).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...core.errors import InputError
+from ...core.protocol import MEASURED
+from ..analysis.sampled import SCALES, readings
+
+if TYPE_CHECKING:
+    import control
+
+#: Disturbances in the order of their columns in E, with unit; for tables and traces.
+DISTURBANCES = {"friction": "A", "load": "N", "leak": "rad/s"}
+#: The same for the force, so that all three are of like size.
+FORCE_SCALE = 1e3
+#: What is measured of the plant, in the order of y: each a combination of channels.
+SIGNALS: dict[str, dict[str, float]] = {
+    "speed": {"speed": 1.0},
+    "pressure": {"p1": 1.0, "p2": -1.0},
+    "position": {"position": 1.0},
+}
+
+
+@dataclass(frozen=True)
+class DesignModel:
+    """The sampled plant; states are `scale` times smaller than SI, inputs and outputs are SI.
+
+    Attributes
+    ----------
+    A (n, n), B (n,), E (n, d), C (m, n): as above; E's columns per `disturbance_scale` [A, N, rad/s].
+    scale: (n,) SI value of a state of 1.
+    states, signals, disturbances: names; signals are those of SIGNALS that the model has.
+    disturbance_scale: (d,) SI value of a disturbance of 1.
+    pick: (m, 5) from the channels of core.protocol.MEASURED to y.
+    sample_time: s.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    E: np.ndarray
+    C: np.ndarray
+    scale: np.ndarray
+    states: tuple[str, ...]
+    signals: tuple[str, ...]
+    disturbances: tuple[str, ...]
+    disturbance_scale: np.ndarray
+    pick: np.ndarray
+    sample_time: float
+
+    def row(self, signal: str) -> np.ndarray:
+        """Row (n,) that gives a signal [SI] from the states. Raises InputError for one that the model lacks."""
+        if signal not in self.signals:
+            raise InputError(f"the model has no {signal}; it has {', '.join(self.signals)}")
+        return self.C[self.signals.index(signal)]
+
+    @property
+    def without_disturbance(self) -> DesignModel:
+        """The same model that knows everything: for a law whose offset-free action is an integral, or that has none."""
+        from dataclasses import replace
+
+        return replace(self, E=self.E[:, :0], disturbances=(), disturbance_scale=self.disturbance_scale[:0])
+
+
+def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool = True) -> DesignModel:
+    """Sample the linear model `system` for a design; exact at the samples, the current held between them.
+
+    Parameters
+    ----------
+    system: continuous; input current, F_D where it has one; outputs x, and omega and dP (or P_1, P_2) where it has
+        them.
+    scaled: False leaves the states in SI units (for comparison).
+
+    Raises
+    ------
+    InputError: a sample time at which a mode of the model is seen as a slower one, or a model that is in discrete time,
+        has no current or no position, that the current can't stabilise or whose measurements do not show its states.
+    """
+    from scipy.signal import cont2discrete
+
+    if not system.isctime() or "current" not in system.input_labels:
+        raise InputError(f"the model {system.name} is no continuous model with an input current; linearise the plant")
+    modes = system.poles()
+    fastest = float(np.max(np.abs(modes.imag)))
+    if not 0 < sample_time < np.inf or fastest >= np.pi / sample_time:
+        raise InputError(
+            f"sample_time = {sample_time:g} s does not fit: the model has a mode at {fastest:.4g} rad/s, so that at "
+            f"most {np.pi / max(fastest, 1e-9):.3g} s can tell it from a slower one"
+        )
+    labels = list(system.state_labels)
+    scale = np.array([SCALES.get(label, 1.0) if scaled else 1.0 for label in labels])
+    a = system.A * (scale[None, :] / scale[:, None])
+    b = system.B[:, [system.input_labels.index("current")]] / scale[:, None]
+    c = readings(system) @ system.C * scale[None, :]
+    pick = np.array([[parts.get(channel, 0.0) for channel in MEASURED] for parts in SIGNALS.values()])
+    there = np.any(pick @ c != 0.0, axis=1)
+    signals = tuple(name for name, seen in zip(SIGNALS, there, strict=True) if seen)
+    columns, sizes = {"friction": b[:, 0]}, {"friction": 1.0}
+    if "F_D" in system.input_labels:
+        columns["load"] = system.B[:, system.input_labels.index("F_D")] / scale * FORCE_SCALE
+        sizes["load"] = FORCE_SCALE
+    if {"omega", "dP"} <= set(labels):
+        pump = np.zeros(len(labels))
+        pump[labels.index("dP")] = -a[labels.index("dP"), labels.index("omega")] / scale[labels.index("omega")]
+        columns["leak"], sizes["leak"] = pump, 1.0
+    # More of them than measurements could not be told apart.
+    disturbances = tuple(columns)[: len(signals)]
+    e = np.column_stack([columns[name] for name in disturbances])
+    transition, held, *_ = cont2discrete((a, np.hstack([b, e]), np.eye(len(labels)), 0.0), sample_time)
+    _require_designable(a, b, (pick @ c)[there], system.name)
+    return DesignModel(
+        A=transition,
+        B=held[:, 0],
+        E=held[:, 1:],
+        C=(pick @ c)[there],
+        scale=scale,
+        states=tuple(labels),
+        signals=signals,
+        disturbances=disturbances,
+        disturbance_scale=np.array([sizes[name] for name in disturbances]),
+        pick=pick[there],
+        sample_time=sample_time,
+    )
+
+
+def full_rank(matrix: np.ndarray) -> bool:
+    """Whether a matrix has full rank, whatever the units of its rows and columns: both are brought to like size first
+    (D. Ruiz, "A scaling algorithm to equilibrate both rows and columns norms in matrices", 2001)."""
+    balanced = np.abs(matrix).astype(float)
+    rows, columns = np.ones((matrix.shape[0], 1)), np.ones((1, matrix.shape[1]))
+    for _ in range(10):
+        by_row = np.sqrt(np.max(balanced, axis=1, keepdims=True))
+        by_column = np.sqrt(np.max(balanced, axis=0, keepdims=True))
+        rows /= np.where(by_row > 0.0, by_row, 1.0)
+        columns /= np.where(by_column > 0.0, by_column, 1.0)
+        balanced = np.abs(matrix) * rows * columns
+    sizes = np.linalg.svd(matrix * rows * columns, compute_uv=False)
+    return bool(sizes[-1] > 1e-9 * sizes[0])
+
+
+def _require_designable(a: np.ndarray, b: np.ndarray, c: np.ndarray, name: str) -> None:
+    """Every mode that does not decay must be reached by the current and seen by the measurements.
+
+    The rank test of Popov, Belevitch and Hautus; what holds for the continuous model holds for the sampled one, which
+    confuses no modes.
+    """
+    fastest = np.max(np.abs(np.linalg.eigvals(a)))
+    for mode in np.linalg.eigvals(a):
+        if mode.real < -1e-9 * fastest:
+            continue
+        rest = a - mode * np.eye(len(a))
+        if not full_rank(np.hstack([rest, b])):
+            fails = "the current does not reach it: no state feedback can stabilise it"
+        elif not full_rank(np.vstack([rest, c])):
+            fails = "no measurement shows it: no observer can follow it"
+        else:
+            continue
+        raise InputError(f"{name} has a mode at {mode:.4g} rad/s that does not decay and {fails}")

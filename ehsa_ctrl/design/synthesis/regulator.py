@@ -1,0 +1,118 @@
+"""The linear quadratic regulator of the error from the target.
+
+With xi = x - Pi w, mu = u - Gamma w (see target.py) the error moves by itself, xi+ = A xi + B mu, and the cost
+
+    sum  xi' Q xi + R mu^2 + R_rate (mu - mu_before)^2 + Q_integral q^2,    q+ = q - T c xi
+
+has the law mu = -K xi - K_before mu_before - K_integral q. R_rate keeps the current calm, the integral of the
+position's error takes the place of estimated disturbances where a law has none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.errors import InputError
+from .model import DesignModel
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Weights of the cost above.
+
+    Attributes
+    ----------
+    Q: (n, n), symmetric and at least zero, on the states of the design model.
+    R: 1/A2, greater than 0. R_rate: 1/A2, on the change of the current from sample to sample.
+    Q_integral: 1/(m s)2 on the integral of the position's error; 0 for none.
+    """
+
+    Q: np.ndarray
+    R: float
+    R_rate: float = 0.0
+    Q_integral: float = 0.0
+
+    def require(self, model: DesignModel) -> None:
+        """Raises InputError for weights that don't fit the model."""
+        n = model.A.shape[0]
+        if np.shape(self.Q) != (n, n):
+            raise InputError(
+                f"the weight Q has the shape {np.shape(self.Q)}; expected ({n}, {n}), one row a state of "
+                f"{', '.join(model.states)}"
+            )
+        sizes = np.linalg.eigvalsh(0.5 * (self.Q + np.transpose(self.Q)))
+        if not np.allclose(self.Q, np.transpose(self.Q)) or np.min(sizes) < -1e-9 * max(np.max(sizes), 1e-300):
+            raise InputError("the weight Q must be symmetric and must not reward any error")
+        if not (0 < self.R < np.inf and 0 <= self.R_rate < np.inf and 0 <= self.Q_integral < np.inf):
+            raise InputError(
+                f"weights R = {self.R:g}, R_rate = {self.R_rate:g}, Q_integral = {self.Q_integral:g}; expected R > 0 "
+                "and the others at least 0"
+            )
+
+
+def weighted(model: DesignModel, deviations: dict[str, float]) -> np.ndarray:
+    """Q from deviations that weigh 1 each: signal (speed, pressure, position) -> SI value (A. E. Bryson, Y.-C. Ho,
+    "Applied Optimal Control", section 5.2)."""
+    n = model.A.shape[0]
+    return sum((np.outer(model.row(s), model.row(s)) / size**2 for s, size in deviations.items()), np.zeros((n, n)))
+
+
+@dataclass(frozen=True)
+class Regulator:
+    """The regulator's gains and what proves them.
+
+    Attributes
+    ----------
+    K: (n,) A per state. before: A/A. integral: A/(m s).
+    P: (n + 1, n + 1) cost to come of (xi, mu_before), for a horizon's end; with an integral (n + 2, n + 2).
+    A (N, N), B (N,), Q (N, N), N_cross (N,), R: the problem that they solve, states (xi, mu_before, q).
+    """
+
+    K: np.ndarray
+    before: float
+    integral: float
+    P: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    Q: np.ndarray
+    N_cross: np.ndarray
+    R: float
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Of the closed loop with known states, in z; one at 0 is the memory of the current before."""
+        gains = np.r_[self.K, self.before, [self.integral] * (len(self.A) - len(self.K) - 1)]
+        return np.linalg.eigvals(self.A - np.outer(self.B, gains))
+
+
+def design_regulator(model: DesignModel, cost: Cost) -> Regulator:
+    """The regulator for a design model and its cost, through python-control's `dlqr`.
+
+    Raises
+    ------
+    InputError: weights of the wrong shape or sign, or a mode that does not decay and that the weights don't see.
+    """
+    import control
+
+    cost.require(model)
+    n, whole = model.A.shape[0], model.A.shape[0] + 1 + (cost.Q_integral > 0)
+    a, b, Q, cross = np.zeros((whole, whole)), np.zeros(whole), np.zeros((whole, whole)), np.zeros(whole)
+    a[:n, :n], b[:n], b[n] = model.A, model.B, 1.0
+    Q[:n, :n], Q[n, n], cross[n] = cost.Q, cost.R_rate, -cost.R_rate
+    if cost.Q_integral > 0:
+        a[n + 1, :n], a[n + 1, n + 1] = -model.sample_time * model.row("position"), 1.0
+        Q[n + 1, n + 1] = cost.Q_integral
+    R = cost.R + cost.R_rate
+    try:
+        gains, P, poles = control.dlqr(a, b[:, None], Q, np.array([[R]]), cross[:, None])
+    except (np.linalg.LinAlgError, control.ControlArgument) as error:
+        raise InputError(
+            f"these weights give no regulator ({error}): a mode that does not decay must be weighed; "
+            "give [weights] position"
+        ) from None
+    if np.max(np.abs(poles)) >= 1.0:
+        raise InputError("these weights give a loop that is not stable: give [weights] position")
+    K = np.asarray(gains)[0]
+    return Regulator(K[:n], float(K[n]), float(K[n + 1]) if whole > n + 1 else 0.0, P, a, b, Q, cross, R)

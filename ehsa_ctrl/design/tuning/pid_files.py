@@ -1,0 +1,109 @@
+"""Tables of a PID's TOML: gains in one of three forms, the classic design, and what becomes of either."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ...core.definition import Definition, In, Radian, RadianPerSecond, Second
+from ...core.errors import InputError
+from ..laws.pid_forms import Gains, Series, Standard
+from .loop import position_plant
+
+if TYPE_CHECKING:
+    import control
+
+AmperePerMetre = Annotated[float, In("A/m")]
+
+#: Keys that each form has beside T_f.
+FORMS = {"parallel": ("k_p", "k_i", "k_d"), "standard": ("K", "T_i", "T_d"), "series": ("K", "T_i", "T_d")}
+
+
+class PidGains(Definition):
+    """[gains]: given gains instead of a design.
+
+    form: parallel (k_p, k_i, k_d), standard or series (K, T_i, T_d), see design.pid_forms. T_f: time constant of the
+    derivative's filter. What is left out is not there.
+    """
+
+    form: Literal["parallel", "standard", "series"] = "parallel"
+    k_p: AmperePerMetre | None = None
+    k_i: Annotated[float, In("A/(m s)")] | None = None
+    k_d: Annotated[float, In("A s/m")] | None = None
+    K: AmperePerMetre | None = None
+    T_i: Second | None = None
+    T_d: Second | None = None
+    T_f: Second = 0.0
+
+    @model_validator(mode="after")
+    def _fit(self) -> PidGains:
+        mine = FORMS[self.form]
+        given = [name for name in ("k_p", "k_i", "k_d", "K", "T_i", "T_d") if getattr(self, name) is not None]
+        strange = [name for name in given if name not in mine]
+        if strange or not given:
+            got = f"got {', '.join(strange)}" if strange else "got none of them"
+            raise ValueError(f"form = {self.form!r} has the keys {', '.join(mine)} and T_f; {got}")
+        for name in [*given, "T_f"]:
+            value = getattr(self, name)
+            if not 0 <= value < np.inf or (name == "T_i" and value == 0):
+                raise ValueError(
+                    f"{name} = {value:g}; expected {'more than' if name == 'T_i' else 'at least'} 0: a positive "
+                    "current extends the rod, so that gains of the other sign drive it away from its target"
+                )
+        return self
+
+    def parallel(self) -> Gains:
+        """These gains in the parallel form."""
+        if self.form == "parallel":
+            return Gains(self.k_p or 0.0, self.k_i or 0.0, self.k_d or 0.0, self.T_f)
+        form = Standard if self.form == "standard" else Series
+        return form(self.K or 0.0, np.inf if self.T_i is None else self.T_i, self.T_d or 0.0, self.T_f).parallel()
+
+
+class PidDesign(Definition):
+    """[design]: the classic target of the loop, broken at the current.
+
+    crossover: frequency at which the loop gain is 1.
+    phase_margin: there.
+    integral_ratio: corner of the integral action over the crossover; small keeps its phase lag small.
+    filter_ratio: corner of the derivative's filter over the crossover.
+    """
+
+    crossover: RadianPerSecond
+    phase_margin: Radian
+    integral_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.1
+    filter_ratio: Annotated[float, Field(gt=1)] = 10.0
+
+
+def classic_gains(design: PidDesign, system: control.StateSpace, sample_time: float) -> Gains:
+    """Solve C(z) G(z) = -exp(i margin) at the crossover for k_p and k_d, with k_i = ratio crossover k_p.
+
+    Exact for the loop that runs: the plant behind its hold, the law as difference equation.
+
+    Raises InputError for a crossover beyond the Nyquist frequency, and for a margin that no PID with this filter and
+    integral reaches there.
+    """
+    w = design.crossover
+    if not 0 < w < np.pi / sample_time:
+        raise InputError(
+            f"crossover = {w:g} rad/s must lie between 0 and the Nyquist frequency "
+            f"{np.pi / sample_time:.4g} rad/s of sample_time = {sample_time:g} s"
+        )
+    z = np.exp(1j * np.array([w * sample_time]))
+    needed = -np.exp(1j * design.phase_margin) / position_plant(system, sample_time).response(z)[0]
+    T_f = 1.0 / (design.filter_ratio * w)
+    proportional = Gains(1.0, design.integral_ratio * w).response(z, sample_time)[0]
+    derivative = Gains(0.0, 0.0, 1.0, T_f).response(z, sample_time)[0]
+    k_p, k_d = np.linalg.solve(
+        [[proportional.real, derivative.real], [proportional.imag, derivative.imag]], [needed.real, needed.imag]
+    )
+    if k_p <= 0 or k_d < 0:
+        raise InputError(
+            f"a phase margin of {np.degrees(design.phase_margin):.3g} deg at {w:.4g} rad/s needs "
+            f"{np.degrees(np.angle(needed)):.3g} deg from the controller, which a PID with "
+            f"filter_ratio = {design.filter_ratio:g} and integral_ratio = {design.integral_ratio:g} can't give; "
+            "lower the crossover or the margin"
+        )
+    return Gains(float(k_p), float(design.integral_ratio * w * k_p), float(k_d), T_f)

@@ -1,0 +1,110 @@
+"""From a specification to a controller's definition: the keys that were asked for, put into a shipped definition."""
+
+from __future__ import annotations
+
+import copy
+import textwrap
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from ...core.catalogue import controllers
+from ...core.definition import read_toml
+from ...core.errors import InputError, choices
+from ..kinds import CONTROLLER_KINDS, ControllerKind
+
+#: Tables of which a definition has one: asking for a key of one takes the others out.
+ALTERNATIVES = ("design", "tuning", "gains")
+
+
+def begin(kind: str, base: str | None = None) -> tuple[ControllerKind, dict[str, Any]]:
+    """The kind and the content of the definition that a design starts from.
+
+    Parameters
+    ----------
+    kind: a word of the registry.
+    base: a controller's name or path; by default KIND_position, or else the first of this kind in the catalogue.
+
+    Raises InputError for an unknown kind, a base of another kind, or a kind without one.
+    """
+    if kind not in CONTROLLER_KINDS:
+        raise InputError(f"--kind {kind!r}: no such kind of controller; {choices(kind, CONTROLLER_KINDS)}")
+    if base is not None:
+        content = read_toml(controllers.find(base))
+        if content.get("kind") != kind:
+            raise InputError(f"--base {base}: is a {content.get('kind')!r} controller; expected kind = {kind!r}")
+        return CONTROLLER_KINDS[kind], content
+    for name in sorted(controllers, key=lambda name: name != f"{kind}_position"):
+        content = read_toml(controllers[name])
+        if content.get("kind") == kind:
+            return CONTROLLER_KINDS[kind], content
+    raise InputError(f"there is no {kind!r} controller to start from; give one with --base FILE")
+
+
+def leaves(form: type[BaseModel], prefix: str = "") -> list[str]:
+    """Dotted keys of everything that a definition's form may hold."""
+    found = []
+    for name, field in form.model_fields.items():
+        key = f"{prefix}{field.alias or name}"
+        parts = [field.annotation, *getattr(field.annotation, "__args__", ())]
+        inner = next((part for part in parts if isinstance(part, type) and issubclass(part, BaseModel)), None)
+        found += leaves(inner, f"{key}.") if inner is not None else [key]
+    return found
+
+
+def resolve(key: str, form: type[BaseModel]) -> str:
+    """The dotted key that a word means. Raises InputError for one that the form does not have, or has twice."""
+    known = leaves(form)
+    meant = [name for name in known if name == key or ("." not in key and name.endswith(f".{key}"))]
+    if key in known:
+        return key
+    if len(meant) > 1:
+        raise InputError(f"--spec {key}: may be {' or '.join(meant)}; write it out")
+    if not meant:
+        raise InputError(f"--spec {key}: this kind of controller has no such key; {choices(key, known)}")
+    return meant[0]
+
+
+def put(content: dict[str, Any], kind: ControllerKind, asked: Mapping[str, str]) -> dict[str, Any]:
+    """The definition's content with other values; `asked` is key -> text as after --spec.
+
+    A table among ALTERNATIVES that is asked for replaces its rivals. Values keep what the base had beside them.
+
+    Raises InputError for keys that the kind does not have.
+    """
+    content = copy.deepcopy(content)
+    for word, text in asked.items():
+        *tables, key = resolve(word, kind.file).split(".")
+        if tables and tables[0] in ALTERNATIVES:
+            for rival in set(ALTERNATIVES) - {tables[0]}:
+                content.pop(rival, None)
+        place = content
+        for table in tables:
+            place = place.setdefault(table, {})
+        place[key] = value(text)
+    return content
+
+
+def value(text: str) -> Any:
+    """A value as TOML reads it where it does ("1.5", "true", "[1, 2]"), a text where not ("30 rad/s")."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def toml_text(content: Mapping[str, Any], comments: list[str]) -> str:
+    """The definition as TOML under its comments."""
+    import tomlkit
+
+    document = tomlkit.document()
+    for line in comments:
+        for part in textwrap.wrap(line, 110, subsequent_indent="  ", break_on_hyphens=False):
+            document.add(tomlkit.comment(part))
+    document.add(tomlkit.nl())
+    ordered = sorted(content.items(), key=lambda item: isinstance(item[1], dict))
+    for key, item in ordered:
+        document[key] = item
+    return tomlkit.dumps(document)

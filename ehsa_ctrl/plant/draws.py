@@ -1,0 +1,215 @@
+"""Plants as they may be: draws from what is known of the parameters' errors."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.errors import InputError, choices
+from .conditions import Condition, operating_points
+from .plant import Plant
+
+if TYPE_CHECKING:
+    import control
+
+#: How often a draw that falls outside is drawn again before the bounds are called contradictory.
+TRIES = 10_000
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance (k, k) of the parameters `names` in SI units, as an identification gives it."""
+
+    names: tuple[str, ...]
+    matrix: np.ndarray
+
+
+def read_covariance(path: str | Path) -> Covariance:
+    """Read the covariance out of an identification.json.
+
+    A parameter that the log did not determine has null there: its variance is infinite.
+
+    Raises InputError for a file that is absent or has none.
+    """
+    path = Path(path)
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))["correlation"]
+        names, rows = tuple(found["names"]), found["covariance"]
+        matrix = np.array([[math.inf if entry is None else float(entry) for entry in row] for row in rows])
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{path}: has no covariance; expected an identification.json that `identify` wrote") from None
+    if matrix.shape != (len(names), len(names)) or not names:
+        raise InputError(f"{path}: the covariance has the shape {matrix.shape}; expected one row for each name")
+    return Covariance(names, matrix)
+
+
+def draw(
+    plant: Plant,
+    n: int,
+    *,
+    seed: int = 0,
+    within: float = 2.0,
+    covariance: Covariance | None = None,
+    names: Iterable[str] | None = None,
+    unknown: float = 0.0,
+    assumed: bool = False,
+) -> list[Plant]:
+    """Plants (n,) whose parameters are drawn from what is known of their errors; each inside its bounds.
+
+    A parameter of `covariance` is drawn together with the others there, so that what trades places does so here; one
+    with an sd of its own is normal around its value. The others keep their values, unless `unknown` or `assumed` says
+    otherwise.
+
+    Parameters
+    ----------
+    n: how many. seed: of the generator; the same gives the same plants.
+    within: a normal draw farther than this many standard deviations is drawn again. For a covariance it is the distance
+        in which all its parameters together are measured, scaled so that a share as large as of one parameter stays.
+    covariance: of parameters of this plant; others in it are left out.
+    names: parameters to draw; all by default.
+    unknown: relative standard deviation of what was identified by somebody who did not say how well.
+    assumed: draw what is only assumed, with bounds, evenly between these. The identified numbers rest on it (an inertia
+        is as large as the torque constant makes it), so that such draws are worse than any plant that fits the logs.
+
+    Raises InputError for a name that the plant does not have, for bounds that leave no room, and if nothing is known
+    of any parameter's error.
+    """
+    if n < 1 or within <= 0 or unknown < 0:
+        raise InputError(
+            f"draw(n={n}, within={within:g}, unknown={unknown:g}): expected n >= 1, within > 0, unknown >= 0"
+        )
+    chosen = list(plant.parameters) if names is None else list(names)
+    for name in chosen:
+        if name not in plant.parameters:
+            raise InputError(
+                f"{plant.name} ({plant.model}) has no parameter {name!r}; {choices(name, plant.parameters)}"
+            )
+    joint: list[str] = []
+    factor = np.zeros((0, 0))
+    if covariance is not None:
+        finite = [k for k, name in enumerate(covariance.names) if math.isfinite(covariance.matrix[k, k])]
+        kept = [k for k in finite if covariance.names[k] in chosen]
+        joint = [covariance.names[k] for k in kept]
+        if not joint:
+            raise InputError(f"the covariance is of {', '.join(covariance.names)}; {plant.name} shares none of them")
+        factor = _root(covariance.matrix[np.ix_(kept, kept)])
+    rng = np.random.default_rng(seed)
+    radius = _radius(within, len(joint))
+    single = {
+        name: spread for name in chosen if name not in joint and (spread := _spread(plant, name, unknown, assumed))
+    }
+    if not joint and not single:
+        raise InputError(
+            f"nothing is known of the errors of {plant.name} ({plant.model}): give an sd in its TOML, the "
+            "covariance of an identification, or a relative deviation for what was identified elsewhere"
+        )
+    return [plant.set(**_values(plant, rng, joint, factor, single, within, radius)) for _ in range(n)]
+
+
+def _spread(plant: Plant, name: str, unknown: float, assumed: bool) -> float:
+    """Standard deviation of a parameter on its own; inf: evenly between its bounds, 0: as it is."""
+    parameter = plant.parameters[name]
+    if parameter.sd is not None and math.isfinite(parameter.sd):
+        return parameter.sd
+    if parameter.source == "identified":
+        return unknown * abs(parameter.value)
+    bounded = math.isfinite(parameter.lower) and math.isfinite(parameter.upper)
+    return math.inf if assumed and bounded else 0.0
+
+
+def _root(matrix: np.ndarray) -> np.ndarray:
+    """R with R R' = matrix, by the eigenvalues of the correlation: parameters in Pa and kg m2 differ by decades."""
+    sd = np.sqrt(np.diag(matrix))
+    size = np.where(sd > 0.0, sd, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _radius(within: float, k: int) -> float:
+    """Distance from the middle inside which as large a share of k normal numbers lies as of one within `within`."""
+    from scipy.stats import chi2
+
+    return float(np.sqrt(chi2.ppf(chi2.cdf(within**2, 1), k))) if k else 0.0
+
+
+def _values(
+    plant: Plant,
+    rng: np.random.Generator,
+    joint: Sequence[str],
+    factor: np.ndarray,
+    single: Mapping[str, float],
+    within: float,
+    radius: float,
+) -> dict[str, float]:
+    """One draw."""
+    values: dict[str, float] = {}
+    if joint:
+        centre = np.array([plant[name] for name in joint])
+        for _ in range(TRIES):
+            together = rng.standard_normal(len(joint))
+            drawn = dict(zip(joint, map(float, centre + factor @ together), strict=True))
+            if together @ together <= radius**2 and all(_inside(plant, *one) for one in drawn.items()):
+                values.update(drawn)
+                break
+        else:
+            raise InputError(
+                f"no draw of {', '.join(joint)} lies inside their bounds; widen the bounds of {plant.name}"
+            )
+    for name, sd in single.items():
+        parameter = plant.parameters[name]
+        if math.isinf(sd):
+            values[name] = float(rng.uniform(parameter.lower, parameter.upper))
+            continue
+        for _ in range(TRIES):
+            normal = float(rng.standard_normal())
+            if abs(normal) <= within and _inside(plant, name, parameter.value + sd * normal):
+                values[name] = parameter.value + sd * normal
+                break
+        else:
+            raise InputError(f"no draw of {name} lies inside its bounds; widen the bounds of {plant.name}")
+    return values
+
+
+def _inside(plant: Plant, name: str, value: float) -> bool:
+    """Whether a value lies in the range in which the parameter is believed, and in which it is physically possible."""
+    parameter = plant.parameters[name]
+    (kind,) = [kind for kind in plant.structure.equations.parameters if kind.name == name]
+    possible = kind.lower < value if kind.lower_open else kind.lower <= value
+    return bool(possible and value <= kind.upper and parameter.lower <= value <= parameter.upper)
+
+
+def difference(plant: Plant, nominal: Plant, *, most: int = 4) -> str:
+    """What differs from the nominal plant, the largest relative change first, at most so many: "M +12 %, J_M -3 %"."""
+    parts = []
+    for name, parameter in plant.parameters.items():
+        before = nominal[name]
+        if parameter.value == before:
+            continue
+        relative = (parameter.value - before) / abs(before) if before else math.inf
+        words = f"{100 * relative:+.2g} %" if before else f"{parameter.value:g} {parameter.unit}"
+        parts.append((abs(relative), f"{name} {words}"))
+    ordered = [words for _, words in sorted(parts, key=lambda part: -part[0])]
+    return ", ".join(ordered[:most] + ["..."] * (len(ordered) > most)) or "nominal"
+
+
+def drawn_models(
+    plant: Plant, plants: Iterable[Plant], conditions: Sequence[Condition] = (Condition(),)
+) -> dict[str, control.StateSpace]:
+    """Linear models of a plant at each condition, then of drawn plants, the conditions taken in turn.
+
+    Labels say what is different: "K_S = 50 kN/m", "draw 7 at K_S = 50 kN/m: M +12 %, ...".
+    """
+    models = operating_points(plant, conditions)
+    for k, drawn in enumerate(plants):
+        at = conditions[k % len(conditions)]
+        place = f" at {at}" if str(at) else ""
+        models[f"draw {k + 1}{place}: {difference(drawn, plant)}"] = at.model(drawn)
+    return models

@@ -1,0 +1,39 @@
+"""The current that a motion needs, as a few numbers at the rod: what a feed-forward is made of."""
+
+from __future__ import annotations
+
+from ..core.errors import InputError
+from .plant import Plant
+
+
+def motion_current(plant: Plant) -> dict[str, float]:
+    """Numbers of I = inertia a + viscous v + stiffness x + preload + sign(v) (coulomb .. static) for a plant.
+
+    From (9) and (10) with a stiff circuit, v = (D / A) omega: masses, viscous friction and load are reflected to the
+    shaft and divided by K_T; leakage and the oil's compression are left out. Units as in a controller's
+    [feedforward]: A s2/m, A s/m, A/m, A, A, A, A/N for `load`, and m/s for the speed at which static friction has
+    faded, the smaller of both contacts'.
+
+    Raises InputError for a system other than the EHSA.
+    """
+    if plant.structure.system_name != "ehsa":
+        raise InputError(f"{plant.name} is a {plant.structure.system_name!r} system; it has no motor current")
+    p = plant.values
+    travel = p["D"] / p["A"]
+    per_force = travel / p["K_T"]
+    numbers = {
+        "inertia": per_force * (p["M"] + p["m_L"]) + p["J_M"] / travel / p["K_T"],
+        "viscous": per_force * p["B_FR"] + p["B_FM"] / travel / p["K_T"],
+        "stiffness": per_force * p["K_S"],
+        "preload": per_force * (p["F_pre"] + p["F_0"]),
+    }
+    coulomb = p.get("A_FM", 0.0) / p["K_T"] + per_force * p.get("A_FR", 0.0)
+    extra = p.get("C_FM", 0.0) / p["K_T"] + per_force * p.get("C_FR", 0.0)
+    speeds = [travel * p["tau_FM"] if "tau_FM" in p else None, p.get("tau_FR")]
+    known = [speed for speed in speeds if speed]
+    return numbers | {
+        "coulomb": coulomb,
+        "static": coulomb + extra,
+        "load": per_force,
+        "stribeck": min(known) if known else 0.01,
+    }

@@ -1,0 +1,187 @@
+"""What is not known exactly: how a plant's parameters and its load may lie, and draws of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator
+
+from ..core.errors import InputError
+from ..plant.file import LOAD_LETTERS
+from ..plant.plant import Plant, read_settings
+
+#: Draws beyond so many standard deviations are drawn again: nobody believes a normal distribution out there.
+WITHIN = 3.0
+#: How often a draw outside its bounds is drawn again before that is called a mistake.
+TRIES = 10_000
+
+
+def _read(value: Any) -> Any:
+    """One standard deviation ("10 %", "50 N"), or a range [low, high] within which all is equally likely."""
+    quantity = str | int | float
+    if isinstance(value, str) or (isinstance(value, int | float) and not isinstance(value, bool) and value == 0):
+        return str(value)
+    if isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(item, quantity) for item in value):
+        return tuple(str(item) for item in value)
+    raise ValueError(f"{value!r}; expected one standard deviation ('10 %', '50 N') or a range ['0 N/m', '100 kN/m']")
+
+
+Spread = Annotated[str | tuple[str, str], BeforeValidator(_read)]
+
+
+@dataclass(frozen=True)
+class Uncertain:
+    """A parameter that is drawn: normal with `sd` around `value`, or evenly between `lower` and `upper` if sd is None.
+
+    The bounds hold for a normal one too. SI units.
+    """
+
+    name: str
+    value: float
+    lower: float
+    upper: float
+    sd: float | None = None
+    unit: str = ""
+
+    def __str__(self) -> str:
+        if self.sd is None:
+            return f"{self.name} evenly between {self.lower:g} and {self.upper:g} {self.unit}"
+        return f"{self.name} = {self.value:g} {self.unit}, sd {self.sd:g}"
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """All parameters that are drawn, and how they go together.
+
+    correlation: (k, k) of those with a standard deviation, in their order; None: independent.
+    """
+
+    parameters: tuple[Uncertain, ...]
+    correlation: np.ndarray | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(parameter.name for parameter in self.parameters)
+
+    def draw(self, rng: np.random.Generator) -> dict[str, float]:
+        """One draw: letter -> SI value. Raises InputError where bounds leave no room."""
+        normal = [p for p in self.parameters if p.sd is not None]
+        values = {p.name: float(rng.uniform(p.lower, p.upper)) for p in self.parameters if p.sd is None}
+        root = None if self.correlation is None else np.linalg.cholesky(self.correlation)
+        for _ in range(TRIES):
+            z = rng.standard_normal(len(normal))
+            z = z if root is None else root @ z
+            found = {p.name: p.value + float(p.sd or 0.0) * float(at) for p, at in zip(normal, z, strict=True)}
+            if np.all(np.abs(z) <= WITHIN) and all(p.lower <= found[p.name] <= p.upper for p in normal):
+                return {name: {**values, **found}[name] for name in self.names}
+        raise InputError(f"no draw within the bounds of {', '.join(p.name for p in normal)} was found; widen them")
+
+
+def uncertainty_of(
+    plant: Plant, spread: Mapping[str, str | tuple[str, str]], identification: Path | None = None
+) -> Uncertainty:
+    """What is uncertain in a plant: what its file says, and what a scenario's [spread] says instead.
+
+    A parameter with a standard deviation is drawn from a normal distribution within its bounds; one with bounds alone
+    evenly between them. `spread` has a parameter's letter or load.WORD; "0" takes one out.
+
+    Parameters
+    ----------
+    identification: an identification.json, whose covariance its parameters are drawn with.
+
+    Raises
+    ------
+    InputError: an unknown key, a value that does not fit, an empty range.
+    """
+    found: dict[str, Uncertain] = {}
+    for name, p in plant.parameters.items():
+        if p.sd is not None and 0.0 < p.sd < np.inf:
+            found[name] = Uncertain(name, p.value, *_bounds(plant, name), sd=p.sd, unit=p.unit)
+        elif np.isfinite([p.lower, p.upper]).all() and p.lower < p.upper and p.source != "given":
+            found[name] = Uncertain(name, p.value, p.lower, p.upper, unit=p.unit)
+    together: dict[tuple[str, str], float] = {}
+    if identification is not None:
+        estimated, together = _covariance(plant, identification)
+        found = {name: u for name, u in found.items() if name not in estimated}
+        # The correlated ones first, and nothing else with a deviation: the rest of the matrix is the identity.
+        found = {**estimated, **found}
+    for key, given in spread.items():
+        name, uncertain = _given(plant, key, given)
+        found.pop(name, None)
+        if uncertain is not None:
+            found[name] = uncertain
+    parameters = tuple(found.values())
+    normal = [p.name for p in parameters if p.sd is not None]
+    matrix = np.array([[together.get((a, b), float(a == b)) for b in normal] for a in normal])
+    return Uncertainty(parameters, matrix if together else None)
+
+
+def _bounds(plant: Plant, name: str) -> tuple[float, float]:
+    """Believed range within the physical one."""
+    kind = next(kind for kind in plant.structure.equations.parameters if kind.name == name)
+    lower = max(plant.parameters[name].lower, kind.lower)
+    if kind.lower_open and lower == kind.lower:
+        lower = float(np.nextafter(lower, np.inf))
+    return lower, min(plant.parameters[name].upper, kind.upper)
+
+
+def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, Uncertain | None]:
+    """One entry of a scenario's [spread]; None takes the parameter out."""
+    words = {f"load.{word}": letter for word, letter in LOAD_LETTERS.items()}
+    name = words.get(key, key)
+
+    def read(text: str) -> float:
+        try:
+            return read_settings(plant, {key: text})[name]
+        except InputError as error:
+            raise InputError(f"[spread] {error}") from None
+
+    if isinstance(given, tuple):
+        low, high = (read(text) for text in given)
+        kind = next(kind for kind in plant.structure.equations.parameters if kind.name == name)
+        if not kind.lower <= low < high <= kind.upper:
+            raise InputError(f"[spread] {key}: {given[0]} to {given[1]} is no range that is physically possible")
+        return name, Uncertain(name, plant[name], low, high, unit=kind.unit)
+    if given.strip().endswith("%"):
+        read("0" if key in words else str(plant.parameters[name].value) if name in plant.parameters else "0")
+        try:
+            sd = abs(plant[name]) * float(given.strip()[:-1]) / 100.0
+        except ValueError:
+            raise InputError(f"[spread] {key}: {given!r} is no number of per cent") from None
+    else:
+        sd = read(given)
+    if not 0.0 <= sd < np.inf:
+        raise InputError(f"[spread] {key}: {given!r}; a standard deviation must be at least 0")
+    return name, Uncertain(
+        name, plant[name], *_bounds(plant, name), sd=sd, unit=plant.parameters[name].unit
+    ) if sd > 0 else None
+
+
+def _covariance(plant: Plant, path: Path) -> tuple[dict[str, Uncertain], dict[tuple[str, str], float]]:
+    """Parameters and correlations of an identification.json."""
+    try:
+        part = json.loads(path.read_text(encoding="utf-8"))["correlation"]
+        names, covariance = [str(name) for name in part["names"]], np.array(part["covariance"], dtype=float)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; give the identification.json of `ehsa-ctrl identify`") from None
+    except (OSError, KeyError, TypeError, ValueError):
+        raise InputError(f"{path}: holds no covariance; give the identification.json of `ehsa-ctrl identify`") from None
+    unknown = [name for name in names if name not in plant.parameters]
+    if unknown or covariance.shape != (len(names), len(names)) or not np.isfinite(covariance).all():
+        raise InputError(
+            f"{path}: its covariance does not fit the {plant.model} model of {plant.name} ({unknown or names})"
+        )
+    sd = np.sqrt(np.diag(covariance))
+    correlation = {
+        (a, b): float(covariance[i, j] / (sd[i] * sd[j])) for i, a in enumerate(names) for j, b in enumerate(names)
+    }
+    estimated = {
+        name: Uncertain(name, plant[name], *_bounds(plant, name), float(deviation), plant.parameters[name].unit)
+        for name, deviation in zip(names, sd, strict=True)
+    }
+    return estimated, correlation

@@ -1,0 +1,126 @@
+"""The shortest time in which a rod can be brought to a place: what a settling time is to be judged by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..plant.plant import Plant
+from ..plant.system import Contact
+
+#: Parts of the way on which the acceleration is taken for constant.
+PARTS = 200
+
+
+def shortest_time(
+    plant: Plant,
+    distance: float,
+    current_limit: float,
+    *,
+    start: float = 0.0,
+    band: float = 0.0,
+    speed_limit: float | None = None,
+) -> float:
+    """Lower bound of the time from rest at `start` to within `band` of `start + distance`, to stay there [s].
+
+    Full current until the pump's speed limit or the point from which full braking just stops in time: the time-optimal
+    motion of one inertia (e.g. J. E. Bobrow, S. Dubowsky, J. S. Gibson, "Time-optimal control of robotic manipulators
+    along specified paths", Int. J. Robotics Research 4(3), 1985), which may use the whole band: it comes to rest at
+    its far edge.
+
+    The model: oil that can't be compressed, so that shaft and rod move as one (omega D = A v); the plant's own
+    friction at both contacts, which hinders the start and helps to brake; its load without a force from outside; no
+    leakage, no delay, no ramp of the current. Leaving these out makes it faster than the plant, so that it stays a
+    bound; compressed oil can push the rod ahead of the pump only for the few milliseconds of its relaxation.
+
+    Parameters
+    ----------
+    distance: way to go [m], of either sign. current_limit: A. band: half width of the band around the target [m].
+    speed_limit: of the shaft [rad/s]; by default the lower one of the plant's limits of pump and motor.
+
+    Returns
+    -------
+    Seconds; inf where that current can't reach the place or can't stop there.
+
+    Raises
+    ------
+    InputError: a distance of zero, a current limit or a band that is no positive number.
+    """
+    if not (np.isfinite(distance) and distance != 0.0 and 0.0 < current_limit < np.inf):
+        raise InputError(
+            f"shortest time over {distance:g} m with {current_limit:g} A: expected a distance other than zero and a "
+            "current limit greater than zero"
+        )
+    if not 0.0 <= band < abs(distance):
+        raise InputError(f"band = {band:g} m: expected at least 0 m and less than the distance {abs(distance):g} m")
+    limits = [plant.limits[name].value for name in ("pump_speed", "motor_speed") if name in plant.limits]
+    fastest = speed_limit if speed_limit is not None else min(limits, default=np.inf)
+    way = 1.0 if distance > 0 else -1.0
+    rate = _acceleration(plant, way)
+    # Half of the speed squared over the shaft's angle has the acceleration for its slope: smooth even at rest.
+    places = start + way * np.linspace(0.0, abs(distance) + band, PARTS + 1)
+    step = (abs(distance) + band) / PARTS * plant["A"] / plant["D"]
+    ceiling = 0.5 * fastest**2
+    speeding = _integrate(lambda x, omega: rate(x, omega, current_limit), places, step, ceiling)
+    braking = _integrate(lambda x, omega: -rate(x, omega, -current_limit), places[::-1], step, ceiling)[::-1]
+    speed = np.sqrt(2.0 * np.minimum(speeding, braking))
+    mean = 0.5 * (speed[1:] + speed[:-1])
+    there = way * (places - start)
+    needed = int(np.searchsorted(there, abs(distance) - band)) - 1 if band > 0.0 else PARTS
+    if np.any(mean[: needed + 1] <= 0.0):
+        return float("inf")
+    times = np.concatenate([[0.0], np.cumsum(step / mean[: needed + 1])])
+    return float(np.interp(abs(distance) - band, there[: times.size], times))
+
+
+def _integrate(slope: Callable[[float, float], float], places: np.ndarray, step: float, ceiling: float) -> np.ndarray:
+    """Half of the speed squared at each place, from rest at the first one; Heun's rule, never above the ceiling."""
+    energy = np.zeros(places.size)
+    for k in range(places.size - 1):
+        first = slope(places[k], (2.0 * energy[k]) ** 0.5)
+        guess = min(max(energy[k] + step * first, 0.0), ceiling)
+        second = slope(places[k + 1], (2.0 * guess) ** 0.5)
+        energy[k + 1] = min(max(energy[k] + 0.5 * step * (first + second), 0.0), ceiling)
+        if energy[k + 1] == 0.0:
+            break
+    return energy
+
+
+def _acceleration(plant: Plant, way: float) -> Callable[[float, float, float], float]:
+    """Of the shaft [rad/s2], from the rod's place, the shaft's speed and the current, both counted along `way`."""
+    travel = plant["D"] / plant["A"]
+    inertia = plant["J_M"] + (plant["M"] + plant["m_L"]) * travel**2
+    shaft, rod = (_friction(plant, contact) for contact in plant.structure.system.contacts)
+    K_T, K_S, k_3, constant = plant["K_T"], plant["K_S"], plant["k_3"], plant["F_pre"] + plant["F_0"]
+
+    def rate(x: float, omega: float, current: float) -> float:
+        load = way * (x * (K_S + k_3 * x * x) + constant)
+        return (K_T * current - shaft(omega) - travel * (load + rod(travel * omega))) / inertia
+
+    return rate
+
+
+def _friction(plant: Plant, contact: Contact) -> Callable[[float], float]:
+    """Friction of a contact over its speed >= 0, for an inner state at the value that it takes at constant speed."""
+    law = plant.structure.law(contact)
+    letters = {letter: plant[contact.letter(letter)] for letter in law.letters if letter != law.band}
+    bristle = law.state_rate
+    if bristle is None:
+        wanted = law.effort.__code__.co_varnames[: law.effort.__code__.co_argcount]
+        if "direction" in wanted:
+            return lambda speed: law.effort(direction=1.0, speed=speed, **letters)
+        return lambda speed: law.effort(speed=speed, **letters)
+    needs = bristle.__code__.co_varnames[: bristle.__code__.co_argcount]
+    inner = {letter: value for letter, value in letters.items() if letter in needs}
+    outer = law.effort.__code__.co_varnames[: law.effort.__code__.co_argcount]
+
+    def effort(speed: float) -> float:
+        # The rate is linear in z, so that two values give its root.
+        moving = max(speed, 1e-9)
+        at_zero, at_one = (bristle(speed=moving, z=z, **inner) for z in (0.0, 1.0))
+        z = at_zero / (at_zero - at_one)
+        return law.effort(speed=speed, z=z, z_dot=0.0, **{k: v for k, v in letters.items() if k in outer})
+
+    return effort

@@ -1,0 +1,73 @@
+"""`ehsa-ctrl analyse` with many plants and a review."""
+
+import json
+
+import pytest
+
+
+def test_the_worst_plant_is_named(run):
+    """Draws and springs with two controllers: one entry each."""
+    status, out, _ = run(
+        "analyse", "ehsa", "--controller", "pid_position,lqr_position", "--draws", "4", "--stiffness", "0,50 kN/m",
+        "--json",
+    )  # fmt: skip
+    found = json.loads(out)
+
+    assert status == 0
+    assert [loop["controller"] for loop in found["loops"]] == ["pid_position", "lqr_position"]
+    assert found["loop"] == found["loops"][0]
+    for one, name in zip(found["robust"], ("pid_position", "lqr_position"), strict=True):
+        worst = one["worst"]["disk_margin"]
+        assert one["controller"] == name and one["plants"] == 6 and one["stable"]
+        assert "K_S = " in worst["plant"]
+        assert worst["value"] < next(loop["disk_margin"] for loop in found["loops"] if loop["controller"] == name)
+
+
+@pytest.mark.slow
+def test_figures_and_a_table_are_written(run, tmp_path):
+    """Bode, loop, Nyquist, the bands, and every plant's margins."""
+    status, out, _ = run("analyse", "ehsa", "--controller", "pid_position", "--draws", "2", "--json", "--out", "a")
+    table = (tmp_path / "a" / "robustness.csv").read_text().splitlines()
+
+    assert status == 0
+    for name in ("bode", "loop", "nyquist", "robustness"):
+        assert (tmp_path / "a" / f"{name}.png").is_file()
+    assert len(table) == 4 and table[0].startswith("plant,stable,crossover,Ms")
+    assert json.loads((tmp_path / "a" / "analysis.json").read_text()) == json.loads(out)
+
+
+def test_a_review_is_printed(run):
+    """With what friction does, from the plant's nonlinear set."""
+    status, out, _ = run("analyse", "ehsa", "--controller", "pid_position", "--review")
+
+    assert status == 0
+    assert "review of pid_position" in out and "1.08 A" in out and "stick band" in out
+    assert "disk margin" in out
+
+
+def test_a_single_spring_is_a_condition(run):
+    """The loop is designed on the plant as it is, and tried with the spring."""
+    status, out, _ = run("analyse", "ehsa", "--controller", "pid_position", "--stiffness", "100 kN/m", "--json")
+    (robust,) = json.loads(out)["robust"]
+
+    assert status == 0
+    assert robust["worst"]["Ms"]["plant"] == "K_S = 100 kN/m"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--draws", "5"], "are about a loop; give its --controller"),
+        (["--controller", "pid_position", "--stiffness", "5 kg"], "--stiffness '5 kg'"),
+        (["--controller", "pid_position", "--covariance", "x.json"], "say how many with --draws"),
+        (["--controller", "pid_position", "--draws", "2", "--covariance", "x.json"], "x.json: can't be read"),
+        (["--controller", "pid_positon"], "did you mean 'pid_position'"),
+        (["--controller", "pid_position", "--draws", "2", "--spread", "0"], "nothing is known of the errors of ehsa"),
+    ],
+)
+def test_wrong_input_is_one_sentence(run, arguments, says):
+    """On standard error, status 2."""
+    status, out, err = run("analyse", "ehsa", *arguments)
+
+    assert status == 2 and out == ""
+    assert says in err and len(err.strip().splitlines()) == 1

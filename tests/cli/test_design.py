@@ -1,0 +1,147 @@
+"""`ehsa-ctrl design`: from a specification to a controller's TOML."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.design.analysis.loop import analyse_loop
+from ehsa_ctrl.design.analysis.step import step_response
+from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
+from ehsa_ctrl.design.load import build_controller
+from ehsa_ctrl.design.tuning.specification import begin, leaves, resolve, value
+
+CLASSIC = ("design", "ehsa", "--kind", "pid", "--bandwidth", "35 rad/s", "--phase-margin", "60 deg")
+
+
+def test_a_tuned_pid_is_written_and_keeps_what_was_asked_for(run, linear):
+    status, out, _ = run(
+        "design", "ehsa", "--kind", "pid", "--Ms", "1.4", "--noise-gain", "6000 A/m", "-o", "mine.toml"
+    )
+
+    assert status == 0
+    assert "written to mine.toml" in out
+    text = Path("mine.toml").read_text()
+    assert tomllib.loads(text)["tuning"] == {"Ms": 1.4, "noise_gain": "6000 A/m"}
+    assert "# Designed by ehsa-ctrl for ehsa: Ms 1.4, noise_gain 6000 A/m." in text
+    assert any(line.startswith("#") and "disk margin" in line for line in text.splitlines())
+    model = ehsa_ctrl.three_state(linear)
+    loop = analyse_loop(model, ehsa_ctrl.load_controller("mine.toml", model))
+    assert loop.Ms <= 1.4001
+    assert loop.noise_gain["position"] <= 6001
+
+
+def test_the_file_passes_check_and_is_not_replaced_unasked(run):
+    assert run(*CLASSIC, "-o", "mine.toml")[0] == 0
+    before = Path("mine.toml").read_text()
+
+    assert run("check", "mine.toml")[0] == 0
+    status, _, err = run(*CLASSIC, "-o", "mine.toml", "--title", "another")
+    assert status == 2
+    assert err == "ehsa-ctrl: mine.toml: is there already; choose another name or say --force\n"
+    assert Path("mine.toml").read_text() == before
+    assert run(*CLASSIC, "-o", "mine.toml", "--title", "another", "--force")[0] == 0
+    assert tomllib.loads(Path("mine.toml").read_text())["title"] == "another"
+
+
+def test_frozen_gains_are_the_same_controller(run, linear):
+    assert run(*CLASSIC, "-o", "spec.toml")[0] == 0
+    assert run(*CLASSIC, "--freeze", "-o", "gains.toml")[0] == 0
+
+    assert "gains" in tomllib.loads(Path("gains.toml").read_text())
+    model = ehsa_ctrl.three_state(linear)
+    specified, given = (ehsa_ctrl.load_controller(name, model) for name in ("spec.toml", "gains.toml"))
+    assert given.settings() == pytest.approx(specified.settings(), rel=1e-8)
+
+
+def test_json_and_figures(run):
+    status, out, _ = run(*CLASSIC, "--set", "K_T=1.1", "--json", "--out", "result")
+
+    assert status == 0
+    result = json.loads(out)
+    assert result["loop"]["phase_margin"] == pytest.approx(60, abs=0.1)
+    assert result["settings"] == {"K_T": "1.1"}
+    assert 0 < result["settling_time"] < 1
+    files = {path.name for path in Path("result").iterdir()}
+    assert files == {"design.json"} | {
+        f"{name}.{end}" for name in ("loop", "nyquist", "step") for end in ("png", "svg")
+    }
+
+
+def test_every_kind_can_be_designed(run):
+    """Without a word of specification: each kind has a shipped controller to start from."""
+    for kind in CONTROLLER_KINDS:
+        name, content = begin(kind)
+        assert name.name == kind == content["kind"]
+
+    status, out, _ = run("design", "ehsa", "--kind", "cascade", "--bandwidth", "20 rad/s", "--phase-margin", "70 deg")
+
+    assert status == 0
+    written = tomllib.loads(out)
+    assert written["position"]["crossover"] == "20 rad/s"
+    assert written["speed"] == tomllib.loads(Path(ehsa_ctrl.controllers["cascade_position"]).read_text())["speed"]
+
+
+@pytest.mark.slow
+def test_an_lqr_gets_its_bandwidth_from_the_position_weight(run, linear):
+    status, out, _ = run(
+        "design", "ehsa", "--kind", "lqr", "--bandwidth", "35 rad/s", "--Ms", "1.6", "--weight", "current=2 A", "--json"
+    )
+
+    assert status == 0
+    result = json.loads(out)
+    definition = CONTROLLER_KINDS["lqr"].file.model_validate(result["definition"])
+    model = ehsa_ctrl.three_state(linear)
+    steps = step_response(model, build_controller("mine", CONTROLLER_KINDS["lqr"], definition, model))
+    # Rise from 10 to 90 % of a second-order loop is about 2.2 over its bandwidth.
+    rise = np.interp([0.1, 0.9], np.maximum.accumulate(steps.position["reference"]), steps.time)
+    assert 1.8 < 35 * np.ptp(rise) < 2.8
+    assert result["loop"]["Ms"] <= 1.6
+    assert result["definition"]["weights"]["current"] == "2 A"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--kind", "pdi"), "--kind 'pdi': no such kind of controller; did you mean 'pid'?"),
+        (("--kind", "pid", "--bandwidth", "200 rad/s"), "no PID controller keeps"),
+        (
+            ("--kind", "pid", "--bandwidth", "200 rad/s", "--phase-margin", "60 deg"),
+            "lower the crossover or the margin",
+        ),
+        (("--kind", "pid", "--bandwidth", "20 Hz", "--phase-margin", "60 deg"), "1 Hz is 2 pi rad/s"),
+        (("--kind", "pid", "--Ms", "0.5"), "greater than 1"),
+        (("--kind", "pid", "--spec", "tunning.Ms=1.5"), "no such key; did you mean 'tuning.Ms'"),
+        (("--kind", "pid", "--spec", "crossover='3 rad/s'"), "design.crossover or tuning.crossover"),
+        (("--kind", "pid", "--spec", "Ms"), "expected KEY=VALUE, as in --spec"),
+        (("--kind", "pid", "--base", "lqr_position"), "--base lqr_position: is a 'lqr' controller"),
+        (("--kind", "pid", "--sample-time", "0.5 s", *CLASSIC[4:]), "Nyquist frequency 6.283 rad/s"),
+        (("--kind", "cascade", "--freeze"), "--freeze is for kind = 'pid'"),
+        (("--kind", "cascade", "--Ms", "1.1"), "Ms = 1.1 .*largest value; the loop of this cascade has 1.3"),
+        (("--kind", "pid", "-o", "mine.txt"), "ends in .toml"),
+        (("--kind", "pid", "--set", "K_T=-1"), "K_T"),
+    ],
+)
+def test_a_wrong_specification_is_one_sentence(run, arguments, sentence):
+    import re
+
+    status, out, err = run("design", "ehsa", *arguments)
+
+    assert status == 2
+    assert out == ""
+    assert re.search(sentence, err)
+    assert err.count("\n") == 1
+
+
+def test_words_are_found_among_a_kinds_keys():
+    form = CONTROLLER_KINDS["pid"].file
+
+    assert {"current_limit", "tuning.Ms", "design.phase_margin", "gains.k_p"} <= set(leaves(form))
+    assert resolve("Ms", form) == "tuning.Ms"
+    assert resolve("design.crossover", form) == "design.crossover"
+    assert value("1.5") == 1.5
+    assert value("30 rad/s") == "30 rad/s"
+    assert value("'PI'") == "PI"

@@ -1,0 +1,55 @@
+"""`ehsa-ctrl export` as a user meets it."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pandas
+import pytest
+
+
+def test_source_test_and_vector_are_written(run, tmp_path):
+    """All files; the vector holds saturation, a reading that is lost for a moment and one that stays away."""
+    status, out, err = run("export", "cascade_position", "--out", "deploy", "--json")
+    result = json.loads(out)
+    table = pandas.read_csv(tmp_path / "deploy" / "test_vector.csv")
+
+    assert (status, err) == (0, "")
+    expected = {"controller.c", "controller.h", "test.c", "Makefile", "README.md", "test_vector.csv"}
+    assert {path.name for path in (tmp_path / "deploy").iterdir()} == expected
+    assert len(table) == result["samples"] == 750
+    assert result["samples_limited"] >= 1 and np.isclose(table["current"].abs().max(), 6.0)
+    lost = table["position"].isna().to_numpy()
+    assert lost[75:80].all() and not lost[80:600].any() and lost[-1]
+    assert table["current"].iloc[-1] == 0.0
+    if shutil.which("cc") is None or shutil.which("make") is None:
+        pytest.skip("there is no C compiler here")
+    subprocess.run(["make", "-s", "-C", str(tmp_path / "deploy"), "test"], check=True, capture_output=True)
+
+
+def test_a_result_is_not_overwritten_unasked(run, tmp_path):
+    """A second call needs --force; without --json it says how to go on."""
+    status, out, _ = run("export", "pid_position", "--out", "deploy")
+    assert status == 0 and "make -C deploy test" in out
+    (tmp_path / "deploy" / "controller.c").write_text("mine")
+    status, _, err = run("export", "pid_position", "--out", "deploy")
+
+    assert status == 2 and "there is a result already" in err
+    assert (tmp_path / "deploy" / "controller.c").read_text() == "mine"
+    assert run("export", "pid_position", "--out", "deploy", "--force")[0] == 0
+    assert "ehsa_step" in (tmp_path / "deploy" / "controller.c").read_text()
+
+
+def test_what_is_believed_reaches_the_gains(run, tmp_path):
+    """A design on another torque constant is another controller."""
+    run("export", "pid_position", "--out", "one")
+    run("export", "pid_position", "--set", "K_T=1.0", "--out", "two")
+
+    assert (tmp_path / "one" / "controller.c").read_text() != (tmp_path / "two" / "controller.c").read_text()
+
+
+def test_an_unknown_controller_is_a_sentence(run):
+    status, _, err = run("export", "pid_positon", "--out", "deploy")
+
+    assert status == 2 and "did you mean" in err and "pid_position" in err

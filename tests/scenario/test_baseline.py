@@ -1,0 +1,133 @@
+"""Baselines: kept by the run that made them, left by another one, recorded with a reason."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.scenario.baseline import SIGNALS, baseline_path, read_baseline, updated, write_baseline
+
+
+@pytest.fixture
+def recorded(project):
+    """A run of the short move and its baseline."""
+    path = project()
+    write_baseline(ehsa_ctrl.run(path), "first look")
+    return path
+
+
+def test_a_run_keeps_to_its_own_baseline(recorded):
+    """Recorded, read and held against a new run: passed, with the file and the reason in the result."""
+    result = ehsa_ctrl.run(recorded)
+
+    assert result.verdict == "pass"
+    assert result.to_dict()["baseline"]["reason"] == "first look"
+    assert result.baseline.path == recorded.parent / "baselines" / "short-pid_position.json"
+
+
+def test_recorded_points_follow_the_run(recorded):
+    """A line through the kept points misses no sample by more than a quarter of the tolerance."""
+    result = ehsa_ctrl.run(recorded)
+    run, kept = result.nonlinear.trajectory, result.baseline.signals
+    for name in SIGNALS:
+        line = np.interp(run.time, kept["time"], kept[name])
+
+        assert np.max(np.abs(line - run[name])) < result.scenario.definition.baseline.of(name) / 4, name
+
+
+def test_another_plant_leaves_it(recorded, project):
+    """More friction: the position leaves its tube, metrics differ, and the plant is named as what has changed."""
+    path = project(add='\n[settings]\nA_FR = "1300 N"\n')
+    result = ehsa_ctrl.run(path)
+    text = "\n".join(result.failures)
+
+    assert result.verdict == "fail"
+    assert "x leaves its tube by" in text
+    assert "RMSError (nonlinear) was" in text
+    assert "because: first look; changed since then: scenario, plant" in text
+
+
+def test_a_small_change_stays_within(recorded, project):
+    """Another seed of the noise moves the rod by less than the tolerances."""
+    path = project(add='\n[sensors]\nseed = 1\n\n[baseline]\nposition = "0.4 mm"\nspeed = "60 rad/s"\nshare = 0.5\n')
+    tubes = [line for line in ehsa_ctrl.run(path).failures if "tube" in line]
+
+    assert not any("x leaves" in line for line in tubes)
+
+
+def test_tolerances_of_zero_let_nothing_through(recorded, project):
+    """The recorded values are rounded to six digits: a tube without height is left."""
+    path = project(add='\n[baseline]\ntime = "0 s"\nposition = "0 mm"\n')
+
+    assert any("x leaves its tube" in line for line in ehsa_ctrl.run(path).failures)
+
+
+def test_another_checked_plant_is_not_held_against_it(recorded):
+    """--plant checks on something else: the recorded run says nothing about that."""
+    assert ehsa_ctrl.run(recorded, plant="ehsa").baseline is None
+
+
+def test_updating_records_what_is_new_and_leaves_what_is_kept(recorded, project):
+    """A run that keeps to its baseline leaves the file as it is; one that does not gets a new one, with its reason."""
+    file = baseline_path(ehsa_ctrl.run(recorded))
+    before = file.read_bytes()
+    same, nothing = updated(ehsa_ctrl.run(recorded), "no reason at all")
+    assert not nothing and file.read_bytes() == before and same.verdict == "pass"
+
+    changed, told = updated(ehsa_ctrl.run(project(add='\n[settings]\nA_FR = "1300 N"\n')), "stiffer seal")
+
+    assert changed.verdict == "pass" and any("leaves its tube" in line for line in told)
+    assert json.loads(file.read_text())["reason"] == "stiffer seal"
+
+
+def test_a_run_that_fails_its_limits_is_not_recorded(project):
+    """A baseline of a failure would make it right."""
+    result = ehsa_ctrl.run(project(add='\n[limits]\nMaxError = { max = "1 um" }\n'))
+
+    assert updated(result, "never mind") == (result, ())
+    with pytest.raises(InputError, match="no baseline is recorded of a run that fails"):
+        write_baseline(result, "never mind")
+
+
+def test_a_reason_is_needed(project):
+    """Without one nothing is written."""
+    result = ehsa_ctrl.run(project())
+    with pytest.raises(InputError, match="say why"):
+        write_baseline(result, "  ")
+
+    assert not baseline_path(result).exists()
+
+
+def test_a_scenario_that_asks_for_nothing_is_untested(project):
+    """No limit, no trip expected, no baseline: neither pass nor fail."""
+    assert ehsa_ctrl.run(project(add="")).verdict == "untested"
+
+
+def test_a_run_that_ends_early_leaves_its_baseline(recorded):
+    """Half of a run is not the run."""
+    result = ehsa_ctrl.run(recorded)
+    half = replace(result, nonlinear=result.nonlinear.first(150))
+
+    assert any("the run ended at 0.596 s" in line for line in half.baseline.differences(half))
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"metrics": {}, "signals": {}}', '{"metrics": {"IAE": [1]}}'])
+def test_a_broken_file_is_a_sentence(tmp_path, text):
+    """It names the file and what to do."""
+    file = tmp_path / "b.json"
+    file.write_text(text)
+    with pytest.raises(InputError, match=r"b\.json: is no baseline .* --update-baselines"):
+        read_baseline(file)
+
+
+def test_its_figure_and_table_show_the_tube(recorded):
+    """One row a sample; the run lies within the bounds."""
+    result = ehsa_ctrl.run(recorded)
+    table = result.baseline.to_pandas(result)
+
+    assert len(table) == len(result.nonlinear.trajectory)
+    assert ((table.x >= table.x_lower) & (table.x <= table.x_upper)).all()
+    assert len(result.plot_baseline().axes) == 4

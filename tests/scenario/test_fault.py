@@ -1,0 +1,87 @@
+"""Faults and supervision: from a scenario's TOML to what the loop does."""
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.scenario.fault import Supervising, faults_of
+from ehsa_ctrl.scenario.run import prepare
+
+POSITION = 3
+
+
+def fault(**words):
+    return {"fault": [words]}
+
+
+def test_a_stuck_sensor_gives_its_last_value(short):
+    """From its time on, for its duration; then the truth again."""
+    result = ehsa_ctrl.run(short(**fault(kind="stuck", channel="position", start="0.2 s", duration="0.1 s")))
+    loop = result.nonlinear
+    time, read = loop.trajectory.time, loop.measured[:, POSITION]
+    during = (time >= 0.2 - 1e-9) & (time < 0.3 - 1e-9)
+
+    assert np.ptp(read[during]) == 0
+    assert np.max(np.abs(read[~during] - loop.trajectory["x"][~during])) < 200e-6
+
+
+def test_lost_samples_are_no_numbers_and_are_bridged(short):
+    """Five lost samples are within what supervision bridges: the loop goes on."""
+    result = ehsa_ctrl.run(short(**fault(kind="lost", channel="position", start="0.2 s", duration="20 ms")))
+
+    assert np.count_nonzero(np.isnan(result.nonlinear.measured[:, POSITION])) == 5
+    assert np.isfinite(result.nonlinear.asked).all()
+    assert np.isnan(result.metrics["StopTime"][1])
+
+
+def test_a_position_that_stays_lost_stops_the_loop(short):
+    """After the time that supervision allows: the current is zero from then on, and the rod comes to rest."""
+    lost = fault(kind="lost", channel="position", start="0.2 s")
+    result = ehsa_ctrl.run(short(**lost, supervision={"lost": "20 ms"}))
+    loop = result.nonlinear
+    stop = 0.2 + result.metrics["StopTime"][1]
+
+    assert result.metrics["StopTime"][1] == pytest.approx(0.02)
+    assert not np.any(loop.asked[loop.trajectory.time >= stop - 1e-9])
+    assert loop.trajectory.sticks("rod")[-1]
+
+
+def test_a_drive_that_is_limited_gives_no_more(short):
+    """The controller asks for more than the drive gives, and only while the fault lasts."""
+    weak = fault(kind="current_limit", current="0.5 A", start="0.1 s", duration="0.4 s")
+    loop = ehsa_ctrl.run(short(**weak)).nonlinear
+    during = (loop.trajectory.time >= 0.1 - 1e-9) & (loop.trajectory.time < 0.5 - 1e-9)
+
+    assert np.max(np.abs(loop.trajectory.current[during])) == 0.5 < np.max(np.abs(loop.asked[during]))
+    assert np.array_equal(loop.trajectory.current[~during], loop.asked[~during])
+
+
+def test_a_contradiction_stops_the_loop_and_travel_is_the_plants(short):
+    """A stuck position while the shaft turns; D / A comes from the plant, not from the scenario."""
+    stuck = fault(kind="stuck", channel="position", start="0.2 s")
+    case = prepare(short(**stuck, supervision={"contradiction": "1 mm"}))
+    plant = case.nonlinear
+
+    assert case.controller.supervision.travel == plant["D"] / plant["A"]
+    assert case.metrics(case.loop(plant))["StopTime"] < 0.2
+
+
+def test_supervision_that_is_not_asked_for_changes_nothing(short):
+    """Neutral values to the last bit."""
+    plain, wide = (ehsa_ctrl.run(scenario).nonlinear for scenario in (short(), short(supervision={})))
+
+    assert np.array_equal(plain.trajectory.states, wide.trajectory.states)
+
+
+def test_no_fault_is_an_empty_table():
+    """Nothing listed, nothing wrong."""
+    fault, ceiling = faults_of([]).tables(np.arange(5.0))
+
+    assert not fault.any() and np.isinf(ceiling).all()
+
+
+def test_supervising_reads_units(plant):
+    """bar and mm in, SI out."""
+    read = Supervising(position="95 mm", pressure_max="200 bar").of(plant)
+
+    assert (read.position, read.pressure_max) == (pytest.approx(0.095), pytest.approx(200e5))

@@ -1,0 +1,251 @@
+"""Monte Carlo: the same draws whoever makes them, resumed after an interrupt, an interval that holds what it says."""
+
+import json
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.scenario.campaign import Campaign, Outcome
+from ehsa_ctrl.scenario.influence import influences
+from ehsa_ctrl.scenario.montecarlo import MonteCarlo, monte_carlo
+from ehsa_ctrl.scenario.run import prepare
+from ehsa_ctrl.scenario.spread import Uncertain, Uncertainty, uncertainty_of
+
+ADD = '\n[limits]\nMaxError = { max = "2 mm" }\n\n[spread]\nK_T = ["1.0 N m/A", "1.4 N m/A"]\nA_FR = "10 %"\n'
+
+
+@pytest.fixture
+def scenario(project):
+    return project(add=ADD)
+
+
+def outcome(run, passed, margin=0.0, **parameters):
+    return Outcome(run, passed, margin, 0, parameters, {})
+
+
+def test_the_result_does_not_depend_on_who_runs_it(scenario):
+    """One core, two threads: the same outcomes in the same order; another seed gives others."""
+    alone = monte_carlo(scenario, runs=24, seed=3)
+
+    assert alone.outcomes == monte_carlo(scenario, runs=24, seed=3, jobs=2).outcomes
+    assert alone.outcomes != monte_carlo(scenario, runs=24, seed=4).outcomes
+
+
+@pytest.mark.slow
+def test_processes_give_the_same(scenario):
+    """As threads do: what a controller in plain Python needs."""
+    processes = monte_carlo(scenario, runs=24, jobs=2, backend="loky")
+
+    assert processes.outcomes == monte_carlo(scenario, runs=24).outcomes
+
+
+def test_a_run_of_a_campaign_is_a_run_of_the_scenario(scenario):
+    """Draw, plant and noise of run 7, done by hand, give its metrics."""
+    found = monte_carlo(scenario, runs=8).outcomes[7]
+    case = prepare(scenario)
+    metrics = case.metrics(case.loop(case.nonlinear.set(**found.parameters), found.seed))
+
+    assert found.metrics["MaxError"] == metrics["MaxError"]
+    assert found.passed == (metrics["MaxError"] <= 2e-3)
+    assert found.margin == pytest.approx(1 - metrics["MaxError"] / 2e-3)
+
+
+def test_more_runs_begin_with_the_same(scenario):
+    """Run k has its draw whatever the number of runs."""
+    assert monte_carlo(scenario, runs=12).outcomes[:5] == monte_carlo(scenario, runs=5).outcomes
+
+
+def test_an_interrupted_campaign_goes_on(scenario, tmp_path):
+    """Stopped after some runs, with a line cut off: only the rest is run, and the result is that of one go."""
+    file = tmp_path / "runs.jsonl"
+    seen = []
+
+    def stop(done, total):
+        seen.append(done)
+        if done >= 10:
+            raise KeyboardInterrupt
+
+    part = monte_carlo(scenario, runs=30, file=file, watch=stop)
+    assert part.interrupted and len(part.outcomes) == 10
+    file.write_text(file.read_text() + '{"run": 11, "pass')
+
+    counted = []
+    whole = monte_carlo(scenario, runs=30, file=file, watch=lambda done, total: counted.append(done))
+
+    assert counted == [20, 30] and not whole.interrupted
+    assert whole.outcomes == monte_carlo(scenario, runs=30).outcomes
+
+
+def test_a_file_of_another_campaign_is_refused(scenario, project, tmp_path):
+    """Another seed, another limit: their results may not be mixed."""
+    file = tmp_path / "runs.jsonl"
+    monte_carlo(scenario, runs=2, file=file)
+    with pytest.raises(InputError, match="another campaign"):
+        monte_carlo(scenario, runs=2, seed=1, file=file)
+    with pytest.raises(InputError, match="another campaign"):
+        monte_carlo(project("other", add=ADD.replace("2 mm", "3 mm")), runs=2, file=file)
+
+    (tmp_path / "no.jsonl").write_text("1\n")
+    with pytest.raises(InputError, match="is no file of a Monte Carlo campaign"):
+        monte_carlo(scenario, runs=2, file=tmp_path / "no.jsonl")
+
+
+def test_an_outcome_survives_its_file(tmp_path):
+    """Also a margin of minus infinity, and a failure's sentence with a line break's worth of quotes."""
+    file = tmp_path / "runs.jsonl"
+    outcomes = (
+        Outcome(0, True, 0.5, 7, {"K_T": 1.1}, {"IAE": 0.25}),
+        Outcome(1, False, float("-inf"), 8, {"K_T": 1.3}, {}, ('it said "no"',)),
+    )
+    Campaign.open(file, "x").append(outcomes)
+
+    assert Campaign.open(file, "x").outcomes == outcomes
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_gives_the_same(scenario):
+    """A local cluster, found by its address as one of many machines would be."""
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        there = monte_carlo(scenario, runs=24, jobs=-1, backend="dask", address=cluster.scheduler_address)
+
+    assert there.outcomes == monte_carlo(scenario, runs=24).outcomes
+
+
+def test_the_interval_holds_the_probability_as_often_as_it_says():
+    """Exact binomial interval at 90 %: over all possible counts it covers at least 90 %, for any probability."""
+    from scipy.stats import binom
+
+    n = 40
+    intervals = []
+    for k in range(n + 1):
+        outcomes = tuple(outcome(i, i < k, K_T=1.0) for i in range(n))
+        intervals.append(MonteCarlo("s", "c", Uncertainty(()), outcomes, 0).interval(0.9))
+    for p in (0.02, 0.3, 0.71, 0.97):
+        covered = sum(binom.pmf(k, n, p) for k, (low, high) in enumerate(intervals) if low <= p <= high)
+
+        assert covered >= 0.9
+
+
+def test_the_parameter_that_decides_is_found():
+    """Runs fail where K_T is high, whatever J_M is."""
+    rng = np.random.default_rng(0)
+    draws = rng.uniform(size=(200, 2))
+    outcomes = [outcome(k, bool(a < 0.8), K_T=a, J_M=b) for k, (a, b) in enumerate(draws)]
+    first, second = influences(outcomes, ("J_M", "K_T"))
+
+    assert (first.name, first.measure, first.decisive) == ("K_T", "ks", True)
+    assert first.value == 1.0 and "runs fail where it is high" in str(first)
+    assert not second.decisive
+
+
+def test_where_all_pass_the_margin_tells():
+    """No failure: what the least margin goes along with; margins that are minus infinity rank last."""
+    rng = np.random.default_rng(1)
+    outcomes = [outcome(k, True, margin=-(a**3), A_FR=a, J_M=b) for k, (a, b) in enumerate(rng.uniform(size=(60, 2)))]
+    first, _ = influences(outcomes, ("J_M", "A_FR"))
+
+    assert (first.name, first.measure) == ("A_FR", "rank") and first.value == pytest.approx(-1.0)
+    assert "falls with it" in str(first)
+
+
+def test_chance_is_shared_among_all_that_were_looked_at():
+    """Of 40 parameters that do nothing, at most some seldom one is called decisive."""
+    rng = np.random.default_rng(2)
+    names = [f"p{k}" for k in range(40)]
+    called = 0
+    for _ in range(8):
+        outcomes = [outcome(k, bool(k % 3), **dict(zip(names, rng.normal(size=40), strict=True))) for k in range(90)]
+        called += any(influence.decisive for influence in influences(outcomes, names))
+
+    assert called <= 1
+
+
+def test_draws_have_the_spread_that_was_asked_for(plant):
+    """Normal with 10 %, cut at three deviations; even between bounds; what the file believes is drawn as well."""
+    uncertainty = uncertainty_of(plant, {"A_FR": "10 %", "load.stiffness": ("0 N/m", "100 kN/m"), "beta": "0"})
+    rng = np.random.default_rng(0)
+    draws = [uncertainty.draw(rng) for _ in range(4000)]
+    friction = np.array([draw["A_FR"] for draw in draws])
+    spring = np.array([draw["K_S"] for draw in draws])
+
+    assert {*uncertainty.names} == {"K_T", "tau_FM", "tau_FR", "A_FR", "K_S"}
+    assert friction.mean() == pytest.approx(854, rel=0.01) and friction.std() == pytest.approx(85.4, rel=0.04)
+    assert np.max(np.abs(friction - 854)) <= 3 * 85.4
+    assert spring.min() >= 0 and spring.max() <= 1e5 and spring.mean() == pytest.approx(5e4, rel=0.03)
+
+
+def test_draws_have_the_covariance_of_the_identification(plant, tmp_path):
+    """Two estimates that trade places are drawn together."""
+    file = tmp_path / "identification.json"
+    sd = np.array([1e-5, 0.02])
+    covariance = np.array([[1.0, 0.9], [0.9, 1.0]]) * np.outer(sd, sd)
+    file.write_text(json.dumps({"correlation": {"names": ["J_M", "A_FM"], "covariance": covariance.tolist()}}))
+    uncertainty = uncertainty_of(plant, {"M": "5 %"}, file)
+    rng = np.random.default_rng(0)
+    table = np.array(
+        [[draw[name] for name in ("J_M", "A_FM", "M")] for draw in (uncertainty.draw(rng) for _ in range(3000))]
+    )
+    found = np.corrcoef(table.T)
+
+    assert found[0, 1] == pytest.approx(0.9, abs=0.02)
+    assert abs(found[0, 2]) < 0.06
+    assert np.std(table[:, 1]) == pytest.approx(0.02, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("spread", "says"),
+    [
+        ({"K_X": "10 %"}, "K_X: the nonlinear model of ehsa has no such parameter"),
+        ({"K_T": "5 bar"}, r"\[spread\] K_T: unit 'bar' does not fit"),
+        ({"K_T": ("2 N m/A", "1 N m/A")}, "is no range"),
+        ({"K_T": "-1 N m/A"}, "must be at least 0"),
+        ({"K_T": "x %"}, "no number of per cent"),
+    ],
+)
+def test_a_wrong_spread_is_a_sentence(plant, spread, says):
+    """It names the key."""
+    with pytest.raises(InputError, match=says):
+        uncertainty_of(plant, spread)
+
+
+def test_bounds_without_room_are_said():
+    """A believed range far from the value."""
+    nowhere = Uncertainty((Uncertain("K_T", 1.0, 5.0, 6.0, sd=0.1),))
+    with pytest.raises(InputError, match="no draw within the bounds of K_T"):
+        nowhere.draw(np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"runs": 0}, "runs = 0"),
+        ({"backend": "slurm"}, "backend 'slurm' is not known"),
+        ({"backend": "loky", "address": "tcp://x:1"}, "goes with the backend dask or ray"),
+        ({"jobs": 0}, "jobs = 0"),
+        ({"identification": "nowhere.json"}, "nowhere.json: no such file"),
+    ],
+)
+def test_what_can_not_be_run_is_said(scenario, arguments, says):
+    """One sentence."""
+    with pytest.raises(InputError, match=says):
+        monte_carlo(scenario, **{"runs": 2, **arguments})
+
+
+def test_a_scenario_without_limits_has_nothing_to_pass(project):
+    """Every run would."""
+    with pytest.raises(InputError, match="sets no limit"):
+        monte_carlo(project(add=""), runs=2)
+
+
+def test_result_prints_and_draws(scenario):
+    """A sentence with the interval, a table with a row a run, a figure."""
+    found = monte_carlo(scenario, runs=10)
+
+    assert "of 10 runs pass, probability" in str(found)
+    assert len(found.to_pandas()) == 10 and {"K_T", "passed", "MaxError"} <= {*found.to_pandas()}
+    assert found.plot().axes
+    assert ehsa_ctrl.monte_carlo is monte_carlo
