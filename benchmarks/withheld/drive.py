@@ -1,0 +1,49 @@
+"""What moves the bench in a case, and whether the bench survives it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import excitation
+import numpy as np
+from cause import Bench
+from plant import Run, simulate
+
+ROD_LIMIT, LOWEST_PRESSURE, SPEED_LIMIT = 0.09, -0.9e5, 520.0  # m, Pa, rad/s
+SLOW_PULL = (0.5, 20.0, 0.0)  # s, A/m
+
+
+@dataclass(frozen=True)
+class Drive:
+    """An excitation, open or with the slow centring loop, or a rod reference and a position controller."""
+
+    loop: str
+    shape: str
+    wanted: np.ndarray
+    gains: tuple[float, ...]
+
+    @staticmethod
+    def drawn(rng: np.random.Generator, family: str, n: int) -> Drive:
+        if family == "closed_loop":
+            gains = (rng.uniform(4e3, 1.2e4), rng.uniform(0.008, 0.02), rng.uniform(0.02, 0.2))
+            return Drive("position", "moves and sine", excitation.reference(n, rng), gains)
+        if family == "weak":
+            shape, wanted = excitation.weak(n, rng)
+            return Drive("centring", shape, wanted, SLOW_PULL)
+        loop = "open" if rng.random() < 0.25 else "centring"
+        return Drive(loop, "mixed", excitation.mixed(n, rng), SLOW_PULL)
+
+    def run(self, bench: Bench, noise: Mapping[str, float], rng: np.random.Generator) -> Run:
+        """The loop has an encoder and a potentiometer of its own, with the bench's noise."""
+        seen = rng.standard_normal((self.wanted.size, 2)) * np.array([noise["speed"], noise["position"]])
+        return simulate(bench.rig, self.wanted, loop=self.loop, gains=self.gains, seen=seen)
+
+
+def usable(run: Run) -> bool:
+    """The rod moves and stays in its stroke, and no pressure is below what oil can bear."""
+    y = run.samples
+    if not np.isfinite(y).all():
+        return False
+    fits = np.abs(y[:, 3]).max() < ROD_LIMIT and np.abs(y[:, 0]).max() < SPEED_LIMIT
+    return bool(fits and y[:, 1:3].min() > LOWEST_PRESSURE and np.ptp(y[:, 3]) > 2e-4)

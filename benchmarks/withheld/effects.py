@@ -1,0 +1,39 @@
+"""All ids of the catalogue: drawing one, and the balance that it disturbs."""
+
+from __future__ import annotations
+
+from cause import Conditions, Effect
+from flow import draw_flow
+from force import draw_load, draw_rod
+from outside import OUTSIDE
+from outside import PLACES as OUTSIDE_PLACES
+from sensing import draw_sensor
+from torque import draw_torque
+
+#: Ids of the contract, in its order; the index of scores and of the confusion matrix.
+IDS = (
+    "torque_constant", "torque_saturation", "rotor_inertia", "motor_friction", "motor_viscous_friction",
+    "torque_ripple", "pump_torque_loss", "current_offset", "drive_lag", "drive_delay", "pump_displacement",
+    "internal_leakage", "orifice_leakage", "external_leakage", "bulk_modulus", "entrained_air",
+    "chamber_volume_variation", "relief_valve", "anti_cavitation", "unequal_areas", "rod_friction",
+    "rod_viscous_friction", "load_dependent_friction", "asymmetric_friction", "position_dependent_friction",
+    "presliding", "line_pressure_drop", "payload_mass", "constant_force", "load_spring", "spring_hardening",
+    "backlash", "end_stop", "viscosity_warmup", "sensor_bias", "sensor_scale", "sensor_delay", "sensor_filter",
+)  # fmt: skip
+_PLACES = (("torque", 7), ("drive", 10), ("flow", 20), ("force", 34), ("sensor", 38))
+
+
+def draw(id: str, c: Conditions) -> Effect:
+    """One effect of the contract with a law, a sign and, where it has one, a channel."""
+    families = ((draw_torque, 10), (draw_flow, 20), (draw_rod, 27), (draw_load, 34), (draw_sensor, 38))
+    family = next(f for f, end in families if IDS.index(id) < end)
+    return family(c, id)
+
+
+def place_of(id: str, law: str) -> list[str]:
+    """Balances that the cause disturbs."""
+    if id == OUTSIDE:
+        return [OUTSIDE_PLACES[law]]
+    if id == "viscosity_warmup":
+        return ["torque", "force"]
+    return [next(place for place, end in _PLACES if IDS.index(id) < end)]

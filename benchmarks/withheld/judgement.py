@@ -1,0 +1,161 @@
+"""One answer against one key: what was right about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from effects import IDS, place_of
+from gap import SIGNALS
+from outside import OUTSIDE
+
+#: A listed effect is named when it is held for at least this likely; the first of "effect" and "ambiguous" always.
+NAMED = 0.5
+FAILED = "failed"
+
+Name = tuple[str, str | None]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One case.
+
+    truth: ids of the causes, empty without a gap. answer: verdict, or "failed".
+    first: id on top, or the verdict where nothing is named. in_set: a cause stands in the first one's set.
+    found: causes that are named, alone or in a set. wrong: named, and neither a cause nor a parameter that is really
+    off below the threshold; minor: those that are.
+    probabilities: (K,) of the ids; labels: (K,) 1 cause, 0 not, None for what is the same as a cause in principle.
+    on_truth: mean probability given to the causes.
+    closed, closable: share of the nominal gap that the answer closed on held-out data, and that the truth closes.
+    """
+
+    name: str
+    family: str
+    verdict: str
+    truth: tuple[str, ...]
+    laws: tuple[str, ...]
+    answer: str
+    first: str
+    top_1: bool
+    in_set: bool
+    set_size: int
+    found: int
+    wrong: int
+    minor: int
+    place_right: bool
+    probabilities: tuple[float, ...]
+    labels: tuple[int | None, ...]
+    on_truth: float
+    closed: float | None
+    closable: float | None
+    largest: float
+    loop: str
+    load_cell: bool
+    seconds: float | None
+
+
+def judge(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | None) -> Judgement:
+    """`answer` is a diagnosis.json, or None where the tool gave none."""
+    causes = [_accepted(effect) for effect in key["effects"]]
+    truth = tuple(effect["id"] for effect in key["effects"])
+    catalogued = [cause for cause, id in zip(causes, truth, strict=True) if id != OUTSIDE]
+    effects: list[Mapping[str, Any]] = list(answer["effects"]) if answer else []
+    verdict = str(answer["verdict"]) if answer else FAILED
+    told = verdict in ("effect", "ambiguous")
+    named = [e for i, e in enumerate(effects) if float(e["probability"]) >= NAMED or (told and i == 0)]
+    if verdict in ("no_gap", "underdetermined"):
+        named = []
+    found = [any(_hits(e, cause) for e in named) for cause in catalogued]
+    off = {_PARAMETER_IDS[p] for p in key.get("parameter_errors", {})}
+    off |= {e["id"] for e in key.get("below_threshold", [])}
+    stray = [e for e in named if not any(_hits(e, cause) for cause in catalogued)]
+    minor = sum(e["id"] in off for e in stray)
+    first = effects[0] if effects and verdict != "no_gap" else None
+    probabilities, labels = _scored(effects, catalogued)
+    on_truth = [max((float(e["probability"]) for e in effects if _is(e, cause)), default=0.0) for cause in catalogued]
+    places = {p for effect in key["effects"] for p in _places(effect)}
+    where = max(answer["where"], key=lambda w: w["share"], default=None) if answer and answer.get("where") else None
+    return Judgement(
+        name=name,
+        family=key.get("family", ""),
+        verdict=key.get("verdict") or ("no_gap" if not truth else OUTSIDE if OUTSIDE in truth else "effect"),
+        truth=truth,
+        laws=tuple(effect.get("law", "") for effect in key["effects"]),
+        answer=verdict,
+        first=first["id"] if told and first else verdict,
+        top_1=bool(first and told and any(_is(first, cause) for cause in catalogued)),
+        in_set=bool(first and told and any(_hits(first, cause) for cause in catalogued)),
+        set_size=1 + len(first.get("ambiguous_with") or []) if first and told else 0,
+        found=sum(found),
+        wrong=len(stray) - minor,
+        minor=minor,
+        place_right=bool(where and where["place"] in places),
+        probabilities=probabilities,
+        labels=labels,
+        on_truth=sum(on_truth) / len(on_truth) if on_truth else float("nan"),
+        closed=_closed(answer, "with_effects") if answer else None,
+        closable=_closed(key.get("held_out"), "truth"),
+        largest=max(key["gap"][s] for s in SIGNALS),
+        loop=key.get("loop", ""),
+        load_cell=bool(key.get("load_cell", True)),
+        seconds=float(answer["seconds"]) if answer and answer.get("seconds") is not None else None,
+    )
+
+
+_PARAMETER_IDS = {
+    "J_M": "rotor_inertia", "K_T": "torque_constant", "A_FM": "motor_friction", "B_FM": "motor_viscous_friction",
+    "C_FM": "motor_friction", "tau_FM": "motor_friction", "K_L": "internal_leakage",
+    "V_10": "chamber_volume_variation", "V_20": "chamber_volume_variation", "beta": "bulk_modulus",
+    "M": "payload_mass", "A_FR": "rod_friction", "B_FR": "rod_viscous_friction", "C_FR": "rod_friction",
+    "tau_FR": "rod_friction", "K_S": "load_spring",
+}  # fmt: skip
+
+
+def _places(effect: Mapping[str, Any]) -> list[str]:
+    """As the key has it, else by the id; a key of another bench need not say where an unknown effect acts."""
+    if "place" in effect or effect["id"] not in IDS:
+        return list(effect.get("place", []))
+    return place_of(effect["id"], "")
+
+
+def _accepted(effect: Mapping[str, Any]) -> set[Name]:
+    rows: Iterable[Mapping[str, Any]] = effect.get("accepted") or [effect]
+    return {(row["id"], row.get("channel")) for row in rows}
+
+
+def _is(effect: Mapping[str, Any], cause: set[Name]) -> bool:
+    return (effect["id"], effect.get("channel")) in cause
+
+
+def _hits(effect: Mapping[str, Any], cause: set[Name]) -> bool:
+    """The effect, or one of those it can't be told from, is the cause. Sets name ids without channels."""
+    return _is(effect, cause) or bool({id for id, _ in cause} & set(effect.get("ambiguous_with") or []))
+
+
+def _scored(
+    effects: list[Mapping[str, Any]], causes: list[set[Name]]
+) -> tuple[tuple[float, ...], tuple[int | None, ...]]:
+    """Probability and label of each id. What is the same as a cause in principle shares the cause's probability."""
+    p = dict.fromkeys(IDS, 0.0)
+    label: dict[str, int | None] = dict.fromkeys(IDS, 0)
+    for e in effects:
+        if e["id"] in p:
+            p[e["id"]] = max(p[e["id"]], float(e["probability"]))
+    for cause in causes:
+        for id, _ in cause:
+            label[id] = None
+    for cause in causes:
+        held_by = next((id for id, _ in sorted(cause, key=str) if id in p), None)
+        if held_by:
+            label[held_by] = 1
+            p[held_by] = max((float(e["probability"]) for e in effects if _is(e, cause)), default=0.0)
+    return tuple(p[id] for id in IDS), tuple(label[id] for id in IDS)
+
+
+def _closed(table: Mapping[str, Any] | None, model: str) -> float | None:
+    """1 - G(model) / G(nominal) in total."""
+    gaps = table.get("gap") if table else None
+    if not gaps or not gaps.get(model) or not gaps.get("nominal") or not gaps["nominal"]["total"]:
+        return None
+    return 1.0 - float(gaps[model]["total"]) / float(gaps["nominal"]["total"])

@@ -1,0 +1,138 @@
+"""Run the diagnosis on every case through the command line, and score its answers against the key.
+
+python benchmarks/withheld/score.py results/withheld/reported --jobs 2
+python benchmarks/withheld/score.py results/withheld/reported --answers some/folder --no-run
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from figures import Figure, confusion, sections
+from joblib import Parallel, delayed
+from judgement import Judgement, judge
+
+
+def command(tool: Sequence[str], belief: dict[str, Any], out: Path) -> list[str]:
+    """What somebody would type who has the log and knows what is believed."""
+    line = [*tool, "diagnose", "log.csv", "--plant", belief["plant"], "--model", belief["model"]]
+    if belief.get("validate"):
+        line += ["--validate", "validate.csv"]
+    told = dict(belief.get("set") or {})
+    if belief.get("spring_stiffness"):
+        told["load.stiffness"] = belief["spring_stiffness"]
+    for name, value in told.items():
+        line += ["--set", f"{name}={value!r}"]
+    return [*line, "--out", str(out)]
+
+
+def diagnose(tool: Sequence[str], cases: Path, name: str, answers: Path, timeout: float) -> None:
+    """One answer in answers/NAME/, or failed.txt with why not. The tool sees copies of the logs and nothing else."""
+    target = answers / name
+    belief = json.loads((cases / f"{name}.json").read_text())
+    with tempfile.TemporaryDirectory() as folder:
+        shutil.copyfile(cases / belief["log"], Path(folder, "log.csv"))
+        if belief.get("validate"):
+            shutil.copyfile(cases / belief["validate"], Path(folder, "validate.csv"))
+        line = command(tool, belief, Path(folder, "out"))
+        try:
+            done = subprocess.run(line, cwd=folder, capture_output=True, text=True, timeout=timeout)
+            why = "" if done.returncode == 0 else f"exit status {done.returncode}\n{done.stdout}\n{done.stderr}"
+        except subprocess.TimeoutExpired:
+            why = f"no answer within {timeout:g} s"
+        target.mkdir(parents=True, exist_ok=True)
+        answer = Path(folder, "out", "diagnosis.json")
+        if not why and not answer.exists():
+            why = "no diagnosis.json was written"
+        if why:
+            (target / "failed.txt").write_text(f"{shlex.join(line)}\n{why}\n")
+        else:
+            (target / "failed.txt").unlink(missing_ok=True)
+            shutil.copyfile(answer, target / "diagnosis.json")
+
+
+def judged(cases: Path, answers: Path, names: Sequence[str]) -> list[Judgement]:
+    key = json.loads((cases / "key.json").read_text())
+    out = []
+    for name in names:
+        file = answers / name / "diagnosis.json"
+        out.append(judge(name, key[name], json.loads(file.read_text()) if file.exists() else None))
+    return out
+
+
+def table(figures: dict[str, list[Figure]]) -> str:
+    lines = []
+    for heading, rows in figures.items():
+        lines += ["", f"**{heading}**", "", "| | value | 95 % interval | cases |", "|---|---|---|---|"]
+        lines += [row.text() for row in rows]
+    return "\n".join(lines[1:])
+
+
+def write(rows: list[Judgement], figures: dict[str, list[Figure]], folder: Path) -> None:
+    """score.md, score.json, cases.csv and confusion.csv beside the answers."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "score.md").write_text(table(figures) + "\n")
+    plain = {heading: [asdict(f) for f in part] for heading, part in figures.items()}
+    (folder / "score.json").write_text(json.dumps(plain, indent=1) + "\n")
+    with (folder / "cases.csv").open("w", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        shown = (
+            "name", "family", "verdict", "truth", "laws", "largest", "answer", "first", "top_1", "in_set", "set_size",
+            "found", "wrong", "minor", "on_truth", "closed", "closable", "seconds",
+        )  # fmt: skip
+        writer.writerow(shown)
+        for row in rows:
+            cells = [getattr(row, name) for name in shown]
+            writer.writerow([" + ".join(c) if isinstance(c, tuple) else c for c in cells])
+    down, across, counts = confusion(rows)
+    with (folder / "confusion.csv").open("w", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(["truth \\ answer", *across])
+        writer.writerows([id, *map(int, row)] for id, row in zip(down, counts, strict=True))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description="Score `ehsa-ctrl diagnose` on logs whose effect is withheld.")
+    parser.add_argument("cases", type=Path, help="folder of cases.py, or another with NAME.csv, NAME.json and key.json")
+    parser.add_argument("--answers", type=Path, help="where answers are kept and looked for (default: CASES/answers)")
+    parser.add_argument("--no-run", action="store_true", help="score the answers that are there, run nothing")
+    parser.add_argument("--retry", action="store_true", help="run again what failed before")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="these cases alone")
+    parser.add_argument("--tool", default="", help="command to run instead of ehsa-ctrl")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--timeout", type=float, default=600.0, help="seconds of one diagnosis")
+    asked = parser.parse_args(arguments)
+    answers = asked.answers or asked.cases / "answers"
+    names = asked.only or sorted(json.loads((asked.cases / "key.json").read_text()))
+    if not asked.no_run:
+        beside = shutil.which("ehsa-ctrl", path=str(Path(sys.executable).parent)) or "ehsa-ctrl"
+        tool = shlex.split(asked.tool) or [beside]
+        due = [
+            name
+            for name in names
+            if not (answers / name / "diagnosis.json").exists()
+            and (asked.retry or not (answers / name / "failed.txt").exists())
+        ]
+        print(f"{len(due)} of {len(names)} cases to run")
+        Parallel(asked.jobs, prefer="threads", verbose=1)(
+            delayed(diagnose)(tool, asked.cases, name, answers, asked.timeout) for name in due
+        )
+    rows = judged(asked.cases, answers, names)
+    figures = sections(rows)
+    write(rows, figures, answers)
+    print(table(figures))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,30 @@
+"""Causes in the sensors."""
+
+from __future__ import annotations
+
+from cause import Conditions, Effect, Names, sign
+from sensors import CHANNELS
+
+
+def draw_sensor(c: Conditions, id: str) -> Effect:
+    rng = c.rng
+    if id == "sensor_bias":
+        channel = str(rng.choice(["speed", "p1", "p2", "current"]))
+        low, high = {"speed": (0.3, 60.0), "current": (0.003, 0.3)}.get(channel, (5e3, 4e5))
+        kind, to = "bias", lambda s: way * s
+    elif id == "sensor_scale":
+        channel = str(rng.choice(["speed", "p1", "p2", "position", "current"]))
+        low, high = 0.004, 0.2
+        kind, to = "scale", lambda s: 1.0 + way * s
+    else:
+        channel = str(rng.choice(CHANNELS[:4]))
+        low, high = 3e-4, 0.03
+        kind, to = ("delay" if id == "sensor_delay" else "lag"), lambda s: s
+    way = sign(c)
+    same: Names = ()
+    if channel == "current":
+        same = (("torque_constant", None),) if id == "sensor_scale" else (("current_offset", None),)
+    return Effect(
+        id, channel, lambda b, s: b.sensed(kind, channel, to(s)), low, high,
+        lambda b: {"value": getattr(b.sensors, kind)[channel]}, channel, same,
+    )  # fmt: skip

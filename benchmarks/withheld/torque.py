@@ -1,0 +1,45 @@
+"""Causes in the torque balance and in the drive."""
+
+from __future__ import annotations
+
+from math import pi
+
+from cause import Conditions, Effect, pick, put, sign, times
+
+
+def draw_torque(c: Conditions, id: str) -> Effect:
+    match id:
+        case "torque_constant":
+            return times("K_T", id, "constant", sign(c), 0.004, 0.25, also=(("sensor_scale", "current"),))
+        case "torque_saturation":
+            law, k = pick(c, "rational", "tanh", "atan")
+            return put(id, law, "k_sat", 0.02, 0.5, saturation_law=k)
+        case "rotor_inertia":
+            return times("J_M", id, "constant", sign(c), 0.02, 1.2)
+        case "motor_friction":
+            law, k = pick(c, "Coulomb", "Coulomb and Stribeck")
+            return times("A_FM", id, law, sign(c), 0.01, 0.35, *(["C_FM"] if k else []))
+        case "motor_viscous_friction":
+            return times("B_FM", id, "constant", sign(c), 0.01, 0.8)
+        case "torque_ripple":
+            order = float(c.rng.choice([1, 2, 3, 4, 6]))
+            return put(
+                id,
+                f"{order:.0f} a turn",
+                "T_c",
+                0.03,
+                0.8,
+                ripple_order=order,
+                ripple_phase=c.rng.uniform(0.0, 2.0 * pi),
+            )
+        case "pump_torque_loss":
+            law, k = pick(c, "constant", "mixed film")
+            return put(id, law, "c_f", 0.005, 0.3, loss_law=k)
+        case "current_offset":
+            return put(id, "constant", "I_0", 0.003, 0.3, direction=sign(c), also=(("sensor_bias", "current"),))
+        case "drive_lag":
+            law, k = pick(c, "first order", "two equal lags")
+            return put(id, law, "tau_I", 3e-4, 0.02, lag_law=k)
+        case "drive_delay":
+            return put(id, "constant", "T_d", 3e-4, 0.02)
+    raise KeyError(id)
