@@ -4,6 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
+# The matrices here are small: threads of the linear algebra only get into each other's way.
+export OPENBLAS_NUM_THREADS ?= 1
+
 # What the demo believes before it has seen a log: some numbers 30 % off.
 WRONG := --set J_M=4.3e-4 --set A_FM=0.56 --set B_FM=1.76e-3 --set V_10=2.67e-3 --set A_FR=598 --set B_FR=11900
 

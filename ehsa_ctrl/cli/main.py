@@ -5,6 +5,7 @@ Heavy imports stand inside the commands, so that `--help` answers at once.
 
 from __future__ import annotations
 
+import os
 import sys
 
 import typer
@@ -41,6 +42,8 @@ app.command("check")(check.command)
 
 def main() -> None:
     """Run the command line and exit: 0, 1 or 2 as the epilog says."""
+    # Small matrices by the thousand: threads of the linear algebra cost several times what they bring.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     try:

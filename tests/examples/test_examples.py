@@ -6,10 +6,19 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLES = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.py"))
+# What writes the notebooks is no example: test_notebooks.py holds it against what it wrote.
+EXAMPLES = [
+    example
+    for example in sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.py"))
+    if example.stem != "build_notebooks"
+]
+SLOW = {"control_design"}
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=[example.stem for example in EXAMPLES])
+@pytest.mark.parametrize(
+    "example",
+    [pytest.param(one, id=one.stem, marks=[pytest.mark.slow] if one.stem in SLOW else []) for one in EXAMPLES],
+)
 def test_an_example_runs(example, tmp_path):
     """Exit status 0 (an example checks its own statements), figures in the folder it is given."""
     done = subprocess.run(

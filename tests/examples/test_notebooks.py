@@ -1,13 +1,15 @@
 """Every notebook runs from its first cell to its last, and what is stored in it is what such a run gave."""
 
 import re
+import runpy
 from pathlib import Path
 
 import nbformat
 import pytest
 from nbclient import NotebookClient
 
-NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.ipynb"))
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+NOTEBOOKS = sorted(EXAMPLES.glob("*.ipynb"))
 IDS = [notebook.stem for notebook in NOTEBOOKS]
 
 
@@ -60,3 +62,21 @@ def test_a_notebook_names_no_machine(path):
     assert set(notebook.metadata.kernelspec) <= {"name", "display_name", "language"}
     assert notebook.metadata.language_info == {"name": "python"}
     assert not [cell for cell in notebook.cells if "execution" in cell.metadata]
+
+
+def test_every_notebook_has_a_source():
+    """No notebook without its plain text, no text without its notebook."""
+    sources = [source.stem for source in sorted((EXAMPLES / "notebooks").glob("*.py"))]
+
+    assert sources == IDS
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=IDS)
+def test_a_notebook_is_its_source(path):
+    """Cell by cell what build_notebooks.py makes of the source: neither was edited without the other."""
+    read = runpy.run_path(str(EXAMPLES / "build_notebooks.py"))["read"]
+    source = read(EXAMPLES / "notebooks" / f"{path.stem}.py")
+
+    stored = nbformat.read(path, as_version=4)
+
+    assert [(c.cell_type, c.source) for c in stored.cells] == [(c.cell_type, c.source) for c in source.cells]

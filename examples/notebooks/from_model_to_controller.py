@@ -1,0 +1,666 @@
+# ruff: noqa: B018, E501
+
+# %% [markdown]
+# # From a model to a controller
+#
+# A linear model, a Bode diagram, a PID, margins: so far a textbook. Then the same PID on a plant that sticks. This
+# notebook goes on from there: what friction does to each classic design, what can be done about it, and how one finds out
+# whether it holds on a plant that is not exactly the one it was designed on.
+#
+# The plant is the paper's actuator in `plants/ehsa.toml`. Its *linear* set is what controllers are designed on. Its
+# *nonlinear* set, with dry friction at shaft and rod that truly sticks, is what they are judged on; no controller sees it.
+# Everything here is a command, too: `ehsa-ctrl analyse`, `ehsa-ctrl design`, `ehsa-ctrl run`. The same steps without a
+# notebook, and without the lecture, are in `control_design.py` beside this file.
+
+# %%
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small here: threads would only wait for each other
+
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+import ehsa_ctrl as e
+from ehsa_ctrl.design.review import Known
+from ehsa_ctrl.plant.motion_current import motion_current
+from ehsa_ctrl.report.figures import bode_figure, loop_figure, nyquist_figure, robustness_figure
+from ehsa_ctrl.scenario.hunting import hunting
+from ehsa_ctrl.simulation.sensors import Sensors
+
+os.chdir(tempfile.mkdtemp())  # a folder of its own, as a project would have
+BLUE, VERMILION, GREEN, PURPLE, GREY = "#0072b2", "#d55e00", "#009e73", "#8b3a74", "#777777"
+
+# %% [markdown]
+# ## 1. The linear model
+#
+# Equation (7) of the paper with the position added: states are the shaft's speed $\omega$, the pressure difference
+# $\Delta P$, the rod's speed $v$ and its position $x$. It is a `control.StateSpace`, so that all of python-control works on it.
+
+# %%
+linear = e.load_plant("ehsa", model="linear")
+model = e.three_state(linear)
+analysis = e.analyse(model)
+print(analysis)
+
+# %% [markdown]
+# Three things to read off. A slow pole at 9 rad/s: shaft and rod as one mass against viscous friction. A pair at 70 Hz:
+# the rod against the oil's stiffness, well damped. And the integrator from speed to position. From the current to the
+# position there is no zero, so the phase falls to -360 degrees; the pair at 70 Hz is what will limit the gain.
+
+# %%
+poles = np.sort(np.abs(analysis.poles))
+assert poles[0] < 1e-6 and 8.5 < poles[1] < 9.5 and np.allclose(poles[2:] / (2 * np.pi), 70.0, atol=0.5)
+bode_figure(analysis)
+
+# %% [markdown]
+# ## 2. A PID by phase margin
+#
+# `controllers/pid_position.toml` asks for a crossover and a phase margin. This is all that it says:
+
+# %%
+print(e.controllers["pid_position"].read_text())
+pid = e.load_controller("pid_position", model)
+print(pid)
+
+# %%
+loop = e.analyse_loop(model, pid)
+assert abs(loop.crossover - 35.0) < 0.1 and abs(loop.phase_margin - 60.0) < 0.1 and loop.Ms < 1.4
+print(loop)
+loop_figure(loop)
+
+# %% [markdown]
+# The loop is not a continuous approximation. The plant is sampled exactly with a zero-order hold, the law is the
+# difference equation that will run every 4 ms, and the delay margin is that of the sampled loop. So the margins asked for
+# are the margins that are there.
+#
+# Phase margin and gain margin change one thing at a time. The **disk margin** lets gain and phase change at once: the
+# loop stays out of the disk below, so that any gain factor in the range printed above *together with* any phase change
+# up to the angle printed beside it leaves it stable.
+
+# %%
+nyquist_figure(loop)
+
+# %% [markdown]
+# ## 3. The same PID on the plant
+#
+# `e.run` takes a scenario: 10 mm against a spring of 50 kN/m, with the noise of the sensors. It designs on the linear
+# model, predicts with it, and checks on the nonlinear plant.
+
+# %%
+first = e.run("steps_spring", controller="pid_position")
+assert first.passed
+first.plot()
+
+# %% [markdown]
+# The prediction overshoots and comes back. The rod stops where friction first holds it, 0.1 mm off. The scenario's limits
+# are kept, and yet nothing is at rest: the integral goes on winding up. To see where that ends, hold the target for a minute.
+
+
+# %%
+rig = e.load_plant("ehsa", settings={"load.stiffness": "50 kN/m"})
+DT = pid.sample_time
+
+
+def jumps(targets, every, wait=0.2):
+    """A reference (N, 3) that jumps to each target [m] in turn, every so many seconds."""
+    each, before = round(every / DT), round(wait / DT)
+    positions = np.concatenate([np.zeros(before), np.repeat(targets, each)])
+    return np.column_stack([positions, np.zeros((positions.size, 2))])
+
+
+def follow(controller, reference, plant=rig):
+    """A run with the noise of the plant's sensors."""
+    return e.run_closed_loop(plant, controller, reference, sensors=Sensors.of(plant, seed=0))
+
+
+minute = jumps([0.010], 60.0)
+quantum = e.slip_quantum(rig)
+chosen = {
+    name: e.load_controller(name, model) for name in ("pid_position", "pid_tuned", "cascade_position", "lqr_position")
+}
+holds = {name: follow(chosen[name], minute) for name in ("pid_position", "pid_tuned", "lqr_position")}
+
+figure, axes = plt.subplots(len(holds), 1, figsize=(8, 5.0), sharex=True, sharey=True, layout="constrained")
+for ax, (name, run) in zip(axes, holds.items(), strict=True):
+    ax.axhspan(-0.5e6 * quantum, 0.5e6 * quantum, color=GREEN, alpha=0.2, linewidth=0)
+    ax.plot(run.trajectory.time, 1e6 * run.error, color=BLUE, linewidth=0.9)
+    ax.set(ylim=(-150, 150), xlim=(0, 60), ylabel="error (um)")
+    ax.set_title(name, loc="left", fontsize=9)
+axes[-1].set_xlabel("time (s); the green band is as wide as the smallest slip")
+plt.show()
+
+
+# %%
+def hold_table(runs, since=20.0):
+    rows = {}
+    for name, run in runs.items():
+        late = run.trajectory.time > since
+        found = hunting(run.trajectory.time[late], run.trajectory["x"][late])
+        rows[name] = {
+            "slips": found["Slips"],
+            "peak to peak (um)": 1e6 * found["HuntingAmplitude"],
+            "period (s)": found["HuntingPeriod"],
+            "error at the end (um)": 1e6 * abs(run.error[-1]),
+        }
+    return pd.DataFrame(rows).T.round(1)
+
+
+table = hold_table(holds)
+assert (table["slips"] > 0).all() and table.loc["lqr_position", "slips"] > 20
+print(f"from 20 s to 60 s; the smallest slip is {1e6 * quantum:.0f} um")
+table
+
+# %% [markdown]
+# All three break away again and again: the classic PID after a quarter of a minute and half a minute later once more, the
+# LQR every second or so. This isn't bad tuning. Static friction is above Coulomb friction, so the integral must wind up to
+# the one and is then too large for the other; any integral action does this (B. Armstrong, B. Amin, Automatica 32(5), 1996).
+# The gains only choose the period.
+#
+# Two numbers say what can be had at all.
+#
+# - `slip_quantum`: the shortest motion that a pulse of current can cause from rest. The energy set free at breakaway
+#   carries the rod on. A standing error below about half of it can't be corrected, only avoided.
+# - `shortest_time`: full current, then full braking, friction included, up to the pump's speed limit. No controller with
+#   this drive settles faster.
+
+# %%
+bound = e.shortest_time(rig, 0.010, pid.current_limit, band=0.2e-3)
+took = first.metrics["SettlingTime"][1]
+assert 30e-6 < quantum < 60e-6 and bound < 0.08 and took > 5 * bound
+print(f"smallest slip {1e6 * quantum:.0f} um")
+print(
+    f"10 mm to within 0.2 mm: at least {1e3 * bound:.0f} ms; pid_position took {1e3 * took:.0f} ms, {took / bound:.1f} times that"
+)
+
+# %% [markdown]
+# ## 4. More from a PID: tuned under bounds, and a cascade
+#
+# Asking for a crossover leaves open how good the loop is *for* it. `[tuning]` turns this round: the least error after a
+# load step, under bounds on Ms, Mt, the disk margin and the noise that reaches the current. The **cascade** has a fast loop
+# on the shaft's speed, where much of the friction is, and the position around it.
+
+# %%
+noise = {channel: rig.sensors[channel].sd for channel in ("speed", "p1", "p2", "position", "force")}
+
+
+def designs(names):
+    """Linear figures of controllers, and what steps_spring says of them."""
+    rows, runs = {}, {}
+    for name in names:
+        loop = e.analyse_loop(model, chosen[name], noise=noise)
+        runs[name] = e.run("steps_spring", controller=name)
+        value = {metric: checked for metric, (_, checked) in runs[name].metrics.items()}
+        rows[name] = {
+            "Ms": loop.Ms,
+            "disk margin": loop.disk_margin,
+            "delay margin (ms)": 1e3 * loop.delay_margin,
+            "compliance (um/kN)": 1e9 * loop.compliance,
+            "noise (mA)": 1e3 * loop.current_noise,
+            "settling (ms)": 1e3 * value["SettlingTime"],
+            "times the bound": value["SettlingRatio"],
+            "overshoot (%)": 100 * value["Overshoot"],
+            "standing error (um)": 1e6 * value["SteadyStateError"],
+            "passed": runs[name].passed,
+        }
+    return pd.DataFrame(rows).T, runs
+
+
+SHOWN = {
+    "Ms": 2,
+    "disk margin": 2,
+    "delay margin (ms)": 1,
+    "compliance (um/kN)": 0,
+    "noise (mA)": 0,
+    "settling (ms)": 0,
+    "times the bound": 1,
+    "overshoot (%)": 1,
+    "standing error (um)": 0,
+}
+
+
+def rounded(table):
+    return table.astype(dict.fromkeys(SHOWN, float)).style.format(
+        {column: f"{{:.{digits}f}}" for column, digits in SHOWN.items()}
+    )
+
+
+table, runs = designs(["pid_position", "pid_tuned", "cascade_position"])
+for name, run in runs.items():
+    for failure in run.failures:
+        print(f"{name} fails: {failure}")
+tuned, classic, cascade = (table.loc[name] for name in ("pid_tuned", "pid_position", "cascade_position"))
+assert tuned["Ms"] < 1.451 and tuned["compliance (um/kN)"] < 0.6 * classic["compliance (um/kN)"]
+assert tuned["settling (ms)"] > 2 * classic["settling (ms)"] > 4 * cascade["settling (ms)"]
+assert not cascade["passed"]
+rounded(table)
+
+# %% [markdown]
+# The tuned PID gives way to a force by little more than half as much, and its Ms stands at its bound, as it should. On the
+# plant it settles *later* than the classic one: its stronger integral overshoots further when friction lets go. A better
+# linear design isn't a better one here.
+#
+# The cascade settles several times faster and nearly at the smallest slip. It also fails: a jump of 10 mm drives the
+# pump beyond its speed limit for a moment. The speed that the outer loop asks for is limited, but the overshoot of the
+# inner loop is not. A planned motion will cure that in section 6.
+#
+# ## 5. LQR with a Kalman filter
+#
+# State feedback needs all states; a Kalman filter gives them, and it estimates three disturbances beside: a friction
+# current, a load force and a leak. What the linear model does not know ends up there and is paid for (no integral is
+# needed). Regulator and filter are designed apart, and the closed loop has the poles of both. This is the separation
+# principle, and it is a check of the whole chain:
+
+# %%
+lqr = chosen["lqr_position"]
+loop = e.analyse_loop(model, lqr, noise=noise)
+regulator = [pole for pole in lqr.law.regulator.poles if abs(pole) > 1e-9]  # at 0: the memory of the current before
+apart = np.sort_complex(np.concatenate([regulator, lqr.law.kalman.poles]))
+assert np.allclose(np.sort_complex(loop.poles), apart, atol=1e-6)
+print(lqr)
+print(
+    f"{len(regulator)} poles of the regulator and {len(lqr.law.kalman.poles)} of the filter are the {len(apart)} of the loop"
+)
+print(loop)
+
+# %% [markdown]
+# Separation says that the loop is stable, not that it is robust. An LQR with known states has Ms of about 1; a filter
+# takes some of that away. Telling the filter of more noise *at the motor* gives it back (Doyle and Stein, 1979): it then
+# trusts the sensors and not the model.
+
+# %%
+text = e.controllers["lqr_position"].read_text()
+assert text.count('current = "0.1 A"') == 1
+rows = {}
+for trust in ("0.01 A", "0.03 A", "0.1 A", "0.3 A", "1 A"):
+    Path("tried.toml").write_text(text.replace('current = "0.1 A"', f'current = "{trust}"'))
+    tried = e.analyse_loop(model, e.load_controller("tried.toml", model), noise=noise)
+    sine = e.run("slow_sine", controller="tried.toml")
+    rows[trust] = {
+        "Ms": tried.Ms,
+        "disk margin": tried.disk_margin,
+        "delay margin (ms)": 1e3 * tried.delay_margin,
+        "noise (mA)": 1e3 * tried.current_noise,
+        "RMS error in slow_sine (um)": 1e6 * sine.metrics["RMSError"][1],
+    }
+table = pd.DataFrame(rows).T.rename_axis("[observer] current")
+assert table["Ms"].is_monotonic_decreasing and table["RMS error in slow_sine (um)"].is_monotonic_increasing
+table.round(2)
+
+# %% [markdown]
+# No linear figure shows a price. The last column does: it is the error on the nonlinear plant in a slow sine. A filter that
+# takes a surprise for noise at the motor is slow to take it for friction, and at each reversal friction changes its sign.
+# 0.1 A is the shipped compromise.
+#
+# What does the filter see on the plant with friction? The estimated load should be what the rod has to push against:
+
+# %%
+run = follow(lqr, jumps([0.020, 0.0], 1.5))
+time, x, v = run.trajectory.time, run.trajectory["x"], run.trajectory["v"]
+estimated = run.traces["estimate_load"]
+opposes = np.where(v == 0.0, np.nan, rig["K_S"] * x + rig["A_FR"] * np.sign(v))
+sliding = np.abs(v) > 0.05
+assert np.median(np.abs(estimated - opposes)[sliding]) < 200.0
+figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.4), sharex=True, layout="constrained")
+top.plot(time, 1e3 * run.reference[:, 0], color=GREY, label="asked for")
+top.plot(time, 1e3 * x, color=BLUE, label="rod")
+top.set(ylabel="position (mm)", xlim=(0, time[-1]))
+bottom.plot(time, 1e-3 * estimated, color=VERMILION, linewidth=0.8, label="estimated")
+bottom.plot(
+    time,
+    1e-3 * opposes,
+    color=GREY,
+    linewidth=2.5,
+    alpha=0.7,
+    label="spring and Coulomb friction, while the rod slides",
+)
+bottom.set(ylabel="load (kN)", xlabel="time (s)")
+for ax in (top, bottom):
+    ax.legend(frameon=False, fontsize=8, loc="upper right")
+plt.show()
+
+# %% [markdown]
+# While the rod slides, the estimate follows closely. Once it sticks, spring and
+# friction balance each other, and what the filter calls a load is all that the oil holds against. It learns that slowly,
+# goes on paying for it, and breaks the rod away again: the disturbance is an integral in disguise.
+#
+# ## 6. Cures against friction
+#
+# Feedback alone must be surprised by friction before it acts. Four stages around the law help it; each is a table in the
+# controller's TOML.
+#
+# - `[trajectory]`: a jump of the target becomes a motion that the actuator can follow.
+# - `[feedforward]`: the current which that motion needs, friction and load included. The numbers come from a plant:
+
+# %%
+needed = motion_current(e.load_plant("ehsa"))
+units = {
+    "inertia": "A s2/m",
+    "viscous": "A s/m",
+    "stiffness": "A/m",
+    "preload": "A",
+    "coulomb": "A",
+    "static": "A",
+    "load": "A/N",
+    "stribeck": "m/s",
+}
+pd.DataFrame({"value": needed, "unit": units}).round(5)
+
+# %% [markdown]
+# - `[rest]`: when the motion has ended and the rod stands within a band of about the smallest slip, the law is frozen.
+#   The integral stands still, and noise can't make the shaft creep.
+# - `forget = true` in it: when the next motion begins, the integral goes back to where the last motion left it. What it
+#   wound up against friction in between would push the new motion by millimetres.
+#
+# Which of these does the work? `pid_friction` has all four. The table takes its bare law and adds one after the other.
+# Sixteen moves to random places within 20 mm, 2 s each, under the spring.
+
+# %%
+targets = np.round(np.random.default_rng(0).uniform(-0.020, 0.020, 16), 4)
+moves = jumps(targets, 2.0)
+EACH, BEFORE, BAND = round(2.0 / DT), round(0.2 / DT), 1e-4
+
+
+def moved(run):
+    """Of a run over `moves`: settling to 0.1 mm, error at the end of each move, overshoot, slips in its second half, travel of the current."""
+    settled, ends, beyond, slips = [], [], [], 0.0
+    for k, target in enumerate(targets):
+        part = slice(BEFORE + EACH * k, BEFORE + EACH * (k + 1))
+        x, error = run.trajectory["x"][part], run.error[part]
+        outside = np.flatnonzero(np.abs(error) > BAND)
+        after = outside[-1] + 1 if outside.size else 0
+        settled.append(after * DT if after < EACH else np.inf)
+        ends.append(abs(error[-1]))
+        beyond.append(np.max((x - target) * np.sign(target - (targets[k - 1] if k else 0.0))))
+        slips += hunting(run.trajectory.time[part][EACH // 2 :], x[EACH // 2 :])["Slips"]
+    return {
+        "settled": f"{np.isfinite(settled).sum()} of {len(targets)}",
+        "slowest (ms)": 1e3 * max(settled),
+        "end error, worst (um)": 1e6 * max(ends),
+        "overshoot, worst (um)": 1e6 * max(beyond),
+        "slips at rest": slips,
+        "current travel (A)": np.abs(np.diff(run.asked)).sum(),
+    }
+
+
+full = e.load_controller("pid_friction", model)
+kept = full.rest.model_copy(update={"forget": False})
+stages = {
+    "the law alone": replace(full, trajectory=None, feedforward=None, rest=None),
+    "+ trajectory": replace(full, feedforward=None, rest=None),
+    "+ feed-forward": replace(full, rest=None),
+    "+ rest": replace(full, rest=kept),
+    "+ forget": full,
+}
+cured = {name: follow(controller, moves) for name, controller in stages.items()}
+before_after = pd.DataFrame({name: moved(run) for name, run in cured.items()}).T
+alone, all_four = before_after.loc["the law alone"], before_after.loc["+ forget"]
+assert int(alone["settled"].split()[0]) <= 3 and all_four["settled"] == "16 of 16"
+assert alone["slips at rest"] > 50 and all_four["slips at rest"] == 0
+assert alone["overshoot, worst (um)"] > 10 * all_four["overshoot, worst (um)"]
+assert all(moved(run)["settled"] != "16 of 16" for name, run in cured.items() if name != "+ forget")
+before_after.style.format({column: "{:.0f}" for column in before_after.columns if column != "settled"})
+
+# %%
+figure, (position, current) = plt.subplots(2, 1, figsize=(8, 4.6), sharex=True, layout="constrained")
+for name, colour in (("the law alone", VERMILION), ("+ forget", BLUE)):
+    run = cured[name]
+    label = "before" if name == "the law alone" else "with all four"
+    position.plot(run.trajectory.time, 1e3 * run.error, color=colour, linewidth=1.0, label=label)
+    current.plot(run.trajectory.time, run.asked, color=colour, linewidth=0.7)
+position.axhspan(-0.1, 0.1, color=GREEN, alpha=0.2, linewidth=0, label="0.1 mm")
+position.set(ylabel="error (mm)", ylim=(-2, 2), xlim=(4.0, 14.0))
+current.set(ylabel="current (A)", xlabel="time (s)", ylim=(-4, 4))
+position.legend(frameon=False, fontsize=8, ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
+plt.show()
+
+# %% [markdown]
+# No single stage does it. Planned motion and feed-forward make the errors smaller, yet the law still hunts between the
+# moves. Freezing helps little by itself: what the integral has wound up pushes the next motion, which then ends outside the
+# band, where nothing is frozen. With the last one all sixteen moves settle and nothing slips. (Errors in the figure are
+# those from the jump: a planned motion begins with the whole way.)
+#
+# The other laws have shipped versions with the same cures. None of them needs to forget: the cascade's integral and the
+# filter's disturbances are fast enough to be right when a motion ends.
+
+# %%
+pairs = ["cascade_position", "cascade_friction", "lqr_position", "lqr_friction"]
+cured |= {name: follow(e.load_controller(name, model), moves) for name in pairs}
+others = pd.DataFrame({name: moved(cured[name]) for name in pairs}).T
+assert (others["settled"] == "16 of 16").all()
+assert all(
+    others.loc[f"{law}_friction", "slips at rest"] == 0 < others.loc[f"{law}_position", "slips at rest"]
+    for law in ("cascade", "lqr")
+)
+others.style.format({column: "{:.0f}" for column in others.columns if column != "settled"})
+
+# %% [markdown]
+# Here the cures buy something else: silence. No slip at rest, and a current that travels much less. They cost a
+# little accuracy, as a rod within the band is left where it is.
+#
+# ## 7. MPC: the limits are part of the problem
+#
+# The same LQR with limits on current, its rate, the pump's speed, pressure and stroke, looked at over the next 80 ms at
+# each sample. Where no limit is near, both give the same current, as for 0.5 mm. Asked for 60 mm at once, without a planned
+# motion, they differ:
+
+# %%
+bare = e.load_plant("ehsa")
+jump = jumps([0.060], 1.0, wait=0.1)
+mpc = e.load_controller("mpc_position", model)
+print(mpc)
+bold = {
+    "LQR": follow(replace(lqr, trajectory=None), jump, bare),
+    "MPC": follow(replace(mpc, trajectory=None), jump, bare),
+}
+allowed = bare.limits["pump_speed"].value
+small = [follow(replace(c, trajectory=None), jumps([0.0005], 0.5), bare).asked for c in (lqr, mpc)]
+assert np.allclose(*small, atol=1e-6)
+assert bold["LQR"].trajectory["omega"].max() > 2 * allowed > 2 * bold["MPC"].trajectory["omega"].max()
+
+figure, axes = plt.subplots(3, 1, figsize=(8, 5.4), sharex=True, layout="constrained")
+for (name, run), colour in zip(bold.items(), (VERMILION, BLUE), strict=True):
+    for ax, values in zip(axes, (1e3 * run.trajectory["x"], run.trajectory["omega"], run.asked), strict=True):
+        ax.plot(run.trajectory.time, values, color=colour, linewidth=1.1, label=name)
+axes[1].axhline(allowed, color=GREY, linestyle=(0, (3, 2)), label="limit of the pump")
+for ax, label in zip(axes, ("position (mm)", "shaft (rad/s)", "current (A)"), strict=True):
+    ax.set(ylabel=label, xlim=(0, 0.8))
+axes[1].legend(frameon=False, fontsize=8)
+axes[2].set_xlabel("time (s)")
+plt.show()
+for trip in bold["LQR"].trajectory.exceeded:
+    print("LQR:", trip)
+
+# %% [markdown]
+# A solver can fail, and a controller must then still give a current. The trace `solver_status` records for each sample
+# what gave it: 0 the solution; 1 the solution, but a soft limit is passed; 2 no solution in time, so the next current of
+# the plan before; 3 the LQR's current within the limits of current and rate. To see more than the first, the solver gets too
+# few iterations:
+
+# %%
+rows, runs = {}, {}
+for most in (200, 20, 8):
+    run = follow(replace(mpc, trajectory=None, law=replace(mpc.law, iteration_limit=most)), jump, bare)
+    status = run.traces["solver_status"].astype(int)
+    rows[most] = {f"status {k}": int(np.sum(status == k)) for k in range(4)} | {
+        "most iterations": int(run.traces["solver_iterations"].max()),
+        "fastest shaft (rad/s)": round(run.trajectory["omega"].max()),
+        "error at the end (um)": round(1e6 * abs(run.error[-1])),
+    }
+    runs[most] = run
+table = pd.DataFrame(rows).T.rename_axis("iterations allowed")
+assert table.loc[200, "status 0"] + table.loc[200, "status 1"] == len(jump) and table.loc[8, "status 3"] > 0
+table
+
+# %% [markdown]
+# With enough iterations every sample is solved. With too few the rod still arrives, and current and rate are
+# still within their limits; the speed is not, for the LQR that steps in does not know of it. A planned motion within the
+# limits, as the shipped `mpc_position` has it, makes such samples rare: they come when a limit is near.
+
+# %%
+quiet = follow(mpc, jump, bare)
+assert not quiet.traces["solver_status"].any() and quiet.traces["solver_iterations"].max() < 10
+print(f"with the planned motion: at most {quiet.traces['solver_iterations'].max():.0f} iterations, every sample solved")
+
+# %% [markdown]
+# ## 8. Plants that are not quite this one
+#
+# Margins of one model are a promise about one model. Here are twenty: sixteen draws of the parameters (10 % on what was
+# identified by somebody who did not say how well, the torque constant and other assumed numbers anywhere within their bounds),
+# with and without the spring, with and without 100 kg behind the load cell. `robust_margins` gives the worst of each margin *and
+# the plant that has it*.
+
+# %%
+models = e.drawn_models(
+    linear,
+    e.draw(linear, 16, seed=0, unknown=0.1, assumed=True),
+    e.conditions(stiffnesses=[0.0, 50e3], masses=[0.0, 100.0]),
+)
+robust = {name: e.robust_margins(models, controller, points=120) for name, controller in chosen.items()}
+table = pd.DataFrame(
+    {
+        name: {
+            "nominal Ms": e.analyse_loop(model, chosen[name]).Ms,
+            "worst Ms": found.Ms,
+            "worst disk margin": found.disk_margin,
+            "stable": found.stable,
+            "the plant with the worst Ms": found.worst["Ms"].label,
+        }
+        for name, found in robust.items()
+    }
+).T
+assert all(found.stable for found in robust.values())
+assert robust["pid_tuned"].Ms > 2 * robust["lqr_position"].Ms
+table.style.format(dict.fromkeys(("nominal Ms", "worst Ms", "worst disk margin"), "{:.2f}"))
+
+# %%
+robustness_figure(robust["pid_tuned"])
+
+# %% [markdown]
+# All are stable with all. But the tuned PID, which stood at Ms = 1.45 on its own model, comes close to the edge with a
+# heavy payload and a torque constant that is larger than believed: a payload makes the oil's resonance slower and
+# less damped, and a large gain finds it. A tuner uses up all of the margin that it is given. Cascade and LQR measure the
+# shaft's speed, and lose far less.
+#
+# `review` collects what a reviewer would ask of a design, says what is doubtful, and what to do. Beside the linear model
+# it wants to know some facts of friction and noise.
+
+# %%
+known = Known(static=needed["static"], coulomb=needed["coulomb"], slip=quantum, reach=0.1, noise=noise)
+look = e.review(model, chosen["pid_tuned"], known=known, robust=robust["pid_tuned"])
+assert {"limit cycle of the integral", "worst Ms"} <= {finding.test for finding in look.warnings}
+look
+
+# %% [markdown]
+# ## 9. A scenario is a test
+#
+# What should never break again goes into a TOML, with limits, and with the reason why it exists. In a folder `scenarios/`,
+# `pytest` finds it by itself. This one asks for what section 6 was about.
+
+# %%
+Path("scenarios").mkdir()
+Path("scenarios/quiet_rest.toml").write_text("""
+schema = 1
+title = "Three moves and a rest that is quiet"
+why = "A rod that hunts at rest wears its seals and can be heard."
+plant = "ehsa"
+controller = "pid_friction"
+duration = "12 s"
+
+[load]
+stiffness = "50 kN/m"
+
+[reference]
+kind = "steps"
+times = ["0.2 s", "2 s", "4 s"]
+positions = ["10 mm", "-5 mm", "8 mm"]
+
+[limits]
+SettlingTimeAbs = { max = "500 ms" }
+HuntingAmplitude = { max = "0 um" }
+Slips = { max = 0 }
+""")
+command = [
+    sys.executable,
+    "-m",
+    "pytest",
+    "scenarios",
+    "-q",
+    "--no-header",
+    "-p",
+    "no:cacheprovider",
+    "--color=no",
+    "--scenario-controller",
+]
+tested = subprocess.run([*command, "pid_friction,pid_tuned"], capture_output=True, text=True, check=False)
+report = [line for line in tested.stdout.splitlines() if line.strip() and not line.startswith(("=", "FAILED"))]
+print("\n".join(line for line in report if " in " not in line or "passed" not in line))
+assert tested.returncode == 1 and "1 failed, 1 passed" in tested.stdout
+
+# %% [markdown]
+# One run is one plant and one seed. `monte_carlo` draws both, and gives the probability of passing with its interval, and
+# the parameter that decides. The shipped `spread_steps` spreads friction, torque constant, inertia and load.
+
+# %%
+classic = e.monte_carlo("spread_steps", runs=100, controller="pid_position")
+with_cures = e.monte_carlo("spread_steps", runs=100, controller="lqr_friction")
+assert 0.85 < classic.probability < 1.0 and with_cures.probability == 1.0
+assert classic.influences[0].name == "K_S"
+print(classic)
+print(with_cures)
+classic.plot()
+
+# %% [markdown]
+# For the PID the spring matters most: the less of it, the nearer is the limit on the standing error. A panel is marked
+# decisive where chance alone would hardly do this. With cures every run passes; the interval says what 100 runs can say,
+# and no more.
+#
+# ## 10. What each of them does not do
+#
+# - `pid_position`: safe margins, readable gains. It hunts, slowly; it takes nine times the shortest time.
+# - `pid_tuned`: stiff against loads. It hunts as well, settles later, and with an unlucky payload its margin is nearly used up.
+# - `cascade_position`: fast and robust. It drives the pump beyond its speed limit on a jump; it needs a planned motion.
+# - `lqr_position`: fast, offset-free, calm. It hunts at rest most often of all, as its disturbance is an integral in disguise;
+#   less than two samples of extra delay are what it can take.
+# - `mpc_position`: keeps limits that no other law knows of. At rest it is that LQR, hunting included. It needs a solver, and
+#   its speed limit is soft.
+# - `*_friction`: quiet. They leave any error within the band, and believe numbers for friction that a log must have given.
+#
+# Two more things about the cures are worth a run. What if the friction grows by 30 %, as it does in the cold? And what of a
+# path that reverses slowly, where nothing ever rests?
+
+# %%
+rows = {}
+for name in ("pid_friction", "cascade_friction", "lqr_friction"):
+    controller, row = e.load_controller(name, model), {}
+    for growth in (1.0, 1.3):
+        plant = rig.set(A_FM=growth * rig["A_FM"], A_FR=growth * rig["A_FR"])
+        found = moved(follow(controller, moves, plant))
+        row[f"settled, friction x {growth:g}"] = found["settled"]
+        row[f"slips at rest, friction x {growth:g}"] = found["slips at rest"]
+    sine = e.run("slow_sine", controller=name)
+    row["largest error in slow_sine (um)"] = round(1e6 * sine.metrics["MaxError"][1])
+    row["rod sticks in slow_sine (%)"] = round(100 * sine.metrics["StickShare"][1], 1)
+    rows[name] = row
+table = pd.DataFrame(rows).T
+assert table.loc["pid_friction", "slips at rest, friction x 1.3"] > 20
+assert (table.loc[["cascade_friction", "lqr_friction"], "slips at rest, friction x 1.3"] == 0).all()
+assert (table["rod sticks in slow_sine (%)"] > 15).all()
+table
+
+# %% [markdown]
+# The PID's cure depends on its numbers: with more friction it hunts again, as if it had none. The other two keep still,
+# for they have a fast inner loop or an estimate that makes up for what feed-forward lacks. And in the slow sine
+# all three stick for a fifth of the time, with errors far above the smallest slip. No cure here is for that.
+
+# %%
+lqr_loop = e.analyse_loop(model, lqr)
+assert 1.0 < lqr_loop.delay_margin / DT < 2.0
+assert first.metrics["SettlingRatio"][1] > 8
+print(f"delay margin of lqr_position: {lqr_loop.delay_margin / DT:.1f} samples")

@@ -1,0 +1,36 @@
+"""Every kind of controller runs every scenario."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ehsa_ctrl import run
+from ehsa_ctrl.core.catalogue import scenarios
+from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
+
+#: One of each kind.
+EXAMPLES = {
+    "pid": "pid_tuned",
+    "scheduled_pid": "pid_scheduled",
+    "cascade": "cascade_friction",
+    "lqr": "lqr_friction",
+    "mpc": "mpc_friction",
+}
+NAMES = sorted(path.stem for path in Path(scenarios.folders[-1]).glob("*.toml"))
+
+
+def test_every_kind_has_an_example():
+    """A new kind must be named here."""
+    assert set(EXAMPLES) == set(CONTROLLER_KINDS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", sorted(EXAMPLES))
+def test_every_kind_runs_every_scenario(kind):
+    """To its end or to a limit of the plant, with finite currents and a verdict; failing a limit is allowed."""
+    for name in NAMES:
+        result = run(name, controller=EXAMPLES[kind])
+
+        assert np.isfinite(result.nonlinear.asked).all(), name
+        assert result.verdict in ("pass", "fail"), name
