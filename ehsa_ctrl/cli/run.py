@@ -237,7 +237,7 @@ def _table(*columns: str) -> Table:
     table = Table(box=None, pad_edge=False)
     table.add_column("")
     for column in columns:
-        table.add_column(column, justify="right")
+        table.add_column(column, justify="right", overflow="fold")
     table.add_column("unit")
     return table
 

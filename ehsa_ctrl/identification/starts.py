@@ -23,6 +23,12 @@ LOOSE = 0.3
 NEAR_DRAWS, NEAR_SPREAD, PATIENCE = 10, 0.15, 3
 #: Two starts that end within so much cost of each other, in squared standard deviations, have found the same minimum.
 SAME = 10.0
+#: Ends within so many standard deviations of the best in every parameter say the same.
+CLOSE, THREE = 3.0, 3
+#: Residuals within so many standard deviations of the noise's size could be noise.
+GOOD = 3.0
+#: If no two starts agree, so many more begin this many standard deviations around the best end.
+AROUND, NEARBY = 4, 12.0
 #: At most so many pieces are mended, each from NEAR samples before to NEAR after its middle.
 MENDINGS, NEAR = 4, 20
 #: Residuals of short windows beyond so many times the noise's variance are the model's own: no parameters make it fit.
@@ -110,6 +116,8 @@ class Search:
         if self.best is None:
             raise failure
         self.settled |= self._agreeing() > 1
+        if not self.settled and not self.lost and consistent(self.best):
+            self._look_around()
         if not self.lost:
             self._polish()
         if self.best.noise_ratio > LOST:
@@ -174,6 +182,18 @@ class Search:
             drive_errors=False, watch=self.watch,
         )  # fmt: skip
 
+    def _look_around(self) -> None:
+        """Starts near the best end, where none from afar came to it: do they lead back to it, or lower?"""
+        for number in range(AROUND):
+            assert self.best is not None
+            try:
+                self._lead(f"near {number + 1}", self._draw(self.best.values, wide=NEARBY))
+            except InputError:
+                continue
+            if self._agreeing() > 1:
+                self.settled = True
+                return
+
     def _fall_back(self, candidates: Sequence[np.ndarray]) -> None:
         """Short windows instead of the logs as they are, which no start could follow: kept if they fit better."""
         assert self.best is not None
@@ -192,22 +212,47 @@ class Search:
         self.settled = self._agreeing() > 1
 
     def _agreeing(self) -> int:
-        """How many ends have come as low as the lowest one."""
+        """How many ends have come to the same minimum as the lowest one.
+
+        Where the rod sticks and slips, a minimum breaks up into many that a slip more or less tells apart. Then it is
+        enough, after THREE starts, that every end that fits as well as noise allows means the same parameters; ends that
+        fit worse than that are no rivals.
+        """
+        low = self._as_low()
+        fine = self._acceptable()
+        if low == 1 and len(self.ends) >= THREE and fine and all(self._near_best(end) for end in fine):
+            return len(self.ends)
+        return low
+
+    def _acceptable(self) -> list[Fit]:
+        """Ends whose residuals could be noise."""
+        return [end for end in self.ends if consistent(end, GOOD)]
+
+    def _as_low(self) -> int:
+        """How many ends have the cost of the lowest one."""
         lowest = min(end.lowered for end in self.ends)
         return sum(end.lowered < lowest + SAME for end in self.ends)
 
+    def _near_best(self, end: Fit) -> bool:
+        """Whether an end lies within CLOSE standard deviations of the best."""
+        assert self.best is not None
+        sd = uncertainty(self.best).sd
+        known = np.isfinite(sd) & (sd > 0.0)
+        return bool(np.all(np.abs(end.values - self.best.values)[known] <= CLOSE * sd[known]))
+
     @property
     def spread(self) -> np.ndarray:
-        """Mean square (k, k) of how far other ends are from the best, where no two have come to the same minimum.
+        """Mean square (k, k) of how far other ends are from the best, where no two have the same cost.
 
         Ends that fit far worse than the best, against the noise, are none that the search could have believed.
         """
         assert self.best is not None
         k = self.best.values.size
         level = LOST * max(self.best.noise_ratio, 1.0)
-        away = [end.values - self.best.values for end in self.ends if end.noise_ratio < level]
+        rivals = self._acceptable() if self.settled else [end for end in self.ends if end.noise_ratio < level]
+        away = [end.values - self.best.values for end in rivals]
         away = [step for step in away if np.any(step)]
-        if self.settled or not away:
+        if not away or self._as_low() > 1:
             return np.zeros((k, k))
         return np.mean([np.outer(step, step) for step in away], axis=0)
 
@@ -284,14 +329,14 @@ class Search:
     def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
         return np.array([p.lower for p in self.parameters]), np.array([p.upper for p in self.parameters])
 
-    def _draw(self, near: np.ndarray) -> np.ndarray:
-        """Values around the best so far, wide where the log says little; around `near` while there is none."""
+    def _draw(self, near: np.ndarray, wide: float = 30.0) -> np.ndarray:
+        """Values around the best so far, `wide` standard deviations; around `near` while there is none."""
         if self.best is None or self.best.noise_ratio > MISFIT:
             values, spread = near, np.full(near.size, LOOSE / 3.0)
         else:
             values, sd = self.best.values, uncertainty(self.best).sd
             size = np.maximum(np.abs(values), 1e-300)
-            spread = np.clip(30.0 * np.where(np.isfinite(sd), sd, size) / size, 0.03, LOOSE)
+            spread = np.clip(wide * np.where(np.isfinite(sd), sd, size) / size, 1e-3 * wide, LOOSE)
         return np.clip(values * np.exp(spread * self.draws.standard_normal(values.size)), *self._bounds())
 
 

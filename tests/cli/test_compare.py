@@ -19,10 +19,10 @@ def log(tmp_path):
 
 
 def test_both_models_are_compared_with_the_log(run, log):
-    """A table, how each run starts, nothing on standard error, exit status 0."""
+    """A table, how each run starts, no complaint on standard error (an engine may be compiled), exit status 0."""
     status, out, err = run("compare", "log.csv", "--plant", "ehsa")
 
-    assert (status, err) == (0, "")
+    assert status == 0 and "ehsa-ctrl:" not in err
     assert "linear   nonlinear" in out
     assert "nonlinear starts at rest, as the plant" in out
     cells = next(line for line in out.splitlines() if line.startswith("speed")).split()

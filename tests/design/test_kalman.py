@@ -13,16 +13,6 @@ from ehsa_ctrl.design.synthesis.target import target
 T = 0.004
 
 
-@pytest.fixture
-def system(linear):
-    return three_state(linear)
-
-
-@pytest.fixture
-def model(system):
-    return design_model(system, T)
-
-
 def test_the_model_is_the_sampled_plant(model, system):
     """Scaled back, the model is the exactly sampled plant, from the current and from the force."""
     plant = sampled_plant(system, T)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from linear_loop import LQI, LQR, TEXTS, load, parabola, run, still
 
-from ehsa_ctrl import InputError, load_controller, run_closed_loop, three_state
+from ehsa_ctrl import InputError, load_controller, run_closed_loop
 from ehsa_ctrl.core.catalogue import controllers
 from ehsa_ctrl.design.analysis.closed import closed_loop, law_of
 from ehsa_ctrl.design.analysis.loop import analyse_loop
@@ -20,16 +20,6 @@ from ehsa_ctrl.design.synthesis.regulator import Cost, design_regulator, weighte
 from ehsa_ctrl.design.synthesis.target import target
 
 T = 0.004
-
-
-@pytest.fixture
-def system(linear):
-    return three_state(linear)
-
-
-@pytest.fixture
-def model(system):
-    return design_model(system, T)
 
 
 @pytest.fixture

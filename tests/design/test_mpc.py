@@ -7,17 +7,12 @@ import numpy as np
 import pytest
 from linear_loop import MPC, load, run, still
 
-from ehsa_ctrl import InputError, run_closed_loop, three_state
+from ehsa_ctrl import InputError, run_closed_loop
 from ehsa_ctrl.design.laws.mpc_problem import Limits, MpcProblem, ahead, condense
 from ehsa_ctrl.design.laws.mpc_reference import MpcStatement
 from ehsa_ctrl.design.qp import FAILED, INFEASIBLE, LIMIT, NO_BOUND, QP_SOLVERS, SOLVED, QpSolution
 
 T = 0.004
-
-
-@pytest.fixture
-def system(linear):
-    return three_state(linear)
 
 
 @pytest.fixture

@@ -123,7 +123,7 @@ def test_the_integral_stands_still_within_the_band_only():
 
     assert rests(30e-6, 0.0, 100, stage)[0].tolist() == [0.0] * 15 + [1.0] * 85
     assert not rests(60e-6, 0.0, 100, stage)[0].any()
-    assert not rests(30e-6, 1.0, 100, stage)[0].any()
+    assert not rests(30e-6, 2.0, 100, stage)[0].any()
 
 
 def test_the_knocker_pulses_towards_the_target_ever_higher():

@@ -21,7 +21,7 @@ from __future__ import annotations
 from math import exp, pi, sin
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from ...core.definition import Ampere, Definition, Hertz, Metre, RadianPerSecond, Second
 
@@ -123,7 +123,7 @@ class Rest(Definition):
 
     band: Metre
     release: Metre | None = None
-    speed: RadianPerSecond = Field(default=0.6)
+    speed: RadianPerSecond = 1.2
     filter_time: Second = 0.02
     patience: Second = 0.06
     forget: bool = False
