@@ -215,8 +215,8 @@ class Search:
         """How many ends have come to the same minimum as the lowest one.
 
         Where the rod sticks and slips, a minimum breaks up into many that a slip more or less tells apart. Then it is
-        enough, after THREE starts, that every end that fits as well as noise allows means the same parameters; ends that
-        fit worse than that are no rivals.
+        enough, after THREE starts, that every end that fits as well as noise allows means the same parameters; ends
+        that fit worse than that are no rivals.
         """
         low = self._as_low()
         fine = self._acceptable()
