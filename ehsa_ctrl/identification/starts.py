@@ -87,8 +87,16 @@ class Search:
         fitting = [each for each in near if each[0] <= MISFIT]
         self.misfit = not fitting
         if self.misfit:
-            for _, name, values in near[: min(starts, 2)]:
-                self._weigh_by_residuals(name, values)
+            failed: InputError | None = None
+            for _, name, values in near:
+                if len(self.tried) == min(starts, 2):
+                    break
+                try:
+                    self._weigh_by_residuals(name, values)
+                except InputError as error:
+                    failed = error
+            if self.best is None and failed is not None:
+                raise failed
             sizes = sorted(size for _, size in self.tried)
             self.settled = len(sizes) == 1 or sizes[1] < (1.0 + ALIKE) * sizes[0]
             return

@@ -255,3 +255,23 @@ def test_a_slip_that_the_simulation_misses_is_found(truth):
     z = [(e.value - truth[e.name]) / e.sd for e in found.estimates]
     assert np.max(np.abs(z)) < 3.5
     assert found.fit.worst_block[0] < 5.0
+
+
+@pytest.mark.slow
+def test_a_start_that_can_not_be_followed_does_not_end_a_poor_model(linear, noise_log, monkeypatch):
+    """The linear set does not fit the friction bench; one start that leaves the equations' range leaves the others."""
+    from ehsa_ctrl.identification.starts import Search
+
+    followed, tries = Search._weigh_by_residuals, []
+
+    def once_lost(search, name, values):
+        tries.append(name)
+        if len(tries) == 1:
+            raise InputError("the run leaves the range where the equations hold")
+        followed(search, name, values)
+
+    monkeypatch.setattr(Search, "_weigh_by_residuals", once_lost)
+    found = identify(linear, noise_log, starts=1)
+
+    assert len(tries) == 2
+    assert all(np.isfinite(estimate.value) for estimate in found.estimates)
