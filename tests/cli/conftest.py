@@ -11,6 +11,8 @@ from ehsa_ctrl.cli import main as entry
 def run(monkeypatch, capsys, tmp_path):
     """Call the command line in an empty folder; gives exit status, standard output and standard error."""
     monkeypatch.chdir(tmp_path)
+    # Whether an engine has to be compiled first depends on the tests before.
+    monkeypatch.setattr("ehsa_ctrl.core.compiled.log.info", lambda *arguments: None)
 
     def call(*arguments):
         monkeypatch.setattr(sys, "argv", ["ehsa-ctrl", *map(str, arguments)])
