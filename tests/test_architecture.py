@@ -16,10 +16,11 @@ ALLOWED = {
     "design": {"core"},
     "identification": {"simulation", "plant", "physics", "core"},
     "scenario": {"design", "simulation", "plant", "physics", "core"},
-    "report": {"scenario", "identification", "design", "simulation", "plant", "physics", "core"},
+    "diagnosis": {"identification", "simulation", "plant", "physics", "core"},
+    "report": {"scenario", "diagnosis", "identification", "design", "simulation", "plant", "physics", "core"},
 }
 #: Drawing a result is asked of the result (`plot()`), so that the report is imported from below, inside that method.
-PLOTS = {("simulation", "report"), ("scenario", "report"), ("identification", "report")}
+PLOTS = {(folder, "report") for folder in ("simulation", "scenario", "identification", "design", "diagnosis")}
 
 
 def imports(path: Path, *, inside_functions: bool):

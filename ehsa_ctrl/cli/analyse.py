@@ -139,25 +139,14 @@ def _numbers(option: str, text: str, unit: str) -> list[float]:
 
 
 def _known(name: str, plant: Plant, settings: dict[str, str]) -> Known:
-    """What a review asks beside the linear model: sensors' noise, and friction where the plant's file has any."""
-    from ..core.protocol import MEASURED
-    from ..design.review import Known
-    from ..plant.motion_current import motion_current
+    """What a review asks of a plant, from its nonlinear set where its file has one."""
     from ..plant.plant import load_plant, models_of
+    from ..scenario.known import known_of
 
-    noise = {channel: plant.sensors[channel].sd for channel in MEASURED if channel in plant.sensors}
     if "nonlinear" not in models_of(name):
-        return Known(noise=noise)
-    nonlinear = load_plant(name, model="nonlinear")
-    shared = {key: value for key, value in settings.items() if key in nonlinear.parameters}
-    needed = motion_current(load_plant(name, model="nonlinear", settings=shared))
-    stroke = nonlinear.limits.get("stroke")
-    return Known(
-        static=needed["static"],
-        coulomb=needed["coulomb"],
-        reach=0.5 * stroke.value if stroke is not None else float("nan"),
-        noise=noise,
-    )
+        return known_of(plant)
+    letters = load_plant(name).parameters
+    return known_of(load_plant(name, settings={key: value for key, value in settings.items() if key in letters}))
 
 
 def _print(loops: Sequence[LoopAnalysis], robust: Sequence[RobustMargins | None], reviews: Sequence[Review]) -> None:

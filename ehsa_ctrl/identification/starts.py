@@ -23,8 +23,8 @@ LOOSE = 0.3
 NEAR_DRAWS, NEAR_SPREAD, PATIENCE = 10, 0.15, 3
 #: Two starts that end within so much cost of each other, in squared standard deviations, have found the same minimum.
 SAME = 10.0
-#: Ends within so many standard deviations of the best in every parameter say the same.
-CLOSE, THREE = 3.0, 3
+#: Ends within so many standard deviations of the best in every parameter say the same; so many ends it takes to say so.
+CLOSE, LEAST_ENDS = 3.0, 3
 #: Residuals within so many standard deviations of the noise's size could be noise.
 GOOD = 3.0
 #: If no two starts agree, so many more begin this many standard deviations around the best end.
@@ -223,12 +223,12 @@ class Search:
         """How many ends have come to the same minimum as the lowest one.
 
         Where the rod sticks and slips, a minimum breaks up into many that a slip more or less tells apart. Then it is
-        enough, after THREE starts, that every end that fits as well as noise allows means the same parameters; ends
-        that fit worse than that are no rivals.
+        enough, after LEAST_ENDS starts, that every end that fits as well as noise allows means the same parameters;
+        ends that fit worse than that are no rivals.
         """
         low = self._as_low()
         fine = self._acceptable()
-        if low == 1 and len(self.ends) >= THREE and fine and all(self._near_best(end) for end in fine):
+        if low == 1 and len(self.ends) >= LEAST_ENDS and fine and all(self._near_best(end) for end in fine):
             return len(self.ends)
         return low
 

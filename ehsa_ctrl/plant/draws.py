@@ -42,6 +42,8 @@ def read_covariance(path: str | Path) -> Covariance:
         found = json.loads(path.read_text(encoding="utf-8"))["correlation"]
         names, rows = tuple(found["names"]), found["covariance"]
         matrix = np.array([[math.inf if entry is None else float(entry) for entry in row] for row in rows])
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; give the identification.json of `ehsa-ctrl identify`") from None
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror})") from None
     except (ValueError, KeyError, TypeError):
@@ -178,12 +180,19 @@ def _values(
     return values
 
 
-def _inside(plant: Plant, name: str, value: float) -> bool:
-    """Whether a value lies in the range in which the parameter is believed, and in which it is physically possible."""
+def believed_range(plant: Plant, name: str) -> tuple[float, float]:
+    """Least and largest value that a parameter is believed to have, and that is physically possible."""
     parameter = plant.parameters[name]
     (kind,) = [kind for kind in plant.structure.equations.parameters if kind.name == name]
-    possible = kind.lower < value if kind.lower_open else kind.lower <= value
-    return bool(possible and value <= kind.upper and parameter.lower <= value <= parameter.upper)
+    lower = max(parameter.lower, kind.lower)
+    if kind.lower_open and lower == kind.lower:
+        lower = float(np.nextafter(lower, np.inf))
+    return lower, min(parameter.upper, kind.upper)
+
+
+def _inside(plant: Plant, name: str, value: float) -> bool:
+    lower, upper = believed_range(plant, name)
+    return bool(lower <= value <= upper)
 
 
 def difference(plant: Plant, nominal: Plant, *, most: int = 4) -> str:

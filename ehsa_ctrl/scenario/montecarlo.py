@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError, SimulationError
+from ..core.protocol import Controller
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .campaign import Campaign, Outcome
@@ -137,7 +138,7 @@ def monte_carlo(
     *,
     runs: int = 1000,
     seed: int = 0,
-    controller: str | Path | None = None,
+    controller: str | Path | Controller | None = None,
     plant: str | Path | None = None,
     design: str | Path | None = None,
     identification: str | Path | None = None,

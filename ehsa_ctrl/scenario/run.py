@@ -94,7 +94,7 @@ class Case:
 def prepare(
     scenario: str | Path | Scenario,
     *,
-    controller: str | Path | None = None,
+    controller: str | Path | Controller | None = None,
     plant: str | Path | None = None,
     design: str | Path | None = None,
 ) -> Case:
@@ -105,11 +105,19 @@ def prepare(
     try:
         checked = plants.find(plant) if plant else plants.find(definition.plant, beside=beside)
         designed = plants.find(design) if design else checked
-        law = controllers.find(controller) if controller else controllers.find(definition.controller, beside=beside)
+        law: Path | Controller
+        if controller is None or isinstance(controller, str | Path):
+            law = controllers.find(controller) if controller else controllers.find(definition.controller, beside=beside)
+        elif isinstance(controller, Controller):
+            law = controller
+        else:
+            raise InputError(
+                f"controller = {controller!r}: expected a name, a path, or a controller as load_controller gives it"
+            )
         model = three_state(load_plant(designed, model="linear"))
         linear = load_plant(designed, model="linear", settings=_known_to_linear(definition, designed))
         nonlinear = load_plant(checked, model="nonlinear", settings=definition.all_settings)
-        chosen: Controller = load_controller(law, model)
+        chosen: Controller = load_controller(law, model) if isinstance(law, Path) else law
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     if definition.supervision is not None and isinstance(chosen, SampledController):
@@ -120,7 +128,7 @@ def prepare(
 def run(
     scenario: str | Path | Scenario,
     *,
-    controller: str | Path | None = None,
+    controller: str | Path | Controller | None = None,
     plant: str | Path | None = None,
     design: str | Path | None = None,
 ) -> ScenarioResult:
@@ -132,7 +140,8 @@ def run(
     Parameters
     ----------
     scenario: a name, a path, or a loaded scenario. What it refers to is looked for beside its own file first.
-    controller, plant: instead of those that the scenario names.
+    controller, plant: instead of those that the scenario names. A controller that is designed already, from
+        `load_controller` or a user's own, is run as it is and held against no baseline.
     design: the plant whose linear set the controller is designed on and the prediction is made with, if that is
         another one than the plant it is checked on: the rig's identified model on the plant that one takes for true.
 
@@ -157,8 +166,9 @@ def run(
         loop=analyse_loop(case.model, case.controller) if isinstance(case.controller, SampledController) else None,
         seconds=clock.perf_counter() - begun,
     )
-    # Another plant than the scenario's has no recorded run to be held against.
-    path = None if plant or design else baseline_path(result)
+    # Another plant than the scenario's, or a controller that no file describes, has no recorded run.
+    recorded = not plant and not design and (controller is None or isinstance(controller, str | Path))
+    path = baseline_path(result) if recorded else None
     return replace(result, baseline=read_baseline(path) if path and path.is_file() else None)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from ..core.errors import InputError
+from ..plant.draws import believed_range, read_covariance
 from ..plant.file import LOAD_LETTERS
 from ..plant.plant import Plant, read_settings
 
@@ -101,7 +101,7 @@ def uncertainty_of(
     found: dict[str, Uncertain] = {}
     for name, p in plant.parameters.items():
         if p.sd is not None and 0.0 < p.sd < np.inf:
-            found[name] = Uncertain(name, p.value, *_bounds(plant, name), sd=p.sd, unit=p.unit)
+            found[name] = Uncertain(name, p.value, *believed_range(plant, name), sd=p.sd, unit=p.unit)
         elif np.isfinite([p.lower, p.upper]).all() and p.lower < p.upper and p.source != "given":
             found[name] = Uncertain(name, p.value, p.lower, p.upper, unit=p.unit)
     together: dict[tuple[str, str], float] = {}
@@ -119,15 +119,6 @@ def uncertainty_of(
     normal = [p.name for p in parameters if p.sd is not None]
     matrix = np.array([[together.get((a, b), float(a == b)) for b in normal] for a in normal])
     return Uncertainty(parameters, matrix if together else None)
-
-
-def _bounds(plant: Plant, name: str) -> tuple[float, float]:
-    """Believed range within the physical one."""
-    kind = next(kind for kind in plant.structure.equations.parameters if kind.name == name)
-    lower = max(plant.parameters[name].lower, kind.lower)
-    if kind.lower_open and lower == kind.lower:
-        lower = float(np.nextafter(lower, np.inf))
-    return lower, min(plant.parameters[name].upper, kind.upper)
 
 
 def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, Uncertain | None]:
@@ -158,30 +149,25 @@ def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, U
     if not 0.0 <= sd < np.inf:
         raise InputError(f"[spread] {key}: {given!r}; a standard deviation must be at least 0")
     return name, Uncertain(
-        name, plant[name], *_bounds(plant, name), sd=sd, unit=plant.parameters[name].unit
+        name, plant[name], *believed_range(plant, name), sd=sd, unit=plant.parameters[name].unit
     ) if sd > 0 else None
 
 
 def _covariance(plant: Plant, path: Path) -> tuple[dict[str, Uncertain], dict[tuple[str, str], float]]:
     """Parameters and correlations of an identification.json."""
-    try:
-        part = json.loads(path.read_text(encoding="utf-8"))["correlation"]
-        names, covariance = [str(name) for name in part["names"]], np.array(part["covariance"], dtype=float)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; give the identification.json of `ehsa-ctrl identify`") from None
-    except (OSError, KeyError, TypeError, ValueError):
-        raise InputError(f"{path}: holds no covariance; give the identification.json of `ehsa-ctrl identify`") from None
+    found = read_covariance(path)
+    names, covariance = found.names, found.matrix
     unknown = [name for name in names if name not in plant.parameters]
-    if unknown or covariance.shape != (len(names), len(names)) or not np.isfinite(covariance).all():
+    if unknown or not np.isfinite(covariance).all():
         raise InputError(
-            f"{path}: its covariance does not fit the {plant.model} model of {plant.name} ({unknown or names})"
+            f"{path}: its covariance does not fit the {plant.model} model of {plant.name} ({unknown or list(names)})"
         )
     sd = np.sqrt(np.diag(covariance))
     correlation = {
         (a, b): float(covariance[i, j] / (sd[i] * sd[j])) for i, a in enumerate(names) for j, b in enumerate(names)
     }
     estimated = {
-        name: Uncertain(name, plant[name], *_bounds(plant, name), float(deviation), plant.parameters[name].unit)
+        name: Uncertain(name, plant[name], *believed_range(plant, name), float(deviation), plant.parameters[name].unit)
         for name, deviation in zip(names, sd, strict=True)
     }
     return estimated, correlation

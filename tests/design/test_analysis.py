@@ -230,6 +230,14 @@ def test_the_droop_of_a_gain_is_the_one_by_hand(linear, system):
     assert loop.compliance >= abs(loop.static_compliance) * 0.999
 
 
+def test_rounding_is_no_lasting_answer(system):
+    """With an integral a lasting force moves the rod by nothing, however the equations are rounded."""
+    loop = analyse_loop(system, load_controller("lqr_position", system))
+
+    assert loop.static_compliance == 0.0 < loop.compliance
+    assert "lasting 0 um/kN" in str(loop)
+
+
 def test_an_integrator_that_is_switched_off_is_no_pole(system):
     """A PI with k_i = 0 has a state at z = 1 that nothing reaches: the loop is that of the gain alone."""
     with_state, without = analyse_loop(system, integral(200.0, 0.0)), analyse_loop(system, proportional(200.0))

@@ -152,6 +152,14 @@ def test_the_worst_plant_is_in_the_review():
     assert found["worst Ms"].verdict == "warning"
 
 
+def test_margins_of_another_controller_are_refused():
+    """The worst case would be somebody else's."""
+    robust = robust_margins({"nominal": integrator()}, proportional(50.0, name="theirs"))
+
+    with pytest.raises(InputError, match="margins of theirs, the review is of made"):
+        review(integrator(), proportional(50.0), robust=robust)
+
+
 def test_what_is_not_known_is_not_judged(system):
     """Without friction, noise and solver there are no such tests."""
     tests = {finding.test for finding in review(system, proportional(100.0)).findings}

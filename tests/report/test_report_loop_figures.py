@@ -92,6 +92,14 @@ def test_bands_hold_the_curves(robust):
     assert upper.get_ylabel() == "|S|\n(dB)" and figure.axes[-1].get_xlabel().startswith("frequency (rad/s)")
 
 
+def test_loops_and_margins_draw_themselves(robust):
+    """`plot()` is the figure that stands here under the name of what it shows."""
+    loop = robust.loops["nominal"]
+
+    assert to_svg(loop.plot()) == to_svg(loop_figure(loop))
+    assert to_svg(robust.plot()) == to_svg(robustness_figure(robust))
+
+
 def test_an_unstable_plant_is_said_in_the_title(unstable):
     """No curve of it is drawn: |S| of an unstable loop means nothing."""
     assert unstable.unstable == ("strong",)

@@ -52,6 +52,13 @@ def test_a_run_of_a_campaign_is_a_run_of_the_scenario(scenario):
     assert found.margin == pytest.approx(1 - metrics["MaxError"] / 2e-3)
 
 
+def test_a_controller_can_be_handed_over(scenario):
+    """Designed already, it gives what its name gives."""
+    ready = prepare(scenario).controller
+
+    assert monte_carlo(scenario, runs=3, controller=ready).outcomes == monte_carlo(scenario, runs=3).outcomes
+
+
 def test_more_runs_begin_with_the_same(scenario):
     """Run k has its draw whatever the number of runs."""
     assert monte_carlo(scenario, runs=12).outcomes[:5] == monte_carlo(scenario, runs=5).outcomes

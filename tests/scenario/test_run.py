@@ -1,9 +1,11 @@
 """Scenarios: what is run, compared and judged."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ehsa_ctrl import InputError, load_scenario, run
+from ehsa_ctrl import InputError, load_controller, load_plant, load_scenario, run, three_state
 from ehsa_ctrl.core.catalogue import scenarios
 from ehsa_ctrl.scenario.metrics import METRICS
 
@@ -43,6 +45,27 @@ def test_the_prediction_knows_the_load_but_not_the_friction():
 def test_the_design_does_not_depend_on_the_scenario():
     """The controller is tuned on the plant's own linear set, the same in every scenario."""
     assert run("steps_spring").controller == run("force_step").controller
+
+
+def test_a_controller_that_is_designed_already_is_run_as_it_is(project):
+    """The one that the file describes gives the same run; one that asks for no current gives none, and neither is held
+    against what was recorded under that name."""
+    path, model = project(), three_state(load_plant("ehsa", model="linear"))
+    ready = load_controller("pid_position", model)
+    named, given = run(path, controller="pid_position"), run(path, controller=ready)
+    idle = run(path, controller=replace(ready, law=replace(ready.law, current_limit=0.0), name="idle"))
+    (path.parent / "baselines").mkdir()
+    (path.parent / "baselines" / "short-pid_position.json").write_text("{}")
+
+    assert np.array_equal(given.nonlinear.trajectory.states, named.nonlinear.trajectory.states)
+    assert idle.controller.name == "idle" and not idle.nonlinear.trajectory.current.any()
+    assert run(path, controller=ready).baseline is None
+
+
+def test_what_is_no_controller_is_refused(project):
+    """In a sentence that names the scenario."""
+    with pytest.raises(InputError, match=r"short\.toml: controller = 5: expected a name, a path, or a controller"):
+        run(project(), controller=5)
 
 
 def test_the_seed_makes_the_run(edited):

@@ -18,9 +18,12 @@ from .sampled import sampled, sampled_plant, scaled
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.figure import Figure
 
 #: A closed loop with a pole nearer than this to the unit circle, or outside, is not stable.
 BRINK = 1e-9
+#: A lasting answer to a force below this share of the largest one is rounding: integral action leaves none.
+NOTHING = 1e-9
 #: Longest delay margin, in samples, that is computed from the closed loop's poles; beyond, its frequency value is kept.
 LONGEST = 60
 
@@ -82,6 +85,12 @@ class LoopAnalysis:
     def sensitivity(self) -> np.ndarray:
         """S = 1 / (1 + L), (n,)."""
         return np.asarray(1 / (1 + self.response))
+
+    def plot(self) -> Figure:
+        """Open loop over frequency with its margins; |S| and |T| with their peaks."""
+        from ...report.figures import loop_figure
+
+        return loop_figure(self)
 
     def to_dict(self) -> dict[str, Any]:
         names = (
@@ -162,6 +171,8 @@ def analyse_loop(
     x = MEASURED.index("position")
     countered = np.einsum("nj,nj->n", answer, moved[..., 1]) * sensitivity
     under_force = np.abs(moved[:, x, 1] + moved[:, x, 0] * countered)
+    compliance = float(np.max(under_force)) if stable else nan
+    lasting = _static(closed, "position", "F_D") if stable else nan
     seen = fine >= 0.999 * min(0.1, fine[-1] / 10)
     return LoopAnalysis(
         controller=controller.name,
@@ -180,8 +191,8 @@ def analyse_loop(
         gain_frequency=found.gain_frequency,
         noise_gain=noise_gain,
         current_noise=_together(noise_gain, noise),
-        compliance=float(np.max(under_force)) if stable else nan,
-        static_compliance=_static(closed, "position", "F_D") if stable else nan,
+        compliance=compliance,
+        static_compliance=0.0 if abs(lasting) < NOTHING * compliance else lasting,
         Mks=float(np.max(np.abs(answer[:, x] * sensitivity))) if stable else nan,
         sample_time=h,
         delay=late,

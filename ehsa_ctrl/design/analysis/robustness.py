@@ -18,6 +18,7 @@ from .loop import LoopAnalysis, analyse_loop
 if TYPE_CHECKING:
     import control
     import pandas
+    from matplotlib.figure import Figure
 
 #: Margin -> its unit, and whether a large value is the bad one; an unstable loop is worse than any other.
 JUDGED = {
@@ -107,6 +108,15 @@ class RobustMargins:
             curve = np.abs(loop.sensitivity if of == "S" else 1 - loop.sensitivity)
             curves.append(np.interp(np.log(omega), np.log(loop.omega), curve))
         return omega, np.min(curves, axis=0), np.max(curves, axis=0)
+
+    def plot(self) -> Figure:
+        """|S| and |T| over frequency: the band of all plants, the first and the worst one.
+
+        Raises InputError where no loop is stable.
+        """
+        from ...report.figures import robustness_figure
+
+        return robustness_figure(self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a plant: stable, crossover [rad/s] and the margins in SI units (phase in deg)."""

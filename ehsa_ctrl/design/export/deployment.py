@@ -20,7 +20,7 @@ from ..law import Law
 from ..laws.mpc import Mpc
 from ..qp import QP_SOLVERS
 from ..stages.feedforward import feedforward
-from ..stages.pipeline import M_LAW, S_FEED, S_LAW, S_PLAN, S_REST, pipeline
+from ..stages.pipeline import M_LAW, S_FEED, S_LAW, S_PLAN, S_REST, STAGES, pipeline
 from ..stages.rest import rest
 from ..stages.supervision import supervise
 from ..stages.trajectory import plan
@@ -39,7 +39,8 @@ TOLERANCE, TOLERANCE_MPC = 1e-9, 1e-6
 EXACT_ITERATIONS = 10_000
 FOLDER = Path(__file__).parent / "templates"
 FILES = ("controller.h", "controller.c", "test.c", "Makefile", "README.md")
-STAGES = (
+#: Title and function of each stage, and where its settings stand.
+TITLES = (
     ("supervision", supervise, 0, S_PLAN),
     ("trajectory", plan, S_PLAN, S_FEED),
     ("feed-forward", feedforward, S_FEED, S_REST),
@@ -134,7 +135,7 @@ def _files(controller: SampledController, vector: Vector, tolerance: float, rho:
     law, memory = controller.law, controller.initial_memory()
     qp = Signature("solve_qp", (ARRAY,) * 6, DOUBLE, (False, False, False, True, True, True))
     program = Program(
-        (supervise, plan, feedforward, rest, pipeline, *law.uses, law.function),
+        (*STAGES, pipeline, *law.uses, law.function),
         outside={solve_qp: qp} if rho is not None else {},
         stands_for={"law": law.function},
     )
@@ -174,8 +175,9 @@ def _settings(controller: SampledController) -> list[str]:
     """Lines of the initialiser, stage by stage."""
     values, law = controller.settings(), controller.law
     lines = []
-    for title, function, start, stop in STAGES:
-        lines += [f"/* {title} */", *settings_lines(values[start:stop], setting_names(function, ()), {})]
+    for title, function, start, stop in TITLES:
+        names = setting_names(function, STAGES)
+        lines += [f"/* {title} */", *settings_lines(values[start:stop], names, {})]
     names = setting_names(law.function, law.uses)
     parts: Mapping[str, np.ndarray] = getattr(law, "matrices", {})
     return [*lines, f"/* {law.function.__name__} */", *settings_lines(values[S_LAW:], names, parts)]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from ...core.errors import InputError, choices
 from ..analysis.loop import LoopAnalysis, analyse_loop
 from .case import Case
 from .finding import Finding, Known
@@ -54,8 +55,6 @@ class Review:
 
     def __getitem__(self, test: str) -> Finding:
         """The finding of a test. Raises InputError for a test that was not made."""
-        from ...core.errors import InputError, choices
-
         for finding in self.findings:
             if finding.test == test:
                 return finding
@@ -108,11 +107,16 @@ def review(
     ----------
     system: continuous, as three_state(plant) gives it. controller: with a linear law.
     known: friction, noise and the like; tests that need what is not known are left out.
-    robust: margins over other plants, see robust_margins; without it the worst case is not judged.
+    robust: this controller's margins over other plants, see robust_margins; without it the worst case is not judged.
     lag: whole samples between a measurement and its current.
 
-    Raises InputError as analyse_loop does.
+    Raises InputError for margins of another controller, and as analyse_loop does.
     """
+    if robust is not None and robust.controller != controller.name:
+        raise InputError(
+            f"robust has the margins of {robust.controller}, the review is of {controller.name}; expected "
+            f"robust_margins(systems, controller) with this controller"
+        )
     facts = known or Known()
     loop = analyse_loop(system, controller, lag=lag, noise=facts.noise)
     case = Case(system, controller, facts, loop, robust, lag)

@@ -12,7 +12,7 @@ Verdict = Literal["good", "warning", "fault"]
 
 @dataclass(frozen=True)
 class Known:
-    """What is known beside the linear model, in SI units; nan where nothing is.
+    """What is known beside the linear model, in SI units; nan where nothing is. scenario.known fills it from a plant.
 
     static, coulomb: current [A] at breakaway, and that Coulomb friction takes while sliding, unloaded.
     slip: smallest motion [m] that a pulse of current can cause.

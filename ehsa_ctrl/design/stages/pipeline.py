@@ -18,7 +18,7 @@ from . import rest as _rest
 from . import supervision as _supervision
 from . import trajectory as _trajectory
 from .feedforward import feedforward
-from .rest import rest
+from .rest import decide_hold, knock, rest
 from .supervision import supervise
 from .trajectory import plan
 
@@ -32,6 +32,8 @@ S_FEED = S_PLAN + _trajectory.SETTINGS
 S_REST = S_FEED + _feedforward.SETTINGS
 S_LAW = S_REST + _rest.SETTINGS
 
+#: The stages' functions, each behind those that it calls: what is compiled, and written as C, before the law.
+STAGES: tuple[Callable[..., Any], ...] = (supervise, plan, feedforward, knock, decide_hold, rest)
 #: What is kept of each sample of every controller, beside the law's own traces.
 TRACES = {
     "status": 0,
@@ -75,8 +77,7 @@ def compiled_pipeline(law: Callable[..., float], uses: tuple[Callable[..., Any],
     from ...core.compiled import load_compiled
 
     edges = "\n".join(f"{name} = {value}" for name, value in sorted(_edges().items()))
-    stages: tuple[Callable[..., Any], ...] = (supervise, plan, feedforward, rest, *uses, law)
-    text = [HEAD, edges, *(f'@njit(error_model="numpy")\n{source_text(stage)}' for stage in stages)]
+    text = [HEAD, edges, *(f'@njit(error_model="numpy")\n{source_text(stage)}' for stage in (*STAGES, *uses, law))]
     # A function handed over as an argument would keep numba from caching the step; a name of the module does not.
     text.append(f"law = {law.__name__}")
     text.append(f'@njit(error_model="numpy")\n{source_text(pipeline, without="law")}')

@@ -41,26 +41,33 @@ def rest(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, settings:
     pulse height [A], samples into the pulse's period, phase of the dither, direction of the last pulse; readings for
     the law (5), readings averaged (5).
     """
-    band, release, still, kept = settings[0], settings[1], settings[2], settings[3]
-    first, growth, largest, width, period = settings[4], settings[5], settings[6], settings[7], settings[8]
-    amplitude, phase, patience = settings[9], settings[10], settings[11]
+    amplitude, phase = settings[9], settings[10]
     memory[1] = 0.0
     if amplitude > 0.0:
         memory[1] = amplitude * sin(memory[7])
         memory[7] = (memory[7] + phase) % (2.0 * pi)
     held = memory[0]
-    memory[0] = 0.0
-    if held == 0.0:
+    hold = decide_hold(planned, trusted, memory, settings)
+    memory[0] = hold
+    if hold != 1.0:
         memory[9:14] = trusted
+    elif held == 0.0:
+        memory[9:14] = memory[14:19]
+        memory[9] = 0.0
+
+
+def decide_hold(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
+    """What memory[0] of `rest` becomes; goes on with the filters, the average and, where it knocks, the pulses."""
+    band, release, still, kept = settings[0], settings[1], settings[2], settings[3]
+    growth, largest, width, patience, forget = settings[5], settings[6], settings[7], settings[11], settings[12]
     if band == 0.0:
-        return
+        return 0.0
     error = planned[0] - trusted[3]
     if planned[1] != 0.0 or planned[2] != 0.0:
-        memory[0] = -1.0 if settings[12] == 1.0 and memory[4] > 0.0 else 0.0
+        rested = memory[4] > 0.0
         memory[2], memory[3], memory[4], memory[5] = error, trusted[0], 0.0, 0.0
-        memory[9:14] = trusted
         memory[14:19] = trusted
-        return
+        return -1.0 if forget == 1.0 and rested else 0.0
     memory[2] = kept * memory[2] + (1.0 - kept) * error
     memory[3] = kept * memory[3] + (1.0 - kept) * trusted[0]
     for i in range(5):
@@ -69,20 +76,20 @@ def rest(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, settings:
     if memory[4] <= patience or abs(memory[3]) >= still:
         # It moves: the pulse that was on has done its work, and the next one may be lower.
         memory[5], memory[6] = max(memory[5] - 2.0 * growth, 0.0), width
-        memory[9:14] = trusted
-        return
-    inside = abs(memory[2]) <= (release if held > 0.0 and memory[5] == 0.0 else band)
-    if not inside and largest == 0.0:
-        memory[9:14] = trusted
-        return
-    memory[0] = 1.0
-    if held == 0.0:
-        memory[9:14] = memory[14:19]
-        memory[9] = 0.0
-    if inside:
+        return 0.0
+    if abs(memory[2]) <= (release if memory[0] > 0.0 and memory[5] == 0.0 else band):
         memory[5], memory[6] = 0.0, 0.0
-        return
+        return 1.0
+    if largest == 0.0:
+        return 0.0
     # Outside, with a knocker: the integral stands still as well, the pulses do the work.
+    knock(memory, settings)
+    return 1.0
+
+
+def knock(memory: np.ndarray, settings: np.ndarray) -> None:
+    """One sample of the knocker: adds its pulse, if one is on, to the extra current memory[1] of `rest`."""
+    first, growth, largest, width, period = settings[4], settings[5], settings[6], settings[7], settings[8]
     direction = 1.0 if memory[2] > 0.0 else -1.0
     if memory[5] < first or direction != memory[8]:
         memory[5], memory[6], memory[8] = first, 0.0, direction

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...core.protocol import MEASURED
+from ..analysis.frequency import transfer
 from ..analysis.sampled import sampled_plant
 from ..laws.pid_forms import Gains
 
@@ -36,11 +37,7 @@ class SampledPlant:
 
     def response(self, z: np.ndarray) -> np.ndarray:
         """G(z) (m,) at the points z (m,)."""
-        n = self.a.shape[0]
-        columns = np.linalg.solve(
-            z[:, None, None] * np.eye(n) - self.a, np.broadcast_to(self.b[:, None], (z.size, n, 1))
-        )
-        return np.asarray((self.c @ columns)[:, 0])
+        return transfer(self.a, self.b[:, None], self.c[None, :], z)[:, 0, 0]
 
 
 def position_plant(system: control.StateSpace, sample_time: float, *, lag: int = 0) -> SampledPlant:
