@@ -1,15 +1,23 @@
-"""What drove a plant while a log was recorded: the logged drives with their sensors' delay, bias and scale undone."""
+"""What drove a plant while a log was recorded: the logged drives with what their sensors did undone."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from ..core.log import Log
+from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
+from ..simulation.sensors import filter_weights
 
 
 def undo_sensor(plant: Plant, log: Log, channel: str) -> np.ndarray:
-    """A channel (N,) as it was before its sensor delayed, scaled and biased it; noise stays."""
+    """A channel (N,) as it was before its sensor filtered, delayed, scaled and biased it.
+
+    Noise stays; undoing a filter makes more of it, some filter / sample time times as much. A held drive is what its
+    filter needed to get from sample to sample, exactly; another signal is y + filter dy/dt by central differences.
+    """
     values = log[channel]
     sensor = plant.sensors.get(channel)
     if sensor is None:
@@ -18,7 +26,30 @@ def undo_sensor(plant: Plant, log: Log, channel: str) -> np.ndarray:
     if late > 0.0:
         index = np.arange(values.size)
         values = np.interp(index + late, index, values)
-    return (values - sensor.bias) / sensor.scale
+    values = (values - sensor.bias) / sensor.scale
+    if sensor.filter > 0.0:
+        system = plant.structure.system
+        if system.hold == "zero_order" and channel in system.drives.values():
+            a, b, _ = filter_weights(sensor.filter, log.sample_time, held=True)
+            values = np.concatenate([values[:1], (values[1:] - a * values[:-1]) / b])
+        else:
+            values = values + sensor.filter * np.gradient(values, log.sample_time)
+    return values
+
+
+def acting_drive(plant: Plant, asked: np.ndarray, sample_time: float) -> tuple[Plant, np.ndarray]:
+    """The plant without its drive's dead time, and the first input (N,) moved by it instead.
+
+    Of a held input that changes within a sample the sample's mean is taken: what is driven by it integrates it.
+    """
+    structure = plant.structure
+    if structure.delay is None:
+        return plant, asked
+    late = plant[structure.delay] / sample_time
+    effects = tuple(name for name in structure.effects if not EFFECTS[name].delays)
+    index = np.arange(asked.size)
+    # Between held samples the mean runs straight too.
+    return plant.with_structure(replace(structure, effects=effects)), np.interp(index - late, index, asked)
 
 
 def logged_drives(plant: Plant, log: Log) -> tuple[np.ndarray, np.ndarray | None]:

@@ -12,6 +12,7 @@ from ..core.errors import InputError, SimulationError
 from ..core.log import Log
 from ..plant.plant import Plant
 from ..simulation.bench import record
+from ..simulation.sensors import shown
 from ..simulation.trajectory import Trajectory
 from .estimator import Fit, fit
 from .free import FreeParameter, free_parameters
@@ -159,6 +160,6 @@ def _log(run: Trajectory) -> Log:
                 f"{plant.path or plant.name}: says nothing of the noise of {channel}, on which every standard "
                 f"deviation depends; give noise in [sensors.{channel}]"
             )
-        late = np.interp(run.time - sensor.delay, run.time, run[signal])
-        channels[channel] = sensor.scale * late + sensor.bias
+        held = run.hold == "zero_order" and channel not in system.outputs
+        channels[channel] = shown(sensor, run[signal], float(run.time[1] - run.time[0]), held=held)
     return Log(run.time, channels)

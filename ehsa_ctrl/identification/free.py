@@ -22,7 +22,7 @@ SMALLEST = 0.2
 class FreeParameter:
     """One number to be estimated.
 
-    name: a letter of the plant (J_M), or bias.CHANNEL, scale.CHANNEL, delay.CHANNEL of a sensor.
+    name: a letter of the plant (J_M), or bias.CHANNEL, scale.CHANNEL, delay.CHANNEL, filter.CHANNEL of a sensor.
     value: where the plant believes it to be; unit: SI.
     lower, upper: it stays between them. prior_sd: how strongly it is held at `value`; None: not at all.
     """
@@ -75,6 +75,11 @@ def free_parameters(
     for name in (*bounds, *priors):
         if _letter(name) not in names:
             raise InputError(f"{name}: has a bound or a prior but is not free; free are {', '.join(names) or 'none'}")
+    if plant.structure.delay in names:
+        raise InputError(
+            f"{plant.structure.delay}: has no derivative to be estimated by; a dead time of the drive is the same as "
+            f"delays of all sensors, so set it with --set and free delay.CHANNEL instead"
+        )
     if not names:
         raise InputError(
             f"nothing is left to estimate of {plant.name} ({plant.model}): its file calls nothing identified and names "
@@ -125,7 +130,7 @@ def _letter(name: str) -> str:
 def _unit(plant: Plant, name: str) -> str:
     word, dot, channel = name.partition(".")
     if dot:
-        return {"scale": "1", "delay": "s"}.get(word, plant.sensors[channel].unit)
+        return plant.sensors[channel].unit_of(word)
     return {kind.name: kind.unit for kind in plant.structure.equations.parameters}[name]
 
 
@@ -137,7 +142,8 @@ def _parameter(
     own_sd: float | None = None
     if dot:
         value = float(getattr(plant.sensors[channel], word))
-        lower, upper = {"scale": (0.0, math.inf), "delay": (0.0, 0.5)}.get(word, (-math.inf, math.inf))
+        ranges = {"scale": (0.0, math.inf), "delay": (0.0, 0.5), "filter": (0.0, 0.5)}
+        lower, upper = ranges.get(word, (-math.inf, math.inf))
     else:
         parameter = plant.parameters[name]
         kind = next(kind for kind in plant.structure.equations.parameters if kind.name == name)

@@ -209,7 +209,7 @@ def size_of(plant: Plant, parameter: FreeParameter, value: float, logs: Sequence
     word, channel = sensor
     if word == "bias":
         return max(abs(value), 0.1 * float(np.std(logs[0][channel])) if channel in logs[0].channels else abs(value))
-    return max(abs(value), logs[0].sample_time) if word == "delay" else abs(value)
+    return max(abs(value), logs[0].sample_time) if word in ("delay", "filter") else abs(value)
 
 
 def _with_provenance(plant: Plant, table: Sequence[Estimate], logs: Sequence[Log]) -> Plant:

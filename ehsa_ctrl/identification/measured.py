@@ -11,7 +11,7 @@ from scipy.signal import butter, savgol_filter, sosfiltfilt
 from ..core.errors import InputError
 from ..core.log import Log
 from ..plant.plant import Plant
-from .drives import undo_sensor
+from .drives import acting_drive, undo_sensor
 
 Method = Literal["weak", "filtered"]
 
@@ -31,9 +31,9 @@ class Measured:
 def measure(plant: Plant, log: Log, method: Method, cutoff: float) -> Measured:
     """Collect everything of a log that a balance may ask for; what the log does not tell is absent.
 
-    Sensors are undone (delay, bias, scale). A speed without a channel is the slope of its position: of a cubic over
-    seven samples ("weak"), or by central differences of the position after a fourth-order Butterworth filter at
-    `cutoff` Hz without phase ("filtered").
+    Sensors are undone (filter, delay, bias, scale), and the drive acts after its dead time. A speed without a channel
+    is the slope of its position: of a cubic over seven samples ("weak"), or by central differences of the position
+    after a fourth-order Butterworth filter at `cutoff` Hz without phase ("filtered").
     """
     system = plant.structure.system
     dt = log.sample_time
@@ -57,7 +57,10 @@ def measure(plant: Plant, log: Log, method: Method, cutoff: float) -> Measured:
         elif (channel := system.drives[name]) in channels:
             # A drive that is held over each sample acts, around an instant, as the mean of two samples.
             held = system.hold == "zero_order"
-            values[name] = _between(channels[channel]) if held else channels[channel]
+            acting = channels[channel]
+            if name == system.inputs[0]:
+                _, acting = acting_drive(plant, acting, dt)
+            values[name] = _between(acting) if held else acting
             noise[name] = _noise(channels[channel])
     if "v" not in values and "position" in channels:
         noise["v"] = 0.35 * _noise(channels["position"]) / dt

@@ -11,6 +11,7 @@ import numpy as np
 from ..core.errors import InputError, SimulationError, choices
 from ..core.log import Log
 from ..plant.plant import Plant
+from ..simulation.sensors import shown
 from ..simulation.trajectory import Trajectory, versions
 from .start import Start, drive, find_start
 
@@ -126,18 +127,16 @@ def replay(plant: Plant, log: Log, *, before: Log | None = None) -> Replay:
     except SimulationError as error:
         nothing = {channel: np.full(len(log), np.nan) for channel in system.outputs}
         return Replay(plant, log, start, None, nothing, dict.fromkeys(measured, float("nan")), str(error))
-    shown = {channel: _shown(plant, channel, run, len(log)) for channel in system.outputs}
-    fits = {channel: float("nan") if run.stopped else fit_percent(log[channel], shown[channel]) for channel in measured}
-    return Replay(plant, log, start, run, shown, fits, run.stopped)
+    simulated = {channel: _simulated(plant, channel, run, len(log)) for channel in system.outputs}
+    ended = bool(run.stopped)
+    fits = {c: float("nan") if ended else fit_percent(log[c], simulated[c]) for c in measured}
+    return Replay(plant, log, start, run, simulated, fits, run.stopped)
 
 
-def _shown(plant: Plant, channel: str, run: Trajectory, samples: int) -> np.ndarray:
-    """What the channel's sensor makes of the run (samples,): its delay, scale and bias, not its noise and steps."""
+def _simulated(plant: Plant, channel: str, run: Trajectory, samples: int) -> np.ndarray:
+    """What the channel's sensor makes of the run (samples,), without its noise and steps."""
     values = np.full(samples, np.nan)
     true = run[plant.structure.system.outputs[channel]]
     sensor = plant.sensors.get(channel)
-    if sensor is not None:
-        late = np.interp(run.time - sensor.delay, run.time, true) if sensor.delay > 0.0 else true
-        true = sensor.scale * late + sensor.bias
-    values[: len(run)] = true
+    values[: len(run)] = true if sensor is None else shown(sensor, true, float(run.time[1] - run.time[0]))
     return values

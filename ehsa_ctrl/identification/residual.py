@@ -11,7 +11,8 @@ from ..core.errors import InputError
 from ..core.log import Log
 from ..plant.plant import Plant
 from ..simulation.sensitivity import Transitions, transitions
-from .drives import logged_drives
+from ..simulation.sensors import by_filter, first_order
+from .drives import acting_drive, logged_drives
 from .whitening import accumulate, filter_gains, input_errors, whiten
 from .window import Window, sensor_sd
 
@@ -112,13 +113,14 @@ def run_window(
     rows = slice(window.first, window.last + 1)
     log = window.log
     measurement = Measurement.of(plant, log, weights)
-    logged, outer = (None if values is None else values[rows] for values in logged_drives(plant, log))
-    assert logged is not None
+    logged, outer = logged_drives(plant, log)
+    prompt, logged = acting_drive(plant, logged, log.sample_time)
+    logged, outer = logged[rows], None if outer is None else outer[rows]
     errors = np.zeros(logged.size) if errors is None else errors
     current = logged + errors
     letters = [name for name in names if "." not in name]
     run = transitions(
-        plant, letters, current, force=outer, hold=plant.structure.system.hold, start=start,
+        prompt, letters, current, force=outer, hold=plant.structure.system.hold, start=start,
         sample_time=log.sample_time, tolerance=tolerance,
     )  # fmt: skip
     begin = np.eye(start.size)[:, list(window.free)]
@@ -126,8 +128,13 @@ def run_window(
     sensors = [plant.sensors[channel] for channel in measurement.channels]
     scale = np.array([sensor.scale for sensor in sensors])
     delays = np.array([sensor.delay for sensor in sensors]) / log.sample_time
-    true = _late(run.states[:, measurement.column], delays)
-    by_state = _late(derivatives[:, measurement.column, :], delays) * scale[None, :, None]
+    # Only a log's first window can begin at rest.
+    moving = window.first > 0
+    filters, dt = [sensor.filter for sensor in sensors], log.sample_time
+    seen = _filtered(run.states[:, measurement.column], filters, dt, moving)
+    true = _late(seen, delays)
+    by_state = _filtered(derivatives[:, measurement.column, :], filters, dt, moving)
+    by_state = _late(by_state, delays) * scale[None, :, None]
     simulated = scale * true + np.array([sensor.bias for sensor in sensors])
     measured = np.column_stack([log[channel][rows] for channel in measurement.channels])
     q = len(window.free)
@@ -147,7 +154,9 @@ def run_window(
         elif word == "scale":
             by_parameter[:, c, column] = true[:, c]
         else:
-            slope = np.gradient(run.states[:, measurement.column[c]], log.sample_time)
+            slope = np.gradient(seen[:, c], dt)
+            if word == "filter":
+                slope = -by_filter(run.states[:, measurement.column[c]], filters[c], dt, moving=moving)
             by_parameter[:, c, column] = -scale[c] * _late(slope[:, None], delays[c : c + 1])[:, 0]
     return WindowRun(
         window=window,
@@ -165,6 +174,14 @@ def _whitening(run: Transitions, measurement: Measurement, scale: np.ndarray) ->
     by_state, by_input = np.ascontiguousarray(run.by_state), np.ascontiguousarray(run.by_input)
     gains, spread = filter_gains(by_state, by_input, measurement.column, scale, measurement.sd, measurement.input_sd)
     return Whitening(by_state, by_input, measurement.column, scale, gains, spread, measurement.input_sd)
+
+
+def _filtered(values: np.ndarray, filters: Sequence[float], sample_time: float, moving: bool) -> np.ndarray:
+    """Columns of values (N, m, ...) through the filters [s] of their sensors."""
+    if not any(filters):
+        return values
+    columns = [first_order(values[:, c], lag, sample_time, moving=moving) for c, lag in enumerate(filters)]
+    return np.stack(columns, axis=1)
 
 
 def _late(values: np.ndarray, delays: np.ndarray) -> np.ndarray:

@@ -199,8 +199,8 @@ def balance_estimates(parameters: Sequence[FreeParameter], found: BalanceEstimat
 
 
 def _natural(parameter: FreeParameter, at_bound: str) -> bool:
-    """A delay of zero is an answer, a mass at the end of what was allowed is none."""
-    return parameter.sensor is not None and parameter.sensor[0] == "delay" and at_bound == "lower"
+    """A delay or a filter of zero is an answer, a mass at the end of what was allowed is none."""
+    return parameter.sensor is not None and parameter.sensor[0] in ("delay", "filter") and at_bound == "lower"
 
 
 def _at_bound(parameter: FreeParameter, value: float, sd: float) -> str:

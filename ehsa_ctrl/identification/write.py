@@ -1,4 +1,4 @@
-"""An identified plant as a TOML: the file it came from, with the numbers that are new."""
+"""A plant that was changed as a TOML: the file it came from, with the numbers and the structure that are new."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from ..core.errors import InputError
 from ..core.parameter import Parameter
 from ..core.unit import factor
 from ..plant.file import LOAD_LETTERS
-from ..plant.plant import SENSOR_WORDS, Plant, load_plant
+from ..plant.plant import SENSOR_WORDS, Plant, Sensor, load_plant
 
 
 def plant_toml(plants: Sequence[Plant]) -> str:
-    """The text of a plant's TOML with the numbers of one or more of its models.
+    """The text of a plant's TOML with the numbers and structures of one or more of its models.
 
     Order, comments, units and everything that was not identified or set stay as they are in the file that the plants
     were read from. A number that both models share goes to the model that identified it, so that the other one keeps
-    what it had.
+    what it had. Letters of effects and friction laws that the file lacks go to the model that has them; what a model no
+    longer has is left out. A sensor's number carries the provenance that `Sensor.stated` gives it under its name
+    ("p1 bias").
 
     Parameters
     ----------
-    plants: models of one file, with changed values.
+    plants: models of one file, with changed values, friction laws, chamber form, effects or sensors.
 
     Raises InputError for plants without a file, or of different files.
     """
@@ -37,23 +39,22 @@ def plant_toml(plants: Sequence[Plant]) -> str:
     words = {letter: word for word, letter in LOAD_LETTERS.items()}
     for plant in plants:
         before = load_plant(path, model=plant.model)
+        _put_structure(document, before, plant)
         for name, parameter in plant.parameters.items():
             old = before.parameters.get(name)
             if old is not None and (old.value, old.source, old.sd) == (parameter.value, parameter.source, parameter.sd):
                 continue
-            identified = parameter.source == "identified"
+            own = parameter.source in ("identified", "derived") or name in document[plant.model]["parameters"]
             if name in words:
                 _put(_table(document, "load"), words[name], parameter)
-            elif identified or parameter.source == "derived" or name in document[plant.model]["parameters"]:
-                _put(_table(document, plant.model, "parameters"), name, parameter)
-            else:
+            elif not own and name in document.get("parameters", {}):
                 _put(_table(document, "parameters"), name, parameter)
+            else:
+                _put(_table(document, plant.model, "parameters"), name, parameter)
         for channel, sensor in plant.sensors.items():
             for word in SENSOR_WORDS:
-                value, unit = getattr(sensor, word), {"scale": "1", "delay": "s"}.get(word, sensor.unit)
-                if value != getattr(before.sensors[channel], word):
-                    entry = Parameter(word, value, unit, "identified", note="as identified or set")
-                    _put(_table(document, "sensors", channel), word, entry)
+                if getattr(sensor, word) != getattr(before.sensors[channel], word):
+                    _put(_table(document, "sensors", channel), word, _sensor_number(sensor, word))
     return str(tomlkit.dumps(document))
 
 
@@ -64,6 +65,41 @@ def write_plant(path: str | Path, *plants: Plant) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def _put_structure(document: Any, before: Plant, plant: Plant) -> None:
+    """Write the words of a model's structure that have changed, and leave out the letters that it no longer has."""
+    table, old, new = document[plant.model], before.structure, plant.structure
+    for word in ("shaft_friction", "rod_friction", "chambers"):
+        if getattr(new, word) != getattr(old, word):
+            table[word] = getattr(new, word)
+    if new.effects != old.effects:
+        table["effects"] = list(new.effects)
+    if not new.effects:
+        table.pop("effects", None)
+    for name in before.parameters:
+        if name in plant.parameters:
+            continue
+        shared = document.get("parameters", {})
+        if name in shared:
+            # The other model may need it.
+            entry = shared.pop(name)
+            other = {"linear": "nonlinear", "nonlinear": "linear"}[plant.model]
+            if other in document and name not in document[other]["parameters"]:
+                document[other]["parameters"][name] = entry
+        table["parameters"].pop(name, None)
+    free = [name for name in plant.free if name in plant.parameters]
+    if "free" in table and [*table["free"]] != free:
+        table["free"] = free
+
+
+def _sensor_number(sensor: Sensor, word: str) -> Parameter:
+    """One number of a sensor, as it is stated if it is."""
+    value = getattr(sensor, word)
+    for stated in sensor.stated:
+        if stated.name == f"{sensor.channel} {word}" and stated.value == value:
+            return stated
+    return Parameter(word, value, sensor.unit_of(word), "identified", note="as identified or set")
 
 
 def _table(document: Any, *keys: str) -> Any:
@@ -97,8 +133,10 @@ def _put(table: Any, key: str, parameter: Parameter) -> None:
 
 
 def _rounded(value: float, sd: float | None) -> float:
-    """A value with the digits that a thousandth of its deviation leaves, at least six."""
+    """A value with the digits that a thousandth of its deviation leaves, at least six; "never" is infinite."""
     digits = 6
+    if not math.isfinite(value):
+        return value
     if sd is not None and math.isfinite(sd) and sd > 0.0 and value != 0.0:
         digits = max(digits, math.ceil(math.log10(abs(value) / sd)) + 3)
     return float(f"{value:.{min(digits, 15)}g}")

@@ -93,10 +93,11 @@ class Quantity(Definition):
 
 
 class SensorFile(Definition):
-    """White noise (one standard deviation), converter step, delay, scale and bias of one channel; absent: none."""
+    """White noise (one sd), converter step, first-order filter, delay, scale and bias of one channel; absent: none."""
 
     noise: Quantity | None = None
     step: Quantity | None = None
+    filter: Quantity | None = None
     delay: Quantity | None = None
     scale: Quantity | None = None
     bias: Quantity | None = None

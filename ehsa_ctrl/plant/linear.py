@@ -19,18 +19,24 @@ if TYPE_CHECKING:
 INPUTS = ("current", "F_D")
 
 
-def _require_linear(plant: Plant) -> None:
+def _linear_part(plant: Plant) -> tuple[dict[str, float], str]:
+    """Values of the letters in (6) and (7), and what to add to the model's name.
+
+    The linear set of a file may have got dry friction or effects beside (6): what is viscous of it is its linear part.
+    """
     structure = plant.structure
     if structure.system_name != "ehsa":
         raise InputError(
             f"{plant.name} is a {structure.system_name!r} system; the linear models are made for 'ehsa' alone"
         )
     laws = (structure.shaft_friction, structure.rod_friction)
-    if laws != ("viscous", "viscous") or structure.chambers != "constant" or structure.effects:
+    plain = laws == ("viscous", "viscous") and not structure.effects
+    if structure.chambers != "constant" or not (plain or plant.model == "linear"):
         raise InputError(
             f"(6) and (7) are written for viscous friction and constant volumes; the {plant.model} model of "
             f"{plant.name} has {structure}: load the plant with model='linear', or use linearise()"
         )
+    return {"B_FM": 0.0, "B_FR": 0.0, **plant.values}, "" if plain else ", what is linear of it"
 
 
 def four_state(plant: Plant) -> control.StateSpace:
@@ -39,12 +45,13 @@ def four_state(plant: Plant) -> control.StateSpace:
     P_1 + P_2 is a mode that no input reaches: use `three_state` for design. A spring K_S and a mass m_L of the load
     are part of the model, F_D is the force from outside. Deviations from rest, SI units.
 
-    Raises InputError for a plant with dry friction or stroke-dependent volumes.
+    Of a linear set that got dry friction or effects its viscous part is taken, and the model's name says so.
+
+    Raises InputError for a nonlinear set, or stroke-dependent volumes.
     """
     import control
 
-    _require_linear(plant)
-    p = plant.values
+    p, part = _linear_part(plant)
     J, K_T, D, K_L, C = p["J_M"], p["K_T"], p["D"], p["K_L"], p["V"] / p["beta"]
     area, mass = p["A"], p["M"] + p["m_L"]
     a = np.array(
@@ -58,7 +65,9 @@ def four_state(plant: Plant) -> control.StateSpace:
     )
     b = np.array([[K_T / J, 0], [0, 0], [0, 0], [0, -1 / mass], [0, 0]])
     names = ["omega", "P_1", "P_2", "v", "x"]
-    return control.ss(a, b, np.eye(5), 0, states=names, inputs=list(INPUTS), outputs=names, name=f"{plant.name} (6)")
+    return control.ss(
+        a, b, np.eye(5), 0, states=names, inputs=list(INPUTS), outputs=names, name=f"{plant.name} (6){part}"
+    )
 
 
 def three_state(plant: Plant, *, position: bool = True) -> control.StateSpace:
@@ -66,12 +75,13 @@ def three_state(plant: Plant, *, position: bool = True) -> control.StateSpace:
 
     Without position the load must have no spring, as in the paper. Deviations from rest, SI units.
 
-    Raises InputError for a plant with dry friction or stroke-dependent volumes, or for position=False with a spring.
+    Of a linear set that got dry friction or effects its viscous part is taken, and the model's name says so.
+
+    Raises InputError for a nonlinear set, for stroke-dependent volumes, or for position=False with a spring.
     """
     import control
 
-    _require_linear(plant)
-    p = plant.values
+    p, part = _linear_part(plant)
     J, K_T, D, K_L, C = p["J_M"], p["K_T"], p["D"], p["K_L"], p["V"] / p["beta"]
     area, mass = p["A"], p["M"] + p["m_L"]
     a = np.array(
@@ -89,5 +99,5 @@ def three_state(plant: Plant, *, position: bool = True) -> control.StateSpace:
             raise InputError(f"load.stiffness = {p['K_S']:g} N/m needs the position as a state; leave position=True")
         a, b, names = a[:3, :3], b[:3], names[:3]
     return control.ss(
-        a, b, np.eye(len(names)), 0, states=names, inputs=list(INPUTS), outputs=names, name=f"{plant.name} (7)"
+        a, b, np.eye(len(names)), 0, states=names, inputs=list(INPUTS), outputs=names, name=f"{plant.name} (7){part}"
     )

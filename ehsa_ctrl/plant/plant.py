@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -30,18 +30,18 @@ from .file import (
 )
 from .structure import Structure
 
-#: What of a sensor can be set and estimated: bias in the channel's unit, scale (1 is neutral), delay in s.
-SENSOR_WORDS = ("bias", "scale", "delay")
+#: What of a sensor can be set and estimated: bias in the channel's unit, scale (1 is neutral), delay and filter in s.
+SENSOR_WORDS = ("bias", "scale", "delay", "filter")
 
 Model = Literal["linear", "nonlinear"]
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """One channel of the bench: scale * (what it measures, `delay` seconds ago) + bias, noisy, then rounded.
+    """One channel of the bench: scale * (what it measures, filtered, `delay` seconds ago) + bias, noisy, then rounded.
 
-    noise is one standard deviation, step that of the converter (0: none). `stated` are these numbers as the plant's
-    file has them, with their provenance.
+    noise is one standard deviation, step that of the converter, filter the time constant of a first-order one (0:
+    none). `stated` are these numbers as the plant's file has them, with their provenance.
     """
 
     channel: str
@@ -51,12 +51,22 @@ class Sensor:
     delay: float = 0.0
     scale: float = 1.0
     bias: float = 0.0
+    filter: float = 0.0
     stated: tuple[Parameter, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def sd(self) -> float:
         """Standard deviation of noise and rounding together."""
         return math.hypot(self.noise, self.step / math.sqrt(12.0))
+
+    def __repr__(self) -> str:
+        # Baselines know a plant by these words: what most sensors don't have is said of those that have it.
+        said = [f for f in fields(self) if f.repr and (f.name != "filter" or self.filter != 0.0)]
+        return f"Sensor({', '.join(f'{f.name}={getattr(self, f.name)!r}' for f in said)})"
+
+    def unit_of(self, word: str) -> str:
+        """SI unit of one of SENSOR_WORDS."""
+        return {"scale": "1", "delay": "s", "filter": "s"}.get(word, self.unit)
 
 
 @dataclass(frozen=True)
@@ -235,7 +245,7 @@ def models_of(name: str | Path) -> tuple[Model, ...]:
 
 
 def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:
-    """The plant as it is believed for one run: letters, load.WORD, and bias.CHANNEL, scale.CHANNEL, delay.CHANNEL.
+    """The plant as it is believed for one run: letters, load.WORD, and WORD.CHANNEL for the words of a sensor.
 
     Raises InputError naming the key.
     """
@@ -247,11 +257,10 @@ def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:
             continue
         if channel not in sensors:
             raise InputError(f"{key}: {plant.name} has no sensor {channel!r}; {choices(channel, sensors)}")
-        unit = {"scale": "1", "delay": "s"}.get(word, sensors[channel].unit)
+        unit = sensors[channel].unit_of(word)
         try:
             value = _number(given, unit)
-            lower = 0.0 if word != "bias" else float("-inf")
-            check_range(key, value, unit, lower, float("inf"), lower_open=word == "scale")
+            _check_sensor(key, word, value, unit)
         except InputError as error:
             raise InputError(str(error) if str(error).startswith(key) else f"{key}: {error}") from None
         changed: dict[str, Any] = {word: value}
@@ -322,8 +331,11 @@ def _free(path: Path, file: PlantFile, part: ModelFile, model: str, structure: S
     """What `identify` estimates by default, in the order of the equations."""
     known = structure.equations.parameter_names
     if part.free is None:
-        identified = {name for name, q in {**file.parameters, **part.parameters}.items() if q.source == "identified"}
-        return tuple(name for name in known if name in identified)
+        written = {**file.parameters, **part.parameters}
+        # What never happens can't be moved.
+        identified = {name for name, q in written.items() if q.source == "identified" and math.isfinite(q.value)}
+        # A dead time has no derivative to be estimated by.
+        return tuple(name for name in known if name in identified and name != structure.delay)
     for name in part.free:
         if name not in known:
             raise InputError(f"{path}: [{model}] free: {name!r} is no parameter of this model; {choices(name, known)}")
@@ -371,6 +383,7 @@ def _sensor(path: Path, channel: str, sensor: SensorFile | None) -> Sensor:
     for name, quantity, si in (
         ("noise", sensor.noise, unit),
         ("step", sensor.step, unit),
+        ("filter", sensor.filter, "s"),
         ("delay", sensor.delay, "s"),
         ("scale", sensor.scale, "1"),
         ("bias", sensor.bias, unit),
@@ -379,6 +392,12 @@ def _sensor(path: Path, channel: str, sensor: SensorFile | None) -> Sensor:
             where = f"{path}: [sensors.{channel}] {name}"
             stated.append(quantity.parameter(f"{channel} {name}", si, where))
             values[name] = stated[-1].value
-            lower = 0.0 if name != "bias" else float("-inf")
-            check_range(where, values[name], si, lower, float("inf"), lower_open=name == "scale")
+            _check_sensor(where, name, values[name], si)
     return Sensor(channel, unit, stated=tuple(stated), **values)
+
+
+def _check_sensor(where: str, word: str, value: float, unit: str) -> None:
+    if not math.isfinite(value):
+        raise InputError(f"{where} = {value:g} {unit}: a sensor's {word} must be a finite number")
+    lower = 0.0 if word != "bias" else float("-inf")
+    check_range(where, value, unit, lower, float("inf"), lower_open=word == "scale")

@@ -123,7 +123,7 @@ def run_closed_loop(
         raise InputError(f"lag = {lag}; expected a whole number of samples, 0 or more")
     sensors = sensors or Sensors.of(plant, ideal=True)
     dt = controller.sample_time
-    scale, noise, resolution, delay = sensors.tables(samples, dt)
+    scale, noise, resolution, delay, weights = sensors.tables(samples, dt)
     state = np.array(plant.rest if start is None else start, dtype=float)
     n = state.size
     states = np.full((samples, n), np.nan)
@@ -133,7 +133,7 @@ def run_closed_loop(
     extremes = np.stack([state, state])
     mode = initial_modes(plant, state)
     carry = initial_carry(plant, 1, dt)[0]
-    true = np.empty((samples, len(MEASURED)))
+    true, filtered = np.empty((2, samples, len(MEASURED)))
     fault, ceiling = (faults or Faults()).tables(dt * np.arange(samples))
     memory = controller.initial_memory()
     traced = np.array(list(controller.traces.values()), dtype=np.int64)
@@ -162,12 +162,14 @@ def run_closed_loop(
                 noise,
                 resolution,
                 delay,
+                weights,
                 int(lag),
                 dt,
                 tolerance,
                 states,
                 modes,
                 true,
+                filtered,
                 measured,
                 asked,
                 extremes,

@@ -1,7 +1,8 @@
-"""What the bench measures: noise, converter steps and delays on the true signals."""
+"""What the bench measures: filters, delays, scales, noise and converter steps on the true signals."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,7 +37,7 @@ class Sensors:
 
     @classmethod
     def of(cls, plant: Plant, *, seed: int = 0, noise: bool = True, ideal: bool = False) -> Sensors:
-        """The plant's sensors; without noise if noise=False; without steps and delays as well if ideal=True."""
+        """The plant's sensors; without noise if noise=False; without anything else either if ideal=True."""
         sensors = dict(plant.sensors)
         if ideal:
             sensors = {channel: Sensor(channel, sensor.unit) for channel, sensor in sensors.items()}
@@ -53,14 +54,10 @@ class Sensors:
         stream = np.random.default_rng([self.seed, list(SIGNALS).index(channel)])
         return self.sensor(channel).noise * stream.standard_normal(samples)
 
-    def measure(self, channel: str, true: np.ndarray, sample_time: float) -> np.ndarray:
-        """What the sensor of `channel` gives for the true signal (N,): delayed, scaled, biased, noisy, rounded."""
+    def measure(self, channel: str, true: np.ndarray, sample_time: float, *, held: bool = False) -> np.ndarray:
+        """What the sensor of `channel` gives for the true signal (N,): as `shown`, noisy and rounded."""
         sensor = self.by_channel[channel]
-        late = true
-        if sensor.delay > 0.0:
-            time = sample_time * np.arange(true.size)
-            late = np.interp(time - sensor.delay, time, true)
-        value = sensor.scale * late + sensor.bias + self.noise(channel, true.size)
+        value = shown(sensor, true, sample_time, held=held) + self.noise(channel, true.size)
         return np.round(value / sensor.step) * sensor.step if sensor.step > 0.0 else value
 
     def log(self, run: Trajectory) -> dict[str, np.ndarray]:
@@ -68,18 +65,79 @@ class Sensors:
         dt = float(run.time[1] - run.time[0])
         system = run.plant.structure.system
         there = {*system.inputs, *(state.name for state in system.states), system.cell}
+        held = set(system.drives.values()) if run.hold == "zero_order" else set()
         return {
-            channel: self.measure(channel, run[signal], dt)
+            channel: self.measure(channel, run[signal], dt, held=channel in held)
             for channel, signal in SIGNALS.items()
             if channel in system.channels and signal in there
         }
 
     def tables(self, samples: int, sample_time: float) -> tuple[np.ndarray, ...]:
-        """For the engine, of what a controller gets: scale (5,), noise with bias (samples, 5), resolution (5,) and
-        delay in samples (5,)."""
+        """For the engine, of what a controller gets: scale (5,), noise with bias (samples, 5), resolution (5,), delay
+        in samples (5,), weights of the filters (5, 3)."""
         sensors = [self.sensor(channel) for channel in MEASURED]
         scale = np.array([sensor.scale for sensor in sensors])
         noise = np.column_stack([self.noise(sensor.channel, samples) + sensor.bias for sensor in sensors])
         resolution = np.array([sensor.step for sensor in sensors])
         delay = np.array([sensor.delay for sensor in sensors]) / sample_time
-        return scale, np.ascontiguousarray(noise), resolution, delay
+        weights = np.array([filter_weights(sensor.filter, sample_time) for sensor in sensors])
+        return scale, np.ascontiguousarray(noise), resolution, delay, weights
+
+
+def shown(sensor: Sensor, true: np.ndarray, sample_time: float, *, held: bool = False) -> np.ndarray:
+    """What a sensor makes of a true signal (N,): filtered, then delayed, then scaled and biased; no noise, no steps.
+
+    Signals are straight between their samples; `held`: a drive's, which holds each value until the next one.
+    """
+    late = first_order(true, sensor.filter, sample_time, held=held)
+    if sensor.delay > 0.0:
+        time = sample_time * np.arange(true.size)
+        late = np.interp(time - sensor.delay, time, late)
+    return np.asarray(sensor.scale * late + sensor.bias)
+
+
+def filter_weights(lag: float, sample_time: float, *, held: bool = False) -> tuple[float, float, float]:
+    """(a, b, c) of y_k = a y_(k-1) + b u_k + c u_(k-1), which is 1 / (lag s + 1) for a u straight between its samples.
+
+    held: for a drive that holds each u_k over its sample; y_k is what there is at the end of that. Exact by integration
+    of lag y' + y = u over one sample.
+    """
+    if lag <= 0.0:
+        return 0.0, 1.0, 0.0
+    a = math.exp(-sample_time / lag)
+    if held:
+        return a, 1.0 - a, 0.0
+    mean = lag / sample_time * (1.0 - a)
+    return a, 1.0 - mean, mean - a
+
+
+def first_order(
+    signal: np.ndarray, lag: float, sample_time: float, *, held: bool = False, moving: bool = False
+) -> np.ndarray:
+    """A signal (N, ...) through 1 / (lag s + 1), see `filter_weights`; lag = 0 leaves it as it is.
+
+    It starts settled at the first sample; moving: as if the signal had always run as between its first two samples.
+    """
+    if lag <= 0.0:
+        return signal
+    from scipy.signal import lfilter
+
+    a, b, c = filter_weights(lag, sample_time, held=held)
+    before = -lag / sample_time * (signal[1:2] - signal[:1]) if moving else 0.0
+    out, _ = lfilter([b, c], [1.0, -a], signal, axis=0, zi=(1.0 - b) * signal[:1] + before)
+    return np.asarray(out)
+
+
+def by_filter(signal: np.ndarray, lag: float, sample_time: float, *, moving: bool = False) -> np.ndarray:
+    """Derivative of `first_order(signal, lag, sample_time)` (N,) by lag, 1/s of the signal's unit; also at lag = 0."""
+    from scipy.signal import lfilter
+
+    a, _, _ = filter_weights(lag, sample_time)
+    a_rate = a * sample_time / lag**2 if lag > 0.0 else 0.0
+    mean_rate = (1.0 - a) / sample_time - (a_rate * lag / sample_time)
+    out = np.empty_like(signal)
+    out[0] = -(signal[1] - signal[0]) / sample_time if moving else 0.0
+    y = first_order(signal, lag, sample_time, moving=moving)
+    change = a_rate * (y[:-1] - signal[:-1]) - mean_rate * np.diff(signal)
+    out[1:], _ = lfilter([1.0], [1.0, -a], change, zi=a * out[:1])
+    return out

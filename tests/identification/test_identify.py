@@ -8,6 +8,7 @@ import pytest
 
 from ehsa_ctrl import InputError, identify, load_plant, replay
 from ehsa_ctrl.cli.output import to_json
+from ehsa_ctrl.simulation.sensors import first_order
 
 from .conftest import bench_log, thirty_percent_off
 
@@ -98,23 +99,24 @@ def test_effects_that_are_one_are_named_as_a_set(truth, noise_log):
 
 @pytest.mark.slow
 def test_sensors_are_estimated_too(truth, noise_log):
-    """Bias, scale and delay that were put into a log come out of it."""
+    """Bias, scale, delay and filter that were put into a log come out of it."""
     late = np.interp(noise_log.time - 0.006, noise_log.time, noise_log["speed"])
     changed = {
         **noise_log.channels,
         "p1": noise_log["p1"] + 4e4,
+        "p2": first_order(noise_log["p2"], 0.004, noise_log.sample_time),
         "position": 1.02 * noise_log["position"],
         "speed": late,
     }
     log = replace(noise_log, channels=changed)
 
-    found = identify(
-        truth, log, free=["bias.p1", "scale.position", "delay.speed"], fix=["K_L", "M"], starts=3, check=False
-    )
+    free = ["bias.p1", "scale.position", "delay.speed", "filter.p2"]
+    found = identify(truth, log, free=free, fix=["K_L", "M"], starts=3, check=False)
 
     assert found["bias.p1"].value == pytest.approx(4e4, rel=0.1)
     assert found["scale.position"].value == pytest.approx(1.02, abs=4e-3)
     assert found["delay.speed"].value == pytest.approx(0.006, abs=2e-4)
+    assert found["filter.p2"].value == pytest.approx(0.004, abs=2e-4)
     assert found.plant.sensors["p1"].bias == found["bias.p1"].value
 
 

@@ -8,7 +8,15 @@ from ehsa_ctrl.identification.free import with_values
 from ehsa_ctrl.identification.residual import run_window
 from ehsa_ctrl.identification.window import cut, estimate_states
 
-STEP = {"J_M": 1e-8, "A_FR": 0.05, "V_10": 1e-7, "bias.p1": 1.0, "scale.speed": 1e-5, "delay.position": 1e-5}
+STEP = {
+    "J_M": 1e-8,
+    "A_FR": 0.05,
+    "V_10": 1e-7,
+    "bias.p1": 1.0,
+    "scale.speed": 1e-5,
+    "delay.position": 1e-5,
+    "filter.speed": 1e-6,
+}
 
 
 @pytest.mark.parametrize("name", STEP)
@@ -17,7 +25,7 @@ def test_derivatives_by_letters_and_sensors(truth, noise_log, name):
 
     By a delay it is the slope between samples, which is rough where the rod starts within one: twelve per cent.
     """
-    plant = with_values(truth, ["delay.position", "scale.speed"], [0.003, 1.1])
+    plant = with_values(truth, ["delay.position", "scale.speed", "filter.speed"], [0.003, 1.1, 0.005])
     window = cut(plant, noise_log, 1.0)[3]
     base = run_window(plant, window, window.start, [name], tolerance=1e-11)
     word = getattr(plant.sensors[name.split(".")[1]], name.split(".")[0]) if "." in name else plant[name]

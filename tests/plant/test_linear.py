@@ -1,5 +1,7 @@
 """The linear models against closed forms and the figures of the paper's parameters."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -129,6 +131,16 @@ def test_seven_is_refused_for_a_plant_with_dry_friction(plant):
     """(7) can't show dry friction, so it is not quietly left out."""
     with pytest.raises(InputError, match="model='linear'"):
         three_state(plant)
+
+
+def test_seven_of_a_linear_set_that_got_friction_is_its_viscous_part(linear):
+    """The same matrices as before, and a name that says it."""
+    structure = replace(linear.structure, shaft_friction="stribeck", effects=("current_offset",))
+    rig = linear.with_structure(structure, A_FM=0.7, C_FM=0.1, tau_FM=10.0)
+
+    for model in (three_state, four_state):
+        np.testing.assert_array_equal(model(rig).A, model(linear).A)
+        assert "what is linear of it" in model(rig).name and "linear of" not in model(linear).name
 
 
 def test_a_spring_needs_the_position():

@@ -109,6 +109,40 @@ def test_settings_take_units_and_leave_a_trace():
     assert a.parameters["K_S"].source == "given"
 
 
+def test_a_sensors_filter_is_read_and_set(edited):
+    """From the file with its unit, or for one run."""
+    path = edited("[sensors.p1]", '[sensors.p1]\nfilter = { value = 5, unit = "ms", source = "assumed" }')
+
+    assert load_plant(path).sensors["p1"].filter == 0.005
+    assert load_plant(path, settings={"filter.p1": "2 ms"}).sensors["p1"].filter == 0.002
+    assert load_plant("ehsa").sensors["p1"].filter == 0.0
+
+
+@pytest.mark.parametrize("value", ["-1", "inf", "nan"])
+def test_an_impossible_filter_is_one_sentence(edited, value):
+    """In the file and as a setting."""
+    path = edited("[sensors.p1]", f'[sensors.p1]\nfilter = {{ value = {value}, unit = "s", source = "assumed" }}')
+
+    with pytest.raises(InputError, match=r"\[sensors.p1\] filter.* must be"):
+        load_plant(path)
+    with pytest.raises(InputError, match=r"^filter.p1.* must be"):
+        load_plant("ehsa", settings={"filter.p1": value})
+
+
+def test_what_cant_be_estimated_is_not_free_unless_asked_for(edited):
+    """A dead time has no derivative, and what never happens can't be moved; other identified letters are free."""
+    letters = """K_relief = { value = 1e-7, unit = "m3/(s Pa^0.5)", source = "identified" }
+P_crack = { value = inf, unit = "Pa", source = "identified" }
+T_d = { value = 4, unit = "ms", source = "identified" }
+A_FR = {"""
+    path = edited("A_FR = {", letters)
+    path.write_text(path.read_text().replace("[nonlinear]", '[nonlinear]\neffects = ["drive_delay", "relief_valve"]'))
+
+    free = set(load_plant(path).free)
+
+    assert free == {*load_plant("ehsa").free, "K_relief"}
+
+
 def test_the_users_own_folder_comes_first(tmp_path, monkeypatch):
     """A plant in ./plants wins over a shipped one of the same name; others are still found."""
     (tmp_path / "plants").mkdir()

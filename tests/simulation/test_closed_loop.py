@@ -112,6 +112,21 @@ def test_sensors_delay_round_and_add_noise(plant):
     np.testing.assert_allclose(p1[10:], np.interp(true.time[10:] - 0.006, true.time, true["P_1"]), rtol=1e-12)
 
 
+def test_a_filter_in_the_loop_is_the_logs(plant):
+    """Sample by sample, the controller sees what the log of the same run shows: filtered, then late."""
+    table = dict(Sensors.of(plant, ideal=True).by_channel)
+    table["speed"] = Sensor("speed", "rad/s", filter=7e-3, delay=0.006, scale=1.1, bias=2.0)
+    table["force"] = Sensor("force", "N", filter=1e-6)
+    sensors = Sensors(table)
+    loop = run_closed_loop(plant, Given(np.full(300, 1.6)), np.zeros((300, 3)), sensors=sensors)
+    true = loop.trajectory
+
+    assert np.ptp(true["omega"]) > 50.0
+    np.testing.assert_allclose(loop.measured[:, 0], sensors.measure("speed", true["omega"], 0.004), rtol=1e-12)
+    np.testing.assert_allclose(loop.measured[:, 4], sensors.measure("force", true["F_cell"], 0.004), rtol=1e-12)
+    assert np.array_equal(loop.measured[:, 1], true["P_1"])
+
+
 def test_a_channels_noise_does_not_depend_on_the_others(plant):
     """Silencing the speed sensor leaves the position's noise as it was: runs stay comparable."""
     a = Sensors.of(plant, seed=9)

@@ -1,0 +1,168 @@
+"""Places of a gap: truths are plants whose balance was changed by hand, logged without a model of any effect."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.core.log import Log
+from ehsa_ctrl.diagnosis.locate import locate
+from ehsa_ctrl.diagnosis.signals import noise_of
+from ehsa_ctrl.diagnosis.unknown_input import run_with, signals_of, unknown_inputs
+from ehsa_ctrl.simulation.engine import simulate
+
+DT = 0.004
+NOISE = {"speed": 0.3, "p1": 8e3, "p2": 8e3, "position": 1e-5}
+
+
+def drive(seconds=10.0, seed=1):
+    """Steps and a sweep that keep the rod within its stroke."""
+    t = DT * np.arange(int(seconds / DT))
+    steps = np.repeat(np.random.default_rng(seed).uniform(-1.0, 1.0, t.size // 50 + 1), 50)[: t.size]
+    steps *= np.sign(np.sin(2.0 * np.pi * 0.5 * t)) * np.sign(steps)
+    return 1.4 * np.sin(2.0 * np.pi * (0.4 + 0.1 * t) * t) + 0.6 * steps
+
+
+def logged(plant, current, force=None, seed=2):
+    """What the sensors show of a plant that is driven by this current."""
+    rng = np.random.default_rng(seed)
+    run = simulate(plant, current, force=force, sample_time=DT)
+    outputs = plant.structure.system.outputs
+    shown = {c: run[s] + NOISE[c] * rng.standard_normal(current.size) for c, s in outputs.items()}
+    return Log(DT * np.arange(current.size), shown)
+
+
+def with_current(log, current):
+    return replace(log, channels={**log.channels, "current": current})
+
+
+def found(plant, log):
+    return locate(plant, log, noise_of(log))
+
+
+@pytest.fixture(scope="module")
+def believed():
+    return ehsa_ctrl.load_plant("ehsa", settings={"load.stiffness": 50e3})
+
+
+def test_unknown_inputs_of_the_true_plant_vanish(believed):
+    """Without noise every balance of the plant that made a log closes within a hundredth of its leading term."""
+    current = drive(4.0)
+    run = simulate(believed, current, sample_time=DT)
+    shown = {c: run[s] for c, s in believed.structure.system.outputs.items()}
+    log = Log(DT * np.arange(current.size), {**shown, "current": current})
+
+    w = unknown_inputs(believed, signals_of(believed, log, current, {})).values
+
+    leading = {
+        "torque": believed["K_T"] * current,
+        "flow_1": believed["D"] * shown["speed"],
+        "force": believed["A"] * (shown["p1"] - shown["p2"]),
+    }
+    for name, term in leading.items():
+        assert np.nanmedian(np.abs(w[name])) < 0.01 * np.std(term)
+
+
+def test_a_flow_put_in_moves_the_pressure_as_oil_does(believed):
+    """Oil pushed into chamber 1 of a resting, sticking rod raises its pressure by beta volume / V."""
+    samples, flow = 51, 1e-9
+    zero = np.zeros(samples)
+    softness = {"flow_1": np.full(samples - 1, believed["V_10"] / believed["beta"])}
+
+    run = run_with(
+        believed.set(K_L=0.0), zero, believed.rest, DT, [{"flow_1": np.full(samples - 1, flow)}], softness
+    )[0]
+
+    rise = flow * DT * (samples - 1) * believed["beta"] / believed["V_10"]
+    assert run["p1"][-1] - believed["P_0"] == pytest.approx(rise, rel=1e-6)
+    assert run["p2"][-1] == pytest.approx(believed["P_0"], rel=1e-9)
+
+
+def test_a_constant_force_is_found_with_its_size(believed):
+    """400 N on the rod that nobody believes in: force, constant, 400 N."""
+    current = drive()
+    log = with_current(logged(believed, current, force=np.full(current.size, 400.0)), current)
+
+    where = found(believed, log)
+
+    assert where.place == "force"
+    assert sum(share for _, share in where.shares) == pytest.approx(1.0)
+    assert np.nanmedian(where.unknown["force"]) == pytest.approx(400.0, abs=20.0)
+    assert "constant" in where.regimes[0].words
+    assert where.explained > 0.9
+
+
+def test_more_friction_of_the_rod_goes_with_the_sign_of_its_speed(believed):
+    """250 N more Coulomb friction is a force error of 250 N with the sign of the rod's speed."""
+    current = drive()
+    log = with_current(logged(believed.set(A_FR=believed["A_FR"] + 250.0), current), current)
+
+    where = found(believed, log)
+
+    assert where.place == "force"
+    regime = where.regimes[0]
+    assert "sign of the rod's speed" in regime.against
+    assert regime.mean[-1] == pytest.approx(250.0, rel=0.1)
+    assert regime.mean[0] == pytest.approx(-250.0, rel=0.1)
+
+
+def test_a_late_current_is_the_drives_and_a_weak_one_the_motors(believed):
+    """A current that acts 8 ms late is found as such; a smaller torque constant is a torque along the current."""
+    current = drive()
+    asked = np.append(current[2:], [0.0, 0.0])
+    late = found(believed, with_current(logged(believed, current), asked))
+    weak = found(believed, with_current(logged(believed.set(K_T=0.9 * believed["K_T"]), current), current))
+
+    assert late.place == "drive"
+    assert "8 ms late" in late.regimes[0].words
+    assert weak.place == "torque"
+    assert "the current" in weak.regimes[0].against
+
+
+def test_a_leak_is_a_flow_along_the_pressure_difference(believed):
+    """Three litres a minute at 100 bar more leakage: flow, in proportion to the pressure difference."""
+    current = drive()
+    log = with_current(logged(believed.set(K_L=believed["K_L"] + 5e-12), current), current)
+
+    where = found(believed, log)
+
+    assert where.place == "flow"
+    regime = next(r for r in where.regimes if r.balance == "flow_1" and "pressure difference" in r.against)
+    assert np.polyfit(regime.bins, regime.mean, 1)[0] == pytest.approx(-5e-12, rel=0.15)
+
+
+def test_a_shifted_pressure_sensor_is_a_sensor(believed):
+    """One channel alone contradicts the rest: the sensor's place, with the channel and its bias."""
+    current = drive()
+    log = with_current(logged(believed, current), current)
+    log = replace(log, channels={**log.channels, "p2": log["p2"] + 60e3})
+
+    where = found(believed, log)
+
+    assert where.place == "sensor"
+    assert where.sensor is not None and where.sensor.startswith("p2 with bias 6")
+
+
+def test_a_log_without_pressures_says_what_it_can_not_tell(believed):
+    """Torque, flow and force can't be told apart then; their shares are alike and the sentence says why."""
+    current = drive(6.0)
+    log = with_current(logged(believed, current, force=np.full(current.size, 400.0)), current)
+    log = replace(log, channels={c: v for c, v in log.channels.items() if c not in ("p1", "p2")})
+
+    where = found(believed, log)
+
+    assert dict(where.shares)["torque"] == pytest.approx(dict(where.shares)["force"])
+    assert "without p1, p2" in where.untold[0]
+    assert np.isnan(where.unknown["force"]).all()
+
+
+def test_the_linear_model_lacks_friction(linear):
+    """Held against a plant with dry friction the linear model lacks torque and force, not a sensor."""
+    current = drive()
+    true = ehsa_ctrl.load_plant("ehsa")
+    log = with_current(logged(true, current), current)
+
+    shares = dict(found(linear, log).shares)
+
+    assert shares["torque"] + shares["force"] > 0.7
