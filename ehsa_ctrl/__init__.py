@@ -43,6 +43,8 @@ _WHERE = {
     "identify": "identification.identify",
     "write_plant": "identification.write",
     "profile": "identification.profile",
+    "diagnose": "diagnosis.diagnose",
+    "Diagnosis": "diagnosis.diagnosis",
     "load_controller": "design.load",
     "load_scenario": "scenario.scenario",
     "run": "scenario.run",

@@ -70,9 +70,9 @@ def test_a_flow_put_in_moves_the_pressure_as_oil_does(believed):
     zero = np.zeros(samples)
     softness = {"flow_1": np.full(samples - 1, believed["V_10"] / believed["beta"])}
 
-    run = run_with(
-        believed.set(K_L=0.0), zero, believed.rest, DT, [{"flow_1": np.full(samples - 1, flow)}], softness
-    )[0]
+    run = run_with(believed.set(K_L=0.0), zero, believed.rest, DT, [{"flow_1": np.full(samples - 1, flow)}], softness)[
+        0
+    ]
 
     rise = flow * DT * (samples - 1) * believed["beta"] / believed["V_10"]
     assert run["p1"][-1] - believed["P_0"] == pytest.approx(rise, rel=1e-6)

@@ -1,11 +1,11 @@
-"""Rod friction that depends on the direction: A_FR (1 + a sign v)."""
+"""Rod friction that depends on the direction: A_FR (1 + a sign v), and B_FR (1 + b sign v) for the viscous part."""
 
 from ._effect import Effect, EffectParameter
 
 
-def friction(F_FR: float, d_R: float, A_FR: float, a_FR: float) -> float:
-    """F_FR + a A_FR while sliding: more when extending, less when retracting."""
-    return F_FR + d_R * (a_FR * A_FR) * d_R
+def friction(F_FR: float, d_R: float, v: float, A_FR: float, B_FR: float, a_FR: float, b_FR: float) -> float:
+    """F_FR + a A_FR + b B_FR |v| while sliding: more when extending, less when retracting."""
+    return F_FR + d_R * (a_FR * A_FR) * d_R + b_FR * B_FR * (v * d_R)
 
 
 effect = Effect(
@@ -14,6 +14,9 @@ effect = Effect(
     summary="rod friction differs between extending and retracting",
     fingerprint="friction levels differ by direction, and the rod drifts under a symmetric input",
     changes={"F_FR": friction},
-    parameters=(EffectParameter("a_FR", "1", "A_FR (1 + a sign v)", 0.0, 0.1, -0.9, 0.9),),
+    parameters=(
+        EffectParameter("a_FR", "1", "A_FR (1 + a sign v)", 0.0, 0.1, -0.9, 0.9),
+        EffectParameter("b_FR", "1", "B_FR (1 + b sign v)", 0.0, 0.0, -0.9, 0.9),
+    ),
     source="definition",
 )

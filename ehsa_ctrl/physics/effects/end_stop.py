@@ -1,17 +1,20 @@
-"""End stops of the cylinder: stiff and damped contact beyond +-x_stop that pushes, never pulls."""
+"""End stops of the cylinder: stiff and damped contact beyond +-x_stop that pushes, never pulls.
+
+The contact is inside the cylinder, so that a load cell between rod and load does not feel it.
+"""
 
 from math import inf
 
 from ._effect import Effect, EffectParameter
 
 
-def external_force(F_EXT: float, x: float, v: float, x_stop: float, K_stop: float, B_stop: float) -> float:
-    """F_EXT plus the contact force; the damping grows in over the first 0.1 mm, so that touching is no blow."""
+def net_force(F_net: float, x: float, v: float, x_stop: float, K_stop: float, B_stop: float) -> float:
+    """F_net less the contact force; the damping grows in over the first 0.1 mm, so that touching is no blow."""
     into_front = max(x - x_stop, 0.0)
     into_back = max(-x - x_stop, 0.0)
     front = max(K_stop * into_front + B_stop * min(into_front / 1e-4, 1.0) * v, 0.0)
     back = max(K_stop * into_back - B_stop * min(into_back / 1e-4, 1.0) * v, 0.0)
-    return F_EXT + (front - back)
+    return F_net - (front - back)
 
 
 effect = Effect(
@@ -19,7 +22,7 @@ effect = Effect(
     place="force",
     summary="contact with the cylinder's ends",
     fingerprint="the rod stops dead at one position while the pressure goes on rising",
-    changes={"F_EXT": external_force},
+    changes={"F_net": net_force},
     parameters=(
         EffectParameter("x_stop", "m", "half of the free stroke", inf, 0.1, 1e-3, source="datasheet"),
         EffectParameter("K_stop", "N/m", "contact stiffness", 1e8, 1e8, 0.0),

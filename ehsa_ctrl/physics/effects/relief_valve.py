@@ -1,4 +1,4 @@
-"""Over-pressure valves from each chamber to the tank: the safety circuit of section 2 of the paper.
+"""Over-pressure valves, from each chamber to the tank or from one port to the other: section 2 of the paper has both.
 
 Static valve that opens in proportion to the pressure above P_crack and is fully open P_open_range above it; flow
 by the orifice law Q = opening K_relief sqrt(P). No hysteresis, no valve dynamics (a real one lags by some 10 ms).
@@ -15,24 +15,38 @@ def relief_flow(P: float, P_crack: float, P_open_range: float, K_relief: float) 
     return K_relief * opening * sqrt(max(P, 0.0))
 
 
-def flow_1(Q_T1: float, P_1: float, P_crack: float, P_open_range: float, K_relief: float) -> float:
-    """Chamber 1 loses the valve's flow."""
-    return Q_T1 - relief_flow(P_1, P_crack, P_open_range, K_relief)
+def crossing(P_1: float, P_2: float, P_cross: float, P_open_range: float, K_relief: float) -> float:
+    """Flow from port 1 to port 2 [m3/s] through a valve that opens at the difference P_cross, either way."""
+    forth = min(max(P_1 - P_2 - P_cross, 0.0) / P_open_range, 1.0)
+    back = min(max(P_2 - P_1 - P_cross, 0.0) / P_open_range, 1.0)
+    return K_relief * (forth - back) * sqrt(abs(P_1 - P_2))
 
 
-def flow_2(Q_T2: float, P_2: float, P_crack: float, P_open_range: float, K_relief: float) -> float:
-    """Chamber 2 loses the valve's flow."""
-    return Q_T2 - relief_flow(P_2, P_crack, P_open_range, K_relief)
+def flow_1(
+    Q_T1: float, P_1: float, P_2: float, P_crack: float, P_cross: float, P_open_range: float, K_relief: float
+) -> float:
+    """Chamber 1 loses the flow of its valve and what crosses."""
+    lost = relief_flow(P_1, P_crack, P_open_range, K_relief)
+    return Q_T1 - (lost + crossing(P_1, P_2, P_cross, P_open_range, K_relief))
+
+
+def flow_2(
+    Q_T2: float, P_1: float, P_2: float, P_crack: float, P_cross: float, P_open_range: float, K_relief: float
+) -> float:
+    """Chamber 2 loses the flow of its valve and gains what crosses."""
+    lost = relief_flow(P_2, P_crack, P_open_range, K_relief)
+    return Q_T2 - (lost - crossing(P_1, P_2, P_cross, P_open_range, K_relief))
 
 
 effect = Effect(
     name="relief_valve",
     place="flow",
-    summary="over-pressure valves from each chamber to the tank",
+    summary="over-pressure valves to the tank or across the ports",
     fingerprint="flat-topped pressure while the pump turns faster than the rod needs",
     changes={"Q_T1": flow_1, "Q_T2": flow_2},
     parameters=(
         EffectParameter("P_crack", "Pa", "cracking pressure, gauge", inf, 210e5, 0.0, source="datasheet"),
+        EffectParameter("P_cross", "Pa", "cracking difference between the ports", inf, inf, 0.0),
         EffectParameter("P_open_range", "Pa", "rise from cracking to fully open", 10e5, 10e5, 1e4),
         EffectParameter("K_relief", "m3/(s Pa^0.5)", "flow over root of pressure, fully open", 1e-7, 1e-7, 0.0),
     ),

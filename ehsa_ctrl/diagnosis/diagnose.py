@@ -1,0 +1,337 @@
+"""Diagnose a log: where the gap lies, which effect causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.log import Log
+from ..identification.checks import check_log
+from ..physics.effects import EFFECTS
+from ..plant.file import CHANNEL_UNITS
+from ..plant.plant import Plant
+from ..simulation.trajectory import versions
+from .diagnosis import MODELS, Candidate, Cause, Diagnosis, Estimated
+from .evidence import deviations
+from .fit import Bench, Metric, Nominal, Refit, refit
+from .held_out import Stretch, last_part, whole
+from .improved import improved
+from .judge import ID_OF, Judge, Judged, Key, by_label, floor
+from .locate import Location, locate
+from .same import same_in_principle
+from .search import Search
+from .signals import largest, noise_of, signal_noise
+from .suspects import suspects
+from .twin import BRISTLES, HARD, Twin, with_every_effect
+from .weigh import Weighed, weigh
+
+#: A log shorter than this leaves too little to fit and to hold out [s].
+SHORTEST = 3.0
+Watch = Callable[[str, int, int], None]
+#: Priors of the plain refit are wider by this.
+LOOSE = 30.0
+#: Sets within this share of the nominal evidence of the best one are fitted to the end.
+PROMISING = 0.1
+#: Hypotheses of each size that are weighed on held-out data.
+WEIGHED = 10
+
+
+def diagnose(
+    plant: Plant,
+    log: Log,
+    *,
+    validate: Log | None = None,
+    threshold: float = 0.03,
+    jobs: int | None = None,
+    watch: Watch | None = None,
+    check: bool = True,
+) -> Diagnosis:
+    """Where the gap between a log and the believed plant lies, what causes it, and how far it shrinks.
+
+    Parameters
+    ----------
+    plant: as it is believed, linear or nonlinear, with the load that was there.
+    log: see `read_plant_log`; it may lack force or pressures.
+    validate: a second log that nothing is fitted to; the last third of `log` by default.
+    threshold: a gap of a signal, relative to its standard deviation, from which on it matters.
+    jobs: threads; all cores by default.
+    watch: is told of stage, steps done and steps in all.
+    check: refuse logs that `check_log` finds wrong: an exchanged sign or unit is no effect.
+
+    Returns
+    -------
+    Diagnosis.
+
+    Raises
+    ------
+    InputError: the log is plainly wrong or too short, or the plant has no effects to look for.
+    """
+    began = time.monotonic()
+    if not 0.0 < threshold < 1.0:
+        raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
+    if plant.structure.system_name != "ehsa":
+        raise InputError(
+            f"{plant.name} is a system of its own ({plant.structure.system_name}); effects are known for the EHSA alone"
+        )
+    findings = _checked(plant, [log] if validate is None else [log, validate], check)
+    noise = {**noise_of(log)}
+    twin = with_every_effect(plant)
+    bare = whole(plant, twin, log, noise)
+    nominal_run = bare.simulate({})
+    gaps = bare.gap_of(nominal_run)
+    common: dict[str, Any] = {
+        "plant": plant, "log": log, "threshold": threshold, "whole": gaps, "noise_sd": noise, "findings": findings,
+        "provenance": versions(),
+    }  # fmt: skip
+    trainlog, held = _split(plant, twin, log, validate, noise)
+    if largest(gaps) < threshold:
+        nominal = held.gap({})
+        return Diagnosis(
+            verdict="no_gap", where=(), effects=(), gap=dict.fromkeys(MODELS, nominal),
+            held_out=held.words, values={}, simulated=_runs(bare, {"nominal": {}}), seconds=time.monotonic() - began,
+            runs=2, **common,
+        )  # fmt: skip
+    bristles = with_every_effect(plant, "lugre") if plant.model == "nonlinear" else None
+    held = replace(held, twin=replace(held.twin, bristles=bristles))
+    train = Twin(twin, trainlog, bare.twin.start, bristles)
+    fitted = Stretch(train, 0, noise, "where it was fitted")
+    metric = Metric.of(train, noise)
+    lumped = twin["A_FM"] + twin["A_FR"] == 0.0
+    nominal_parameters, columns = Nominal.of(train, metric, threshold, lumped=lumped)
+    bench = Bench(train, metric, nominal_parameters)
+    search = Search(bench, suspects(train), columns, jobs=jobs or os.cpu_count() or 1, watch=watch)
+    judge = _searched(search, fitted, held, threshold, lumped=lumped)
+    judged = _judged(search, judge)
+    loose = 1.0 if lumped else LOOSE
+    free = refit(
+        Bench(train, metric, nominal_parameters.loose(loose)), (), {},
+        {name: column * loose for name, column in columns.items()}, steps=8, fresh=2,
+    )  # fmt: skip
+    velocity = signal_noise(noise, log.sample_time).get("rod_velocity", 0.0)
+    rows = search.residual.size // len(metric.scale) + (len(held.twin.log) - held.first) // 2
+    least = floor(bench, metric, noise, velocity, judge.worth, rows)
+    most = judge.weigh(search.residual) + judge.weigh(held.residual(metric, held.simulate({}) or {}))
+    believed = {"fitted": fitted.gap({}), "held": held.gap({})}
+    weighed = weigh(judged, least, most, threshold, believed)
+    location = locate(plant, log, noise)
+    return _written(plant, weighed, search, judge, held, bare, free, location, common, began)
+
+
+def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> tuple[str, ...]:
+    """Warnings on the logs; raises InputError for the first that is plainly wrong."""
+    sentences = []
+    for log in logs:
+        if "current" not in log.channels:
+            raise InputError(f"{log.path or 'the log'}: has no current, which drives the simulation")
+        for finding in check_log(log, plant):
+            if finding.severity == "error" and check:
+                where = "" if str(log.path) in finding.sentence else f"{log.path or 'the log'}: "
+                raise InputError(where + finding.sentence)
+            sentences.append(finding.sentence)
+        length = float(log.time[-1] - log.time[0])
+        if length < SHORTEST:
+            raise InputError(
+                f"{log.path or 'the log'}: lasts {length:.3g} s; a diagnosis needs at least {SHORTEST:g} s, of which "
+                "a third is kept back"
+            )
+    return tuple(sentences)
+
+
+def _split(
+    plant: Plant, twin: Plant, log: Log, validate: Log | None, noise: Mapping[str, float]
+) -> tuple[Log, Stretch]:
+    """What is fitted, and what is held out."""
+    if validate is None:
+        return last_part(plant, twin, log, noise)
+    return log, whole(plant, twin, validate, noise_of(validate))
+
+
+def _searched(search: Search, fitted: Stretch, held: Stretch, threshold: float, *, lumped: bool) -> Judge:
+    """Singles, pairs, and sets of three where the first two leave much or much is known to be missing."""
+    search.respond()
+    search.singles()
+    search.grow(2)
+    if lumped:
+        search.missing()
+    if lumped or _left(search):
+        search.grow(3)
+    return Judge(search, fitted, held, threshold, lumped=lumped)
+
+
+def _left(search: Search) -> bool:
+    """Whether pairs took off plainly more than singles, and plainly more than noise is left."""
+    costs = [fits[0].cost if (fits := search.best(size)) else np.inf for size in (1, 2)]
+    return costs[1] < 0.7 * costs[0] and search.bench.level > 1.2
+
+
+def _judged(search: Search, judge: Judge) -> list[Judged]:
+    """The best hypotheses of each size on what was held out; the most promising sets are first fitted to the end."""
+
+    def best() -> list[Refit]:
+        return [search.fits[()], *(fit for size in (1, 2, 3) for fit in search.best(size)[:WEIGHED])]
+
+    first = sorted(by_label([judge.judge(fit) for fit in best()]).values(), key=lambda j: j.evidence)
+    within = first[0].evidence + PROMISING * abs(judge.weigh(search.residual))
+    promising = [j for j in first[:4] if j.evidence <= within]
+    search.finish([j.fit for j in promising], steps=8)
+    return [judge.judge(fit) for fit in best()]
+
+
+def _written(
+    plant: Plant,
+    weighed: Weighed,
+    search: Search,
+    judge: Judge,
+    held: Stretch,
+    bare: Stretch,
+    free: Refit | None,
+    location: Location,
+    common: Mapping[str, Any],
+    began: float,
+) -> Diagnosis:
+    """The result, from what was weighed."""
+    chosen = weighed.chosen
+    named = weighed.verdict in ("effect", "ambiguous")
+    values = {"nominal": {}, "refit": free.values if free is not None else {}, "with_effects": chosen.fit.values}
+    if not named:
+        values["with_effects"] = values["refit"]
+    gap = {model: held.gap(setting) for model, setting in values.items()}
+    gap["upper_bound"] = {s: min(g[s] for g in gap.values()) for s in gap["nominal"]}
+    sd = deviations(chosen.fit, judge.worth)
+    causes = (
+        _causes(plant, weighed, search, judge, sd, gap, common["log"]) if weighed.verdict != "outside_catalogue" else ()
+    )
+    members = tuple(s for s in chosen.fit.suspects)
+    changed = {n: v for n, v in chosen.fit.values.items() if v != _believed(judge, n)}
+    return Diagnosis(
+        verdict=weighed.verdict,
+        where=location.shares,
+        effects=causes,
+        gap=gap,
+        held_out=held.words,
+        values=values,
+        simulated=_runs(bare, values),
+        candidates=tuple(
+            Candidate(tuple(_name(key) for key in j.label), j.evidence - weighed.labels[0].evidence, largest(j.held))
+            for j in weighed.labels
+        ),
+        location=location,
+        improved=improved(plant, members, changed, sd) if named else None,
+        seconds=time.monotonic() - began,
+        runs=search.bench.runs,
+        **common,
+    )
+
+
+def _believed(judge: Judge, name: str) -> float:
+    """What a letter or a sensor's word is without the hypothesis."""
+    plant = judge.search.bench.twin.plant
+    if name in plant.parameters:
+        return plant[name]
+    return 1.0 if name.startswith("scale.") else 0.0
+
+
+def _runs(bare: Stretch, values: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, np.ndarray]]:
+    """Free runs over the whole log, those that last."""
+    found = {model: bare.simulate(setting) for model, setting in values.items()}
+    return {model: run for model, run in found.items() if run is not None}
+
+
+def _name(key: Key) -> str:
+    return key[0] if key[1] is None else f"{key[0]} ({key[1]})"
+
+
+def _causes(
+    plant: Plant,
+    weighed: Weighed,
+    search: Search,
+    judge: Judge,
+    sd: Mapping[str, float],
+    gap: Mapping[str, Mapping[str, float]],
+    log: Log,
+) -> tuple[Cause, ...]:
+    """Causes of the chosen hypothesis, the largest first; behind them what else is held for possible."""
+    chosen = weighed.chosen
+    closed = _parts(weighed, search, judge, gap["nominal"]["total"])
+    nominal, refitted, final = (gap[m]["total"] for m in ("nominal", "refit", "with_effects"))
+    absorbed = float(np.clip((nominal - refitted) / (nominal - final), 0.0, 1.0)) if nominal > final else 0.0
+    flow = (
+        plant["A"] * float(np.max(np.abs(np.diff(log["position"])))) / log.sample_time
+        if "position" in log.channels
+        else 0.0
+    )
+    found = []
+    for key in chosen.causes:
+        numbers = _numbers(key, chosen, judge, sd)
+        same = same_in_principle(*key, chosen.fit.values, plant, flow)
+        alike = tuple(dict.fromkeys([*same, *(other for other, _ in weighed.rivals.get(key, ()) if other != key[0])]))
+        found.append(
+            Cause(
+                key[0], key[1], EFFECTS[key[0]].place, min(weighed.probability.get(key, 0.0), 1.0), numbers, alike,
+                absorbed, closed.get(key, 0.0), chosen.own[key], same,
+            )
+        )  # fmt: skip
+    return tuple(sorted(found, key=lambda cause: -largest(cause.alone)))
+
+
+def _numbers(key: Key, chosen: Judged, judge: Judge, sd: Mapping[str, float]) -> dict[str, Estimated]:
+    """The numbers of a cause; those of a sensor are called `value`, as the channel says which."""
+    kinds = {kind.name: kind.unit for kind in judge.search.bench.twin.plant.structure.equations.parameters}
+    out = {}
+    for suspect in chosen.fit.suspects:
+        if suspect.key != key:
+            continue
+        for name in suspect.names:
+            word, dot, channel = name.partition(".")
+            if dot and suspect.channel is None:
+                continue
+            if name == "n_c":
+                out[name] = Estimated(chosen.fit.values[name], 0.0, "1")
+                continue
+            unit = {"scale": "1", "bias": CHANNEL_UNITS[channel]}.get(word, "s") if dot else _unit(name, kinds)
+            if name == BRISTLES:
+                soft = max(chosen.fit.values[name], HARD)
+                out["sigma_0"] = Estimated(1.0 / soft, sd.get(name, np.nan) / soft**2, "N/m")
+                continue
+            out["value" if dot else name] = Estimated(chosen.fit.values[name], sd.get(name, np.nan), unit)
+    for f in chosen.fit.frees:
+        if (ID_OF.get(f.name), None) == key and f.name not in out:
+            out[f.name] = Estimated(chosen.fit.values[f.name], f.scale, _unit(f.name, kinds))
+    return out
+
+
+def _unit(name: str, kinds: Mapping[str, str]) -> str:
+    return kinds.get(name, "N/m")
+
+
+def _parts(weighed: Weighed, search: Search, judge: Judge, nominal: float) -> dict[Key, float]:
+    """Share of the gap that each cause closes: its mean part over all orders in which they could be added (Shapley)."""
+    causes = weighed.chosen.causes
+    if nominal == 0.0:
+        return dict.fromkeys(causes, 0.0)
+    known: dict[frozenset[Key], float] = {frozenset(): nominal, frozenset(causes): weighed.chosen.held["total"]}
+    for judged in judge.known.values():
+        part = frozenset(judged.causes)
+        if part < frozenset(causes) and part:
+            known[part] = min(known.get(part, np.inf), judged.held["total"])
+
+    def left(members: frozenset[Key]) -> float:
+        if members not in known:
+            gone = {n for s in weighed.chosen.fit.suspects if s.key not in members for n in s.names}
+            values = {n: v for n, v in weighed.chosen.fit.values.items() if n not in gone}
+            known[members] = judge.held.gap(values)["total"]
+        return min(known[members], nominal * 10.0)
+
+    out = dict.fromkeys(causes, 0.0)
+    orders = list(permutations(causes))
+    for order in orders:
+        for i, key in enumerate(order):
+            out[key] += (left(frozenset(order[:i])) - left(frozenset(order[: i + 1]))) / nominal / len(orders)
+    return out

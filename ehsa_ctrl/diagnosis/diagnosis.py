@@ -1,0 +1,252 @@
+"""What a diagnosis found: verdict, places, causes, and how far the gap shrinks."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from ..core.log import Log
+from ..physics.effects import EFFECTS
+from ..plant.plant import Plant
+from .signals import SIGNALS, largest
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+    from .locate import Location
+
+Verdict = Literal["no_gap", "effect", "ambiguous", "outside_catalogue", "underdetermined"]
+#: The models whose gaps are stated, and what they are.
+MODELS = {
+    "nominal": "as believed",
+    "refit": "nominal parameters refitted",
+    "with_effects": "with the causes found",
+    "upper_bound": "with free unknown inputs",
+}
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """A number that was found: its new value, not the change, in SI units."""
+
+    value: float
+    sd: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One cause, or a candidate for one.
+
+    Attributes
+    ----------
+    id, channel, place: as in the catalogue of effects; the channel only of a sensor's effect.
+    probability: that this cause is present, given the log.
+    parameters: its numbers.
+    ambiguous_with: ids that this log can't tell from it.
+    absorbed_by_refit: how much of what it closes a refit of the nominal parameters alone would have closed.
+    gap_closed: 1 - G_with / G_nominal on held-out data; its own part where there are several causes.
+    alone: the gap that it makes in each signal when the others are left as they are.
+    why_same: ids among `ambiguous_with` that no log could tell apart, with the reason.
+    """
+
+    id: str
+    channel: str | None
+    place: str
+    probability: float
+    parameters: Mapping[str, Estimated]
+    ambiguous_with: tuple[str, ...] = ()
+    absorbed_by_refit: float = 0.0
+    gap_closed: float = 0.0
+    alone: Mapping[str, float] = field(default_factory=dict)
+    why_same: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Id, with the channel of a sensor's effect."""
+        return self.id if self.channel is None else f"{self.id} ({self.channel})"
+
+    @property
+    def summary(self) -> str:
+        """What the catalogue says of it, one line."""
+        return EFFECTS[self.id].summary
+
+    def to_dict(self) -> dict[str, Any]:
+        """As in diagnosis.json."""
+        return {
+            "id": self.id,
+            "channel": self.channel,
+            "probability": self.probability,
+            "parameters": {n: {"value": p.value, "sd": p.sd, "unit": p.unit} for n, p in self.parameters.items()},
+            "ambiguous_with": list(self.ambiguous_with),
+            "absorbed_by_refit": self.absorbed_by_refit,
+            "gap_closed": self.gap_closed,
+            "place": self.place,
+            "alone": dict(self.alone),
+            "why_same": dict(self.why_same),
+        }
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A hypothesis that was refitted: its members by name, its evidence against the best one, what it leaves.
+
+    evidence: twice the difference of log-likelihoods, 0 for the best. gap: largest one of a signal on held-out data.
+    """
+
+    members: tuple[str, ...]
+    evidence: float
+    gap: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer to where, which and how far.
+
+    Attributes
+    ----------
+    plant, log: what was believed and what was measured. threshold: a gap from which on it matters.
+    verdict: see `VERDICTS` in words.
+    where: place and share, largest first, together one.
+    effects: causes, or candidates where the verdict is "underdetermined"; the largest first.
+    gap: model (see MODELS) -> signal -> gap on held-out data; whole: the same of the nominal model over the whole log.
+    held_out: which data that is.
+    noise_sd: channel -> standard deviation of its noise.
+    values: model -> letters and sensor words that differ from what was believed.
+    simulated: model -> channel -> (N,) free run over the whole log.
+    candidates: every hypothesis that was refitted, the best first.
+    location: what is known of the place without any catalogue.
+    improved: the plant with the causes added, None where none was named.
+    """
+
+    plant: Plant
+    log: Log
+    threshold: float
+    verdict: Verdict
+    where: tuple[tuple[str, float], ...]
+    effects: tuple[Cause, ...]
+    gap: Mapping[str, Mapping[str, float]]
+    whole: Mapping[str, float]
+    held_out: str
+    noise_sd: Mapping[str, float]
+    values: Mapping[str, Mapping[str, float]]
+    simulated: Mapping[str, Mapping[str, np.ndarray]] = field(repr=False)
+    candidates: tuple[Candidate, ...] = ()
+    location: Location | None = None
+    improved: Plant | None = field(default=None, repr=False)
+    next_experiment: str | None = None
+    findings: tuple[str, ...] = ()
+    seconds: float = 0.0
+    runs: int = 0
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence."""
+        return verdict_sentence(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As diagnosis.json."""
+        return {
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "where": [{"place": place, "share": share} for place, share in self.where],
+            "effects": [cause.to_dict() for cause in self.effects],
+            "gap": {model: dict(gaps) for model, gaps in self.gap.items()},
+            "gap_whole_log": dict(self.whole),
+            "held_out": self.held_out,
+            "noise_sd": dict(self.noise_sd),
+            "next_experiment": self.next_experiment,
+            "threshold": self.threshold,
+            "candidates": [{"members": list(c.members), "evidence": c.evidence, "gap": c.gap} for c in self.candidates],
+            "findings": list(self.findings),
+            "seconds": self.seconds,
+            "runs": self.runs,
+            "provenance": dict(self.provenance),
+        }
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a cause."""
+        import pandas
+
+        rows = [
+            {
+                "cause": cause.name,
+                "place": cause.place,
+                "probability": cause.probability,
+                "gap_closed": cause.gap_closed,
+                "absorbed_by_refit": cause.absorbed_by_refit,
+                "ambiguous_with": ", ".join(cause.ambiguous_with),
+                **{f"{name}": number.value for name, number in cause.parameters.items()},
+            }
+            for cause in self.effects
+        ]
+        return pandas.DataFrame(rows)
+
+    def plot(self) -> Figure:
+        """Measured against simulated before and after."""
+        from ..report.figures import diagnosis_figure
+
+        return diagnosis_figure(self)
+
+    def __str__(self) -> str:
+        lines = [
+            self.sentence,
+            f"  held out: {self.held_out}",
+            "  gap, %      " + "".join(f"{s:>14}" for s in _shown(self)),
+        ]
+        for model, gaps in self.gap.items():
+            lines.append(f"  {model:<12}" + "".join(f"{100.0 * gaps[s]:>14.2f}" for s in _shown(self)))
+        if self.where:
+            lines.append(
+                "  where: " + ", ".join(f"{place} {100 * share:.0f} %" for place, share in self.where if share >= 0.01)
+            )
+        for cause in self.effects:
+            numbers = ", ".join(f"{n} = {p.value:.4g} +- {p.sd:.2g} {p.unit}" for n, p in cause.parameters.items())
+            lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")
+            if cause.ambiguous_with:
+                lines.append(f"    can't be told from {', '.join(cause.ambiguous_with)}")
+        if self.next_experiment:
+            lines.append(f"  next experiment: {self.next_experiment}")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def _shown(diagnosis: Diagnosis) -> tuple[str, ...]:
+    gaps = next(iter(diagnosis.gap.values()))
+    return (*(s for s in SIGNALS if s in gaps), "total")
+
+
+def verdict_sentence(d: Diagnosis) -> str:
+    """One sentence that a person understands at a glance."""
+    worst = max((s for s in d.whole if s != "total"), key=lambda s: d.whole[s])
+    size = f"{100 * largest(d.whole):.3g} % in {worst.replace('_', ' ')}"
+    limit = f"{100 * d.threshold:g} %"
+    if d.verdict == "no_gap":
+        return f"No gap that matters: the largest is {size}, below {limit}."
+    names = " and ".join(cause.name for cause in d.effects[:3])
+    closed = ""
+    if d.verdict in ("effect", "ambiguous") and d.gap["nominal"]["total"] > 0.0:
+        share = 1.0 - d.gap["with_effects"]["total"] / d.gap["nominal"]["total"]
+        closed = f", which closes {100 * share:.0f} % of the gap on held-out data"
+    if d.verdict == "effect":
+        return f"The gap ({size}) comes from {names}{closed}."
+    if d.verdict == "ambiguous":
+        sets = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in d.effects)
+        return f"The gap ({size}) comes from {sets}{closed}; this log can't tell more."
+    place = f" It lies in the {d.where[0][0]} balance." if d.where and d.where[0][0] != "sensor" else ""
+    if d.where and d.where[0][0] == "sensor":
+        place = " It lies in a sensor."
+    if d.verdict == "outside_catalogue":
+        certain = f" Certain beside it: {names}." if d.effects else ""
+        return f"No effect of the catalogue explains the gap ({size}).{place}{certain}"
+    return f"The log does not excite what would tell the causes of the gap ({size}) apart; candidates: {names}.{place}"

@@ -1,0 +1,104 @@
+"""Data that no fit has seen, and how a set of values does on it in free run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.log import Log
+from ..identification.start import find_start
+from ..identification.window import estimate_states
+from ..plant.plant import Plant
+from .fit import Metric
+from .signals import gap, rod_velocity, scored, signal_noise
+from .twin import Twin
+
+#: A free run that begins in motion runs in for this long before it is scored [s].
+RUN_IN = 1.0
+#: The share of a log that is kept back where there is no second one.
+KEPT_BACK = 1.0 / 3.0
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of a log that is scored: a twin that runs over it, and the first of its samples that counts."""
+
+    twin: Twin
+    first: int
+    noise: Mapping[str, float]
+    words: str
+
+    def simulate(self, values: Mapping[str, float]) -> dict[str, np.ndarray] | None:
+        """What the sensors would show over the whole stretch; None where the run stopped."""
+        return self.twin.run([values])[0]
+
+    def gap(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Gap of each scored signal and in total."""
+        return self.gap_of(self.simulate(values))
+
+    def gap_of(self, simulated: Mapping[str, np.ndarray] | None) -> dict[str, float]:
+        log = self.twin.log
+        measured = {n: v[self.first :] for n, v in scored(log.channels, log.sample_time).items()}
+        noise = signal_noise(self.noise, log.sample_time)
+        if simulated is None:
+            return {**dict.fromkeys(measured, float("inf")), "total": float("inf")}
+        return gap(measured, {n: v[self.first :] for n, v in scored(simulated, log.sample_time).items()}, noise)
+
+    def residual(self, metric: Metric, simulated: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Measured minus simulated of what counts, in the metric's units; see `Metric.residual`."""
+        log, parts = self.twin.log, []
+        for channel, scale in metric.scale.items():
+            if channel == "rod_velocity":
+                error = rod_velocity(log["position"] - simulated["position"], log.sample_time)
+            else:
+                error = log[channel] - simulated[channel]
+            parts.append(error[self.first :: 2] / scale)
+        return np.concatenate(parts)
+
+
+def whole(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> Stretch:
+    """A whole log from its own start: at rest where it begins so, else from its first samples."""
+    found = find_start(plant, log)
+    names = [state.name for state in plant.structure.equations.states]
+    start = None if np.array_equal(found.state, plant.rest) else dict(zip(names, found.state.tolist(), strict=True))
+    name = log.path.name if log.path else "a log"
+    return Stretch(Twin(twin, log, start), 0, noise, name)
+
+
+def last_part(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> tuple[Log, Stretch]:
+    """What is left to fit with, and the last third, begun in the state that the second before it shows."""
+    edge = int(round(len(log) * (1.0 - KEPT_BACK)))
+    back = max(edge - max(int(round(RUN_IN / log.sample_time)), 1), 0)
+    estimate = estimate_states(plant, log)
+    names = [state.name for state in plant.structure.equations.states]
+    begin = _plainest(plant, estimate.values, estimate.sd, back, edge)
+    start = dict(zip(names, estimate.values[begin].tolist(), strict=True))
+    for contact in plant.structure.system.contacts:
+        column = plant.structure.equations.index(contact.velocity)
+        if abs(estimate.values[begin, column]) < 4.0 * estimate.sd[begin, column]:
+            start[contact.velocity] = 0.0
+    start["t_run"] = float(log.time[begin] - log.time[0])
+    if "speed" in log.channels:
+        omega = log["speed"][: begin + 1]
+        start["theta"] = float(np.sum(0.5 * (omega[1:] + omega[:-1])) * log.sample_time)
+    piece = _slice(log, begin, len(log))
+    words = f"the last third of {log.path.name if log.path else 'the log'}, from {log.time[edge]:g} s on"
+    return _slice(log, 0, edge), Stretch(Twin(twin, piece, start), edge - begin, noise, words)
+
+
+def _plainest(plant: Plant, values: np.ndarray, sd: np.ndarray, back: int, edge: int) -> int:
+    """The sample near `back` at which every contact most plainly moves: what sticks hides its past."""
+    low, high = max(back - (edge - back) // 2, 0), back + (edge - back) // 2
+    if high <= low:
+        return back
+    plain = np.full(high - low, np.inf)
+    for contact in plant.structure.system.contacts:
+        column = plant.structure.equations.index(contact.velocity)
+        plain = np.minimum(plain, np.abs(values[low:high, column]) / sd[low:high, column])
+    return low + int(np.argmax(np.minimum(plain, 50.0) - np.abs(np.arange(low, high) - back) * 0.01))
+
+
+def _slice(log: Log, first: int, last: int) -> Log:
+    return Log(log.time[first:last], {n: v[first:last] for n, v in log.channels.items()}, log.path, log.missing)

@@ -1,0 +1,145 @@
+"""From refits to a verdict: which members of a hypothesis matter, which rivals the log can't exclude, what is left.
+
+A member matters when it alone moves a signal by the threshold or more: that is what a cause is. What a hypothesis
+holds besides is as a nominal parameter that is a little wrong, and costs it a little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..physics.effects import EFFECTS
+from .evidence import worth
+from .fit import TOLERATED, Bench, Metric, Refit
+from .held_out import Stretch
+from .search import Search, pulls
+from .signals import gap, largest, scored
+
+#: A member matters if it moves a signal by this share of the threshold: what is measured is not exact.
+MATTERS = 0.85
+#: The same for a nominal parameter that the hypothesis does not ask about.
+PLAINLY = 1.3
+#: What a member that does not matter costs, in units of evidence (twice the log-likelihood).
+COMPANION = 20.0
+#: What each number costs that a member sets free.
+NUMBER = 5.0
+#: A rival within this evidence, or within this share of what the best model can't explain, can't be excluded.
+CLOSE, CLOSE_SHARE = 20.0, 0.15
+#: Another member must take away this share of the threshold (in quadrature), or this share of the unexplained.
+WORTHWHILE = 0.5
+
+
+Key = tuple[str, str | None]
+
+#: Under which id a nominal parameter that is wrong is reported.
+ID_OF = {letter: name for name, effect in EFFECTS.items() for letter in effect.letters} | {
+    "tau_FM": "motor_friction", "tau_FR": "rod_friction",
+}  # fmt: skip
+#: Nominal parameters this far from what is believed, in prior deviations, are looked at one by one.
+FAR = 1.5
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A hypothesis with what it leaves.
+
+    evidence: smaller is better. own: (id, channel) -> gap in each signal that it makes beside the others, of the
+    members and of nominal parameters that went far. fitted, held: gaps where it was fitted and on what was held out.
+    """
+
+    fit: Refit
+    evidence: float
+    own: Mapping[Key, Mapping[str, float]]
+    fitted: Mapping[str, float]
+    held: Mapping[str, float]
+    causes: tuple[Key, ...]
+
+    @property
+    def label(self) -> tuple[Key, ...]:
+        """The causes in no order."""
+        return tuple(sorted(self.causes, key=str))
+
+
+class Judge:
+    """Weighs the hypotheses of a search against each other, on what was fitted and on what was held out.
+
+    lumped: nominal parameters stand for more than their names say, and are no causes.
+    """
+
+    def __init__(
+        self, search: Search, fitted: Stretch, held: Stretch, threshold: float, *, lumped: bool = False
+    ) -> None:
+        self.search, self.fitted, self.held, self.threshold, self.lumped = search, fitted, held, threshold, lumped
+        bench = search.bench
+        best = search.best()[0]
+        channels = len(bench.metric.scale)
+        weighed = (best.residual * bench.weights(best.residual)).reshape(channels, -1)
+        self.worth = worth(weighed, 2.0 * bench.twin.log.sample_time)
+        self.known: dict[int, Judged] = {}
+
+    def weigh(self, r: np.ndarray) -> float:
+        """Evidence of residuals (n,): blocks held down as in the fits, channels by what they are worth."""
+        bench = self.search.bench
+        c = TOLERATED * bench.level
+        return float(np.sum(self.worth[:, None] * c * np.log1p(bench.blocks(r) / c))) * bench.block
+
+    def judge(self, fit: Refit) -> Judged:
+        """A hypothesis simulated on both stretches, and once without each of its members."""
+        if id(fit) in self.known:
+            return self.known[id(fit)]
+        bench = self.search.bench
+        simulated = self.held.simulate(fit.values)
+        missed = self.weigh(self.held.residual(bench.metric, simulated)) if simulated is not None else np.inf
+        evidence = self.weigh(fit.residual) + missed + pulls(fit)
+        own = self.alone(fit)
+        members = {s.key for s in fit.suspects}
+        # Nominal parameters trade for each other within their priors: one that is not asked about must matter plainly.
+        limits = {key: (MATTERS if key in members else PLAINLY) * self.threshold for key in own}
+        causes = tuple(key for key, gaps in own.items() if largest(gaps) >= limits[key])
+        evidence += COMPANION * len(members - set(causes)) + NUMBER * sum(len(s.free) for s in fit.suspects)
+        found = Judged(fit, evidence, own, self.fitted.gap(fit.values), self.held.gap_of(simulated), causes)
+        self.known[id(fit)] = found
+        return found
+
+    def alone(self, fit: Refit) -> dict[Key, dict[str, float]]:
+        """By how much each member moves each signal: the model with all of them against the one without it."""
+        twin = self.search.bench.twin
+        groups: dict[Key, set[str]] = {s.key: set(s.names) for s in fit.suspects}
+        own = sum(len(s.free) for s in fit.suspects)
+        for f in fit.frees[own:]:
+            if not self.lumped and abs(fit.values[f.name] - f.believed) > FAR * f.scale:
+                groups.setdefault((ID_OF[f.name], None), set()).add(f.name)
+        settings = [{n: v for n, v in fit.values.items() if n not in names} for names in groups.values()]
+        full, *without = twin.run([fit.values, *settings])
+        out: dict[Key, dict[str, float]] = {}
+        for key, other in zip(groups, without, strict=True):
+            if full is None or other is None:
+                out[key] = {"speed": np.inf, "total": np.inf}
+                continue
+            dt = twin.log.sample_time
+            a, b = scored(full, dt), scored(other, dt)
+            out[key] = gap(a, b, dict.fromkeys(a, 0.0))
+        return out
+
+
+def floor(
+    bench: Bench, metric: Metric, noise: Mapping[str, float], velocity_noise: float, worth: np.ndarray, samples: int
+) -> float:
+    """Evidence that noise alone would leave in `samples` residuals of each channel."""
+    total = 0.0
+    for share, (channel, scale) in zip(worth, metric.scale.items(), strict=True):
+        sd = velocity_noise if channel == "rod_velocity" else noise[channel]
+        total += float(share) * (sd / scale) ** 2 * samples
+    return total
+
+
+def by_label(judged: Sequence[Judged]) -> dict[tuple[Key, ...], Judged]:
+    """The best hypothesis of each set of causes."""
+    best: dict[tuple[Key, ...], Judged] = {}
+    for one in judged:
+        if one.label not in best or one.evidence < best[one.label].evidence:
+            best[one.label] = one
+    return best

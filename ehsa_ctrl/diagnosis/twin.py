@@ -1,0 +1,172 @@
+"""One engine for all effects: the plant with every effect of the catalogue, all of them neutral until asked for.
+
+A neutral effect leaves the plant as it was to the last bit, so that a single compiled text serves every hypothesis,
+and what is free in one is a column of numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.log import Log
+from ..physics.effects import EFFECTS
+from ..plant.plant import Plant
+from ..simulation.engine import simulate_batch
+from ..simulation.sensors import first_order
+
+#: Effects that are equations of their own. A tank with a mass balance is an option of the plant, not a suspect.
+WIRED = tuple(n for n, e in EFFECTS.items() if e.wired and e.parameters)
+#: Letters of dry friction, which a plant without it lacks, and what they are where it is to be found.
+DRY = {"A_FM": 0.0, "C_FM": 0.0, "tau_FM": 10.0, "A_FR": 0.0, "C_FR": 0.0, "tau_FR": 0.007}
+#: The setting that asks for the plant with bristles: 1 / sigma_0 [m/N], so that zero is a rod that does not yield.
+BRISTLES = "softness_FR"
+#: Bristles stiffer than this can't be told from none [m/N].
+HARD = 1e-9
+#: Words of a sensor as the diagnosis may change them.
+WORDS = ("bias", "scale", "delay", "filter")
+
+
+def with_every_effect(plant: Plant, rod_friction: str = "stribeck") -> Plant:
+    """The same plant in the structure that holds every effect at its neutral value.
+
+    rod_friction: "stribeck", or "lugre" for presliding, which is another law and not a number of this one.
+    """
+    structure = replace(
+        plant.structure,
+        shaft_friction="stribeck",
+        rod_friction=rod_friction,
+        # In one order whatever the plant has already, so that all of them share the compiled text.
+        effects=(*(n for n in plant.structure.effects if n not in WIRED), *WIRED),
+    )
+    neutral = {p.name: p.neutral for n in WIRED for p in EFFECTS[n].parameters if n not in plant.structure.effects}
+    extra = {"sigma_0_FR": 1e8, "sigma_1_FR": 0.0} if rod_friction == "lugre" else {}
+    absent = {**DRY, **neutral, **extra}
+    known = {name: value for name, value in absent.items() if name not in plant.parameters}
+    return plant.with_structure(structure, **known)
+
+
+@dataclass(frozen=True)
+class Twin:
+    """A plant with every effect, driven by a log.
+
+    plant: see `with_every_effect`. log: what drives it and what it is compared with. start: states at the first
+    sample by name, as the sensors show them; those that are not named are at rest. bristles: the plant with a rod
+    friction of bristles, for settings that name sigma_0_FR. tolerance: of the engine.
+    """
+
+    plant: Plant
+    log: Log
+    start: Mapping[str, float] | None = None
+    bristles: Plant | None = None
+    tolerance: float = 1e-5
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels of the log that the simulation has too."""
+        return tuple(c for c in ("speed", "p1", "p2", "position", "force") if c in self.log.channels)
+
+    def run(self, settings: Sequence[Mapping[str, float]], jobs: int = 1) -> list[dict[str, np.ndarray] | None]:
+        """Simulate the log's drive with each set of values: what the sensors would show; None where it stopped.
+
+        A setting is a letter of the plant or WORD.CHANNEL of a sensor.
+        """
+        current = [self._drive(values) for values in settings]
+        out: list[dict[str, np.ndarray] | None] = [None] * len(settings)
+        groups: dict[tuple[int, bool], list[int]] = {}
+        for i, values in enumerate(settings):
+            groups.setdefault((id(current[i]), values.get(BRISTLES, 0.0) > HARD), []).append(i)
+        for (_, bristly), members in groups.items():
+            plant = self.bristles if bristly and self.bristles is not None else self.plant
+            names = plant.structure.equations.parameter_names
+            rows = np.tile(plant.vector, (len(members), 1))
+            for row, i in zip(rows, members, strict=True):
+                for name, value in settings[i].items():
+                    if "." not in name and name != BRISTLES:
+                        row[names.index(name)] = value
+                if bristly:
+                    row[names.index("sigma_0_FR")] = 1.0 / settings[i][BRISTLES]
+                    # Bristles that are as damped as the rod's mass on them lets them be.
+                    row[names.index("sigma_1_FR")] = np.sqrt(plant["M"] / settings[i][BRISTLES])
+            start = None
+            if self.start is not None:
+                start = np.array([self._start(plant, settings[i], current[i]) for i in members])
+            batch = simulate_batch(
+                plant, rows, current[members[0]], start=start, sample_time=self.log.sample_time,
+                tolerance=self.tolerance, jobs=jobs,
+            )  # fmt: skip
+            for j, i in enumerate(members):
+                if batch.status[j] == 0:
+                    out[i] = self._sensed(batch.states[j], batch.cell_force[j], settings[i])
+        return out
+
+    def _start(self, plant: Plant, values: Mapping[str, float], current: np.ndarray) -> np.ndarray:
+        """State (n,) at the first sample of a run that begins in motion.
+
+        What a sensor shows is set right by what this setting believes of it. States of effects that are neutral rest.
+        """
+        assert self.start is not None
+        state, index = plant.rest.copy(), plant.structure.equations.index
+        shown = {name: channel for channel, name in plant.structure.system.outputs.items()}
+        names = [s.name for s in plant.structure.equations.states]
+
+        def value(name: str) -> float:
+            return values.get(name, plant[name])
+
+        for name, level in self.start.items():
+            channel = shown.get(name, "")
+            if name in names and channel:
+                level = (level - values.get(f"bias.{channel}", 0.0)) / values.get(f"scale.{channel}", 1.0)
+            if name in names:
+                state[index(name)] = level
+        for name, letter in (("t_run", "drop"), ("theta", "T_c")):
+            if value(letter) == 0.0:
+                state[index(name)] = 0.0
+        if value("tau_I") > 0.0:
+            state[index("I_A")] = current[0]
+        if "z_R" in names:
+            net = value("A") * (state[index("P_1")] - state[index("P_2")]) - value("K_S") * state[index("x")]
+            most = value("A_FR") + value("C_FR")
+            state[index("z_R")] = np.clip(net, -most, most) * values[BRISTLES]
+        return state
+
+    @property
+    def _logged(self) -> np.ndarray:
+        return self.log["current"]
+
+    def _drive(self, values: Mapping[str, float]) -> np.ndarray:
+        """What was asked of the drive when this was logged."""
+        current = self._logged
+        dt = self.log.sample_time
+        delay, lag = values.get("delay.current", 0.0), values.get("filter.current", 0.0)
+        if delay:
+            index = np.arange(current.size)
+            current = np.interp(index + delay / dt, index, current)
+        if lag:
+            a = np.exp(-dt / lag)
+            current = np.concatenate([current[:1], (current[1:] - a * current[:-1]) / (1.0 - a)])
+        return current
+
+    def _sensed(self, states: np.ndarray, force: np.ndarray, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+        index, outputs = self.plant.structure.equations.index, self.plant.structure.system.outputs
+        out = {}
+        for channel in self.channels:
+            signal = force if channel == "force" else states[:, index(outputs[channel])]
+            out[channel] = self._sensor(channel, signal, values)
+        return out
+
+    def _sensor(self, channel: str, signal: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+        sensor, dt = self.plant.sensors[channel], self.log.sample_time
+        delay = sensor.delay + values.get(f"delay.{channel}", 0.0)
+        lag = sensor.filter + values.get(f"filter.{channel}", 0.0)
+        if lag > 0.0:
+            signal = first_order(signal, lag, dt)
+        if delay != 0.0:
+            index = np.arange(signal.size)
+            signal = np.interp(index - delay / dt, index, signal)
+        scale, bias = values.get(f"scale.{channel}", sensor.scale), values.get(f"bias.{channel}", sensor.bias)
+        if scale != 1.0:
+            signal = scale * signal
+        return signal + bias if bias != 0.0 else signal
