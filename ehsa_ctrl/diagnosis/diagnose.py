@@ -208,10 +208,11 @@ def _written(
     causes = (
         _causes(plant, weighed, search, judge, sd, gap, common["log"]) if weighed.verdict != "outside_catalogue" else ()
     )
-    members = tuple(s for s in chosen.fit.suspects)
+    # What no log can tell apart makes a set too.
+    verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
     changed = {n: v for n, v in chosen.fit.values.items() if v != _believed(judge, n)}
     return Diagnosis(
-        verdict=weighed.verdict,
+        verdict=verdict,
         where=location.shares,
         effects=causes,
         gap=gap,
@@ -223,7 +224,7 @@ def _written(
             for j in weighed.labels
         ),
         location=location,
-        improved=improved(plant, members, changed, sd) if named else None,
+        improved=improved(plant, chosen.fit.suspects, changed, sd) if named else None,
         seconds=time.monotonic() - began,
         runs=search.bench.runs,
         **common,

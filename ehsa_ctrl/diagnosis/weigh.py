@@ -13,7 +13,7 @@ from .signals import largest
 
 #: A rival can't be excluded within this evidence, or this share of what the best model leaves unexplained, or this
 #: share of what it explains.
-CLOSE, CLOSE_LEFT, CLOSE_EXPLAINED = 25.0, 0.3, 0.004
+CLOSE, CLOSE_LEFT, CLOSE_EXPLAINED = 12.0, 0.3, 0.004
 #: One more cause has to take this share of the threshold off a gap (in quadrature), or this share of the evidence.
 WORTHWHILE, WORTHWHILE_SHARE = 0.5, 0.02
 #: Where the best set of causes leaves this share of the evidence, and this share of the gap, none of them is right.
@@ -49,14 +49,12 @@ def weigh(
     """
     labels = sorted(by_label(judged).values(), key=lambda j: j.evidence)
     named = [j for j in labels if j.causes] or labels
-    chosen = _smallest(named, most, threshold)
+    chosen = _smallest(named, least, most, threshold)
     chosen = _simplest(named, chosen, _close(chosen, least, most))
     unexplained = max(chosen.evidence - least, 0.0)
     rest = unexplained / max(most - least, 1.0)
-    left = min(
-        chosen.fitted["total"] / max(gaps["fitted"]["total"], 1e-9),
-        chosen.held["total"] / max(gaps["held"]["total"], 1e-9),
-    )
+    before, after = (gaps["fitted"]["total"], gaps["held"]["total"]), (chosen.fitted["total"], chosen.held["total"])
+    left = sum(after) / max(sum(before), 1e-9)
     close = _close(chosen, least, most)
     rivals = _rivals(chosen, named, close)
     temperature = close / 6.0
@@ -67,14 +65,14 @@ def weigh(
     return Weighed(verdict, chosen, rivals, probability, tuple(labels), rest, left)
 
 
-def _smallest(named: Sequence[Judged], most: float, threshold: float) -> Judged:
+def _smallest(named: Sequence[Judged], least: float, most: float, threshold: float) -> Judged:
     """The smallest set of causes that no larger one beats by enough to matter."""
     sizes = sorted({len(j.causes) for j in named})
     chosen = next(j for j in named if len(j.causes) == sizes[0])
     for size in sizes[1:]:
         larger = next(j for j in named if len(j.causes) == size)
         gained = chosen.evidence - larger.evidence
-        if gained <= CLOSE:
+        if gained <= _close(larger, least, most):
             continue
         shrunk = max(_less(chosen.fitted, larger.fitted), _less(chosen.held, larger.held))
         if shrunk >= WORTHWHILE * threshold or gained >= WORTHWHILE_SHARE * (most - larger.evidence):

@@ -29,8 +29,15 @@ class Picture(NamedTuple):
     caption: str
 
 
-def write_document(template: str, folder: Path, filters: Mapping[str, Any] | None = None, **content: Any) -> Path:
-    """Write `report.html`, a template of this folder with its content, and return its path; no date, no network."""
+def write_document(
+    template: str,
+    folder: Path,
+    filters: Mapping[str, Any] | None = None,
+    *,
+    file: str = "report.html",
+    **content: Any,
+) -> Path:
+    """Write a page, a template of this folder with its content, and return its path; no date, no network."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -40,7 +47,7 @@ def write_document(template: str, folder: Path, filters: Mapping[str, Any] | Non
     )
     environment.filters |= {"number": number, "unit": unit, **(filters or {})}
     page = environment.get_template(template).render(**content)
-    path = Path(folder) / "report.html"
+    path = Path(folder) / file
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(page, encoding="utf-8")
     return path

@@ -2,7 +2,9 @@
 
 from .baseline import baseline_figure
 from .bode import bode_figure
+from .candidates import candidates_figure
 from .correlation import correlation_figure
+from .diagnosis import diagnosis_figure
 from .experiment import experiment_figure
 from .identification import identification_figure
 from .loop import loop_figure
@@ -15,13 +17,18 @@ from .residuals import residuals_figure
 from .robustness import robustness_figure
 from .save import save, to_svg
 from .scenario import scenario_figure
+from .shrinkage import shrinkage_figure
 from .step import step_figure
 from .trajectory import trajectory_figure
+from .unknown_inputs import unknown_inputs_figure
+from .where import where_figure
 
 __all__ = [
     "baseline_figure",
     "bode_figure",
+    "candidates_figure",
     "correlation_figure",
+    "diagnosis_figure",
     "experiment_figure",
     "identification_figure",
     "loop_figure",
@@ -34,7 +41,10 @@ __all__ = [
     "robustness_figure",
     "save",
     "scenario_figure",
+    "shrinkage_figure",
     "step_figure",
     "to_svg",
     "trajectory_figure",
+    "unknown_inputs_figure",
+    "where_figure",
 ]

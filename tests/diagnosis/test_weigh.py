@@ -1,0 +1,82 @@
+"""The verdict from hypotheses made by hand: what is named, what can't be excluded, when to abstain."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from ehsa_ctrl.diagnosis.judge import Judged
+from ehsa_ctrl.diagnosis.weigh import weigh
+
+GAPS = {"fitted": {"speed": 0.1, "total": 0.1}, "held": {"speed": 0.1, "total": 0.1}}
+
+
+def hypothesis(evidence, *ids, gap=0.005, own=0.1, numbers=1):
+    """A hypothesis whose members all matter."""
+    keys = tuple((id, None) for id in ids)
+    suspects = tuple(SimpleNamespace(key=key, free=[None] * numbers) for key in keys)
+    gaps = {"speed": gap, "total": gap}
+    return Judged(SimpleNamespace(suspects=suspects), evidence, {k: {"speed": own} for k in keys}, gaps, gaps, keys)
+
+
+def verdict(*judged, least=5000.0, most=60000.0):
+    """Verdict of hypotheses, with the ids of the chosen one."""
+    found = weigh(judged, least, most, 0.03, GAPS)
+    return found.verdict, {id for id, _ in found.chosen.causes}, found
+
+
+def test_a_clear_winner_is_named():
+    """It explains all that is not noise, its rival plainly less."""
+    word, ids, found = verdict(hypothesis(5000.0, "internal_leakage"), hypothesis(9000.0, "orifice_leakage"))
+
+    assert (word, ids) == ("effect", {"internal_leakage"})
+    assert found.probability["internal_leakage", None] > 0.99
+
+
+def test_rivals_that_explain_as_much_are_a_set():
+    """The one with fewer free numbers comes first though it is a little worse."""
+    word, ids, found = verdict(
+        hypothesis(5000.0, "chamber_volume_variation", numbers=3), hypothesis(5060.0, "bulk_modulus")
+    )
+
+    assert (word, ids) == ("ambiguous", {"bulk_modulus"})
+    assert found.rivals["bulk_modulus", None] == (("chamber_volume_variation", None),)
+    assert 0.2 < found.probability["bulk_modulus", None] < 0.8
+
+
+def test_a_second_cause_has_to_be_worth_it():
+    """A pair that fits better by what a missed slip makes is not two causes; one that closes the gap is."""
+    single = hypothesis(5600.0, "rotor_inertia", gap=0.010)
+    idle = hypothesis(5500.0, "rotor_inertia", "rod_friction", gap=0.009)
+    real = hypothesis(5000.0, "rotor_inertia", "rod_friction", gap=0.002)
+    poor = hypothesis(20000.0, "rotor_inertia", gap=0.05)
+
+    assert verdict(single, idle)[1] == {"rotor_inertia"}
+    assert verdict(poor, real)[1] == {"rotor_inertia", "rod_friction"}
+
+
+def test_what_none_explains_is_outside_the_catalogue():
+    """The best leaves a third of the gap and a fifth of the evidence."""
+    word, _, found = verdict(hypothesis(17000.0, "motor_friction", gap=0.035))
+
+    assert word == "outside_catalogue"
+    assert found.probability["motor_friction", None] < 0.2
+
+
+@pytest.mark.parametrize(("gap", "evidence"), [(0.035, 5200.0), (0.01, 17000.0)])
+def test_one_sign_alone_does_not_abstain(gap, evidence):
+    """A slip missed on held-out data leaves a gap without evidence; tiny coherent errors the reverse."""
+    assert verdict(hypothesis(evidence, "motor_friction", gap=gap))[0] == "effect"
+
+
+def test_a_crowd_is_underdetermined():
+    """Five causes that explain the log alike: it does not excite what tells them apart."""
+    names = ("torque_constant", "motor_friction", "motor_viscous_friction", "torque_saturation", "pump_torque_loss")
+
+    assert verdict(*(hypothesis(5000.0 + i, name) for i, name in enumerate(names)))[0] == "underdetermined"
+
+
+def test_nothing_that_matters_alone_is_underdetermined():
+    """Several parameters a little wrong make a gap that none of them makes."""
+    nothing = Judged(SimpleNamespace(suspects=()), 5000.0, {}, GAPS["fitted"], GAPS["held"], ())
+
+    assert verdict(nothing)[0] == "underdetermined"

@@ -1,0 +1,226 @@
+"""The page of a diagnosis: the verdict first, right numbers, one file, every verdict its own order."""
+
+import re
+from functools import cache
+
+import pytest
+from markupsafe import Markup
+
+from ehsa_ctrl.report import diagnosis_page
+from ehsa_ctrl.report.diagnosis_page import ORDER, VERDICTS, diagnosis_figures, write_diagnosis_page
+from ehsa_ctrl.report.diagnosis_signals import signals_table
+from ehsa_ctrl.report.number import uncertain
+
+from . import diagnoses
+from .diagnoses import diagnosis
+from .reading import LOADS, Page
+
+COMMAND = 'ehsa-ctrl diagnose "my <log>.csv" --plant ehsa'
+#: Pages whose figures are drawn; the others have empty ones in their place, as drawing is most of the work.
+DRAWN = ("no_gap", "pair")
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """Verdict -> the text of its page."""
+    folder, found = tmp_path_factory.mktemp("pages"), {}
+    for name in diagnoses.VERDICTS:
+        with pytest.MonkeyPatch.context() as patch:
+            if name not in DRAWN:
+                patch.setattr(diagnosis_page, "embedded", empty)
+            path = write_diagnosis_page(diagnosis(name), folder / name / "deep", command=COMMAND)
+        assert path.name == "diagnosis.html"
+        found[name] = path.read_text(encoding="utf-8")
+    return found
+
+
+def empty(figure, words, name):
+    return Markup('<svg role="img" aria-label="{}"></svg>').format(words)
+
+
+@pytest.fixture(params=diagnoses.VERDICTS)
+def verdict(request):
+    return request.param
+
+
+@cache
+def parsed(text):
+    return Page(text)
+
+
+@cache
+def words_of(text):
+    return re.sub(r"\s+", " ", "".join(parsed(text).words))
+
+
+def test_every_tag_is_closed_and_every_table_described(pages, verdict):
+    """The page is well formed; headings of tables have a scope, figures are said in words."""
+    page = parsed(pages[verdict])
+
+    assert page.wrong == [] and page.open == []
+    assert all(attributes.get("scope") in ("col", "row") for attributes in page.with_tag("th"))
+    assert len(page.with_tag("caption")) == len(page.with_tag("table"))
+    assert all(len(row) == len(rows[0]) for rows in page.tables for row in rows)
+    assert all(len(attributes["aria-label"]) > 60 for attributes in page.with_tag("svg"))
+
+
+def test_the_page_loads_nothing(pages, verdict):
+    """No network, no other file, no script; what is drawn as pixels is inside."""
+    text = pages[verdict]
+    for tag, attributes in parsed(text).tags:
+        assert tag not in ("script", "link", "iframe", "img", "object")
+        for name, value in attributes.items():
+            if name in LOADS:
+                assert value.startswith(("#", "data:image/png;base64,")), (tag, name, value[:40])
+    assert "http://" not in text and "https://" not in text and "@import" not in text
+
+
+def test_links_lead_somewhere_and_ids_are_unique(pages, verdict):
+    """Figures share their letters' names: in one page each needs its own."""
+    ids = [attributes["id"] for _, attributes in parsed(pages[verdict]).tags if "id" in attributes]
+    targets = re.findall(r'(?:xlink:)?href="#([^"]+)"|url\(#([^)]+)\)', pages[verdict])
+
+    assert len(ids) == len(set(ids))
+    assert {one or other for one, other in targets} <= set(ids)
+
+
+def test_text_from_outside_is_no_html(pages, verdict):
+    """Names of logs, findings, the next experiment and the command may hold anything."""
+    text = pages[verdict]
+
+    assert "<script" not in text and "<b>" not in text and "<against>" not in text
+    assert "log &lt;script&gt;alert(1).csv" in text and "my &lt;log&gt;.csv" in text
+
+
+def test_the_sentence_comes_first_with_its_mark(pages, verdict):
+    """Before any section: mark, sentence, and a heading that says the verdict without colour."""
+    made = diagnosis(verdict)
+    mark, heading, _ = VERDICTS[made.verdict]
+    first = words_of(pages[verdict].split("<section")[0] + "</main></body></html>")
+
+    assert f"{mark} {made.sentence}" in first
+    assert heading in first
+    assert len({m for m, _, _ in VERDICTS.values()}) == 4 and len({h for _, h, _ in VERDICTS.values()}) == 5
+
+
+def test_each_verdict_has_its_sections_in_its_order(pages, verdict):
+    """Outside the catalogue the place comes first, without a cause the candidates; no gap makes a short page."""
+    made = diagnosis(verdict)
+    empty = {
+        "causes": not made.effects,
+        "next": made.next_experiment is None and made.location is None,
+        "candidates": not made.candidates,
+    }
+    expected = [part for part in ORDER[made.verdict] if not empty.get(part, False)]
+    found = re.findall(r'<h2 id="([^"]+)"', pages[verdict])
+
+    assert found == [*expected, "log", "provenance"]
+
+
+def test_what_a_verdict_is_about_comes_before_the_rest():
+    """The first section answers what can be answered."""
+    assert {verdict: parts[0] for verdict, parts in ORDER.items()} == {
+        "no_gap": "signals",
+        "effect": "signals",
+        "ambiguous": "signals",
+        "outside_catalogue": "where",
+        "underdetermined": "causes",
+    }
+
+
+def test_a_cause_stands_with_its_number_and_what_was_believed(pages):
+    """Value to the second digit of its deviation, the plant's own value beside it, unit, probability, fingerprint."""
+    made = diagnosis("effect")
+    row = parsed(pages["effect"]).table("name", "found", "believed")[0]
+
+    assert row[:4] == ["K_L", uncertain(4e-12, 3e-14), f"{made.plant['K_L']:.4g}".replace("e-0", "e-"), "m³/(Pa s)"]
+    words = words_of(pages["effect"])
+    assert "probability 0.97" in words and "81 % of the gap" in words and "25 % of what is closed" in words
+    assert "flow error ~ dP" in words
+
+
+def test_a_sensor_is_read_in_the_unit_of_its_channel(pages):
+    """A bias of 50 kPa on a pressure that is believed to be right is half a bar beside none."""
+    assert parsed(pages["underdetermined"]).table("name", "found", "believed")[0] == [
+        "bias", "0.5000 ± 0.0050", "0", "bar", "bias of the sensor of p1"
+    ]  # fmt: skip
+
+
+def test_what_no_log_could_tell_is_said_with_its_reason(pages):
+    """Apart from what this log alone does not tell."""
+    assert "line_pressure_drop: a laminar drop acts as viscous rod friction" in words_of(pages["ambiguous"])
+    assert "This log does not tell it from sensor_scale" in words_of(pages["underdetermined"])
+    assert "No log of these channels" not in words_of(pages["underdetermined"])
+
+
+def test_candidates_are_told_what_became_of_them(pages):
+    """Named, more than is needed, not to be told from it, excluded; nothing is excluded where nothing is named."""
+    fates = {
+        name: [row[3] for row in parsed(pages[name]).table("causes", "evidence against")]
+        for name in ("effect", "ambiguous", "outside_catalogue", "underdetermined")
+    }
+
+    assert fates["effect"] == ["✓ named", "more than is needed", "✗ excluded", "✗ excluded", "✗ excluded"]
+    assert fates["ambiguous"][2] == "△ can't be told from it"
+    assert set(fates["outside_catalogue"]) == {"✗ does not explain it"}
+    assert fates["underdetermined"] == ["△ possible", *["✗ does not explain it"] * 1, "△ possible",
+                                        *["✗ does not explain it"] * 2]  # fmt: skip
+
+
+def test_gaps_stand_in_a_table_with_a_mark_where_they_matter(pages):
+    """A column a model; without named causes there is none with them."""
+    rows = {row[0]: row[1:] for row in parsed(pages["effect"]).table("signal", "whole logas believed")}
+    without = parsed(pages["outside_catalogue"]).table("signal", "whole logas believed")
+
+    assert rows["pressure P₁"] == ["30 %", "● 30 %", "● 18 %", "1.8 %", "1.5 %"]
+    assert rows["rod speed"] == ["0 %"] * 5
+    assert {len(row) for row in without} == {5}
+
+
+def test_own_parts_are_shown_where_there_are_several_causes(pages):
+    """One cause has all of it."""
+    assert parsed(pages["pair"]).table("cause", "closes") == [
+        ["internal_leakage", "81 %"],
+        ["rod_viscous_friction", "10 %"],
+    ]
+    assert "Part of each cause" not in pages["effect"]
+
+
+def test_the_end_says_what_the_numbers_rest_on(pages, verdict):
+    """Findings, noise, what was set, assumed parameters, versions and the command."""
+    made = diagnosis(verdict)
+    page, words = parsed(pages[verdict]), words_of(pages[verdict])
+
+    assert "p1 stands <b>still</b> for 3 s" in words and COMMAND in words and "K_T = 1.1 N m/A" in words
+    assert made.held_out in words and made.provenance["numpy"] in words
+    assert ["pressure P₁", "0.15", "bar"] in page.table("channel", "noise")
+    assert {row[1] for row in page.table("plant", "name", "value")} >= {"beta"}
+
+
+def test_no_gap_makes_a_short_page(pages):
+    """One figure, no cause, nothing tried."""
+    assert list(diagnosis_figures(diagnosis("no_gap"))) == ["signals"]
+    assert pages["no_gap"].count("<svg") == 1
+
+
+def test_the_same_diagnosis_gives_the_same_page(pages, tmp_path):
+    """No date, no random id."""
+    path = write_diagnosis_page(diagnosis("no_gap"), tmp_path, command=COMMAND)
+
+    assert path.read_text(encoding="utf-8") == pages["no_gap"]
+
+
+def test_the_table_of_signals_has_every_sample(verdict):
+    """SI units: what was measured, before, and after where there is something after."""
+    made = diagnosis(verdict)
+    table = signals_table(made)
+    after = {"effect": "with_effects", "ambiguous": "with_effects", "no_gap": None}.get(made.verdict, "refit")
+
+    assert len(table) == len(made.log)
+    assert (table["speed"] == made.log["speed"]).all()
+    assert (table["p1_before"] == made.simulated["nominal"]["p1"]).all()
+    assert table["rod_velocity"].iloc[5] == pytest.approx((made.log["position"][5] - made.log["position"][0]) / 0.02)
+    if after is None:
+        assert "p1_after" not in table
+    else:
+        assert (table["p1_after"] == made.simulated[after]["p1"]).all()
