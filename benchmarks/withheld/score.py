@@ -2,6 +2,8 @@
 
 python benchmarks/withheld/score.py results/withheld/reported --jobs 2
 python benchmarks/withheld/score.py results/withheld/reported --answers some/folder --no-run
+
+A folder without key.json is answered and not scored.
 """
 
 from __future__ import annotations
@@ -62,6 +64,22 @@ def diagnose(tool: Sequence[str], cases: Path, name: str, answers: Path, timeout
             shutil.copyfile(answer, target / "diagnosis.json")
 
 
+def beliefs(cases: Path) -> list[str]:
+    """Names of the cases in a folder whose key is somewhere else."""
+    return [file.stem for file in cases.glob("*.json") if "log" in json.loads(file.read_text())]
+
+
+def told(answers: Path, names: Sequence[str]) -> list[str]:
+    """Each case's verdict with what is named, a line a case."""
+    lines = []
+    for name in names:
+        file = answers / name / "diagnosis.json"
+        answer = json.loads(file.read_text()) if file.exists() else {"verdict": "failed", "effects": []}
+        causes = [" or ".join([e["id"], *e["ambiguous_with"]]) for e in answer["effects"]]
+        lines.append(f"{name} {answer['verdict']:<18} {' + '.join(causes)}")
+    return lines
+
+
 def judged(cases: Path, answers: Path, names: Sequence[str]) -> list[Judgement]:
     key = json.loads((cases / "key.json").read_text())
     out = []
@@ -114,7 +132,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--timeout", type=float, default=600.0, help="seconds of one diagnosis")
     asked = parser.parse_args(arguments)
     answers = asked.answers or asked.cases / "answers"
-    names = asked.only or sorted(json.loads((asked.cases / "key.json").read_text()))
+    keyed = (asked.cases / "key.json").exists()
+    known = json.loads((asked.cases / "key.json").read_text()) if keyed else beliefs(asked.cases)
+    names = asked.only or sorted(known)
     if not asked.no_run:
         beside = shutil.which("ehsa-ctrl", path=str(Path(sys.executable).parent)) or "ehsa-ctrl"
         tool = shlex.split(asked.tool) or [beside]
@@ -128,6 +148,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         Parallel(asked.jobs, prefer="threads", verbose=1)(
             delayed(diagnose)(tool, asked.cases, name, answers, asked.timeout) for name in due
         )
+    if not keyed:
+        print("\n".join(told(answers, names)))
+        return
     rows = judged(asked.cases, answers, names)
     figures = sections(rows)
     write(rows, figures, answers)

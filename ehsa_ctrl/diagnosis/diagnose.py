@@ -23,8 +23,9 @@ from .evidence import deviations
 from .fit import Bench, Metric, Nominal, Refit, refit
 from .held_out import Stretch, last_part, whole
 from .improved import improved
-from .judge import ID_OF, Judge, Judged, Key, by_label, floor
+from .judge import ID_OF, Judge, Judged, Key, by_label, floor, noise_square
 from .locate import Location, locate
+from .next_experiment import Experiment, next_experiment
 from .same import same_in_principle
 from .search import Search
 from .signals import largest, noise_of, signal_noise
@@ -39,6 +40,10 @@ Watch = Callable[[str, int, int], None]
 LOOSE = 30.0
 #: Sets within this share of the nominal evidence of the best one are fitted to the end.
 PROMISING = 0.1
+#: Candidates less probable than this are not listed.
+POSSIBLE = 0.02
+#: Candidates among which an experiment has to decide.
+RIVALS = 4
 #: Hypotheses of each size that are weighed on held-out data.
 WEIGHED = 10
 
@@ -100,6 +105,7 @@ def diagnose(
         )  # fmt: skip
     bristles = with_every_effect(plant, "lugre") if plant.model == "nonlinear" else None
     held = replace(held, twin=replace(held.twin, bristles=bristles))
+    bare = replace(bare, twin=replace(bare.twin, bristles=bristles))
     train = Twin(twin, trainlog, bare.twin.start, bristles)
     fitted = Stretch(train, 0, noise, "where it was fitted")
     metric = Metric.of(train, noise)
@@ -116,10 +122,11 @@ def diagnose(
     )  # fmt: skip
     velocity = signal_noise(noise, log.sample_time).get("rod_velocity", 0.0)
     rows = search.residual.size // len(metric.scale) + (len(held.twin.log) - held.first) // 2
-    least = floor(bench, metric, noise, velocity, judge.worth, rows)
+    least = floor(metric, noise, velocity, judge.worth, rows)
     most = judge.weigh(search.residual) + judge.weigh(held.residual(metric, held.simulate({}) or {}))
     believed = {"fitted": fitted.gap({}), "held": held.gap({})}
-    weighed = weigh(judged, least, most, threshold, believed)
+    expected = noise_square(metric, noise, velocity)
+    weighed = weigh(judged, least, most, threshold, believed, expected)
     location = locate(plant, log, noise)
     return _written(plant, weighed, search, judge, held, bare, free, location, common, began)
 
@@ -203,13 +210,14 @@ def _written(
     if not named:
         values["with_effects"] = values["refit"]
     gap = {model: held.gap(setting) for model, setting in values.items()}
-    gap["upper_bound"] = {s: min(g[s] for g in gap.values()) for s in gap["nominal"]}
+    gap["upper_bound"] = _bound(gap, location)
     sd = deviations(chosen.fit, judge.worth)
     causes = (
         _causes(plant, weighed, search, judge, sd, gap, common["log"]) if weighed.verdict != "outside_catalogue" else ()
     )
     # What no log can tell apart makes a set too.
     verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
+    following = _next(weighed, search, common["noise_sd"])
     changed = {n: v for n, v in chosen.fit.values.items() if v != _believed(judge, n)}
     return Diagnosis(
         verdict=verdict,
@@ -217,6 +225,7 @@ def _written(
         effects=causes,
         gap=gap,
         held_out=held.words,
+        held_from=_held_from(held, common["log"]),
         values=values,
         simulated=_runs(bare, values),
         candidates=tuple(
@@ -224,11 +233,70 @@ def _written(
             for j in weighed.labels
         ),
         location=location,
+        next_experiment=following.words if following is not None else _advice(verdict, causes),
+        experiment=following,
         improved=improved(plant, chosen.fit.suspects, changed, sd) if named else None,
         seconds=time.monotonic() - began,
         runs=search.bench.runs,
         **common,
     )
+
+
+def _held_from(held: Stretch, log: Log) -> float | None:
+    """Where in the log the held-out part begins [s]; None if it is another log."""
+    own = held.twin.log
+    return float(own.time[held.first]) if own.path == log.path and held.first > 0 else None
+
+
+def _advice(verdict: str, causes: Sequence[Cause]) -> str | None:
+    """What to do where no experiment is proposed."""
+    if verdict == "outside_catalogue":
+        return (
+            "look at the balance that the gap lies in and at the curve that was found there; a log with another load "
+            "and another temperature shows whether the curve stays"
+        )
+    if verdict == "ambiguous" and all(set(c.ambiguous_with) <= set(c.why_same) for c in causes):
+        return "no experiment with these sensors can tell them apart; measure the quantity itself"
+    if verdict in ("ambiguous", "underdetermined"):
+        return "no input of the library tells the candidates apart within the plant's limits; measure another quantity"
+    return None
+
+
+def _bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[str, float]:
+    """What a model of any form could reach: the nominal gap less what free unknown inputs take of it, or the best.
+
+    The parts that unknown inputs take are those over the whole log.
+    """
+    bound = {}
+    for signal, nominal in gap["nominal"].items():
+        if signal == "total":
+            continue
+        parts = {name: part for name, part in location.by_signal.get(signal, {}).items() if name != "gap"}
+        free = nominal * float(np.sqrt(np.clip(1.0 - sum(parts.values()), 0.0, 1.0)))
+        bound[signal] = min(free, *(gaps[signal] for gaps in gap.values()))
+    bound["total"] = float(np.sqrt(np.mean([value**2 for value in bound.values()])))
+    return bound
+
+
+def _next(weighed: Weighed, search: Search, noise: Mapping[str, float]) -> Experiment | None:
+    """What would tell the chosen hypothesis from its rivals."""
+    if weighed.verdict not in ("ambiguous", "underdetermined"):
+        return None
+    here = set(weighed.chosen.causes)
+    others = {key for keys in weighed.rivals.values() for key in keys}
+    rivals = [
+        j
+        for j in weighed.labels
+        if len(here - set(j.causes)) == 1 and len(set(j.causes) - here) == 1 and set(j.causes) - here <= others
+    ]
+    known = [weighed.chosen, *rivals][:RIVALS]
+    if len(known) < 2:
+        known = list(weighed.labels[:RIVALS])
+    named = {" + ".join(_name(key) for key in j.label) or "none": j.fit.values for j in known}
+    if len(named) < 2:
+        return None
+    twin = search.bench.twin
+    return next_experiment(twin.plant, named, noise=noise, nominal=search.bench.nominal, present=twin)
 
 
 def _believed(judge: Judge, name: str) -> float:
@@ -279,7 +347,23 @@ def _causes(
                 absorbed, closed.get(key, 0.0), chosen.own[key], same,
             )
         )  # fmt: skip
-    return tuple(sorted(found, key=lambda cause: -largest(cause.alone)))
+    found.sort(key=lambda cause: -largest(cause.alone))
+    if weighed.verdict == "underdetermined":
+        found += _others(weighed, judge)
+    return tuple(found)
+
+
+def _others(weighed: Weighed, judge: Judge) -> list[Cause]:
+    """Candidates beside the chosen ones, the most probable first, each with the numbers of its own best hypothesis."""
+    found: dict[Key, Cause] = {}
+    for judged in weighed.labels:
+        for key in judged.causes:
+            p = weighed.probability.get(key, 0.0)
+            if key in weighed.chosen.causes or key in found or p < POSSIBLE:
+                continue
+            numbers = _numbers(key, judged, judge, deviations(judged.fit, judge.worth))
+            found[key] = Cause(key[0], key[1], EFFECTS[key[0]].place, min(p, 1.0), numbers, alone=judged.own[key])
+    return sorted(found.values(), key=lambda cause: -cause.probability)
 
 
 def _numbers(key: Key, chosen: Judged, judge: Judge, sd: Mapping[str, float]) -> dict[str, Estimated]:

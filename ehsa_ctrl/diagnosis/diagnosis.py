@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from .locate import Location
+    from .next_experiment import Experiment
 
 Verdict = Literal["no_gap", "effect", "ambiguous", "outside_catalogue", "underdetermined"]
 #: The models whose gaps are stated, and what they are.
@@ -115,13 +116,14 @@ class Diagnosis:
     where: place and share, largest first, together one.
     effects: causes, or candidates where the verdict is "underdetermined"; the largest first.
     gap: model (see MODELS) -> signal -> gap on held-out data; whole: the same of the nominal model over the whole log.
-    held_out: which data that is.
+    held_out: which data that is; held_from: where it begins in the log [s], None if it is a log of its own.
     noise_sd: channel -> standard deviation of its noise.
     values: model -> letters and sensor words that differ from what was believed.
     simulated: model -> channel -> (N,) free run over the whole log.
     candidates: every hypothesis that was refitted, the best first.
     location: what is known of the place without any catalogue.
     improved: the plant with the causes added, None where none was named.
+    next_experiment: what to do next, in words; experiment: the input for it, if there is one.
     """
 
     plant: Plant
@@ -139,7 +141,9 @@ class Diagnosis:
     candidates: tuple[Candidate, ...] = ()
     location: Location | None = None
     improved: Plant | None = field(default=None, repr=False)
+    held_from: float | None = None
     next_experiment: str | None = None
+    experiment: Experiment | None = field(default=None, repr=False)
     findings: tuple[str, ...] = ()
     seconds: float = 0.0
     runs: int = 0

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..physics.effects import EFFECTS
 from .evidence import worth
-from .fit import TOLERATED, Bench, Metric, Refit
+from .fit import TOLERATED, Metric, Refit
 from .held_out import Stretch
 from .search import Search, pulls
 from .signals import gap, largest, scored
@@ -125,15 +125,20 @@ class Judge:
         return out
 
 
-def floor(
-    bench: Bench, metric: Metric, noise: Mapping[str, float], velocity_noise: float, worth: np.ndarray, samples: int
-) -> float:
+def noise_shares(metric: Metric, noise: Mapping[str, float], velocity_noise: float) -> np.ndarray:
+    """Mean square of each channel's residuals (channels,) that are noise and nothing else."""
+    sd = [velocity_noise if channel == "rod_velocity" else noise[channel] for channel in metric.scale]
+    return np.array([(s / scale) ** 2 for s, scale in zip(sd, metric.scale.values(), strict=True)])
+
+
+def noise_square(metric: Metric, noise: Mapping[str, float], velocity_noise: float) -> float:
+    """Mean square of all residuals that are noise."""
+    return float(np.mean(noise_shares(metric, noise, velocity_noise)))
+
+
+def floor(metric: Metric, noise: Mapping[str, float], velocity_noise: float, worth: np.ndarray, samples: int) -> float:
     """Evidence that noise alone would leave in `samples` residuals of each channel."""
-    total = 0.0
-    for share, (channel, scale) in zip(worth, metric.scale.items(), strict=True):
-        sd = velocity_noise if channel == "rod_velocity" else noise[channel]
-        total += float(share) * (sd / scale) ** 2 * samples
-    return total
+    return float(worth @ noise_shares(metric, noise, velocity_noise)) * samples
 
 
 def by_label(judged: Sequence[Judged]) -> dict[tuple[Key, ...], Judged]:

@@ -206,7 +206,7 @@ def _ripple(twin: Twin, name: str, place: str) -> list[Suspect]:
     frees = (
         Free("T_c", 0.0, 0.03, 0.0, inf),
         # As good as fixed: each start has its own.
-        Free("n_c", starts[0][1], 1e-6, 0.5, 200.0),
+        Free("n_c", starts[0][1], 1e-6, 1.0, 200.0),
         Free("phi_c", 0.0, 0.3, -7.0, 7.0),
     )
     return [Suspect(name, place, frees, starts)]
@@ -237,6 +237,9 @@ def _of_sensors(twin: Twin, name: str, word: str) -> list[Suspect]:
 def _presliding(twin: Twin) -> list[Suspect]:
     if twin.bristles is None or twin.plant["A_FR"] + twin.plant["C_FR"] == 0.0:
         return []
+    known = 1.0 / twin.plant["sigma_0_FR"] if "sigma_0_FR" in twin.plant.parameters else 0.0
     # Bristles take the place of static friction, so that its excess is free too.
-    free = (Free(BRISTLES, 0.0, 5e-8, 0.0, 5e-6), _letter(twin, "C_FR", 0.3, TYPICAL["C_FR"]))
-    return [Suspect("presliding", "force", free, _starts(free, 1.0, 6.0))]
+    free = (
+        Free(BRISTLES, known, max(5e-8, 0.1 * known), 0.0, 5e-6), _letter(twin, "C_FR", 0.3, TYPICAL["C_FR"])
+    )  # fmt: skip
+    return [Suspect("presliding", "force", free, _starts(free, 0.0) if known else _starts(free, 1.0, 6.0))]

@@ -16,8 +16,10 @@ from .signals import largest
 CLOSE, CLOSE_LEFT, CLOSE_EXPLAINED = 12.0, 0.3, 0.004
 #: One more cause has to take this share of the threshold off a gap (in quadrature), or this share of the evidence.
 WORTHWHILE, WORTHWHILE_SHARE = 0.5, 0.02
-#: Where the best set of causes leaves this share of the evidence, and this share of the gap, none of them is right.
-UNEXPLAINED, LEFT = 0.06, 0.25
+#: No set of causes is right where the best one leaves this share of the gap where it was fitted, and residuals whose
+#: mean square is larger than noise by this much; or most of the gap and this share of the evidence.
+LEFT, EXCESS = 0.2, 0.3
+MOST_LEFT, UNEXPLAINED = 0.5, 0.06
 #: Sets of more rivals than this say that the log does not excite what would tell them apart.
 CROWD = 4
 
@@ -28,7 +30,8 @@ class Weighed:
 
     verdict. chosen: the hypothesis. rivals: cause -> those that could stand in its place. probability: of each cause
     that any hypothesis has, being present. labels: the best hypothesis of each set of causes, best first.
-    rest: share of the nominal model's evidence that the chosen one leaves.
+    rest: share of the nominal model's evidence that the chosen one leaves; left: of the gap where it was fitted.
+    unlike: above one, none of the catalogue's effects is what happened.
     """
 
     verdict: Verdict
@@ -38,14 +41,21 @@ class Weighed:
     labels: tuple[Judged, ...]
     rest: float
     left: float
+    unlike: float
 
 
 def weigh(
-    judged: Sequence[Judged], least: float, most: float, threshold: float, gaps: Mapping[str, Mapping[str, float]]
+    judged: Sequence[Judged],
+    least: float,
+    most: float,
+    threshold: float,
+    gaps: Mapping[str, Mapping[str, float]],
+    expected: float = 0.74,
 ) -> Weighed:
     """Choose among hypotheses.
 
     least, most: evidence that noise alone leaves, and the nominal model. gaps: "fitted" and "held" of the nominal one.
+    expected: mean square of residuals that are noise.
     """
     labels = sorted(by_label(judged).values(), key=lambda j: j.evidence)
     named = [j for j in labels if j.causes] or labels
@@ -53,16 +63,16 @@ def weigh(
     chosen = _simplest(named, chosen, _close(chosen, least, most))
     unexplained = max(chosen.evidence - least, 0.0)
     rest = unexplained / max(most - least, 1.0)
-    before, after = (gaps["fitted"]["total"], gaps["held"]["total"]), (chosen.fitted["total"], chosen.held["total"])
-    left = sum(after) / max(sum(before), 1e-9)
+    left = chosen.fitted["total"] / max(gaps["fitted"]["total"], 1e-9)
+    excess = chosen.fit.chi**2 - expected
+    unlike = max(min(left / LEFT, excess / EXCESS), min(left / MOST_LEFT, rest / UNEXPLAINED), 0.0)
     close = _close(chosen, least, most)
     rivals = _rivals(chosen, named, close)
     temperature = close / 6.0
     probability = _probability(named, chosen, temperature)
-    certain = float(1.0 / (1.0 + (rest / UNEXPLAINED) ** 2)) if left > 0.5 * LEFT else 1.0
-    probability = {key: p * certain for key, p in probability.items()}
-    verdict = _verdict(chosen, rivals, rest, left)
-    return Weighed(verdict, chosen, rivals, probability, tuple(labels), rest, left)
+    probability = {key: p / (1.0 + unlike**2) for key, p in probability.items()}
+    verdict = _verdict(chosen, rivals, unlike)
+    return Weighed(verdict, chosen, rivals, probability, tuple(labels), rest, left, unlike)
 
 
 def _smallest(named: Sequence[Judged], least: float, most: float, threshold: float) -> Judged:
@@ -127,10 +137,10 @@ def _probability(named: Sequence[Judged], chosen: Judged, temperature: float) ->
     return out
 
 
-def _verdict(chosen: Judged, rivals: Mapping[Key, tuple[Key, ...]], rest: float, left: float) -> Verdict:
+def _verdict(chosen: Judged, rivals: Mapping[Key, tuple[Key, ...]], unlike: float) -> Verdict:
     if not chosen.causes:
         return "underdetermined"
-    if rest > UNEXPLAINED and left > LEFT:
+    if unlike > 1.0:
         return "outside_catalogue"
     if max(len(keys) for keys in rivals.values()) >= CROWD:
         return "underdetermined"
