@@ -45,6 +45,8 @@ _WHERE = {
     "profile": "identification.profile",
     "diagnose": "diagnosis.diagnose",
     "Diagnosis": "diagnosis.diagnosis",
+    "diagnose_many": "diagnosis.batch",
+    "what_changed": "diagnosis.changed",
     "load_controller": "design.load",
     "load_scenario": "scenario.scenario",
     "run": "scenario.run",

@@ -10,19 +10,38 @@ import typer
 from .options import Force, Json, Out, Settings, read_pairs
 
 if TYPE_CHECKING:
+    from ..diagnosis.changed import Change
     from ..diagnosis.diagnosis import Diagnosis
+    from ..plant.plant import Plant
+    from .closed_loop import Closed
 
 
 def command(
-    log: Annotated[Path, typer.Argument(help="Measured log: CSV, Parquet or MAT.")],
+    logs: Annotated[list[Path], typer.Argument(help="Measured logs: CSV, Parquet or MAT.")],
     plant: Annotated[str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.")],
     model: Annotated[str, typer.Option(help="linear or nonlinear: which of its models is believed.")] = "nonlinear",
     validate: Annotated[
         Path | None, typer.Option(help="A second log to hold out; else the last third of the log is.")
     ] = None,
+    before: Annotated[
+        Path | None, typer.Option(help="An earlier log of the same rig: say what changed since then.")
+    ] = None,
+    scenario: Annotated[
+        str | None, typer.Option(help="Run this scenario on the believed and on the improved plant.")
+    ] = None,
+    controller: Annotated[str | None, typer.Option(help="With this one instead of the scenario's own.")] = None,
+    replay: Annotated[
+        bool, typer.Option("--replay", help="The log was recorded under that loop: state the closed-loop gap.")
+    ] = False,
     settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
     threshold: Annotated[float, typer.Option(help="A gap of a signal from which on it matters.")] = 0.03,
-    jobs: Annotated[int | None, typer.Option(help="Threads; all cores by default.")] = None,
+    jobs: Annotated[int | None, typer.Option(help="Cores or workers to use; all by default.")] = None,
+    backend: Annotated[
+        str, typer.Option(help="For several logs: loky or threading on this machine; dask or ray on a cluster.")
+    ] = "loky",
+    address: Annotated[
+        str | None, typer.Option(help="Of the cluster's scheduler; without one a cluster is started here.")
+    ] = None,
     unchecked: Annotated[bool, typer.Option("--unchecked", help="Go on with a log that looks plainly wrong.")] = False,
     as_json: Json = False,
     out: Out = None,
@@ -30,40 +49,138 @@ def command(
 ) -> None:
     """Say where the gap between a log and the believed plant lies, which effect causes it, and how far it shrinks.
 
+    Several logs get a folder each and a summary; interrupt that and call it again: it goes on where it was.
+
     Examples: ehsa-ctrl diagnose log.csv --plant ehsa --out results/diagnosis · ehsa-ctrl diagnose log.csv --plant
-    my/rig.toml --validate other.csv --set load.stiffness=50e3 --threshold 0.05
+    my/rig.toml --validate other.csv --set load.stiffness=50e3 --threshold 0.05 · ehsa-ctrl diagnose logs/*.csv --plant
+    ehsa --out results/logs · ehsa-ctrl diagnose today.csv --before last_year.csv --plant ehsa · ehsa-ctrl diagnose
+    log.csv --plant ehsa --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3
     """
     from ..core.errors import InputError
-    from ..diagnosis.diagnose import diagnose
-    from ..identification.record import read_plant_log, untold
     from ..plant.plant import load_plant
-    from .output import prepare_folder, to_json, warn, warn_unbelieved
-    from .progress import compiling, counting
+    from .output import prepare_folder, to_json, warn_unbelieved
 
     if model not in ("linear", "nonlinear"):
         raise InputError(f"--model {model!r}: expected linear or nonlinear")
+    one_alone = {"--validate": validate, "--before": before, "--scenario": scenario}
+    for option, given in one_alone.items():
+        if given is not None and len(logs) > 1:
+            raise InputError(f"{option} goes with one log, not with {len(logs)}; diagnose them one by one")
+    if validate is not None and before is not None:
+        raise InputError("--validate and --before don't go together: the last third of each log is held out")
+    for option, asked in (("--replay", replay), ("--controller", controller is not None)):
+        if asked and scenario is None:
+            raise InputError(f"{option} needs a scenario; name it with --scenario")
     believed = load_plant(plant, model=model, settings=read_pairs(settings))  # type: ignore[arg-type]
     warn_unbelieved([believed])
+    if len(logs) > 1:
+        from .diagnose_batch import diagnose_batch
+
+        diagnose_batch(
+            believed, logs, threshold=threshold, jobs=-1 if jobs is None else jobs, backend=backend, address=address,
+            check=not unchecked, out=out, force=force, as_json=as_json, write=_write,
+        )  # fmt: skip
+        return
     if out is not None:
         prepare_folder(out, "diagnosis.json", force=force)
-    measured = read_plant_log(log, believed)
-    second = read_plant_log(validate, believed) if validate is not None else None
-    for sentence in untold(measured, believed):
-        warn(sentence)
-    with compiling(), counting() as watch:
-        found = diagnose(
-            believed, measured, validate=second, threshold=threshold, jobs=jobs, watch=watch, check=not unchecked
-        )
-    for sentence in found.findings:
-        warn(sentence)
+    found, change, closed = _found(
+        believed, logs[0], validate, before, scenario, controller, replay=replay, threshold=threshold, jobs=jobs,
+        check=not unchecked,
+    )  # fmt: skip
     if out is not None:
         _write(out, found)
+        _write_more(out, change, closed)
     if as_json:
-        print(to_json(found.to_dict()))
+        more = {"closed_loop": closed.to_dict()} if closed is not None else {}
+        print(to_json({**(found if change is None else change).to_dict(), **more}))
         return
-    print(found)
+    print(found if change is None else change)
+    if closed is not None:
+        _print_closed(closed)
     if out is not None:
         print(f"written to {out}")
+
+
+def _found(
+    believed: Plant,
+    log: Path,
+    validate: Path | None,
+    before: Path | None,
+    scenario: str | None,
+    controller: str | None,
+    *,
+    replay: bool,
+    threshold: float,
+    jobs: int | None,
+    check: bool,
+) -> tuple[Diagnosis, Change | None, Closed | None]:
+    """The diagnosis of one log, what changed since an earlier one, and what that does to a closed loop."""
+    from ..diagnosis.changed import what_changed
+    from ..diagnosis.diagnose import diagnose
+    from ..identification.record import read_plant_log, untold
+    from .closed_loop import case_of, check_replay, close
+    from .output import warn
+    from .progress import compiling, counting
+
+    measured = read_plant_log(log, believed)
+    second = read_plant_log(validate, believed) if validate is not None else None
+    earlier = read_plant_log(before, believed) if before is not None else None
+    # What is wrong with the scenario is said before the long work and not after it.
+    case = case_of(scenario, controller, believed) if scenario is not None else None
+    if case is not None and replay:
+        check_replay(case, believed, measured)
+    for sentence in untold(measured, believed):
+        warn(sentence)
+    change = None
+    with compiling(), counting() as watch:
+        if earlier is not None:
+            change = what_changed(believed, earlier, measured, threshold=threshold, jobs=jobs, watch=watch, check=check)
+            found = change.after
+        else:
+            found = diagnose(
+                believed, measured, validate=second, threshold=threshold, jobs=jobs, watch=watch, check=check
+            )
+        words = ("believed", "improved") if change is None else ("before", "after")
+        closed = close(case, found, replay=replay, words=words) if case is not None else None
+    for sentence in dict.fromkeys([*(change.before.findings if change is not None else ()), *found.findings]):
+        warn(sentence)
+    return found, change, closed
+
+
+def _write_more(out: Path, change: Change | None, closed: Closed | None) -> None:
+    """What changed, beside the diagnosis of the second log that is written already; the closed loop."""
+    from ..identification.write import write_plant
+    from .output import to_json
+
+    for name in ("before.json", "closed_loop.json"):
+        (out / name).unlink(missing_ok=True)
+    if change is not None:
+        (out / "before.json").write_text(to_json(change.before.to_dict()) + "\n")
+        (out / "diagnosis.json").write_text(to_json(change.to_dict()) + "\n")
+        write_plant(out / f"{change.rig.name}_before.toml", change.rig)
+    if closed is not None:
+        (out / "closed_loop.json").write_text(to_json(closed.to_dict()) + "\n")
+
+
+def _print_closed(closed: Closed) -> None:
+    """The table of the closed loop, with what is to be said of it."""
+    from rich.console import Console
+
+    from .closed_loop import OTHER, table
+    from .output import warn
+
+    console = Console(highlight=False)
+    console.print(f"\n{closed.scenario} with {closed.controller}:")
+    console.print(table(closed))
+    for word, reasons in closed.failures.items():
+        console.print(f"{word} plant: " + ("keeps the limits" if not reasons else "; ".join(reasons)), markup=False)
+    if len(closed.metrics) == 1:
+        console.print("No cause was named, so that there is no other plant to compare.")
+    if closed.replay is not None and closed.replay.other > OTHER:
+        warn(
+            f"the logged current differs by {100 * closed.replay.other:.0f} % from what {closed.controller} asks for "
+            "on the log's own measurements: was it recorded under this loop?"
+        )
 
 
 def _write(out: Path, found: Diagnosis) -> None:

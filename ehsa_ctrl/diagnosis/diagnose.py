@@ -304,7 +304,8 @@ def _believed(judge: Judge, name: str) -> float:
     plant = judge.search.bench.twin.plant
     if name in plant.parameters:
         return plant[name]
-    return 1.0 if name.startswith("scale.") else 0.0
+    word, _, channel = name.partition(".")
+    return getattr(plant.sensors[channel], word) if word in ("bias", "scale") else 0.0
 
 
 def _runs(bare: Stretch, values: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, np.ndarray]]:

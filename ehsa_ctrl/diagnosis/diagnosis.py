@@ -253,4 +253,6 @@ def verdict_sentence(d: Diagnosis) -> str:
     if d.verdict == "outside_catalogue":
         certain = f" Certain beside it: {names}." if d.effects else ""
         return f"No effect of the catalogue explains the gap ({size}).{place}{certain}"
+    if not d.effects:
+        return f"The gap ({size}) is made of several things, none of which matters alone in this log.{place}"
     return f"The log does not excite what would tell the causes of the gap ({size}) apart; candidates: {names}.{place}"

@@ -191,6 +191,10 @@ def _of_equation(twin: Twin, name: str) -> list[Suspect]:
     frees = (Free(first.name, plant[first.name], scales[first.name], lower, upper),)
     sizes = (1.0, 8.0) if lower == 0.0 else (0.0,)
     found = [one(frees, _starts(frees, *sizes))]
+    if name == "load_dependent_friction" and plant["A_FR"] > 0.0:
+        # Where it grows with the higher pressure, its part at the pressure of rest is in the Coulomb level.
+        both = (*frees, _letter(twin, "A_FR", 0.1))
+        found.append(one(both, _starts(both, *sizes)))
     if name == "asymmetric_friction":
         both = (*frees, Free("b_FR", plant["b_FR"], 0.03, -0.9, 0.9))
         found.append(one(both, _starts(both, *sizes)))
@@ -220,9 +224,10 @@ def _of_sensors(twin: Twin, name: str, word: str) -> list[Suspect]:
     found = []
     for channel in channels:
         sd = float(np.std(twin.log[channel]))
+        sensor = twin.plant.sensors[channel]
         free = {
-            "bias": Free(f"bias.{channel}", 0.0, 0.03 * sd, -20.0 * sd, 20.0 * sd),
-            "scale": Free(f"scale.{channel}", 1.0, 0.02, 0.2, 5.0),
+            "bias": Free(f"bias.{channel}", sensor.bias, 0.03 * sd, -20.0 * sd, 20.0 * sd),
+            "scale": Free(f"scale.{channel}", sensor.scale, 0.02, 0.2, 5.0),
             "delay": Free(f"delay.{channel}", 0.0, 1e-3, 0.0, 0.1),
             "filter": Free(f"filter.{channel}", 0.0, 1e-3, 0.0, 0.2),
         }[word]

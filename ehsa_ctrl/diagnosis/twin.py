@@ -29,11 +29,14 @@ HARD = 1e-9
 WORDS = ("bias", "scale", "delay", "filter")
 
 
-def with_every_effect(plant: Plant, rod_friction: str = "stribeck") -> Plant:
+def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
     """The same plant in the structure that holds every effect at its neutral value.
 
-    rod_friction: "stribeck", or "lugre" for presliding, which is another law and not a number of this one.
+    rod_friction: "stribeck", or "lugre" for presliding, which is another law and not a number of this one; that of the
+        plant by default.
     """
+    if rod_friction is None:
+        rod_friction = "lugre" if plant.structure.rod_friction == "lugre" else "stribeck"
     structure = replace(
         plant.structure,
         shaft_friction="stribeck",
@@ -129,7 +132,8 @@ class Twin:
         if "z_R" in names:
             net = value("A") * (state[index("P_1")] - state[index("P_2")]) - value("K_S") * state[index("x")]
             most = value("A_FR") + value("C_FR")
-            state[index("z_R")] = np.clip(net, -most, most) * values[BRISTLES]
+            soft = values.get(BRISTLES, 0.0)
+            state[index("z_R")] = np.clip(net, -most, most) * (soft if soft > HARD else 1.0 / plant["sigma_0_FR"])
         return state
 
     @property

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError, SimulationError
+from ..core.parallel import in_rounds, workers
 from ..core.protocol import Controller
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .campaign import Campaign, Outcome
 from .influence import Influence, influences
 from .metrics import METRICS
-from .parallel import in_rounds, workers
 from .result import failures_of
 from .run import Case, prepare
 from .scenario import Scenario
@@ -158,8 +158,8 @@ def monte_carlo(
     scenario, controller, plant, design: as for `run`. The scenario's [spread] says what is uncertain beyond the plant's
         own file; see `spread.uncertainty_of`.
     identification: an identification.json, whose covariance is drawn from.
-    jobs, backend, address: see `parallel.workers`; by default threads for a compiled controller, whose simulation runs
-        outside Python's lock, and processes for one in plain Python.
+    jobs, backend, address: see `core.parallel.workers`; by default threads for a compiled controller, whose
+        simulation runs outside Python's lock, and processes for one in plain Python.
     file: where each result is appended as it comes; a file of the same campaign is continued.
     watch: called with how many runs are done and how many there will be.
 

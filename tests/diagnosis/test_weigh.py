@@ -10,12 +10,14 @@ from ehsa_ctrl.diagnosis.weigh import weigh
 GAPS = {"fitted": {"speed": 0.1, "total": 0.1}, "held": {"speed": 0.1, "total": 0.1}}
 
 
-def hypothesis(evidence, *ids, gap=0.005, own=0.1, numbers=1):
-    """A hypothesis whose members all matter."""
+def hypothesis(evidence, *ids, gap=0.005, own=0.1, numbers=1, chi=0.86):
+    """A hypothesis whose members all matter; noise alone leaves a chi of 0.86."""
     keys = tuple((id, None) for id in ids)
     suspects = tuple(SimpleNamespace(key=key, free=[None] * numbers) for key in keys)
     gaps = {"speed": gap, "total": gap}
-    return Judged(SimpleNamespace(suspects=suspects), evidence, {k: {"speed": own} for k in keys}, gaps, gaps, keys)
+    return Judged(
+        SimpleNamespace(suspects=suspects, chi=chi), evidence, {k: {"speed": own} for k in keys}, gaps, gaps, keys
+    )
 
 
 def verdict(*judged, least=5000.0, most=60000.0):
@@ -55,17 +57,17 @@ def test_a_second_cause_has_to_be_worth_it():
 
 
 def test_what_none_explains_is_outside_the_catalogue():
-    """The best leaves a third of the gap and a fifth of the evidence."""
-    word, _, found = verdict(hypothesis(17000.0, "motor_friction", gap=0.035))
+    """The best leaves more than a third of the gap, and residuals half as large again as noise."""
+    word, _, found = verdict(hypothesis(17000.0, "motor_friction", gap=0.035, chi=1.3))
 
     assert word == "outside_catalogue"
-    assert found.probability["motor_friction", None] < 0.2
+    assert found.probability["motor_friction", None] < 0.3
 
 
-@pytest.mark.parametrize(("gap", "evidence"), [(0.035, 5200.0), (0.01, 17000.0)])
-def test_one_sign_alone_does_not_abstain(gap, evidence):
-    """A slip missed on held-out data leaves a gap without evidence; tiny coherent errors the reverse."""
-    assert verdict(hypothesis(evidence, "motor_friction", gap=gap))[0] == "effect"
+@pytest.mark.parametrize(("gap", "chi"), [(0.035, 0.88), (0.01, 1.3)])
+def test_one_sign_alone_does_not_abstain(gap, chi):
+    """A gap that noise makes leaves no residual beyond it; a form that is a little other leaves no gap."""
+    assert verdict(hypothesis(5200.0, "motor_friction", gap=gap, chi=chi))[0] == "effect"
 
 
 def test_a_crowd_is_underdetermined():
@@ -77,6 +79,6 @@ def test_a_crowd_is_underdetermined():
 
 def test_nothing_that_matters_alone_is_underdetermined():
     """Several parameters a little wrong make a gap that none of them makes."""
-    nothing = Judged(SimpleNamespace(suspects=()), 5000.0, {}, GAPS["fitted"], GAPS["held"], ())
+    nothing = Judged(SimpleNamespace(suspects=(), chi=0.86), 5000.0, {}, GAPS["fitted"], GAPS["held"], ())
 
     assert verdict(nothing)[0] == "underdetermined"

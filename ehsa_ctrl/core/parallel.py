@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Any, TypeVar
 
-from ..core.errors import InputError, choices
+from .errors import InputError, choices
 
 BACKENDS = ("loky", "threading", "dask", "ray")
 T = TypeVar("T")
@@ -62,6 +63,35 @@ def in_rounds(
     for first in range(0, len(chunks), width):
         found: list[list[R]] = Parallel()(delayed(work)(part) for part in chunks[first : first + width])
         yield [result for part in found for result in part]
+
+
+def as_done(work: Callable[[T], R], todo: Sequence[T], *, count: int) -> Generator[R, None, None]:
+    """Result of `work` on each of `todo` as soon as it is there, in whatever order that is; for work that takes long.
+
+    count: workers, as `workers` gives it; with one the work is done here and now, in order. Ray gives its results a
+    round at a time. Close it (contextlib.closing) to stop before the end.
+    """
+    from joblib import Parallel, delayed
+    from joblib.parallel import get_active_backend
+
+    if count == 1:
+        yield from (work(one) for one in todo)
+        return
+    if not get_active_backend()[0].supports_return_generator:
+        for first in range(0, len(todo), count):
+            yield from Parallel()(delayed(work)(one) for one in todo[first : first + count])
+        return
+    parallel = Parallel(return_as="generator_unordered", pre_dispatch=count, batch_size=1)
+    results: Generator[R, None, None] = parallel(delayed(work)(one) for one in todo)
+    try:
+        # Not "yield from", which would close the results before the warning is held back.
+        for result in results:  # noqa: UP028
+            yield result
+    finally:
+        with warnings.catch_warnings():
+            # Whoever stops early knows that something is not done.
+            warnings.simplefilter("ignore", UserWarning)
+            results.close()
 
 
 @contextmanager

@@ -1,0 +1,106 @@
+"""`ehsa-ctrl diagnose` with several logs: a folder each, and a summary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from ..core.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ..diagnosis.batch import Batch
+    from ..diagnosis.diagnosis import Diagnosis
+    from ..plant.plant import Plant
+
+
+def diagnose_batch(
+    believed: Plant,
+    logs: Sequence[Path],
+    *,
+    threshold: float,
+    jobs: int,
+    backend: str,
+    address: str | None,
+    check: bool,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
+    write: Callable[[Path, Diagnosis], None],
+) -> None:
+    """Diagnose the logs, write OUT/STEM for each as it comes and OUT/summary.csv and .json at the end, print a table.
+
+    write: puts the files of one diagnosis into a folder.
+
+    Raises InputError: two logs of one name, an output folder of other diagnoses. Exits 2 if no log could be diagnosed.
+    """
+    from ..diagnosis.batch import diagnose_many
+    from .output import prepare_folder, to_json
+    from .progress import compiling, counting
+
+    stems = [log.stem for log in logs]
+    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    if twice is not None:
+        raise InputError(f"log {twice!r} is given twice; folders of the result are named by it")
+    file = None
+    if out is not None:
+        prepare_folder(out, "", force=True)
+        file = out / "diagnoses.jsonl"
+        if force:
+            file.unlink(missing_ok=True)
+
+    def keep(name: str, found: Diagnosis) -> None:
+        if out is not None:
+            write(prepare_folder(out / Path(name).stem, "", force=True), found)
+
+    with compiling(), counting() as watch:
+        batch = diagnose_many(
+            believed, logs, threshold=threshold, check=check, jobs=jobs, backend=backend, address=address, file=file,
+            watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
+        )  # fmt: skip
+    if out is not None:
+        (out / "summary.json").write_text(to_json(batch.to_dict()) + "\n")
+        batch.to_pandas().to_csv(out / "summary.csv", float_format="%.7g")
+    if as_json:
+        print(to_json(batch.to_dict()))
+    else:
+        _print(batch, out)
+    if batch.interrupted:
+        raise KeyboardInterrupt
+    if len(batch.failed) == len(batch.rows):
+        raise typer.Exit(2)
+
+
+def _print(batch: Batch, out: Path | None) -> None:
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    console.print(_table(batch))
+    for row in batch.failed:
+        console.print(Text(row.error, "red"))
+    words = ", ".join(f"{count} {word}" for word, count in batch.counts.items())
+    console.print(f"{len(batch.rows)} logs: {words}" + (f"; written to {out}" if out is not None else ""))
+
+
+def _table(batch: Batch) -> Table:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for column in ("log", "verdict", "cause", "place"):
+        table.add_column(column, overflow="fold")
+    for column in ("probability", "gap, %", "after, %", "s"):
+        table.add_column(column, justify="right")
+    for row in batch.rows:
+        name = Path(row.file).name
+        if row.error:
+            table.add_row(name, "failed")
+            continue
+        numbers = (f"{row.probability:.2f}" if row.cause else "", f"{100 * row.gap_before:.3g}")
+        after = f"{100 * row.gap_after:.3g}" if row.verdict != "no_gap" else ""
+        table.add_row(name, row.verdict, " or ".join(row.set), row.place, *numbers, after, f"{row.seconds:.0f}")
+    return table

@@ -1,0 +1,321 @@
+"""Many logs of one rig, diagnosed one beside the other; an interrupt keeps what is done."""
+
+from __future__ import annotations
+
+import hashlib
+import html
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, fields
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..core.errors import EhsaError, InputError
+from ..core.log import Log
+from ..core.parallel import as_done, workers
+from ..identification.record import read_plant_log
+from ..plant.plant import Plant
+from ..simulation.trajectory import versions
+from .diagnose import diagnose
+from .diagnosis import Diagnosis
+from .twin import Twin, with_every_effect
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a diagnosis found in one log, in a line of a table.
+
+    Attributes
+    ----------
+    file: the log. verdict: as in `Diagnosis`; empty where it could not be diagnosed, for the reason in `error`.
+    cause: name of the first cause; set: it and what this log can't tell from it; probability: of the first cause.
+    place: with the largest share. gap_before, gap_after: in total on held-out data, as believed and with the causes.
+    seconds: it took. digest: of the log's content.
+    """
+
+    file: str
+    verdict: str = ""
+    cause: str = ""
+    set: tuple[str, ...] = ()
+    probability: float = math.nan
+    place: str = ""
+    gap_before: float = math.nan
+    gap_after: float = math.nan
+    seconds: float = 0.0
+    error: str = ""
+    digest: str = ""
+
+    @classmethod
+    def of(cls, file: str, found: Diagnosis, digest: str = "") -> Row:
+        first = found.effects[0] if found.effects else None
+        return cls(
+            file=file,
+            verdict=found.verdict,
+            cause=first.name if first else "",
+            set=(first.name, *first.ambiguous_with) if first else (),
+            probability=first.probability if first else math.nan,
+            place=found.where[0][0] if found.where else "",
+            gap_before=found.gap["nominal"]["total"],
+            gap_after=found.gap["with_effects"]["total"],
+            seconds=found.seconds,
+            digest=digest,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values; null where there is none."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {
+            name: None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in values.items()
+        } | {"set": list(self.set)}
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What many logs of one rig say.
+
+    Attributes
+    ----------
+    plant: name of what was believed. threshold: a gap from which on it matters.
+    rows: of the logs that are done, in the order in which they were given.
+    diagnoses: file -> diagnosis, of those that were made in this call and not handed to `keep`.
+    interrupted: not all logs are done.
+    """
+
+    plant: str
+    threshold: float
+    rows: tuple[Row, ...]
+    diagnoses: Mapping[str, Diagnosis] = field(default_factory=dict, repr=False)
+    interrupted: bool = False
+
+    @property
+    def failed(self) -> tuple[Row, ...]:
+        """Logs that could not be diagnosed."""
+        return tuple(row for row in self.rows if row.error)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """First causes, or the verdict where none was named, and in how many logs; the most frequent first."""
+        found: dict[str, int] = {}
+        for row in self.rows:
+            word = "failed" if row.error else row.verdict
+            if row.verdict in ("effect", "ambiguous"):
+                word = row.cause
+            found[word] = found.get(word, 0) + 1
+        return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a log."""
+        import pandas
+
+        rows = [row.to_dict() | {"set": " or ".join(row.set)} for row in self.rows]
+        return pandas.DataFrame(rows, columns=[f.name for f in fields(Row)]).drop(columns="digest").set_index("file")
+
+    def to_dict(self) -> dict[str, Any]:
+        """As summary.json."""
+        return {
+            "plant": self.plant,
+            "threshold": self.threshold,
+            "counts": self.counts,
+            "interrupted": self.interrupted,
+            "logs": [row.to_dict() for row in self.rows],
+            "provenance": versions(),
+        }
+
+    def __str__(self) -> str:
+        words = ", ".join(f"{count} {word}" for word, count in self.counts.items())
+        return f"{len(self.rows)} logs of {self.plant}: {words}\n{self.to_pandas().to_string()}"
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(str(self).splitlines()[0])}</p>" + str(self.to_pandas().to_html(float_format="%.3g"))
+
+
+def diagnose_many(
+    plant: Plant,
+    logs: Sequence[str | Path | Log],
+    *,
+    threshold: float = 0.03,
+    check: bool = True,
+    jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
+    file: str | Path | None = None,
+    watch: Callable[[int, int], None] | None = None,
+    keep: Callable[[str, Diagnosis], None] | None = None,
+) -> Batch:
+    """Diagnose many logs against the same plant, one thread each.
+
+    Parameters
+    ----------
+    plant, threshold, check: as for `diagnose`, the same for all.
+    logs: files, or logs that were read already.
+    jobs, backend, address: see `core.parallel.workers`. Processes by default: a good part of a diagnosis runs within
+        Python's lock.
+    file: where each row is appended as it comes, a JSON line each. A file of the same plant and threshold is
+        continued: logs that it has are not diagnosed again unless they have changed; those that failed are.
+    watch: called with how many logs are done and how many there will be.
+    keep: called with each file and its diagnosis as it comes, which is not kept in the result then.
+
+    Returns
+    -------
+    A row for each log, with a sentence for one that could not be diagnosed; also after an interrupt from the keyboard,
+    if at least one log is done.
+
+    Raises
+    ------
+    InputError: no log, the same one twice, or the file is of other diagnoses.
+    """
+    if not logs:
+        raise InputError("no log to diagnose; give one or more")
+    named = [_name(log, number) for number, log in enumerate(logs, 1)]
+    twice = next((name for name in named if named.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"{twice}: is given twice; give it once")
+    if not 0.0 < threshold < 1.0:
+        raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
+    path = None if file is None else Path(file)
+    earlier = _earlier(path, _mark(plant, threshold, check))
+    rows: dict[str, Row] = {}
+    diagnoses: dict[str, Diagnosis] = {}
+    todo: list[tuple[str, Log, str]] = []
+    for name, log in zip(named, logs, strict=True):
+        try:
+            read = log if isinstance(log, Log) else read_plant_log(log, plant)
+        except InputError as error:
+            rows[name] = Row(name, error=str(error))
+            continue
+        digest = _digest(read)
+        before = earlier.get(name)
+        if before is not None and before.digest == digest and not before.error:
+            rows[name] = before
+        else:
+            todo.append((name, read, digest))
+    _append(path, [row for row in rows.values() if row.error])
+    interrupted = False
+    try:
+        with workers(backend, jobs, address) as count:
+            if count > 1 and len(todo) > 1:
+                _compile(plant, todo[0][1])
+            work = partial(_one, plant, threshold, check)
+            with closing(as_done(work, todo, count=min(count, max(len(todo), 1)))) as results:
+                for name, found, digest in results:
+                    if isinstance(found, str):
+                        rows[name] = Row(name, error=found, digest=digest)
+                    else:
+                        rows[name] = Row.of(name, found, digest)
+                        if keep is None:
+                            diagnoses[name] = found
+                        else:
+                            keep(name, found)
+                    _append(path, [rows[name]])
+                    if watch is not None:
+                        watch(len(rows), len(named))
+    except KeyboardInterrupt:
+        if not any(not row.error for row in rows.values()):
+            raise
+        interrupted = True
+    ordered = tuple(rows[name] for name in named if name in rows)
+    return Batch(plant.name, threshold, ordered, diagnoses, interrupted)
+
+
+def _one(plant: Plant, threshold: float, check: bool, job: tuple[str, Log, str]) -> tuple[str, Diagnosis | str, str]:
+    """A diagnosis, or why there is none; on a worker."""
+    name, log, digest = job
+    try:
+        return name, diagnose(plant, log, threshold=threshold, jobs=1, check=check), digest
+    except EhsaError as error:
+        return name, str(error), digest
+    except (ArithmeticError, ValueError, LookupError) as error:
+        # One log must not take the others' results with it.
+        return name, f"{name}: the diagnosis broke off ({type(error).__name__}: {error})", digest
+
+
+def _compile(plant: Plant, log: Log) -> None:
+    """Have both engines in the cache before several workers ask for them at once."""
+    short = log.segment(log.time[0], log.time[0] + 10 * log.sample_time)
+    for friction in ("stribeck", "lugre") if plant.model == "nonlinear" else ("stribeck",):
+        Twin(with_every_effect(plant, friction), short).run([{}])
+
+
+def _name(log: str | Path | Log, number: int) -> str:
+    if isinstance(log, Log):
+        return str(log.path) if log.path else f"log {number}"
+    return str(log)
+
+
+def _digest(log: Log) -> str:
+    """What makes two logs the same."""
+    found = hashlib.sha256(log.time.tobytes())
+    for name, values in log.channels.items():
+        found.update(name.encode() + values.tobytes())
+    return found.hexdigest()[:16]
+
+
+def _mark(plant: Plant, threshold: float, check: bool) -> str:
+    """What makes the rows of two batches comparable: they may stand in one file."""
+    parts = [str(plant.structure), plant.values, [str(s) for s in plant.sensors.values()], threshold, check]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _earlier(path: Path | None, mark: str) -> dict[str, Row]:
+    """Rows that are in this file, the last of each log; a file that is not there is begun.
+
+    A last line that was cut off by an interrupt is dropped.
+
+    Raises InputError for a file of another plant or threshold, or one that is none.
+    """
+    if path is None:
+        return {}
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps({"diagnoses": mark}) + "\n", encoding="utf-8")
+        return {}
+    head, *lines = path.read_text(encoding="utf-8").split("\n")
+    try:
+        found = json.loads(head)["diagnoses"]
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{path}: is no file of diagnoses; give another one") from None
+    if found != mark:
+        raise InputError(
+            f"{path}: holds diagnoses against another plant or with another threshold; give another folder, or --force "
+            "to begin anew"
+        )
+    rows, whole = {}, [head]
+    for number, line in enumerate(lines, 2):
+        if not line:
+            continue
+        try:
+            row = _row(line)
+        except (ValueError, KeyError, TypeError):
+            if number <= len(lines):
+                raise InputError(f"{path}: line {number} is no row of a diagnosis; mend or delete it") from None
+            continue
+        rows[row.file] = row
+        whole.append(line)
+    # Without what was cut off: the next row must not be joined to it.
+    path.write_text("\n".join(whole) + "\n", encoding="utf-8")
+    return rows
+
+
+def _row(line: str) -> Row:
+    content = json.loads(line)
+    numbers = {
+        name: math.nan if content[name] is None else float(content[name])
+        for name in ("probability", "gap_before", "gap_after", "seconds")
+    }
+    return Row(**(content | numbers | {"set": tuple(content["set"])}))
+
+
+def _append(path: Path | None, rows: Iterable[Row]) -> None:
+    if path is None:
+        return
+    with path.open("a", encoding="utf-8") as file:
+        file.writelines(json.dumps(row.to_dict()) + "\n" for row in rows)

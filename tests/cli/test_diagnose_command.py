@@ -1,0 +1,221 @@
+"""`ehsa-ctrl diagnose` with several logs, an earlier log, or a scenario."""
+
+import json
+
+import numpy as np
+import pandas
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.cli.closed_loop import case_of, check_replay, close, table
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.core.log import Log
+from ehsa_ctrl.core.protocol import MEASURED
+from ehsa_ctrl.diagnosis.diagnosis import MODELS, Diagnosis
+
+SCENARIO = """\
+schema = 1
+title = "Two moves"
+why = "Tests need a run that takes little time."
+plant = "ehsa"
+controller = "pid_position"
+duration = "2 s"
+load = { stiffness = "20 kN/m" }
+
+[reference]
+kind = "moves"
+times = ["0.1 s", "1 s"]
+positions = ["8 mm", "-4 mm"]
+durations = ["0.3 s", "0.4 s"]
+
+[limits]
+MaxError = { max = "20 mm" }
+"""
+GAPS = {"speed": 0.1, "p1": 0.1, "p2": 0.1, "rod_velocity": 0.1, "total": 0.1}
+
+
+@pytest.fixture
+def scenario(tmp_path, monkeypatch):
+    """A project's scenario with a spring of 20 kN/m."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scenarios").mkdir()
+    (tmp_path / "scenarios" / "moves.toml").write_text(SCENARIO)
+    return "moves"
+
+
+def bench(name, rig, seconds=4.0, seed=1):
+    time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=seconds, seed=3)
+    ehsa_ctrl.record(rig, time, current, seed=seed, centre=True)[0].write(name)
+
+
+def diagnosis(plant, log, improved):
+    """One made by hand: nothing is searched for."""
+    return Diagnosis(
+        plant=plant, log=log, threshold=0.03, verdict="effect", where=(), effects=(),
+        gap=dict.fromkeys(MODELS, GAPS), whole=GAPS, held_out="nothing",
+        noise_sd=dict.fromkeys(("speed", "p1", "p2", "position"), 0.0), values={}, simulated={}, improved=improved,
+    )  # fmt: skip
+
+
+def recorded(case, rig):
+    """What a controller saw and asked for in a run of the case on a rig."""
+    loop = case.loop(rig)
+    channels = dict(zip(MEASURED, loop.measured.T, strict=True)) | {"current": loop.asked}
+    return Log(loop.trajectory.time, channels)
+
+
+@pytest.fixture
+def worn(plant):
+    """A rig that differs from the plant by much friction on the rod, under the scenario's spring."""
+    return plant.set(K_S=20e3, A_FR=2.0 * plant["A_FR"])
+
+
+def test_an_improved_plant_that_is_the_rig_closes_the_gap_of_the_loop(scenario, plant, worn):
+    """Simulated without noise it runs as the log, that of the believed plant does not; and it is the controller's own
+    current."""
+    case = case_of(scenario, None, plant)
+    log = recorded(case, worn)
+
+    found = close(case, diagnosis(plant.set(K_S=20e3), log, worn), replay=True)
+
+    assert found.replay.gap["believed"]["total"] > 0.1
+    assert found.replay.gap["improved"]["total"] < 0.2 * found.replay.gap["believed"]["total"]
+    assert found.replay.seconds == pytest.approx(2.0)
+    assert found.replay.other < 1e-9
+    assert found.metrics["improved"]["Energy"] > found.metrics["believed"]["Energy"]
+    assert [column.header for column in table(found).columns] == ["", "believed plant", "improved plant", "unit"]
+
+
+def test_a_current_of_another_loop_is_seen(scenario, plant, worn):
+    """What the LQR asked for is not what the PID asks for on the same measurements."""
+    log = recorded(case_of(scenario, "lqr_position", plant), worn)
+
+    found = close(case_of(scenario, None, plant), diagnosis(plant.set(K_S=20e3), log, worn), replay=True)
+
+    assert found.replay.other > 0.2
+
+
+def test_both_plants_have_the_scenarios_load(scenario, plant):
+    """The same plant gives the same metrics whatever spring was there when the log was recorded; but a spring that the
+    diagnosis found is there in the scenario."""
+    case = case_of(scenario, None, plant)
+    log = recorded(case, plant.set(K_S=20e3))
+
+    same = close(case, diagnosis(plant.set(K_S=70e3), log, plant.set(K_S=70e3)))
+    other = close(case, diagnosis(plant.set(K_S=0.0), log, plant.set(K_S=90e3)))
+
+    assert same.metrics["believed"] == pytest.approx(same.metrics["improved"], nan_ok=True)
+    assert same.metrics["believed"] == pytest.approx(other.metrics["believed"], nan_ok=True)
+    stiff = case.metrics(case.loop(plant.set(K_S=90e3)))
+    assert other.metrics["improved"] == pytest.approx(stiff, nan_ok=True)
+    assert stiff["CurrentRMS"] > 1.05 * other.metrics["believed"]["CurrentRMS"]
+    assert other.to_dict()["metrics"]["Energy"].keys() == {"believed", "improved", "unit"}
+
+
+def test_without_a_cause_there_is_one_plant(scenario, plant):
+    case = case_of(scenario, None, plant)
+    log = recorded(case, plant.set(K_S=20e3))
+
+    found = close(case, diagnosis(plant, log, None), replay=False)
+
+    assert list(found.metrics) == ["believed"]
+    assert found.to_dict()["passed"] == {"believed": True}
+    assert found.to_dict()["replay"] is None
+
+
+def test_a_log_that_is_not_of_this_loop_is_refused(scenario, plant):
+    case = case_of(scenario, None, plant)
+    log = recorded(case, plant.set(K_S=20e3))
+
+    check_replay(case, plant.set(K_S=20e3), log)
+    with pytest.raises(InputError, match=r"K_S is 20000 in scenario moves and 0 as believed of the log"):
+        check_replay(case, plant, log)
+    slow = Log(2.0 * log.time, log.channels)
+    with pytest.raises(InputError, match=r"is sampled every 0\.008 s, controller pid_position every 0\.004 s"):
+        check_replay(case, plant.set(K_S=20e3), slow)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("no.csv",), "no.csv: no such file"),
+        (("log.csv", "log.csv"), "log 'log' is given twice"),
+        (("log.csv", "other.csv", "--before", "a.csv"), "--before goes with one log, not with 2"),
+        (("log.csv", "other.csv", "--validate", "a.csv"), "--validate goes with one log, not with 2"),
+        (("log.csv", "other.csv", "--scenario", "moves"), "--scenario goes with one log, not with 2"),
+        (("log.csv", "other.csv", "--backend", "loki"), "backend 'loki' is not known"),
+        (("log.csv", "--before", "no.csv"), "no.csv: no such file"),
+        (("log.csv", "--before", "log.csv"), "is given as the log before and the one after"),
+        (("log.csv", "--before", "a.csv", "--validate", "b.csv"), "--validate and --before don't go together"),
+        (("log.csv", "--replay"), "--replay needs a scenario; name it with --scenario"),
+        (("log.csv", "--controller", "pid_position"), "--controller needs a scenario"),
+        (("log.csv", "--scenario", "mov"), "no scenario 'mov'; did you mean 'moves'?"),
+        (("log.csv", "--scenario", "moves", "--controller", "pd"), "no controller 'pd'"),
+        (("log.csv", "--scenario", "carriage"), "scenario carriage is for emps"),
+        (("log.csv", "--scenario", "moves", "--replay"), "K_S is 20000 in scenario moves and 0 as believed"),
+    ],
+)
+def test_what_is_wrong_is_a_sentence(run, scenario, tmp_path, plant, arguments, says):
+    """Exit status 2 before any work is done."""
+    bench("log.csv", plant)
+    (tmp_path / "other.csv").write_bytes((tmp_path / "log.csv").read_bytes())
+    (tmp_path / "scenarios" / "carriage.toml").write_text(SCENARIO.replace('"ehsa"', '"emps"'))
+
+    status, out, err = run("diagnose", *arguments, "--plant", "ehsa")
+
+    assert status == 2
+    assert not out
+    assert err.startswith("ehsa-ctrl: ")
+    assert says in err
+
+
+@pytest.mark.slow
+def test_several_logs_get_a_folder_each(run, tmp_path, plant):
+    """And a summary; one that is bad is a sentence, and the others are done. Called again nothing is done twice; status
+    2 is for all bad."""
+    bench("fine.csv", plant)
+    bench("short.csv", plant, seconds=1.0)
+    call = ("diagnose", "fine.csv", "short.csv", "no.csv", "--plant", "ehsa", "--jobs", 1, "--out", "out")
+
+    status, out, _ = run(*call)
+
+    assert status == 0
+    assert "lasts 1 s; a diagnosis needs at least 3 s" in " ".join(out.split())
+    assert json.loads((tmp_path / "out" / "fine" / "diagnosis.json").read_text())["verdict"] == "no_gap"
+    rows = pandas.read_csv(tmp_path / "out" / "summary.csv").set_index("file")
+    assert rows.loc["fine.csv", "verdict"] == "no_gap"
+    assert rows.loc["no.csv", "error"] == "no.csv: no such file"
+    written = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert written["counts"] == {"failed": 2, "no_gap": 1}
+
+    page = tmp_path / "out" / "fine" / "diagnosis.html"
+    page.unlink()
+    status, out, _ = run(*call, "--json")
+    again = json.loads(out)
+    assert again["logs"][0] == written["logs"][0]
+    assert not page.exists()
+    assert run("diagnose", "short.csv", "no.csv", "--plant", "ehsa", "--jobs", 1)[0] == 2
+
+
+@pytest.mark.slow
+def test_an_earlier_log_and_a_scenario(run, scenario, tmp_path, plant):
+    """Two logs of the plant as it is: nothing changed; what is said of the first log is written, and the closed loop
+    beside it."""
+    bench("then.csv", plant, seed=1)
+    bench("now.csv", plant, seed=2)
+    call = ("diagnose", "now.csv", "--before", "then.csv", "--plant", "ehsa", "--scenario", "moves", "--out", "out")
+
+    status, out, _ = run(*call)
+
+    assert status == 0
+    assert out.startswith("Nothing that matters changed between the logs.")
+    assert "moves with pid_position:" in out
+    assert "No cause was named" in out
+    found = {name: json.loads((tmp_path / "out" / f"{name}.json").read_text()) for name in
+             ("diagnosis", "before", "closed_loop")}  # fmt: skip
+    assert found["diagnosis"]["verdict"] == found["before"]["verdict"] == "no_gap"
+    assert "now.csv" in found["diagnosis"]["held_out"]
+    assert "then.csv" in found["before"]["held_out"]
+    assert np.isfinite(found["closed_loop"]["metrics"]["Energy"]["before"])
+    assert ehsa_ctrl.load_plant(tmp_path / "out" / "ehsa_before.toml")["J_M"] == pytest.approx(plant["J_M"], rel=0.05)
+    assert json.loads(run(*call, "--force", "--json")[1]).keys() >= {"change", "closed_loop"}
