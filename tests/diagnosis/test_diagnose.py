@@ -1,0 +1,128 @@
+"""The diagnosis of logs whose truth is known: labelled ones of another bench, and bad ones."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl import InputError, load_plant, read_plant_log
+from ehsa_ctrl.core.log import Log
+from ehsa_ctrl.diagnosis.signals import gap, scored, signal_noise
+from ehsa_ctrl.identification.replay import replay
+
+
+def labelled(folder, name):
+    """Believed plant, log and the ids of the causes."""
+    belief = json.loads((folder / f"{name}.json").read_text())
+    plant = load_plant("ehsa", model=belief["model"], settings={"load.stiffness": belief["spring_stiffness"]})
+    truth = [(e["id"], e["channel"]) for e in json.loads((folder / "key.json").read_text())[name]["effects"]]
+    return plant, read_plant_log(folder / f"{name}.csv", plant), truth
+
+
+def bench(**settings):
+    """A short log of the package's own bench."""
+    plant = load_plant("ehsa", settings={"load.stiffness": 5e4, **settings})
+    log, _ = ehsa_ctrl.record(
+        plant, *ehsa_ctrl.excitation("noise", amplitude=3, duration=6, sample_time=0.004), centre=True
+    )
+    return log
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["L02", "L09", "L11"])
+def test_the_cause_is_named(shared_logs, name):
+    """One of the force balance, one of a sensor, and a pair; nothing beside them."""
+    plant, log, truth = labelled(shared_logs, name)
+    found = ehsa_ctrl.diagnose(plant, log)
+    causes = {(c.id, c.channel): c for c in found.effects}
+
+    assert set(causes) == set(truth)
+    assert all(cause.probability > 0.5 for cause in causes.values())
+    assert found.gap["with_effects"]["total"] < 0.7 * found.gap["nominal"]["total"]
+    assert found.where[0][0] in {cause.place for cause in causes.values()}
+    assert sum(share for _, share in found.where) == pytest.approx(1.0)
+    assert sum(cause.gap_closed for cause in causes.values()) == pytest.approx(
+        1.0 - found.gap["with_effects"]["total"] / found.gap["nominal"]["total"]
+    )
+
+
+@pytest.mark.slow
+def test_the_improved_plant_runs_as_the_diagnosis_says(shared_logs):
+    """A free run of the corrected plant over the whole log closes the gap as the engine with all effects did."""
+    plant, log, _ = labelled(shared_logs, "L01")
+    found = ehsa_ctrl.diagnose(plant, log)
+    run = replay(found.improved, log)
+    noise = signal_noise(found.noise_sd, log.sample_time)
+    left = gap(scored(log.channels, log.sample_time), scored(run.simulated, log.sample_time), noise)
+    twin = gap(scored(log.channels, log.sample_time), scored(found.simulated["with_effects"], log.sample_time), noise)
+
+    assert found.improved.structure.effects == ("pump_torque_loss",)
+    assert left["total"] < 0.4 * found.whole["total"]
+    assert left["total"] == pytest.approx(twin["total"], abs=0.01)
+
+
+@pytest.mark.slow
+def test_what_the_catalogue_lacks_is_not_named(shared_logs):
+    """An effect outside it: no cause is listed, the place is."""
+    plant, log, _ = labelled(shared_logs, "L03")
+    found = ehsa_ctrl.diagnose(plant, log)
+
+    assert found.verdict == "outside_catalogue"
+    assert not found.effects and found.improved is None
+    assert found.where[0][1] > 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["L04", "L13"])
+def test_no_gap_is_no_gap(shared_logs, name):
+    """Parameters that are a little off move no signal by the threshold: nothing is searched."""
+    plant, log, _ = labelled(shared_logs, name)
+    found = ehsa_ctrl.diagnose(plant, log)
+
+    assert (found.verdict, found.effects, found.where) == ("no_gap", (), ())
+    assert json.dumps(found.to_dict(), default=float)
+
+
+def test_a_log_that_is_plainly_wrong_is_refused():
+    """A sign or a unit is no effect: the sentence says which channel and what to write."""
+    plant, log = load_plant("ehsa", settings={"load.stiffness": 5e4}), bench()
+    swapped = replace(log, channels={**log.channels, "speed": -log["speed"]})
+    in_bar = replace(log, channels={**log.channels, "p1": log["p1"] * 1e-5})
+
+    with pytest.raises(InputError, match="speed"):
+        ehsa_ctrl.diagnose(plant, swapped)
+    with pytest.raises(InputError, match="bar"):
+        ehsa_ctrl.diagnose(plant, in_bar)
+
+
+def test_other_mistakes_are_sentences():
+    """Too short, a threshold that is none, a plant of another system, no current."""
+    plant, log = load_plant("ehsa", settings={"load.stiffness": 5e4}), bench()
+    short = Log(log.time[:500], {name: values[:500] for name, values in log.channels.items()})
+    without = replace(log, channels={n: v for n, v in log.channels.items() if n != "current"})
+
+    with pytest.raises(InputError, match="lasts 2 s; a diagnosis needs at least 3 s"):
+        ehsa_ctrl.diagnose(plant, short)
+    with pytest.raises(InputError, match="threshold = 3; expected a share"):
+        ehsa_ctrl.diagnose(plant, log, threshold=3.0)
+    with pytest.raises(InputError, match="effects are known for the EHSA alone"):
+        ehsa_ctrl.diagnose(load_plant("emps"), log)
+    with pytest.raises(InputError, match="has no current"):
+        ehsa_ctrl.diagnose(plant, without)
+
+
+def test_ripple_is_read_off_the_torque_balance():
+    """The order of a ripple of three periods a turn comes first, by far; fast turns hide part of its amplitude."""
+    from ehsa_ctrl.diagnosis.ripple import strongest_orders
+
+    plant = load_plant("ehsa")
+    rig = plant.with_effects("torque_ripple", T_c=0.06, n_c=3.0, phi_c=1.0)
+    current = 1.6 * np.sin(2 * np.pi * 0.5 * np.arange(3000) * 0.004)
+    run = ehsa_ctrl.simulate(rig, current)
+    log = Log(run.time, {"current": current, "speed": run["omega"], "p1": run["P_1"], "p2": run["P_2"]})
+    first, second, _ = strongest_orders(plant, log)
+
+    assert first[0] == 3.0
+    assert 2.0 * second[1] < first[1] < 0.06
