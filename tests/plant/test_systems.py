@@ -64,7 +64,7 @@ def test_letters_are_those_of_the_system(emps):
         ("emps", "[log]", '[limits]\npump_speed = { value = 1, unit = "rpm", source = "assumed" }\n[log]', "no such"),
         ("emps", "[sensors.position]", "[sensors.p1]", "unknown channel.*known: .*drive_force"),
         ("emps", "[log]", '[load]\nmass = { value = 1, unit = "kg", source = "assumed" }\n[log]', "unknown parameter"),
-        ("mbari_pto", '"relief_valve"', '"end_stop"', "'end_stop' changes F_EXT, which the system 'driven_rod'"),
+        ("mbari_pto", '"relief_valve"', '"end_stop"', "'end_stop' changes F_net, which the system 'driven_rod'"),
         ("mbari_pto", 'rod_friction = "coulomb"', 'rod_friction = "lugre"', "inner state"),
         ("mbari_pto", 'chambers = "constant"', 'chambers = "stroke"', "chambers = 'stroke' is not known"),
     ],
