@@ -394,7 +394,7 @@ def _numbers(key: Key, chosen: Judged, judge: Judge, sd: Mapping[str, float]) ->
 
 
 def _unit(name: str, kinds: Mapping[str, str]) -> str:
-    return kinds.get(name, "N/m")
+    return kinds.get(name, "N s/m")
 
 
 def _parts(weighed: Weighed, search: Search, judge: Judge, nominal: float) -> dict[Key, float]:

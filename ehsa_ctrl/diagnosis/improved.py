@@ -10,7 +10,7 @@ from ..core.parameter import Parameter
 from ..physics.effects import EFFECTS
 from ..plant.plant import SENSOR_WORDS, Plant
 from .suspects import Suspect
-from .twin import BRISTLES, DRY, HARD
+from .twin import BRISTLES, DAMPING, DRY, HARD
 
 
 def improved(
@@ -26,7 +26,8 @@ def improved(
     letters: dict[str, float] = {}
     if values.get(BRISTLES, 0.0) > HARD:
         structure = replace(structure, rod_friction="lugre")
-        letters |= {"sigma_0_FR": 1.0 / values[BRISTLES], "sigma_1_FR": (plant["M"] / values[BRISTLES]) ** 0.5}
+        usual = (plant["M"] / values[BRISTLES]) ** 0.5
+        letters |= {"sigma_0_FR": 1.0 / values[BRISTLES], DAMPING: values.get(DAMPING, usual)}
     for contact, word in (("FM", "shaft_friction"), ("FR", "rod_friction")):
         dry = [name for name in DRY if name.endswith(contact) and name not in plant.parameters]
         if any(name in values and values[name] != DRY[name] for name in dry):

@@ -106,22 +106,23 @@ class Judge:
 
     def alone(self, fit: Refit) -> dict[Key, dict[str, float]]:
         """By how much each member moves each signal: the model with all of them against the one without it."""
-        twin = self.search.bench.twin
         groups: dict[Key, set[str]] = {s.key: set(s.names) for s in fit.suspects}
         own = sum(len(s.free) for s in fit.suspects)
         for f in fit.frees[own:]:
             if not self.lumped and abs(fit.values[f.name] - f.believed) > FAR * f.scale:
                 groups.setdefault((ID_OF[f.name], None), set()).add(f.name)
         settings = [{n: v for n, v in fit.values.items() if n not in names} for names in groups.values()]
-        full, *without = twin.run([fit.values, *settings])
-        out: dict[Key, dict[str, float]] = {}
-        for key, other in zip(groups, without, strict=True):
-            if full is None or other is None:
-                out[key] = {"speed": np.inf, "total": np.inf}
-                continue
-            dt = twin.log.sample_time
-            a, b = scored(full, dt), scored(other, dt)
-            out[key] = gap(a, b, dict.fromkeys(a, 0.0))
+        out: dict[Key, dict[str, float]] = {key: {} for key in groups}
+        # A valve or an end may be reached in one of the two stretches alone.
+        for twin, first in ((self.search.bench.twin, 0), (self.held.twin, self.held.first)):
+            full, *without = twin.run([fit.values, *settings])
+            for key, other in zip(groups, without, strict=True):
+                moved = {"speed": np.inf, "total": np.inf}
+                if full is not None and other is not None:
+                    dt = twin.log.sample_time
+                    a, b = ({n: v[first:] for n, v in scored(run, dt).items()} for run in (full, other))
+                    moved = gap(a, b, dict.fromkeys(a, 0.0))
+                out[key] = {name: max(out[key].get(name, 0.0), value) for name, value in moved.items()}
         return out
 
 

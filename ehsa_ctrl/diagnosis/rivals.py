@@ -21,7 +21,7 @@ from ..simulation.engine import simulate_batch
 from .fit import STEP, TEMPER, Bench, Metric, Nominal
 from .probes import Probe
 from .signals import SIGNALS
-from .twin import BRISTLES, HARD, Twin, with_every_effect
+from .twin import BRISTLES, DAMPING, HARD, Twin, with_every_effect
 
 #: Share of each limit that is left.
 MARGIN = 0.15
@@ -149,7 +149,7 @@ class Rivals:
         """The current with what the bench's slow loop adds, block by block, around this candidate's rod."""
         if not centre:
             return current
-        letters = {n: v for n, v in values.items() if "." not in n and n != BRISTLES}
+        letters = {n: v for n, v in values.items() if "." not in n and n not in (BRISTLES, DAMPING)}
         plant, dt = self.plant.set(**letters), self.plant.sample_time
         out, state, low = current.copy(), plant.rest[None], 0.0
         length, x = max(int(round(LOOP / dt)), 1), plant.structure.equations.index("x")

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..physics.effects import EFFECTS
 from .dry import dry_friction
-from .ripple import strongest_orders
-from .twin import BRISTLES, Twin
+from .ripple import followed, strongest_orders
+from .twin import BRISTLES, DAMPING, Twin
 
 #: Letters that count as nominal parameters which a modeller has a little wrong, with the most that is believed of
 #: their relative error.
@@ -201,12 +201,21 @@ def _of_equation(twin: Twin, name: str) -> list[Suspect]:
     return found
 
 
+#: A ripple's order stands out of the others in the torque balance by this factor before it is followed.
+PLAIN = 2.0
+
+
 def _ripple(twin: Twin, name: str, place: str) -> list[Suspect]:
     """The order of a ripple can't be found by going downhill: it is read off the torque balance, angle by angle."""
     log, plant = twin.log, twin.plant
     if "speed" not in log.channels:
         return []
-    starts = tuple((amplitude, order, phase) for order, amplitude, phase in strongest_orders(plant, log))
+    shown = strongest_orders(plant, log)
+    starts = tuple((amplitude, order, phase) for order, amplitude, phase in shown)
+    order, amplitude, _ = shown[0]
+    if amplitude > PLAIN * shown[1][1]:
+        size, phase = followed(twin, order, amplitude)
+        starts = ((size, order, phase), *starts) if size > 0.0 else starts
     frees = (
         Free("T_c", 0.0, 0.03, 0.0, inf),
         # As good as fixed: each start has its own.
@@ -247,4 +256,9 @@ def _presliding(twin: Twin) -> list[Suspect]:
     free = (
         Free(BRISTLES, known, max(5e-8, 0.1 * known), 0.0, 5e-6), _letter(twin, "C_FR", 0.3, TYPICAL["C_FR"])
     )  # fmt: skip
-    return [Suspect("presliding", "force", free, _starts(free, 0.0) if known else _starts(free, 1.0, 6.0))]
+    starts = _starts(free, 0.0) if known else _starts(free, 1.0, 6.0)
+    damped = (*free, Free(DAMPING, 5e3, 2e3, 0.0, 1e5))
+    return [
+        Suspect("presliding", "force", free, starts),
+        Suspect("presliding", "force", damped, tuple((*start, 5e3) for start in starts)),
+    ]

@@ -23,6 +23,8 @@ WIRED = tuple(n for n, e in EFFECTS.items() if e.wired and e.parameters)
 DRY = {"A_FM": 0.0, "C_FM": 0.0, "tau_FM": 10.0, "A_FR": 0.0, "C_FR": 0.0, "tau_FR": 0.007}
 #: The setting that asks for the plant with bristles: 1 / sigma_0 [m/N], so that zero is a rod that does not yield.
 BRISTLES = "softness_FR"
+#: Their damping [N s/m]; where it is not set it goes with their stiffness.
+DAMPING = "sigma_1_FR"
 #: Bristles stiffer than this can't be told from none [m/N].
 HARD = 1e-9
 #: Words of a sensor as the diagnosis may change them.
@@ -87,12 +89,13 @@ class Twin:
             rows = np.tile(plant.vector, (len(members), 1))
             for row, i in zip(rows, members, strict=True):
                 for name, value in settings[i].items():
-                    if "." not in name and name != BRISTLES:
+                    if "." not in name and name != BRISTLES and (bristly or name != DAMPING):
                         row[names.index(name)] = value
                 if bristly:
                     row[names.index("sigma_0_FR")] = 1.0 / settings[i][BRISTLES]
                     # Bristles that are as damped as the rod's mass on them lets them be.
-                    row[names.index("sigma_1_FR")] = np.sqrt(plant["M"] / settings[i][BRISTLES])
+                    usual = np.sqrt(plant["M"] / settings[i][BRISTLES])
+                    row[names.index(DAMPING)] = settings[i].get(DAMPING, usual)
             start = None
             if self.start is not None:
                 start = np.array([self._start(plant, settings[i], current[i]) for i in members])

@@ -1,0 +1,473 @@
+# ruff: noqa: B018, E501, F821
+
+# %% [markdown]
+# # From a gap to its cause, and to a corrected closed loop
+#
+# The simulation says one thing, the rig another. How large is the gap, where does it come from, and does it matter to the
+# controller? This notebook takes one log and a plant that is believed, finds an effect that the model does not have,
+# measures it, and shows what that is worth where it counts: a loop whose prediction was wrong, and then is right. Compare,
+# diagnose and run are commands too: `ehsa-ctrl compare`, `ehsa-ctrl diagnose`, `ehsa-ctrl run`.
+
+# %%
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small here: threads would only wait for each other
+
+import difflib
+import re
+import tempfile
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+import ehsa_ctrl as e
+from ehsa_ctrl.diagnosis.signals import gap, noise_of, scored, signal_noise
+from ehsa_ctrl.plant.motion_current import motion_current
+from ehsa_ctrl.report.figures import candidates_figure, shrinkage_figure, unknown_inputs_figure, where_figure
+from ehsa_ctrl.simulation.sensors import Sensors
+
+os.chdir(tempfile.mkdtemp())  # a folder of its own, as a project would have
+BLUE, VERMILION, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#777777"
+
+# %% [markdown]
+# ## 1. A rig, a belief, a log
+#
+# The believed plant is `plants/ehsa.toml` with a spring of 50 kN/m. The rig is made in the next cell, since nothing can be
+# checked against a rig that nobody knows. Five of its numbers are 1 to 2 % off, as they always are. And its pump has an
+# effect which the modeller has not thought of: friction that grows with the pressure difference, 12 % of the torque that
+# the pressure makes. **You would have a log instead of this cell**; below, nothing of the rig is used but its logs, the
+# truth in tables, and at the end what it does under a controller.
+
+# %%
+believed = e.load_plant("ehsa", settings={"load.stiffness": "50 kN/m"})
+a_little_off = {"K_T": 0.985, "J_M": 1.015, "A_FM": 1.01, "B_FR": 1.02, "K_S": 0.99}
+sound = believed.set(**{name: factor * believed[name] for name, factor in a_little_off.items()})
+rig = sound.with_effects("pump_torque_loss", c_f=0.12)
+
+
+def drive(seed, duration=24.0):
+    """Noise with peaks of 2 A around levels up to 1 A that change every second: fast motion, and the spring at work."""
+    time, current = e.excitation("noise", amplitude=2.0, duration=duration, seed=seed)
+    levels = np.random.default_rng(seed).uniform(-1.0, 1.0, int(duration) + 1)
+    levels[0] = 0.0
+    return time, current + levels[(time + 1e-9).astype(int)]
+
+
+def bench(plant, time, current, name, seed):
+    """A file as the bench writes it: t, current, speed, p1, p2, position, force at 250 Hz, with noise."""
+    log, run = e.record(plant, time, current, seed=seed)
+    assert not run.stopped
+    log.write(Path(name))
+
+
+bench(rig, *drive(seed=1), "rig.csv", seed=1)
+log = e.read_plant_log("rig.csv", believed)
+replay = e.replay(believed, log)
+replay
+
+# %% [markdown]
+# `replay` drives the believed plant with the logged current and looks at nothing else. From here on it is the gap that
+# counts, and not the fit: the RMS of measured less simulated, **with the sensors' noise taken off**, as a share of the
+# signal's standard deviation. A perfect model has a gap of zero however noisy the sensors are. Four signals are judged;
+# of the position it is the velocity, since the position of a free run adds up every small error forever.
+
+
+# %%
+def gaps(plant, log):
+    """Gap of each signal in free run, %."""
+    run, dt = e.replay(plant, log), log.sample_time
+    found = gap(scored(log.channels, dt), scored(run.simulated, dt), signal_noise(noise_of(log), dt))
+    return {signal: 100.0 * value for signal, value in found.items()}
+
+
+believed_gap = gaps(believed, log)
+assert 10.0 < believed_gap["total"] < 20.0
+pd.DataFrame(
+    {"gap, %": believed_gap, "with the five numbers put right": gaps(believed.set(**sound.values), log)}
+).round(1)
+
+# %% [markdown]
+# The left column is what one sees. The right one is what one would see if the five numbers were put right and nothing else:
+# most of the gap stays. It is no matter of calibration. But that is what nobody knows yet.
+#
+# ## 2. Diagnose
+#
+# One call. It tries every effect of the catalogue (`ehsa-ctrl list effects`), alone and in pairs, *while the nominal
+# parameters may follow a little*; it fits on two thirds of the log and judges on the last third.
+
+# %%
+diagnosis = e.diagnose(believed, log)
+assert diagnosis.verdict == "effect" and [cause.id for cause in diagnosis.effects] == ["pump_torque_loss"]
+print(diagnosis.sentence)
+
+# %% [markdown]
+# That is the right one. The figure first: light dots are measured, dashed is the run as believed, orange the one with the
+# cause. On the right the part where they are farthest apart. The shaded end is held out; the gaps beside the curves are
+# from there.
+
+# %%
+diagnosis.plot()
+
+# %% [markdown]
+# ### Where
+#
+# Before any catalogue is asked, free inputs are put into the balances of torque, flow and force: a torque at the shaft that
+# nobody has thought of, say. Which of them are needed to explain the log tells where the model is wrong. The largest
+# error of a *signal* would not tell: here the rod's velocity is worst, and the cause sits at the motor shaft.
+
+# %%
+assert diagnosis.where[0][0] == "torque" and diagnosis.where[0][1] > 0.9
+where_figure(diagnosis)
+
+# %% [markdown]
+# The missing torque itself, over time and along what it follows best. The best is "the pressure difference, against the
+# motion", and that is already the effect in words, found without its name. Its panel is empty because what is against the
+# motion has no mean over both directions.
+
+# %%
+unknown_inputs_figure(diagnosis)
+
+# %% [markdown]
+# So turn it round with the motion. This is what one would work with if no effect of the catalogue fitted: a curve to be
+# explained.
+
+# %%
+location = diagnosis.location
+missing, speed = location.unknown["torque"], log["speed"]
+known = np.isfinite(missing) & (np.abs(speed) > 20.0)  # not at rest, where friction takes what it needs
+against = -(missing * np.sign(speed))[known]
+difference = np.abs(log["p1"] - log["p2"])[known]
+
+edges = np.quantile(difference, np.linspace(0.0, 1.0, 13))
+group = np.clip(np.searchsorted(edges, difference) - 1, 0, 11)
+middles = np.array([difference[group == k].mean() for k in range(12)])
+means = np.array([against[group == k].mean() for k in range(12)])
+slope = np.polyfit(middles[1:], means[1:], 1)[0]
+assert 0.09 < slope / rig["D"] < 0.15
+
+figure, ax = plt.subplots(figsize=(5.5, 3.0), layout="constrained")
+ax.plot(1e-5 * difference, against, ".", markersize=1.5, color=GREY, alpha=0.5)
+ax.plot(1e-5 * middles, means, "o-", color=VERMILION, markersize=4, label="mean of a twelfth of the samples")
+ax.plot([0, 14], [0, 0.12 * rig["D"] * 14e5], color=BLUE, linestyle=(0, (4, 1.5)), label="truth, 0.12 D |P1 - P2|")
+ax.set(xlim=(0, 14), ylim=(-0.1, 0.25), xlabel="|P1 - P2| (bar)", ylabel="missing torque,\nagainst the motion (N m)")
+ax.legend(frameon=False, fontsize=8, loc="upper left")
+plt.show()
+print(f"slope {slope / rig['D']:.3f} of D |P1 - P2|")
+
+# %% [markdown]
+# Much scatter, but a line, and its slope is about that of the pump's friction. It lies a little above the truth: the
+# believed torque constant is too large and the shaft's friction too small, and that is missing too.
+#
+# ### Which
+#
+# Evidence is twice the difference of the log-likelihoods, with residuals that hang together counted as less than
+# independent ones. The axis is logarithmic. The runners-up are instructive: the torque constant, and combinations of it with
+# other frictions. They are what the effect resembles.
+
+# %%
+others = [c for c in diagnosis.candidates if "pump_torque_loss" not in c.members]
+assert others[0].evidence > 100.0
+candidates_figure(diagnosis)
+
+# %%
+cause = diagnosis.effects[0]
+print(cause.summary)
+found = {"c_f": cause.parameters["c_f"].value, "K_T": diagnosis.improved["K_T"], "K_S": diagnosis.improved["K_S"]}
+pd.DataFrame(
+    {
+        "found": found,
+        "truth": {name: rig[name] for name in found},
+        "off by %": {name: 100.0 * (value / rig[name] - 1.0) for name, value in found.items()},
+    }
+).round(4)
+
+# %% [markdown]
+# The name is right, the number is not right yet. A diagnosis asks *which*, among dozens of hypotheses, and stops where a gap
+# no longer matters. To make a fair contest it holds the nominal parameters near what is believed: a torque constant that is
+# 1.5 % too large has been moved only part of the way, and the pump's friction makes up for the rest. Section 4 measures the
+# number.
+#
+# ### How far
+
+# %%
+assert diagnosis.gap["with_effects"]["total"] < 0.2 * diagnosis.gap["nominal"]["total"]
+shrinkage_figure(diagnosis)
+
+# %% [markdown]
+# Dotted is what free unknown inputs leave, about what a model of any form could reach. With the cause the gap is there
+# already, so there is nothing for a second effect to explain. And the hatched bar, the refit? That is the next section.
+#
+# ## 3. What would have gone wrong without it
+#
+# The usual answer to a gap is to fit the parameters again. The diagnosis has done that too, with all of them free to go
+# wherever they like.
+
+# %%
+refit = believed.set(**{name: v for name, v in diagnosis.values["refit"].items() if name in believed.parameters})
+closed = 1.0 - diagnosis.gap["refit"]["total"] / diagnosis.gap["nominal"]["total"]
+print(f"a refit alone closes {100 * closed:.0f} % of the gap on held-out data,")
+print(f"that is {100 * cause.absorbed_by_refit:.0f} % of what the cause closes")
+assert cause.absorbed_by_refit > 0.6
+
+names = ["K_T", "A_FR", "C_FR", "B_FR", "tau_FR", "K_L", "M", "A_FM"]
+table = pd.DataFrame({"believed": believed.values, "refit": refit.values, "truth": rig.values}).loc[names]
+table["refit off by %"] = (100 * (table["refit"] / table["truth"] - 1)).round(0)
+assert abs(table.loc["A_FR", "refit off by %"]) > 20 and abs(table.loc["B_FR", "refit off by %"]) > 20
+table
+
+# %% [markdown]
+# A gap that shrinks that much, on data that was not fitted! One could be content. But the numbers are nonsense: dry friction
+# of the rod is down by more than a third, viscous friction up by half, leakage down by 40 %. They imitate, with what the
+# model has, a friction that it does not have. An imitation is only good for the pressures that it was made at.
+#
+# So change the load. Below is a log of the same rig against a constant force of 4 kN, with the current that carries it. All
+# plants are told of the force. (`improved` is the believed plant with what the diagnosis found.)
+
+# %%
+FORCE = 4000.0
+time, current = drive(seed=7)
+bench(rig.set(F_0=FORCE), time, current + motion_current(believed)["load"] * FORCE, "loaded.csv", seed=9)
+loaded = e.read_plant_log("loaded.csv", believed)
+plants = {"believed": believed, "refit": refit, "improved": diagnosis.improved}
+elsewhere = pd.DataFrame({name: gaps(plant.set(F_0=FORCE), loaded) for name, plant in plants.items()}).T
+assert elsewhere.loc["refit", "total"] > 3 * elsewhere.loc["improved", "total"]
+print("gap against 4 kN, %")
+elsewhere.round(1)
+
+# %% [markdown]
+# The refit has fallen apart: it is a model of one log. The plant with the cause holds, though it has never seen such a load.
+#
+# ## 4. Measure the number
+#
+# The diagnosis has said what is missing. Now it is a parameter like all the others, and `identify` can do what it is there
+# for: a fit down to the noise, from the first half of the log, with the second half held out. The effect's `c_f` is free, and
+# the torque constant and the spring beside the eleven that the plant's file frees.
+
+# %%
+first, second = log.segment(0, 12), log.segment(12, 24)
+measured = e.identify(diagnosis.improved, first, validate=[second], free=["c_f", "K_T", "K_S"], starts=1)
+corrected = measured.plant
+assert measured.explained and measured.fit.reduced_cost < 1.1
+rows = measured.to_pandas()[["value", "sd", "unit"]]
+rows["truth"] = [rig[name] for name in rows.index]
+rows["error in sd"] = ((rows["value"] - rows["truth"]) / rows["sd"]).round(1)
+assert (rows["error in sd"].abs() < 4).all() and abs(corrected["c_f"] - 0.12) < 0.01
+print(f"residuals {measured.fit.reduced_cost:.2f} times the noise's variance")
+left = pd.DataFrame({"corrected": gaps(corrected, second), "true equations": gaps(rig, second)}).T
+assert abs(left.loc["corrected", "total"] - left.loc["true equations", "total"]) < 0.5
+print("gap on the second half, %")
+display(left.round(1))
+rows
+
+# %% [markdown]
+# Residuals as large as the noise, and all numbers, the pump's 12 % too, where their deviations say: what could trade with
+# it was free beside it. The gap is as small as that of the rig's own equations, which is not zero: the logged current has
+# noise, and no model knows the current that truly flowed. *Diagnose to name, identify to measure.* (Without the effect
+# `identify` ends at residuals well above the noise and says so, but not why.)
+#
+# It is written as a plant of its own. These lines are new beside the ones whose values moved:
+
+# %%
+e.write_plant("plants/corrected.toml", corrected)  # found by its name in a folder plants/
+before, after = e.plants["ehsa"].read_text().splitlines(), Path("plants/corrected.toml").read_text().splitlines()
+for line in difflib.unified_diff(before, after, lineterm="", n=0):
+    if re.match(r"\+(effects|c_f|K_T|A_FM|stiffness)", line):
+        print(line)
+
+# %% [markdown]
+# ## 5. When a log can't tell
+#
+# Another rig, in short. Its drive answers with a lag of 6 ms, and the log that someone happened to have is a sine of 2 Hz.
+
+# %%
+late = sound.with_effects("drive_lag", tau_I=0.006)
+bench(late, *e.excitation("sine", amplitude=1.6, duration=8.0), "sine.csv", seed=3)
+unsure = e.diagnose(believed, e.read_plant_log("sine.csv", believed))
+named = {unsure.effects[0].id, *unsure.effects[0].ambiguous_with}
+assert unsure.verdict == "ambiguous" and named == {"drive_lag", "drive_delay"}
+print(unsure.sentence)
+candidates_figure(unsure)
+
+# %% [markdown]
+# (The best bars have a second cause beside it. That takes the gap from 1.4 to 1.3 %, which does not matter, so it is not
+# named.) A lag and a dead time: at one frequency both turn the phase and that is all, so nothing in this log can tell them
+# apart, and the answer is a set of two. For a controller they are not the same: beyond its corner a lag takes gain away as well, a dead
+# time only goes on turning the phase. With the answer comes what to do about it:
+
+# %%
+experiment = unsure.experiment
+(pair,) = experiment.distance
+assert experiment.distance[pair] > 5 > experiment.now[pair]
+print(experiment)
+
+# %% [markdown]
+# Each candidate was simulated with a library of inputs, at the largest amplitude that keeps the plant's limits, and the input
+# that separates them most is proposed. `experiment.write(...)` writes it as a file for the bench. A third of it is enough here:
+
+# %%
+n = 2001
+bench(late, experiment.sample_time * np.arange(n), experiment.current[:n], "next.csv", seed=5)
+decided = e.diagnose(believed, e.read_plant_log("next.csv", believed))
+assert decided.verdict == "effect" and decided.effects[0].id == "drive_lag"
+lag = decided.effects[0].parameters["tau_I"]
+assert abs(lag.value - 0.006) < 2e-4
+print(decided.sentence)
+print(f"lag {1e3 * lag.value:.2f} ms, truth 6 ms; the best without it is {decided.candidates[1].evidence:.0f} behind")
+
+# %% [markdown]
+# ## 6. The closed loop
+#
+# Back to the pump. `pid_friction` moves the rod along planned motions, feeds friction forward and goes to rest within 75 um;
+# its numbers are those of the believed plant. Sixteen moves to random places within 20 mm, against the spring. First what the
+# believed plant predicts; then the refit, the corrected plant, and the rig.
+
+# %%
+model = e.three_state(e.load_plant("ehsa", model="linear"))
+shipped = e.load_controller("pid_friction", model)
+DT, EACH, BEFORE, BAND = shipped.sample_time, 500, 50, 1e-4
+targets = np.round(np.random.default_rng(0).uniform(-0.020, 0.020, 16), 4)
+positions = np.concatenate([np.zeros(BEFORE), np.repeat(targets, EACH)])
+moves = np.column_stack([positions, np.zeros((positions.size, 2))])
+
+
+def follow(controller, plant):
+    """The sixteen moves, with the noise of the plant's sensors."""
+    return e.run_closed_loop(plant, controller, moves, sensors=Sensors.of(plant, seed=0))
+
+
+def ends(run):
+    """Errors at the end of each move (16,) [m]."""
+    return run.error[BEFORE + EACH - 1 :: EACH]
+
+
+def of_moves(run):
+    """What became of the moves: settled to 0.1 mm, errors at their ends, travel of the current."""
+    inside = np.abs(run.error[BEFORE:].reshape(len(targets), EACH)) < BAND
+    return {
+        "settled, of 16": int(inside[:, -1].sum()),
+        "end error, rms (um)": 1e6 * np.sqrt(np.mean(ends(run) ** 2)),
+        "end error, worst (um)": 1e6 * np.max(np.abs(ends(run))),
+        "current travel (A)": np.abs(np.diff(run.asked)).sum(),
+    }
+
+
+plants = {"believed": believed, "refit": refit, "corrected": corrected, "the rig": rig}
+loops = {name: follow(shipped, plant) for name, plant in plants.items()}
+table = pd.DataFrame({name: of_moves(run) for name, run in loops.items()}).T
+real = ends(loops["the rig"])
+table["end error beside the rig's (um)"] = [1e6 * np.sqrt(np.mean((ends(run) - real) ** 2)) for run in loops.values()]
+off = table["end error beside the rig's (um)"]
+assert table.loc["believed", "settled, of 16"] == 16 and table.loc["the rig", "settled, of 16"] <= 2
+assert table.loc["corrected", "settled, of 16"] <= 2
+assert off["corrected"] < 0.2 * off["refit"] and off["corrected"] < 0.1 * off["believed"]
+table.round(0).astype(int)
+
+# %%
+figure, (error, current) = plt.subplots(2, 1, figsize=(8, 4.6), sharex=True, layout="constrained")
+looks = {
+    "believed": (GREY, 1.2, "-"),
+    "refit": (GREEN, 1.0, "-"),
+    "the rig": (BLUE, 2.4, "-"),
+    "corrected": (VERMILION, 1.1, (0, (4, 1.5))),
+}
+for name, (colour, width, dashes) in looks.items():
+    run = loops[name]
+    error.plot(run.trajectory.time, 1e6 * run.error, color=colour, linewidth=width, linestyle=dashes, label=name)
+    if name in ("believed", "the rig"):
+        current.plot(run.trajectory.time, run.asked, color=colour, linewidth=0.8)
+error.axhspan(-1e6 * BAND, 1e6 * BAND, color=GREEN, alpha=0.12, linewidth=0)
+error.set(ylabel="error (um)", ylim=(-450, 450), xlim=(8.2, 16.2))
+current.set(ylabel="current (A)", xlabel="time (s)", ylim=(-3, 3))
+error.legend(frameon=False, fontsize=8, ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
+plt.show()
+
+# %% [markdown]
+# The believed plant promises 16 of 16 moves within 0.1 mm and a quiet current. The rig ends nearly all of them 0.1 to 0.2 mm off:
+# the feed-forward is too small for this pump, friction stops the rod outside of the rest band, and there it stays while
+# the law works on, with three times the travel of current. The corrected plant says just that, move by move. The refit
+# gets the tendency, as there is more friction in it, but the moves end elsewhere.
+#
+# ### Corrected
+#
+# The feed-forward's numbers come from `motion_current`. It knows masses, friction and load but not the effects, so what the
+# pump takes is put in by hand. The loss is $c_f$ times the torque that the pressure makes, against the motion. Where the
+# pressure overcomes the rod's own friction, that friction is felt $1 + c_f$ times at the shaft. (The spring's part helps in one
+# direction and hinders in the other; it is left to the feedback.) Three times the same recipe: with the refit's numbers, with
+# those of the corrected plant but without $c_f$, and with all.
+
+
+# %%
+def feedforward(plant, c_f=0.0):
+    """Numbers of [feedforward] for a plant whose pump loses a share c_f of the torque."""
+    needed, per_force = motion_current(plant), plant["D"] / plant["A"] / plant["K_T"]
+    needed["viscous"] += c_f * per_force * plant["B_FR"]
+    needed["coulomb"] += c_f * per_force * plant["A_FR"]
+    needed["static"] += c_f * per_force * (plant["A_FR"] + plant["C_FR"])
+    return needed
+
+
+def with_numbers(numbers, path):
+    """The shipped controller's file with other numbers in [feedforward]."""
+    units = {"inertia": "A s2/m", "viscous": "A s/m", "coulomb": "A", "static": "A", "load": "A/N"}
+    text = e.controllers["pid_friction"].read_text()
+    for name, unit in units.items():
+        text, done = re.subn(rf'(?m)^{name} = ".*$', f'{name} = "{numbers[name]:.4g} {unit}"', text)
+        assert done == 1
+    Path(path).write_text(text)
+    return e.load_controller(path, model)
+
+
+tried = {
+    "shipped": shipped,
+    "numbers of the refit": with_numbers(feedforward(refit), "refit.toml"),
+    "corrected, without c_f": with_numbers(feedforward(corrected), "without.toml"),
+    "corrected": with_numbers(feedforward(corrected, corrected["c_f"]), "retuned.toml"),
+}
+rows = {}
+for name, controller in tried.items():
+    predicted, true = follow(controller, corrected), follow(controller, rig)
+    rows[name] = {
+        ("predicted by the corrected plant", "settled"): of_moves(predicted)["settled, of 16"],
+        ("predicted by the corrected plant", "worst end (um)"): of_moves(predicted)["end error, worst (um)"],
+        ("the rig", "settled"): of_moves(true)["settled, of 16"],
+        ("the rig", "worst end (um)"): of_moves(true)["end error, worst (um)"],
+        ("the rig", "current travel (A)"): of_moves(true)["current travel (A)"],
+    }
+table = pd.DataFrame(rows).T
+assert table.loc["corrected", ("the rig", "settled")] == 16
+assert (table.drop(index="corrected")["the rig", "settled"] < 12).all()
+settled = table.xs("settled", axis=1, level=1)
+assert (settled["the rig"] - settled["predicted by the corrected plant"]).abs().max() <= 1
+table.round(0).astype(int)
+
+# %% [markdown]
+# 16 of 16 again, this time on the rig too, and the current at rest. Every row was predicted before it was tried; that is
+# what a corrected model is for. The refit's numbers, good enough to close most of the gap on its own log, do not cure the loop.
+#
+# `retuned.toml` and `corrected.toml` are files as any others. So the shipped scenario can say it too, with its limits:
+
+# %%
+rows = {}
+for name, law in {"shipped": "pid_friction", "retuned": "retuned.toml"}.items():
+    result = e.run("steps_spring", controller=law, plant="corrected", design="ehsa")
+    value = {metric: checked for metric, (_, checked) in result.metrics.items()}
+    rows[name] = {
+        "passed": result.passed,
+        "settling (ms)": round(1e3 * value["SettlingTime"]),
+        "standing error (um)": round(1e6 * value["SteadyStateError"]),
+        "current travel (A)": round(value["TV"]),
+    }
+table = pd.DataFrame(rows).T
+assert table.loc["retuned", "standing error (um)"] < 0.6 * table.loc["shipped", "standing error (um)"]
+table
+
+# %% [markdown]
+# ## What to keep
+#
+# - A gap has a size per signal, noise taken off. Look at it before anything is fitted.
+# - A refit closes most of nearly every gap. What it absorbs comes back at another load, another temperature, in another loop.
+#   Numbers that no data sheet would print are a warning.
+# - Diagnose to name, identify to measure. If the answer is a set, make the experiment that it proposes.
+# - A cause is worth knowing where it changes a decision: here the feed-forward, and a promise of 16 moves that was kept in one.
