@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from .fit import Metric, Refit
-from .held_out import Stretch
+from .fit import Refit
 
 #: Bounds of what one residual counts, in independent ones.
 LEAST, MOST = 0.001, 0.5
+#: See `deviations`.
+WIDER = 4.0
 #: Autocorrelation is followed for this long [s].
 MEMORY = 1.0
 
@@ -33,29 +32,17 @@ def worth(parts: np.ndarray, sample_time: float) -> np.ndarray:
     return np.clip(out, LEAST, MOST)
 
 
-def squares(fit: Refit, metric: Metric, stretch: Stretch) -> tuple[float, float, dict[str, np.ndarray] | None]:
-    """Sum of squared residuals where it was fitted and on what was held out, and the held-out simulation."""
-    simulated = stretch.simulate(fit.values)
-    if simulated is None:
-        return float(fit.residual @ fit.residual), float("inf"), None
-    r = stretch.residual(metric, simulated)
-    return float(fit.residual @ fit.residual), float(r @ r), simulated
-
-
 def deviations(fit: Refit, worth: np.ndarray) -> dict[str, float]:
-    """Standard deviation of each number of the suspects, the nominal parameters free under their prior."""
+    """Standard deviation of each number of the suspects.
+
+    The nominal parameters are free under priors that are WIDER than those of the fit: what they are held at goes into
+    the numbers, and a modeller may be more wrong than is usual.
+    """
     own = sum(len(s.free) for s in fit.suspects)
     k = len(fit.frees)
     weight = np.repeat(worth, fit.residual.size // worth.size)
     information = fit.jacobian.T @ (weight[:, None] * fit.jacobian)
-    information[np.arange(own, k), np.arange(own, k)] += 1.0
+    information[np.arange(own, k), np.arange(own, k)] += 1.0 / WIDER**2
     size = np.sqrt(np.maximum(np.diag(information), 1e-12))
     covariance = np.linalg.pinv(information / np.outer(size, size), rcond=1e-10) / np.outer(size, size)
     return {f.name: float(np.sqrt(max(covariance[i, i], 0.0))) * f.scale for i, f in enumerate(fit.frees[:own])}
-
-
-def probabilities(evidence: Sequence[float], temperature: float) -> np.ndarray:
-    """Share of each hypothesis: exp(-evidence / (2 temperature)), the best one as reference."""
-    e = np.asarray(evidence, dtype=float)
-    weights = np.exp(-0.5 * (e - np.min(e)) / temperature)
-    return np.asarray(weights / np.sum(weights))
