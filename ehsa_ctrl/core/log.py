@@ -112,6 +112,10 @@ class Log:
         earlier = self._slice(0, first, self.before) if first >= 2 else self.before
         return self._slice(first, last, earlier)
 
+    def rows(self, first: int, last: int) -> Log:
+        """The samples from row `first` up to but without row `last`, as a log of their own."""
+        return self._slice(first, last, None)
+
     def _slice(self, first: int, last: int, before: Log | None) -> Log:
         channels = {name: values[first:last] for name, values in self.channels.items()}
         return Log(self.time[first:last], channels, self.path, self.missing, before)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import EhsaError, InputError
+from ..core.kept import append_kept, read_kept
 from ..core.log import Log
 from ..core.parallel import as_done, workers
 from ..identification.record import read_plant_log
@@ -274,35 +275,17 @@ def _earlier(path: Path | None, mark: str) -> dict[str, Row]:
     """
     if path is None:
         return {}
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"diagnoses": mark}) + "\n", encoding="utf-8")
-        return {}
-    head, *lines = path.read_text(encoding="utf-8").split("\n")
-    try:
-        found = json.loads(head)["diagnoses"]
-    except (ValueError, KeyError, TypeError):
-        raise InputError(f"{path}: is no file of diagnoses; give another one") from None
-    if found != mark:
-        raise InputError(
-            f"{path}: holds diagnoses against another plant or with another threshold; give another folder, or --force "
-            "to begin anew"
-        )
-    rows, whole = {}, [head]
-    for number, line in enumerate(lines, 2):
-        if not line:
-            continue
-        try:
-            row = _row(line)
-        except (ValueError, KeyError, TypeError):
-            if number <= len(lines):
-                raise InputError(f"{path}: line {number} is no row of a diagnosis; mend or delete it") from None
-            continue
-        rows[row.file] = row
-        whole.append(line)
-    # Without what was cut off: the next row must not be joined to it.
-    path.write_text("\n".join(whole) + "\n", encoding="utf-8")
-    return rows
+    rows = read_kept(
+        path,
+        "diagnoses",
+        mark,
+        _row,
+        none="is no file of diagnoses; give another one",
+        other="holds diagnoses against another plant or with another threshold; give another folder, or --force to "
+        "begin anew",
+        wrong="is no row of a diagnosis",
+    )
+    return {row.file: row for row in rows}
 
 
 def _row(line: str) -> Row:
@@ -315,7 +298,5 @@ def _row(line: str) -> Row:
 
 
 def _append(path: Path | None, rows: Iterable[Row]) -> None:
-    if path is None:
-        return
-    with path.open("a", encoding="utf-8") as file:
-        file.writelines(json.dumps(row.to_dict()) + "\n" for row in rows)
+    if path is not None:
+        append_kept(path, (json.dumps(row.to_dict()) for row in rows))

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from ..core.errors import InputError
 from ..core.log import Log
@@ -29,14 +26,12 @@ class Change:
     before: the first log against the plant as believed.
     after: the second log against `rig`; its causes are what changed.
     rig: the plant brought to the first log. brought: how, in words.
-    corrected: channels of the second log from which an error of the sensor was taken off, that the first one shows.
     """
 
     before: Diagnosis
     after: Diagnosis
     rig: Plant
     brought: str
-    corrected: tuple[str, ...] = ()
 
     @property
     def new(self) -> tuple[Cause, ...]:
@@ -65,7 +60,6 @@ class Change:
                 "verdict": self.before.verdict,
                 "sentence": self.before.sentence,
                 "brought": self.brought,
-                "corrected": list(self.corrected),
             },
         }
 
@@ -111,9 +105,8 @@ def what_changed(
     told = _told(watch, "before")
     first = diagnose(plant, before, threshold=threshold, jobs=jobs, watch=told, check=check)
     rig, brought = _rig(first)
-    rig, corrected, channels = _sensors_right(first, rig, after)
-    second = diagnose(rig, corrected, threshold=threshold, jobs=jobs, watch=_told(watch, "after"), check=check)
-    return Change(first, second, rig, brought, channels)
+    second = diagnose(rig, after, threshold=threshold, jobs=jobs, watch=_told(watch, "after"), check=check)
+    return Change(first, second, rig, brought)
 
 
 def _told(watch: Watch | None, word: str) -> Watch | None:
@@ -143,39 +136,3 @@ def _refitted(first: Diagnosis) -> Plant:
     nominal, columns = Nominal.of(twin, metric, first.threshold, lumped=lumped)
     found = refit(Bench(twin, metric, nominal), (), {}, columns, steps=8, fresh=2)
     return plant if found is None else improved(plant, (), found.values, {})
-
-
-def _sensors_right(first: Diagnosis, rig: Plant, after: Log) -> tuple[Plant, Log, tuple[str, ...]]:
-    """Take a sensor's bias and scale, and all errors of the logged current, off the second log and out of the plant.
-
-    The search for causes takes a bias of 0 and a scale of 1 for what is believed, and the logged current for what
-    drives the rig.
-    """
-    values = first.values["with_effects"] if first.improved is not None else {}
-    channels, sensors, changed = dict(after.channels), dict(rig.sensors), []
-    for channel in after.channels:
-        bias, scale = values.get(f"bias.{channel}", 0.0), values.get(f"scale.{channel}", 1.0)
-        if (bias, scale) != (0.0, 1.0):
-            channels[channel] = (channels[channel] - bias) / scale
-            changed.append(channel)
-        if channel in sensors:
-            sensors[channel] = replace(sensors[channel], bias=first.plant.sensors[channel].bias)
-            sensors[channel] = replace(sensors[channel], scale=first.plant.sensors[channel].scale)
-    if "delay.current" in values or "filter.current" in values:
-        channels["current"] = _asked(channels["current"], values, after.sample_time)
-        changed.append("current")
-        if "current" in sensors:
-            sensors["current"] = first.plant.sensors["current"]
-    log = replace(after, channels=channels) if changed else after
-    return replace(rig, sensors=sensors), log, tuple(dict.fromkeys(changed))
-
-
-def _asked(current: np.ndarray, values: Mapping[str, float], sample_time: float) -> np.ndarray:
-    """The current (N,) [A] that was there when a late or filtered one was logged."""
-    index = np.arange(current.size)
-    current = np.interp(index + values.get("delay.current", 0.0) / sample_time, index, current)
-    lag = values.get("filter.current", 0.0)
-    if lag > 0.0:
-        a = np.exp(-sample_time / lag)
-        current = np.concatenate([current[:1], (current[1:] - a * current[:-1]) / (1.0 - a)])
-    return current

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.log import Log
-from ..identification.checks import check_log
+from ..identification.checks import check_log, refuse
 from ..physics.effects import EFFECTS
 from ..plant.file import CHANNEL_UNITS
 from ..plant.plant import Plant
@@ -23,12 +23,12 @@ from .evidence import deviations
 from .fit import Bench, Metric, Nominal, Refit, refit
 from .held_out import Stretch, last_part, whole
 from .improved import improved
-from .judge import ID_OF, Judge, Judged, Key, by_label, floor, noise_square
+from .judge import ID_OF, Judge, Judged, Key, by_label
 from .locate import Location, locate
 from .next_experiment import Experiment, next_experiment
 from .same import same_in_principle
 from .search import Search
-from .signals import largest, noise_of, signal_noise
+from .signals import largest, noise_of
 from .suspects import suspects
 from .twin import BRISTLES, HARD, Twin, with_every_effect
 from .weigh import Weighed, weigh
@@ -86,11 +86,10 @@ def diagnose(
             f"{plant.name} is a system of its own ({plant.structure.system_name}); effects are known for the EHSA alone"
         )
     findings = _checked(plant, [log] if validate is None else [log, validate], check)
-    noise = {**noise_of(log)}
+    noise = noise_of(log)
     twin = with_every_effect(plant)
     bare = whole(plant, twin, log, noise)
-    nominal_run = bare.simulate({})
-    gaps = bare.gap_of(nominal_run)
+    gaps = bare.gap({})
     common: dict[str, Any] = {
         "plant": plant, "log": log, "threshold": threshold, "whole": gaps, "noise_sd": noise, "findings": findings,
         "provenance": versions(),
@@ -100,8 +99,8 @@ def diagnose(
         nominal = held.gap({})
         return Diagnosis(
             verdict="no_gap", where=(), effects=(), gap=dict.fromkeys(MODELS, nominal),
-            held_out=held.words, values={}, simulated=_runs(bare, {"nominal": {}}), seconds=time.monotonic() - began,
-            runs=2, **common,
+            held_out=held.words, held_from=_held_from(held, log), values={}, simulated=_runs(bare, {"nominal": {}}),
+            seconds=time.monotonic() - began, runs=2, **common,
         )  # fmt: skip
     bristles = with_every_effect(plant, "lugre") if plant.model == "nonlinear" else None
     held = replace(held, twin=replace(held.twin, bristles=bristles))
@@ -120,13 +119,10 @@ def diagnose(
         Bench(train, metric, nominal_parameters.loose(loose)), (), {},
         {name: column * loose for name, column in columns.items()}, steps=8, fresh=2,
     )  # fmt: skip
-    velocity = signal_noise(noise, log.sample_time).get("rod_velocity", 0.0)
-    rows = search.residual.size // len(metric.scale) + (len(held.twin.log) - held.first) // 2
-    least = floor(metric, noise, velocity, judge.worth, rows)
     most = judge.weigh(search.residual) + judge.weigh(held.residual(metric, held.simulate({}) or {}))
     believed = {"fitted": fitted.gap({}), "held": held.gap({})}
-    expected = noise_square(metric, noise, velocity)
-    weighed = weigh(judged, least, most, threshold, believed, expected)
+    expected = float(np.mean(metric.noise_squares))
+    weighed = weigh(judged, judge.floor, most, threshold, believed, expected)
     location = locate(plant, log, noise)
     return _written(plant, weighed, search, judge, held, bare, free, location, common, began)
 
@@ -137,11 +133,10 @@ def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> tuple[str, ...]:
     for log in logs:
         if "current" not in log.channels:
             raise InputError(f"{log.path or 'the log'}: has no current, which drives the simulation")
-        for finding in check_log(log, plant):
-            if finding.severity == "error" and check:
-                where = "" if str(log.path) in finding.sentence else f"{log.path or 'the log'}: "
-                raise InputError(where + finding.sentence)
-            sentences.append(finding.sentence)
+        findings = check_log(log, plant)
+        if check:
+            refuse(log, findings)
+        sentences += [finding.sentence for finding in findings]
         length = float(log.time[-1] - log.time[0])
         if length < SHORTEST:
             raise InputError(
@@ -212,9 +207,7 @@ def _written(
     gap = {model: held.gap(setting) for model, setting in values.items()}
     gap["upper_bound"] = _bound(gap, location)
     sd = deviations(chosen.fit, judge.worth)
-    causes = (
-        _causes(plant, weighed, search, judge, sd, gap, common["log"]) if weighed.verdict != "outside_catalogue" else ()
-    )
+    causes = _causes(plant, weighed, judge, sd, gap, common["log"]) if weighed.verdict != "outside_catalogue" else ()
     # What no log can tell apart makes a set too.
     verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
     following = _next(weighed, search, common["noise_sd"])
@@ -321,7 +314,6 @@ def _name(key: Key) -> str:
 def _causes(
     plant: Plant,
     weighed: Weighed,
-    search: Search,
     judge: Judge,
     sd: Mapping[str, float],
     gap: Mapping[str, Mapping[str, float]],
@@ -329,7 +321,7 @@ def _causes(
 ) -> tuple[Cause, ...]:
     """Causes of the chosen hypothesis, the largest first; behind them what else is held for possible."""
     chosen = weighed.chosen
-    closed = _parts(weighed, search, judge, gap["nominal"]["total"])
+    closed = _parts(weighed, judge, gap["nominal"]["total"])
     nominal, refitted, final = (gap[m]["total"] for m in ("nominal", "refit", "with_effects"))
     absorbed = float(np.clip((nominal - refitted) / (nominal - final), 0.0, 1.0)) if nominal > final else 0.0
     flow = (
@@ -397,7 +389,7 @@ def _unit(name: str, kinds: Mapping[str, str]) -> str:
     return kinds.get(name, "N s/m")
 
 
-def _parts(weighed: Weighed, search: Search, judge: Judge, nominal: float) -> dict[Key, float]:
+def _parts(weighed: Weighed, judge: Judge, nominal: float) -> dict[Key, float]:
     """Share of the gap that each cause closes: its mean part over all orders in which they could be added (Shapley)."""
     causes = weighed.chosen.causes
     if nominal == 0.0:

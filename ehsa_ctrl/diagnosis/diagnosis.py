@@ -112,7 +112,7 @@ class Diagnosis:
     Attributes
     ----------
     plant, log: what was believed and what was measured. threshold: a gap from which on it matters.
-    verdict: see `VERDICTS` in words.
+    verdict: as in diagnosis.json; `sentence` says it in words.
     where: place and share, largest first, together one.
     effects: causes, or candidates where the verdict is "underdetermined"; the largest first.
     gap: model (see MODELS) -> signal -> gap on held-out data; whole: the same of the nominal model over the whole log.

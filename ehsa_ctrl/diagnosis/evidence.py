@@ -38,8 +38,7 @@ def deviations(fit: Refit, worth: np.ndarray) -> dict[str, float]:
     The nominal parameters are free under priors that are WIDER than those of the fit: what they are held at goes into
     the numbers, and a modeller may be more wrong than is usual.
     """
-    own = sum(len(s.free) for s in fit.suspects)
-    k = len(fit.frees)
+    own, k = fit.own, len(fit.frees)
     weight = np.repeat(worth, fit.residual.size // worth.size)
     information = fit.jacobian.T @ (weight[:, None] * fit.jacobian)
     information[np.arange(own, k), np.arange(own, k)] += 1.0 / WIDER**2

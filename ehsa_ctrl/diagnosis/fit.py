@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ..core.errors import InputError
-from .signals import gap, largest, rod_velocity, scored
+from .signals import gap, largest, rod_velocity, scored, signal_noise
 from .suspects import NOMINAL, Free, Suspect
 from .twin import Twin
 
@@ -29,35 +29,38 @@ MODEL_SHARE = 0.004
 
 @dataclass(frozen=True)
 class Metric:
-    """What the errors of each channel are divided by; `rod_velocity` is a channel of its own."""
+    """What the errors of each channel are divided by, and its noise; `rod_velocity` is a channel of its own."""
 
     scale: Mapping[str, float]
+    noise: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, twin: Twin, noise: Mapping[str, float]) -> Metric:
         log = twin.log
-        scale = {}
-        for channel in twin.channels:
-            spread = float(np.std(log[channel]))
-            scale[channel] = float(np.hypot(noise[channel], MODEL_SHARE * spread))
+        signals = {channel: log[channel] for channel in twin.channels}
+        if "position" in signals:
+            signals["rod_velocity"] = rod_velocity(log["position"], log.sample_time)
+        sd = {**noise, **signal_noise(noise, log.sample_time)}
+        scale = {name: float(np.hypot(sd[name], MODEL_SHARE * float(np.std(v)))) for name, v in signals.items()}
         if "position" in scale:
-            velocity = rod_velocity(log["position"], log.sample_time)
-            n = max(int(round(0.02 / log.sample_time)), 1)
-            sd = noise["position"] * np.sqrt(2.0) / (n * log.sample_time)
-            scale["rod_velocity"] = float(np.hypot(sd, MODEL_SHARE * float(np.std(velocity))))
             # The noise of the logged current lets the rod drift in any free run.
             scale["position"] = float(np.hypot(scale["position"], 1.5e-4))
-        return cls(scale)
+        return cls(scale, {name: sd[name] for name in scale})
 
-    def residual(self, twin: Twin, simulated: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Measured minus simulated of all channels in one vector, every second sample of each."""
+    @property
+    def noise_squares(self) -> np.ndarray:
+        """Mean square of each channel's residuals (channels,) that are noise and nothing else."""
+        return np.array([(self.noise[name] / scale) ** 2 for name, scale in self.scale.items()])
+
+    def residual(self, twin: Twin, simulated: Mapping[str, np.ndarray], first: int = 0) -> np.ndarray:
+        """Measured minus simulated of all channels in one vector, every second sample of each from `first` on."""
         log, parts = twin.log, []
         for channel, scale in self.scale.items():
             if channel == "rod_velocity":
                 error = rod_velocity(log["position"] - simulated["position"], log.sample_time)
             else:
                 error = log[channel] - simulated[channel]
-            parts.append(error[::2] / scale)
+            parts.append(error[first::2] / scale)
         return np.concatenate(parts)
 
 
@@ -114,7 +117,7 @@ class Refit:
     """A hypothesis at its best values.
 
     values: all free numbers by name. cost: tempered sum of squares with the priors. chi: RMS of the residuals.
-    residual: (n,) at the end. own: names that belong to the suspects.
+    residual: (n,) at the end; jacobian: (n, k) its derivatives by one scale of each of `frees`, the suspects' first.
     """
 
     suspects: tuple[Suspect, ...]
@@ -124,7 +127,11 @@ class Refit:
     residual: np.ndarray = field(repr=False)
     jacobian: np.ndarray = field(repr=False)
     frees: tuple[Free, ...] = ()
-    runs: int = 0
+
+    @property
+    def own(self) -> int:
+        """How many of the free numbers are the suspects'."""
+        return sum(len(s.free) for s in self.suspects)
 
 
 class Bench:
@@ -205,7 +212,6 @@ def refit(
     names = [f.name for f in frees]
     x = np.array([start.get(f.name, f.believed) for f in frees])
     own = sum(len(s.free) for s in suspects)
-    runs_before = bench.runs
 
     def setting(x: np.ndarray) -> dict[str, float]:
         return dict(zip(names, x.tolist(), strict=True))
@@ -285,7 +291,7 @@ def refit(
             break
     return Refit(
         suspects=tuple(suspects), values=setting(x), cost=cost, chi=float(np.sqrt(np.mean(r**2))), residual=r,
-        jacobian=J, frees=frees, runs=bench.runs - runs_before,
+        jacobian=J, frees=frees,
     )  # fmt: skip
 
 

@@ -8,15 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.log import Log
-from ..identification.start import find_start
-from ..identification.window import estimate_states
+from ..identification.start import RUN_IN, find_start
+from ..identification.window import REST, estimate_states
 from ..plant.plant import Plant
 from .fit import Metric
-from .signals import gap, rod_velocity, scored, signal_noise
+from .signals import gap, scored, signal_noise
 from .twin import Twin
 
-#: A free run that begins in motion runs in for this long before it is scored [s].
-RUN_IN = 1.0
 #: The share of a log that is kept back where there is no second one.
 KEPT_BACK = 1.0 / 3.0
 
@@ -62,14 +60,7 @@ class Stretch:
 
     def residual(self, metric: Metric, simulated: Mapping[str, np.ndarray]) -> np.ndarray:
         """Measured minus simulated of what counts, in the metric's units; see `Metric.residual`."""
-        log, parts = self.twin.log, []
-        for channel, scale in metric.scale.items():
-            if channel == "rod_velocity":
-                error = rod_velocity(log["position"] - simulated["position"], log.sample_time)
-            else:
-                error = log[channel] - simulated[channel]
-            parts.append(error[self.first :: 2] / scale)
-        return np.concatenate(parts)
+        return metric.residual(self.twin, simulated, self.first)
 
 
 def whole(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> Stretch:
@@ -91,15 +82,15 @@ def last_part(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -
     start = dict(zip(names, estimate.values[begin].tolist(), strict=True))
     for contact in plant.structure.system.contacts:
         column = plant.structure.equations.index(contact.velocity)
-        if abs(estimate.values[begin, column]) < 4.0 * estimate.sd[begin, column]:
+        if abs(estimate.values[begin, column]) < REST * estimate.sd[begin, column]:
             start[contact.velocity] = 0.0
     start["t_run"] = float(log.time[begin] - log.time[0])
     if "speed" in log.channels:
         omega = log["speed"][: begin + 1]
         start["theta"] = float(np.sum(0.5 * (omega[1:] + omega[:-1])) * log.sample_time)
-    piece = _slice(log, begin, len(log))
+    piece = log.rows(begin, len(log))
     words = f"the last third of {log.path.name if log.path else 'the log'}, from {log.time[edge]:g} s on"
-    return _slice(log, 0, edge), Stretch(Twin(twin, piece, start), edge - begin, noise, words)
+    return log.rows(0, edge), Stretch(Twin(twin, piece, start), edge - begin, noise, words)
 
 
 def _plainest(plant: Plant, values: np.ndarray, sd: np.ndarray, back: int, edge: int) -> int:
@@ -112,7 +103,3 @@ def _plainest(plant: Plant, values: np.ndarray, sd: np.ndarray, back: int, edge:
         column = plant.structure.equations.index(contact.velocity)
         plain = np.minimum(plain, np.abs(values[low:high, column]) / sd[low:high, column])
     return low + int(np.argmax(np.minimum(plain, 50.0) - np.abs(np.arange(low, high) - back) * 0.01))
-
-
-def _slice(log: Log, first: int, last: int) -> Log:
-    return Log(log.time[first:last], {n: v[first:last] for n, v in log.channels.items()}, log.path, log.missing)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..physics.effects import EFFECTS
 from .evidence import worth
-from .fit import TOLERATED, Metric, Refit
+from .fit import TOLERATED, Refit
 from .held_out import Stretch
 from .search import Search, pulls
 from .signals import gap, largest, scored
@@ -26,11 +26,6 @@ PLAINLY = 1.3
 COMPANION = 20.0
 #: What each number costs that a member sets free.
 NUMBER = 5.0
-#: A rival within this evidence, or within this share of what the best model can't explain, can't be excluded.
-CLOSE, CLOSE_SHARE = 20.0, 0.15
-#: Another member must take away this share of the threshold (in quadrature), or this share of the unexplained.
-WORTHWHILE = 0.5
-
 
 Key = tuple[str, str | None]
 
@@ -99,16 +94,22 @@ class Judge:
         # Nominal parameters trade for each other within their priors: one that is not asked about must matter plainly.
         limits = {key: (MATTERS if key in members else PLAINLY) * self.threshold for key in own}
         causes = tuple(key for key, gaps in own.items() if largest(gaps) >= limits[key])
-        evidence += COMPANION * len(members - set(causes)) + NUMBER * sum(len(s.free) for s in fit.suspects)
+        evidence += COMPANION * len(members - set(causes)) + NUMBER * fit.own
         found = Judged(fit, evidence, own, self.fitted.gap(fit.values), self.held.gap_of(simulated), causes)
         self.known[id(fit)] = found
         return found
 
+    @property
+    def floor(self) -> float:
+        """Evidence that noise alone would leave on both stretches."""
+        metric, held = self.search.bench.metric, self.held
+        samples = self.search.residual.size // len(metric.scale) + (len(held.twin.log) - held.first) // 2
+        return float(self.worth @ metric.noise_squares) * samples
+
     def alone(self, fit: Refit) -> dict[Key, dict[str, float]]:
         """By how much each member moves each signal: the model with all of them against the one without it."""
         groups: dict[Key, set[str]] = {s.key: set(s.names) for s in fit.suspects}
-        own = sum(len(s.free) for s in fit.suspects)
-        for f in fit.frees[own:]:
+        for f in fit.frees[fit.own :]:
             if not self.lumped and abs(fit.values[f.name] - f.believed) > FAR * f.scale:
                 groups.setdefault((ID_OF[f.name], None), set()).add(f.name)
         settings = [{n: v for n, v in fit.values.items() if n not in names} for names in groups.values()]
@@ -124,22 +125,6 @@ class Judge:
                     moved = gap(a, b, dict.fromkeys(a, 0.0))
                 out[key] = {name: max(out[key].get(name, 0.0), value) for name, value in moved.items()}
         return out
-
-
-def noise_shares(metric: Metric, noise: Mapping[str, float], velocity_noise: float) -> np.ndarray:
-    """Mean square of each channel's residuals (channels,) that are noise and nothing else."""
-    sd = [velocity_noise if channel == "rod_velocity" else noise[channel] for channel in metric.scale]
-    return np.array([(s / scale) ** 2 for s, scale in zip(sd, metric.scale.values(), strict=True)])
-
-
-def noise_square(metric: Metric, noise: Mapping[str, float], velocity_noise: float) -> float:
-    """Mean square of all residuals that are noise."""
-    return float(np.mean(noise_shares(metric, noise, velocity_noise)))
-
-
-def floor(metric: Metric, noise: Mapping[str, float], velocity_noise: float, worth: np.ndarray, samples: int) -> float:
-    """Evidence that noise alone would leave in `samples` residuals of each channel."""
-    return float(worth @ noise_shares(metric, noise, velocity_noise)) * samples
 
 
 def by_label(judged: Sequence[Judged]) -> dict[tuple[Key, ...], Judged]:

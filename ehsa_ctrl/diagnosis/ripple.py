@@ -55,7 +55,7 @@ def followed(twin: Twin, order: float, amplitude: float) -> tuple[float, float]:
     values = np.array([amplitude, 0.0])
     for number, length in enumerate(STRETCHES):
         samples = min(int(round(length / twin.log.sample_time)), len(twin.log))
-        short = _beginning(twin, samples)
+        short = replace(twin, log=twin.log.rows(0, samples))
         scale = {c: max(float(np.std(short.log[c])), 1e-12) for c in ("speed", "p1", "p2") if c in short.log.channels}
 
         def residual(point: np.ndarray, short: Twin = short, scale: dict[str, float] = scale) -> np.ndarray:
@@ -78,8 +78,3 @@ def followed(twin: Twin, order: float, amplitude: float) -> tuple[float, float]:
         if samples == len(twin.log):
             break
     return max(float(values[0]), 0.0), float((values[1] + np.pi) % (2.0 * np.pi) - np.pi)
-
-
-def _beginning(twin: Twin, samples: int) -> Twin:
-    log = twin.log
-    return replace(twin, log=Log(log.time[:samples], {n: v[:samples] for n, v in log.channels.items()}, log.path))

@@ -2,7 +2,7 @@
 
 Screening asks of each suspect by how much the cost would fall if its response could be added freely while all nominal
 parameters follow (the score test with nuisance parameters projected out). What it finds promising is refitted in
-free run. Sets of two and three grow from the best ones; every accepted member is swapped against its rivals.
+free run. Sets of two and three grow from several of the best ones, so that no first pick is kept for good.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class Search:
 
         The third is the suspect's step in its scales.
         """
-        own = sum(len(s.free) for s in fit.suspects) if fit is not None else 0
+        own = fit.own if fit is not None else 0
         used = set() if fit is None else {s.key for s in fit.suspects}
         if fit is None:
             nuisance = np.column_stack([self.nominal_columns[n] for n in self.bench.nominal.names])
@@ -122,19 +122,13 @@ class Search:
             pull = np.array([(fit.values[f.name] - f.believed) / f.scale for f in fit.frees])
             pull[:own] = 0.0
         ridge = np.where(np.arange(nuisance.shape[1]) < own, 1e-6, 1.0)
-        G = TEMPER * nuisance.T @ nuisance + np.diag(ridge)
-        L = np.linalg.cholesky(G)
         names = [f.name for f in fit.frees] if fit is not None else list(self.bench.nominal.names)
 
-        def left(base: np.ndarray) -> float:
-            g = TEMPER * nuisance.T @ base + ridge * pull
-            z = np.linalg.solve(L, g)
-            return TEMPER * float(base @ base) + float((ridge * pull) @ pull) - float(z @ z)
-
-        without = left(r)
         among = TEMPER * (nuisance.T @ nuisance) + np.diag(ridge)
         across = TEMPER * (nuisance.T @ self.columns)
         here, there = TEMPER * (self.columns.T @ r), TEMPER * (nuisance.T @ r) + ridge * pull
+        # What is left where the nominal parameters follow alone.
+        without = TEMPER * float(r @ r) + float((ridge * pull) @ pull) - float(there @ np.linalg.solve(among, there))
         moved = TEMPER * (nuisance.T @ self.shifts)
         size = TEMPER * (float(r @ r) + 2.0 * (r @ self.shifts) + np.sum(self.shifts**2, axis=0))
         found, end = [], 0
@@ -177,10 +171,7 @@ class Search:
 
         def one(task: tuple[tuple[Suspect, ...], Mapping[str, float]]) -> Refit | None:
             suspects, start = task
-            known: Mapping[str, np.ndarray] = self.nominal_columns
-            if len(suspects) == 1:
-                known = {**known}
-            return refit(self.bench, suspects, start, known, steps=steps, fresh=fresh)
+            return refit(self.bench, suspects, start, self.nominal_columns, steps=steps, fresh=fresh)
 
         for found in self._map(what, one, list(tasks)):
             if found is None:
@@ -278,8 +269,7 @@ class Search:
 
 def pulls(fit: Refit) -> float:
     """Sum of squares of how far the nominal parameters went, in prior deviations."""
-    own = sum(len(s.free) for s in fit.suspects)
-    return float(sum(((fit.values[f.name] - f.believed) / f.scale) ** 2 for f in fit.frees[own:]))
+    return float(sum(((fit.values[f.name] - f.believed) / f.scale) ** 2 for f in fit.frees[fit.own :]))
 
 
 def key_of(suspects: Sequence[Suspect]) -> Key:
@@ -297,12 +287,8 @@ def _start(response: Response, step: np.ndarray, values: Mapping[str, float]) ->
     out = dict(values)
     for f in response.suspect.free:
         out[f.name] = response.values[f.name]
-    for (name, _), z in zip(response.columns.items(), step, strict=True):
+    for name, z in zip(response.columns, step, strict=True):
         f = next(f for f in response.suspect.free if f.name == name)
-        at = (
-            f.believed
-            if _shaped(response.suspect) or (np.isfinite(f.believed) and response.values[name] == f.believed)
-            else response.values[name]
-        )
+        at = f.believed if _shaped(response.suspect) else response.values[name]
         out[name] = float(np.clip(at + z * f.scale, f.lower, f.upper))
     return out

@@ -83,9 +83,9 @@ def _letter(twin: Twin, name: str, relative: float, typical: float = 0.0) -> Fre
     return Free(name, value, scale, lower, kinds[name].upper)
 
 
-#: Sizes at which a letter that is believed to be zero is felt.
 #: Leakage wears by factors and not by per cents.
 WEARS = {"K_L": 5e-13}
+#: Sizes at which a letter that is believed to be zero is felt.
 TYPICAL = {"F_0": 50.0, "k_3": 2e6, "K_S": 2e3, "m_L": 20.0, "A_FM": 0.1, "C_FM": 0.02, "A_FR": 100.0, "C_FR": 50.0}
 #: What a letter's effect sets free, where it is not all of its letters, and other letters that go with them.
 TOGETHER: Mapping[str, tuple[tuple[str, ...], ...]] = {
@@ -130,11 +130,8 @@ def _of_equation(twin: Twin, name: str) -> list[Suspect]:
         return []
     by_name = {p.name: p for p in effect.parameters}
 
-    def free(letter: str, scale: float, lower: float | None = None, upper: float | None = None) -> Free:
-        p = by_name[letter]
-        return Free(
-            letter, plant[letter], scale, p.lower if lower is None else lower, p.upper if upper is None else upper
-        )
+    def free(letter: str, scale: float) -> Free:
+        return Free(letter, plant[letter], scale, by_name[letter].lower, by_name[letter].upper)
 
     def one(frees: tuple[Free, ...], starts: tuple[tuple[float, ...], ...]) -> Suspect:
         return Suspect(name, effect.place, frees, starts)

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from ..core.log import Log
+from ..identification.drives import undo_sensor, undone
 from ..physics.effects import EFFECTS
-from ..plant.plant import Plant
+from ..plant.plant import Plant, Sensor
 from ..simulation.engine import simulate_batch
-from ..simulation.sensors import first_order
+from ..simulation.sensors import shown
 
 #: Effects that are equations of their own. A tank with a mass balance is an option of the plant, not a suspect.
 WIRED = tuple(n for n, e in EFFECTS.items() if e.wired and e.parameters)
@@ -27,8 +29,6 @@ BRISTLES = "softness_FR"
 DAMPING = "sigma_1_FR"
 #: Bristles stiffer than this can't be told from none [m/N].
 HARD = 1e-9
-#: Words of a sensor as the diagnosis may change them.
-WORDS = ("bias", "scale", "delay", "filter")
 
 
 def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
@@ -58,8 +58,8 @@ class Twin:
     """A plant with every effect, driven by a log.
 
     plant: see `with_every_effect`. log: what drives it and what it is compared with. start: states at the first
-    sample by name, as the sensors show them; those that are not named are at rest. bristles: the plant with a rod
-    friction of bristles, for settings that name sigma_0_FR. tolerance: of the engine.
+    sample by name, as the believed sensors give them; those that are not named are at rest. bristles: the plant with
+    a rod friction of bristles, for settings that name BRISTLES. tolerance: of the engine.
     """
 
     plant: Plant
@@ -115,16 +115,18 @@ class Twin:
         """
         assert self.start is not None
         state, index = plant.rest.copy(), plant.structure.equations.index
-        shown = {name: channel for channel, name in plant.structure.system.outputs.items()}
+        channels = {name: channel for channel, name in plant.structure.system.outputs.items()}
         names = [s.name for s in plant.structure.equations.states]
 
         def value(name: str) -> float:
             return values.get(name, plant[name])
 
         for name, level in self.start.items():
-            channel = shown.get(name, "")
+            channel = channels.get(name, "")
             if name in names and channel:
-                level = (level - values.get(f"bias.{channel}", 0.0)) / values.get(f"scale.{channel}", 1.0)
+                sensor = self.plant.sensors[channel]
+                bias, scale = values.get(f"bias.{channel}", sensor.bias), values.get(f"scale.{channel}", sensor.scale)
+                level = (level * sensor.scale + sensor.bias - bias) / scale
             if name in names:
                 state[index(name)] = level
         for name, letter in (("t_run", "drop"), ("theta", "T_c")):
@@ -139,22 +141,17 @@ class Twin:
             state[index("z_R")] = np.clip(net, -most, most) * (soft if soft > HARD else 1.0 / plant["sigma_0_FR"])
         return state
 
-    @property
-    def _logged(self) -> np.ndarray:
-        return self.log["current"]
+    @cached_property
+    def _asked(self) -> np.ndarray:
+        """What drove the rig (N,) [A] if the current's sensor is as believed."""
+        return undo_sensor(self.plant, self.log, "current")
 
     def _drive(self, values: Mapping[str, float]) -> np.ndarray:
-        """What was asked of the drive when this was logged."""
-        current = self._logged
-        dt = self.log.sample_time
-        delay, lag = values.get("delay.current", 0.0), values.get("filter.current", 0.0)
-        if delay:
-            index = np.arange(current.size)
-            current = np.interp(index + delay / dt, index, current)
-        if lag:
-            a = np.exp(-dt / lag)
-            current = np.concatenate([current[:1], (current[1:] - a * current[:-1]) / (1.0 - a)])
-        return current
+        """What drove the rig (N,) [A] when this was logged."""
+        if not any(values.get(f"{word}.current") for word in ("delay", "filter")):
+            return self._asked
+        believed = self._believed("current", values)
+        return undone(believed, self.log["current"], self.log.sample_time, held=True)
 
     def _sensed(self, states: np.ndarray, force: np.ndarray, values: Mapping[str, float]) -> dict[str, np.ndarray]:
         index, outputs = self.plant.structure.equations.index, self.plant.structure.system.outputs
@@ -165,15 +162,15 @@ class Twin:
         return out
 
     def _sensor(self, channel: str, signal: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
-        sensor, dt = self.plant.sensors[channel], self.log.sample_time
-        delay = sensor.delay + values.get(f"delay.{channel}", 0.0)
-        lag = sensor.filter + values.get(f"filter.{channel}", 0.0)
-        if lag > 0.0:
-            signal = first_order(signal, lag, dt)
-        if delay != 0.0:
-            index = np.arange(signal.size)
-            signal = np.interp(index - delay / dt, index, signal)
-        scale, bias = values.get(f"scale.{channel}", sensor.scale), values.get(f"bias.{channel}", sensor.bias)
-        if scale != 1.0:
-            signal = scale * signal
-        return signal + bias if bias != 0.0 else signal
+        return shown(self._believed(channel, values), signal, self.log.sample_time)
+
+    def _believed(self, channel: str, values: Mapping[str, float]) -> Sensor:
+        """A channel's sensor in a setting: delays and filters come on top of what the plant's has already."""
+        sensor = self.plant.sensors.get(channel) or Sensor(channel, "A")
+        return replace(
+            sensor,
+            scale=values.get(f"scale.{channel}", sensor.scale),
+            bias=values.get(f"bias.{channel}", sensor.bias),
+            delay=sensor.delay + values.get(f"delay.{channel}", 0.0),
+            filter=sensor.filter + values.get(f"filter.{channel}", 0.0),
+        )

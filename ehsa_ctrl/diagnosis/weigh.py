@@ -50,7 +50,7 @@ def weigh(
     most: float,
     threshold: float,
     gaps: Mapping[str, Mapping[str, float]],
-    expected: float = 0.74,
+    expected: float,
 ) -> Weighed:
     """Choose among hypotheses.
 

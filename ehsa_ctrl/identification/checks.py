@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.log import CHANNELS, Log
 from ..plant.plant import Plant
 from .clipping import clipped_drive, clipped_output, longest_run
@@ -49,6 +50,14 @@ def check_log(log: Log, plant: Plant) -> tuple[Finding, ...]:
     left out where nothing moves or where the run does not say enough. The prepared log may differ: check what was read.
     """
     return tuple(sorted(_findings(log, plant), key=lambda finding: finding.severity != "error"))
+
+
+def refuse(log: Log, findings: Iterable[Finding]) -> None:
+    """Raise InputError for the first finding that says the log is plainly wrong."""
+    for finding in findings:
+        if finding.severity == "error":
+            where = "" if str(log.path) in finding.sentence else f"{log.path or 'the log'}: "
+            raise InputError(where + finding.sentence)
 
 
 def _findings(log: Log, plant: Plant) -> Iterator[Finding]:

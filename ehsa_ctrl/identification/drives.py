@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.log import Log
 from ..physics.effects import EFFECTS
-from ..plant.plant import Plant
+from ..plant.plant import Plant, Sensor
 from ..simulation.sensors import filter_weights
 
 
@@ -18,22 +18,26 @@ def undo_sensor(plant: Plant, log: Log, channel: str) -> np.ndarray:
     Noise stays; undoing a filter makes more of it, some filter / sample time times as much. A held drive is what its
     filter needed to get from sample to sample, exactly; another signal is y + filter dy/dt by central differences.
     """
-    values = log[channel]
-    sensor = plant.sensors.get(channel)
+    sensor, system = plant.sensors.get(channel), plant.structure.system
     if sensor is None:
-        return values
-    late = sensor.delay / log.sample_time
+        return log[channel]
+    held = system.hold == "zero_order" and channel in system.drives.values()
+    return undone(sensor, log[channel], log.sample_time, held=held)
+
+
+def undone(sensor: Sensor, values: np.ndarray, sample_time: float, *, held: bool) -> np.ndarray:
+    """What a sensor saw when it showed these values (N,), see `undo_sensor`; held: a drive that holds its samples."""
+    late = sensor.delay / sample_time
     if late > 0.0:
         index = np.arange(values.size)
         values = np.interp(index + late, index, values)
     values = (values - sensor.bias) / sensor.scale
     if sensor.filter > 0.0:
-        system = plant.structure.system
-        if system.hold == "zero_order" and channel in system.drives.values():
-            a, b, _ = filter_weights(sensor.filter, log.sample_time, held=True)
+        if held:
+            a, b, _ = filter_weights(sensor.filter, sample_time, held=True)
             values = np.concatenate([values[:1], (values[1:] - a * values[:-1]) / b])
         else:
-            values = values + sensor.filter * np.gradient(values, log.sample_time)
+            values = values + sensor.filter * np.gradient(values, sample_time)
     return values
 
 

@@ -14,7 +14,7 @@ from ..core.log import Log
 from ..plant.arrays import needs
 from ..plant.plant import Plant
 from .balances import BalanceEstimate, estimate_by_balances, first_estimate
-from .checks import check_log
+from .checks import check_log, refuse
 from .estimator import Fit, Progress
 from .free import FreeParameter, free_parameters, with_values
 from .identification import Identification, Reach
@@ -87,10 +87,8 @@ def identify(
     parameters = free_parameters(plant, free=free, fix=fix, bounds=bounds, priors=priors)
     findings = [check_log(log, plant) for log in [*logs, *validate]]
     for log, found in zip([*logs, *validate], findings, strict=True):
-        errors = [finding for finding in found if finding.severity == "error"]
-        if check and errors:
-            where = "" if str(log.path) in errors[0].sentence else f"{log.path or 'the log'}: "
-            raise InputError(where + errors[0].sentence)
+        if check:
+            refuse(log, found)
     chosen = method or plant.estimation.method
     balances = _balances(plant, logs, parameters)
     if chosen == "balances" and balances is None:

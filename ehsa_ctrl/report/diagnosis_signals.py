@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -59,12 +58,6 @@ def models_shown(diagnosis: Diagnosis) -> list[str]:
     without = {"no_gap": ("refit", "with_effects", "upper_bound"), "effect": (), "ambiguous": ()}
     left_out = without.get(diagnosis.verdict, ("with_effects",))
     return [model for model in diagnosis.gap if model not in left_out]
-
-
-def held_out_from(diagnosis: Diagnosis) -> float | None:
-    """When the held-out part of the log begins [s]; None where a second log is held out."""
-    found = re.search(r"from (-?[\d.eE+-]+) s on$", diagnosis.held_out)
-    return float(found[1]) if found else None
 
 
 def traces(diagnosis: Diagnosis) -> list[Trace]:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.errors import InputError
+from ..core.kept import append_kept, read_kept
 
 
 @dataclass(frozen=True)
@@ -53,41 +53,22 @@ class Campaign:
         """
         if path is None:
             return cls(None)
-        if not path.exists():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps({"campaign": mark}) + "\n", encoding="utf-8")
-            return cls(path)
-        head, *lines = path.read_text(encoding="utf-8").split("\n")
-        try:
-            found = json.loads(head)["campaign"]
-        except (ValueError, KeyError, TypeError):
-            raise InputError(f"{path}: is no file of a Monte Carlo campaign; give another one") from None
-        if found != mark:
-            raise InputError(
-                f"{path}: holds runs of another campaign (scenario, plant, controller, uncertainty or seed differ); "
-                "give another folder, or --force to begin anew"
-            )
-        outcomes, whole = [], [head]
-        for number, line in enumerate(lines, 2):
-            if not line:
-                continue
-            try:
-                outcomes.append(_outcome(line))
-            except (ValueError, KeyError, TypeError):
-                if number <= len(lines):
-                    raise InputError(f"{path}: line {number} is no result of a run; mend or delete it") from None
-                continue
-            whole.append(line)
-        # Without what was cut off: the next result must not be joined to it.
-        path.write_text("\n".join(whole) + "\n", encoding="utf-8")
+        outcomes = read_kept(
+            path,
+            "campaign",
+            mark,
+            _outcome,
+            none="is no file of a Monte Carlo campaign; give another one",
+            other="holds runs of another campaign (scenario, plant, controller, uncertainty or seed differ); give "
+            "another folder, or --force to begin anew",
+            wrong="is no result of a run",
+        )
         return cls(path, tuple(outcomes))
 
     def append(self, outcomes: Iterable[Outcome]) -> None:
         """Add results to the file."""
-        if self.path is None:
-            return
-        with self.path.open("a", encoding="utf-8") as file:
-            file.writelines(_line(outcome) + "\n" for outcome in outcomes)
+        if self.path is not None:
+            append_kept(self.path, map(_line, outcomes))
 
 
 def _line(outcome: Outcome) -> str:

@@ -89,34 +89,6 @@ def test_the_second_log_is_held_against_the_first_ones_plant(plant, monkeypatch)
     assert told == [("before: pairs", 1, 2), ("after: pairs", 1, 2)]
 
 
-def test_a_sensors_error_is_taken_off_the_second_log(plant):
-    """Bias and scale of a channel that the first log shows: the second is what a good sensor would have shown."""
-    true, shown = log(), log()
-    shown.channels["p1"][:] = 1.2 * shown.channels["p1"] + 3e4
-    sensors = {**plant.sensors, "p1": replace(plant.sensors["p1"], scale=1.2, bias=3e4, delay=0.002)}
-    first = diagnosis(plant, values={"scale.p1": 1.2, "bias.p1": 3e4}, improved=replace(plant, sensors=sensors))
-
-    rig, corrected, channels = module._sensors_right(first, first.improved, shown)
-
-    assert channels == ("p1",)
-    np.testing.assert_allclose(corrected["p1"], true["p1"], rtol=1e-12)
-    np.testing.assert_array_equal(corrected["speed"], true["speed"])
-    assert rig.sensors["p1"] == replace(plant.sensors["p1"], delay=0.002)
-
-
-def test_a_late_or_filtered_current_is_brought_back():
-    """What drove the rig, from a log of it that lags by a first-order filter, and from one that is late."""
-    drive = np.sin(6.0 * TIME) + 0.3 * np.sin(20.0 * TIME)
-    a = np.exp(-DT / 0.01)
-    lagged = drive.copy()
-    for k in range(1, drive.size):
-        lagged[k] = a * lagged[k - 1] + (1.0 - a) * drive[k]
-
-    np.testing.assert_allclose(module._asked(lagged, {"filter.current": 0.01}, DT), drive, atol=1e-12)
-    late = np.concatenate([np.full(3, drive[0]), drive[:-3]])
-    np.testing.assert_allclose(module._asked(late, {"delay.current": 3 * DT}, DT)[:-3], drive[:-3], atol=1e-12)
-
-
 def test_what_is_said(plant):
     """Verdicts of the second log as changes."""
     first = diagnosis(plant, causes=("presliding",))

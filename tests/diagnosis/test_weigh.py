@@ -22,7 +22,7 @@ def hypothesis(evidence, *ids, gap=0.005, own=0.1, numbers=1, chi=0.86):
 
 def verdict(*judged, least=5000.0, most=60000.0):
     """Verdict of hypotheses, with the ids of the chosen one."""
-    found = weigh(judged, least, most, 0.03, GAPS)
+    found = weigh(judged, least, most, 0.03, GAPS, expected=0.74)
     return found.verdict, {id for id, _ in found.chosen.causes}, found
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.report.diagnosis_page import diagnosis_figures
-from ehsa_ctrl.report.diagnosis_signals import DETAIL, held_out_from
+from ehsa_ctrl.report.diagnosis_signals import DETAIL
 from ehsa_ctrl.report.figures import (
     candidates_figure,
     diagnosis_figure,
@@ -108,13 +108,13 @@ def test_gaps_stand_beside_their_signals():
 def test_the_held_out_part_is_shaded_where_it_is_of_this_log():
     """From its first sample to the end; a second log that is held out shades nothing."""
     made = diagnosis("effect")
-    other = replace(made, held_out="other.csv")
+    other = replace(made, held_out="other.csv", held_from=None)
 
     def spans(found):
         wholes, _ = columns(diagnosis_figure(found))
         return sorted(patch.get_x() for patch in wholes["speed"].patches)
 
-    assert held_out_from(made) == 1.6 and held_out_from(other) is None
+    assert made.held_from == 1.6 and other.held_from is None
     assert len(spans(made)) == 2 and 1.6 in spans(made)
     assert len(spans(other)) == 1
 

@@ -83,6 +83,23 @@ def fit(ax: Axes, signal: Signal) -> None:
     ax.set_ylim(middle - 0.56 * span, middle + 0.56 * span)
 
 
+def hold(ax: Axes, kept: Iterable[np.ndarray], before: np.ndarray | None) -> None:
+    """A range that holds all that is kept, and of a run before what is not far off."""
+    low, high = _ends(kept)
+    span = max(high - low, 1e-6 * max(abs(low), abs(high), 1e-300))
+    if before is not None:
+        lowest, highest = _ends([before])
+        low, high = max(min(low, lowest), low - span), min(max(high, highest), high + span)
+    span = high - low or span
+    ax.set_ylim(low - 0.06 * span, high + 0.06 * span)
+
+
+def _ends(signals: Iterable[np.ndarray]) -> tuple[float, float]:
+    values = np.concatenate(list(signals))
+    values = values[np.isfinite(values)]
+    return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+
+
 def legend(header: Axes, lines: Iterable[Artist]) -> None:
     """One legend for all panels, in the header: it covers nothing there."""
     handles = list(lines)

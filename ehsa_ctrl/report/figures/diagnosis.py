@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,7 +12,7 @@ from matplotlib.patches import Patch
 
 from ...diagnosis.diagnosis import Diagnosis
 from ..channel import name_of, shown
-from ..diagnosis_signals import Trace, after_model, after_words, held_out_from, traces, widest
+from ..diagnosis_signals import Trace, after_model, after_words, traces, widest
 from ..number import number
 from ..style import BLACK, BLUE, GREY, ROLES, style
 from . import _panels as panel
@@ -52,7 +50,7 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
             panel.draw(ax, log.time[samples], log["current"][samples] / drive.scale, DRIVE).set_rasterized(
                 ax is wholes[0] and len(log) > POINTS
             )
-            _fit(ax, [log["current"][samples] / drive.scale], None)
+            panel.hold(ax, [log["current"][samples] / drive.scale], None)
         wholes[0].set_ylabel(_two_lines(drive.label))
         lines: dict[str, Artist] = {}
         for trace, whole, detail in zip(rows, wholes[1:], details[1:], strict=True):
@@ -62,7 +60,7 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
                 linespacing=1.35,
             )  # fmt: skip
         start, stop = log.time[part][[0, -1]]
-        held = held_out_from(diagnosis)
+        held = diagnosis.held_from
         for ax in wholes:
             ax.axvspan(start, stop, **CLOSE)
             if held is not None:
@@ -94,7 +92,7 @@ def _draw(diagnosis: Diagnosis, trace: Trace, whole: Axes, detail: Axes, part: s
             artist = panel.draw(ax, diagnosis.log.time[samples], line, look)
             artist.set_rasterized(ax is whole and line.size > POINTS)
             drawn[role] = artist
-        _fit(ax, [values[role] for role in ("measured", "after") if role in values], values.get("before"))
+        panel.hold(ax, [values[role] for role in ("measured", "after") if role in values], values.get("before"))
     whole.set_ylabel(_two_lines(trace.how.label))
     return drawn
 
@@ -123,20 +121,3 @@ def _words(diagnosis: Diagnosis, trace: Trace) -> str:
 def percent(gap: float) -> str:
     """A gap in percent, two digits; a run that stopped has none."""
     return f"{number(float(f'{100.0 * gap:.2g}'))} %" if math.isfinite(gap) else "–"
-
-
-def _fit(ax: Axes, kept: list[np.ndarray], before: np.ndarray | None) -> None:
-    """A range that holds what was measured and the run afterwards, and of the one before what is not far off."""
-    low, high = _ends(kept)
-    span = max(high - low, 1e-6 * max(abs(low), abs(high), 1e-300))
-    if before is not None:
-        lowest, highest = _ends([before])
-        low, high = max(min(low, lowest), low - span), min(max(high, highest), high + span)
-    span = high - low or span
-    ax.set_ylim(low - 0.06 * span, high + 0.06 * span)
-
-
-def _ends(signals: Iterable[np.ndarray]) -> tuple[float, float]:
-    values = np.concatenate(list(signals))
-    values = values[np.isfinite(values)]
-    return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)

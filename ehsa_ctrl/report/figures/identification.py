@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -71,7 +70,9 @@ def identification_figure(identification: Identification, index: int = 0) -> Fig
                     line = panel.draw(ax, log.time[part], values[part], DRIVE if channel in drives else ROLES[role])
                     line.set_rasterized(ax is whole and len(log) > POINTS)
                     lines |= {} if channel in drives else {role: line}
-                _fit(ax, {role: values[part] for role, values in signals.items()})
+                shown_part = {role: values[part] for role, values in signals.items()}
+                kept = [shown_part[role] for role in ("measured", "after") if role in shown_part]
+                panel.hold(ax, kept, shown_part.get("before"))
             whole.set_ylabel("\n(".join(shown(channel).label.rsplit(" (", 1)))
             if channel in after.fit_percent:
                 _say(detail, before.fit_percent[channel], after.fit_percent[channel])
@@ -94,23 +95,6 @@ def _signals(channel: str, before: Replay, after: Replay) -> dict[str, np.ndarra
         if channel in run.fit_percent:
             found[role] = np.asarray(run.simulated[channel]) / scale
     return found
-
-
-def _fit(ax: Axes, signals: dict[str, np.ndarray]) -> None:
-    """A range that holds what was measured and the run afterwards, and of the one before what is not far off."""
-    low, high = _ends(signals[role] for role in ("measured", "after") if role in signals)
-    span = max(high - low, 1e-6 * max(abs(low), abs(high), 1e-300))
-    if "before" in signals:
-        lowest, highest = _ends([signals["before"]])
-        low, high = max(min(low, lowest), low - span), min(max(high, highest), high + span)
-    span = high - low or span
-    ax.set_ylim(low - 0.06 * span, high + 0.06 * span)
-
-
-def _ends(signals: Iterable[np.ndarray]) -> tuple[float, float]:
-    values = np.concatenate(list(signals))
-    values = values[np.isfinite(values)]
-    return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
 
 
 def _say(ax: Axes, before: float, after: float) -> None:

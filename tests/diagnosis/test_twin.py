@@ -1,0 +1,80 @@
+"""The engine of all effects: what a plant says of its sensors is no gap; a setting is what the plant would be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.diagnosis.twin import Twin, with_every_effect
+from ehsa_ctrl.plant.plant import Sensor
+
+#: Errors of sensors, by channel.
+WRONG = {
+    "current": {"scale": 1.1, "bias": 0.2, "filter": 0.006},
+    "p1": {"scale": 1.2, "bias": 3e4, "filter": 0.003},
+    "speed": {"delay": 0.008},
+}
+
+
+@pytest.fixture
+def rig(plant):
+    """A plant that moves against a spring, with sensors without noise."""
+    plant = plant.set(K_S=50e3)
+    quiet = {c: replace(s, noise=0.0, step=0.0) for c, s in plant.sensors.items()}
+    return replace(plant, sensors={"current": Sensor("current", "A"), **quiet})
+
+
+def wrong(plant):
+    """The plant with sensors that are known to be wrong."""
+    changed = {c: replace(plant.sensors[c], **errors) for c, errors in WRONG.items()}
+    return replace(plant, sensors={**plant.sensors, **changed})
+
+
+def record(rig):
+    time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=3.0, seed=1)
+    return ehsa_ctrl.record(rig, time, current, sensor_noise=False)[0]
+
+
+def worst(log, shown):
+    """The largest error of a channel over its spread."""
+    return max(float(np.max(np.abs(shown[c] - log[c])) / np.std(log[c])) for c in shown)
+
+
+def test_what_the_plant_says_of_its_sensors_is_believed(rig):
+    """Bias, scale, filter and delay of the current too: a free run shows what the log has."""
+    log = record(wrong(rig))
+
+    believing = Twin(with_every_effect(wrong(rig)), log).run([{}])[0]
+    unaware = Twin(with_every_effect(rig), log).run([{}])[0]
+
+    assert worst(log, believing) < 2e-3
+    assert worst(log, unaware) > 0.1
+
+
+def test_a_setting_of_a_sensor_is_a_sensor_of_the_plant(rig):
+    """To the last bit, with values that are set in the plant or tried on top of it."""
+    log = record(wrong(rig))
+    errors = {f"{word}.{c}": v for c, words in WRONG.items() if c != "current" for word, v in words.items()}
+    current = wrong(rig).sensors["current"]
+    rig = replace(rig, sensors={**rig.sensors, "current": replace(current, filter=0.0)})
+
+    stated = Twin(with_every_effect(wrong(rig)), log).run([{}])[0]
+    tried = Twin(with_every_effect(rig), log).run([{**errors, "filter.current": WRONG["current"]["filter"]}])[0]
+
+    for channel, values in stated.items():
+        np.testing.assert_array_equal(values, tried[channel])
+
+
+def test_a_start_in_motion_is_as_the_believed_sensors_give_it(rig):
+    """What a setting believes of a sensor moves the state that was read from it, and nothing else does."""
+    log = record(rig)
+    plant = with_every_effect(wrong(rig))
+    twin = Twin(plant, log, {"P_1": 2e6, "P_2": 1.9e6, "omega": 10.0})
+
+    def level(**values):
+        return twin._start(plant, values, log["current"])[plant.structure.equations.index("P_1")]
+
+    assert level() == pytest.approx(2e6, rel=1e-12)
+    assert level(**{"bias.p1": 4e4}) == pytest.approx((1.2 * 2e6 + 3e4 - 4e4) / 1.2, rel=1e-12)
+    assert level(**{"scale.p1": 1.0}) == pytest.approx(1.2 * 2e6, rel=1e-12)
