@@ -7,6 +7,8 @@
 # identify, doubt the result, and design on it. Everything here is also a command: `ehsa-ctrl compare`, `ehsa-ctrl
 # identify`, `ehsa-ctrl run`.
 #
+# This is the second of four notebooks; the plant and its equations are in `from_paper_to_model`.
+#
 # The bench is the virtual one. It drives the paper's actuator and adds the noise of the bench's sensors, that of the
 # current's sensor too. So there is a truth to hold the results against, which a real bench never shows; it is used for
 # that alone.
@@ -28,6 +30,9 @@ import pandas as pd
 import ehsa_ctrl as e
 from ehsa_ctrl.identification.sliding import sliding_linear
 from ehsa_ctrl.report.figures import correlation_figure, parameters_figure, residuals_figure
+from ehsa_ctrl.report.style import BLACK, BLUE, GREEN, PURPLE, RC, VERMILION
+
+plt.rcParams.update(RC)
 
 os.chdir(tempfile.mkdtemp())  # a folder of its own, as a project would have
 truth = e.load_plant("ehsa")
@@ -157,10 +162,10 @@ drift = e.replay(truth, noise).residual("position")
 sensor = e.replay(truth, acted).residual("position")
 
 figure, ax = plt.subplots(figsize=(8, 2.6), layout="constrained")
-ax.plot(noise.time, 1e6 * drift, ".", markersize=2, color="#d55e00", label="driven by the logged current")
-ax.plot(noise.time, 1e6 * sensor, ".", markersize=1, color="#555555", label="driven by the current that acted")
-ax.set(xlabel="time (s)", ylabel="position, measured\nless simulated (um)", xlim=(0, 20))
-ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False, markerscale=5)
+ax.plot(noise.time, 1e6 * drift, ".", markersize=2, color=VERMILION, label="driven by the logged current")
+ax.plot(noise.time, 1e6 * sensor, ".", markersize=1.2, color=BLACK, label="driven by the current that acted")
+ax.set(xlabel="time (s)", ylabel="position, measured\nless simulated (µm)", xlim=(0, 20))
+ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, markerscale=5)
 plt.show()
 print(f"rms {1e6 * drift.std():.0f} and {1e6 * sensor.std():.0f} um, largest {1e6 * abs(drift).max():.0f} um")
 
@@ -371,23 +376,30 @@ table = pd.DataFrame(rows).set_index(["scenario", "designed on"])
 table.round(1).map(lambda value: value if value == value else "")
 
 # %%
-figure, (position, current) = plt.subplots(2, 1, figsize=(8, 4.4), sharex=True, layout="constrained")
+figure, (position, current) = plt.subplots(2, 1, figsize=(8, 4.8), sharex=True, layout="constrained")
 looks = {
-    "Table 2": ("#0072b2", "-", 1.5),
-    "fitted, first half": ("#d55e00", "-", 0.8),
-    "fitted, second half": ("#8b3a74", (0, (4, 1.2)), 1.0),
-    "sliding": ("#009e73", (0, (2, 1)), 1.5),
+    "Table 2": (BLUE, "-", 1.8),
+    "fitted, first half": (VERMILION, "-", 0.8),
+    "fitted, second half": (PURPLE, (0, (4, 1.2)), 1.0),
+    "sliding": (GREEN, (0, (2, 1)), 1.5),
 }
 for name, (colour, dashes, width) in looks.items():
     loop = results[name, "steps_spring"].nonlinear
     run = loop.trajectory
     position.plot(run.time, 1e3 * run["x"], color=colour, linestyle=dashes, linewidth=width, label=name)
     current.plot(run.time, run["current"], color=colour, linewidth=0.8)
-position.plot(run.time, 1e3 * loop.reference[:, 0], color="black", linewidth=0.8, label="reference")
-position.set(ylabel="position (mm)", xlim=(0, 5))
-current.set(ylabel="current (A)", xlabel="time (s)")
-position.set_title("steps_spring; the controller is designed on", loc="left", fontsize=9)
-position.legend(frameon=False, fontsize=8)
+position.plot(
+    run.time, 1e3 * loop.reference[:, 0], color=BLACK, linewidth=0.9, linestyle=(0, (6, 3)), label="reference"
+)
+position.set(ylabel="position\n(mm)", xlim=(0, 5))
+current.set(ylabel="current\n(A)", xlabel="time (s)")
+position.legend(
+    title="steps_spring; the controller is designed on",
+    alignment="left",
+    ncols=5,
+    loc="lower left",
+    bbox_to_anchor=(-0.08, 1),
+)
 plt.show()
 
 # %% [markdown]
@@ -421,3 +433,14 @@ for line in difflib.unified_diff(before, after, "ehsa.toml", "identified.toml", 
 
 # %% [markdown]
 # It stands in a folder `plants/` of the project, so that it is found by its name: `ehsa-ctrl run --plant identified`.
+#
+# ## What to keep
+#
+# - Ask the log first whether it can be right. Then look at the line on the residuals, and only then at a table.
+# - A deviation is honest when the noise of the logged current is in the model. What trades with what stands in the figure of
+#   correlations.
+# - A ramp shows a threshold and identifies nothing. Let the rod move both ways, often.
+# - A linear model fitted to a log with dry friction is a compromise that depends on the log. Design on what slides.
+#
+# **Next:** [from_model_to_controller](from_model_to_controller.ipynb) designs PID, cascade, LQR and MPC, and sees what friction does to
+# them.

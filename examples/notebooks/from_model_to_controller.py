@@ -9,8 +9,10 @@
 #
 # The plant is the paper's actuator in `plants/ehsa.toml`. Its *linear* set is what controllers are designed on. Its
 # *nonlinear* set, with dry friction at shaft and rod that truly sticks, is what they are judged on; no controller sees it.
-# Everything here is a command, too: `ehsa-ctrl analyse`, `ehsa-ctrl design`, `ehsa-ctrl run`. The same steps without a
-# notebook, and without the lecture, are in `control_design.py` beside this file.
+# Everything here is a command, too: `ehsa-ctrl analyse`, `ehsa-ctrl design`, `ehsa-ctrl run`.
+#
+# This is the third of four notebooks; before it come `from_paper_to_model` and `from_log_to_plant`. The same steps without a notebook,
+# and without the lecture, are in `design_script.py` beside this file.
 
 # %%
 import os
@@ -28,14 +30,14 @@ import numpy as np
 import pandas as pd
 
 import ehsa_ctrl as e
-from ehsa_ctrl.design.review import Known
 from ehsa_ctrl.plant.motion_current import motion_current
 from ehsa_ctrl.report.figures import bode_figure, loop_figure, nyquist_figure, robustness_figure
+from ehsa_ctrl.report.style import BLACK, BLUE, GREEN, GREY, PURPLE, RC, VERMILION
 from ehsa_ctrl.scenario.hunting import hunting
 from ehsa_ctrl.simulation.sensors import Sensors
 
 os.chdir(tempfile.mkdtemp())  # a folder of its own, as a project would have
-BLUE, VERMILION, GREEN, PURPLE, GREY = "#0072b2", "#d55e00", "#009e73", "#8b3a74", "#777777"
+plt.rcParams.update(RC)
 
 # %% [markdown]
 # ## 1. The linear model
@@ -131,8 +133,8 @@ figure, axes = plt.subplots(len(holds), 1, figsize=(8, 5.0), sharex=True, sharey
 for ax, (name, run) in zip(axes, holds.items(), strict=True):
     ax.axhspan(-0.5e6 * quantum, 0.5e6 * quantum, color=GREEN, alpha=0.2, linewidth=0)
     ax.plot(run.trajectory.time, 1e6 * run.error, color=BLUE, linewidth=0.9)
-    ax.set(ylim=(-150, 150), xlim=(0, 60), ylabel="error (um)")
-    ax.set_title(name, loc="left", fontsize=9)
+    ax.set(ylim=(-150, 150), xlim=(0, 60), ylabel="error (µm)")
+    ax.set_title(name, loc="left")
 axes[-1].set_xlabel("time (s); the green band is as wide as the smallest slip")
 plt.show()
 
@@ -187,14 +189,14 @@ print(
 # on the shaft's speed, where much of the friction is, and the position around it.
 
 # %%
-noise = {channel: rig.sensors[channel].sd for channel in ("speed", "p1", "p2", "position", "force")}
+known = e.known_of(rig)  # the sensors' noise; and of friction, for section 8
 
 
 def designs(names):
     """Linear figures of controllers, and what steps_spring says of them."""
     rows, runs = {}, {}
     for name in names:
-        loop = e.analyse_loop(model, chosen[name], noise=noise)
+        loop = e.analyse_loop(model, chosen[name], noise=known.noise)
         runs[name] = e.run("steps_spring", controller=name)
         value = {metric: checked for metric, (_, checked) in runs[name].metrics.items()}
         rows[name] = {
@@ -259,7 +261,7 @@ rounded(table)
 
 # %%
 lqr = chosen["lqr_position"]
-loop = e.analyse_loop(model, lqr, noise=noise)
+loop = e.analyse_loop(model, lqr, noise=known.noise)
 regulator = [pole for pole in lqr.law.regulator.poles if abs(pole) > 1e-9]  # at 0: the memory of the current before
 apart = np.sort_complex(np.concatenate([regulator, lqr.law.kalman.poles]))
 assert np.allclose(np.sort_complex(loop.poles), apart, atol=1e-6)
@@ -280,7 +282,7 @@ assert text.count('current = "0.1 A"') == 1
 rows = {}
 for trust in ("0.01 A", "0.03 A", "0.1 A", "0.3 A", "1 A"):
     Path("tried.toml").write_text(text.replace('current = "0.1 A"', f'current = "{trust}"'))
-    tried = e.analyse_loop(model, e.load_controller("tried.toml", model), noise=noise)
+    tried = e.analyse_loop(model, e.load_controller("tried.toml", model), noise=known.noise)
     sine = e.run("slow_sine", controller="tried.toml")
     rows[trust] = {
         "Ms": tried.Ms,
@@ -308,9 +310,9 @@ opposes = np.where(v == 0.0, np.nan, rig["K_S"] * x + rig["A_FR"] * np.sign(v))
 sliding = np.abs(v) > 0.05
 assert np.median(np.abs(estimated - opposes)[sliding]) < 200.0
 figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.4), sharex=True, layout="constrained")
-top.plot(time, 1e3 * run.reference[:, 0], color=GREY, label="asked for")
+top.plot(time, 1e3 * run.reference[:, 0], color=BLACK, linestyle=(0, (6, 3)), label="asked for")
 top.plot(time, 1e3 * x, color=BLUE, label="rod")
-top.set(ylabel="position (mm)", xlim=(0, time[-1]))
+top.set(ylabel="position\n(mm)", xlim=(0, time[-1]))
 bottom.plot(time, 1e-3 * estimated, color=VERMILION, linewidth=0.8, label="estimated")
 bottom.plot(
     time,
@@ -320,9 +322,9 @@ bottom.plot(
     alpha=0.7,
     label="spring and Coulomb friction, while the rod slides",
 )
-bottom.set(ylabel="load (kN)", xlabel="time (s)")
+bottom.set(ylabel="load\n(kN)", xlabel="time (s)")
 for ax in (top, bottom):
-    ax.legend(frameon=False, fontsize=8, loc="upper right")
+    ax.legend(loc="upper right")
 plt.show()
 
 # %% [markdown]
@@ -408,23 +410,30 @@ assert all(moved(cured[name])["settled"] != "16 of 16" for name in ("+ trajector
 before_after.style.format({column: "{:.0f}" for column in before_after.columns if column != "settled"})
 
 # %%
-figure, (position, current) = plt.subplots(2, 1, figsize=(8, 4.6), sharex=True, layout="constrained")
-for name, colour in (("the law alone", VERMILION), ("+ forget", BLUE)):
+figure, (position, error, current) = plt.subplots(3, 1, figsize=(8, 6.0), sharex=True, layout="constrained")
+position.plot(
+    DT * np.arange(len(moves)), 1e3 * moves[:, 0], color=BLACK, linestyle=(0, (6, 3)), linewidth=1.0, label="target"
+)
+for name, label, colour, dashes in (
+    ("the law alone", "before", VERMILION, (0, (4, 1.2))),
+    ("+ forget", "with all four", BLUE, "-"),
+):
     run = cured[name]
-    label = "before" if name == "the law alone" else "with all four"
-    position.plot(run.trajectory.time, 1e3 * run.error, color=colour, linewidth=1.0, label=label)
+    position.plot(run.trajectory.time, 1e3 * run.trajectory["x"], color=colour, linestyle=dashes, label=label)
+    error.plot(run.trajectory.time, 1e6 * run.error, color=colour, linestyle=dashes)
     current.plot(run.trajectory.time, run.asked, color=colour, linewidth=0.7)
-position.axhspan(-0.1, 0.1, color=GREEN, alpha=0.2, linewidth=0, label="0.1 mm")
-position.set(ylabel="error (mm)", ylim=(-2, 2), xlim=(4.0, 14.0))
-current.set(ylabel="current (A)", xlabel="time (s)", ylim=(-4, 4))
-position.legend(frameon=False, fontsize=8, ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
+error.axhspan(-100, 100, color=GREEN, alpha=0.2, linewidth=0, label="0.1 mm")
+position.set(ylabel="position\n(mm)", xlim=(4.0, 14.0))
+error.set(ylabel="off the target\n(µm)", ylim=(-600, 600))
+current.set(ylabel="current\n(A)", xlabel="time (s)", ylim=(-4, 4))
+position.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
 plt.show()
 
 # %% [markdown]
 # No single stage does it. The law alone gets there, up to two seconds late, and hunts between the moves. Planned motion and
 # feed-forward alone make it worse: the integral, wound up against friction at rest, pushes the next motion, which then ends
 # outside the band. Freezing helps little by itself for the same reason. Once the integral forgets, every move ends in its
-# place and the rod rests. (Errors in the figure are those from the jump: a planned motion begins with the whole way.)
+# place and the rod rests. (In the figure's middle the scale is that of the end of a motion, 0.1 mm is green.)
 #
 # The other laws have shipped versions with the same cures. None of them needs to forget: the cascade's integral and the
 # filter's disturbances are fast enough to be right when a motion ends.
@@ -465,13 +474,13 @@ assert np.allclose(*small, atol=1e-6)
 assert bold["LQR"].trajectory["omega"].max() > 2 * allowed > 2 * bold["MPC"].trajectory["omega"].max()
 
 figure, axes = plt.subplots(3, 1, figsize=(8, 5.4), sharex=True, layout="constrained")
-for (name, run), colour in zip(bold.items(), (VERMILION, BLUE), strict=True):
+for (name, run), colour, dashes in zip(bold.items(), (VERMILION, BLUE), ((0, (4, 1.2)), "-"), strict=True):
     for ax, values in zip(axes, (1e3 * run.trajectory["x"], run.trajectory["omega"], run.asked), strict=True):
-        ax.plot(run.trajectory.time, values, color=colour, linewidth=1.1, label=name)
-axes[1].axhline(allowed, color=GREY, linestyle=(0, (3, 2)), label="limit of the pump")
-for ax, label in zip(axes, ("position (mm)", "shaft (rad/s)", "current (A)"), strict=True):
+        ax.plot(run.trajectory.time, values, color=colour, linestyle=dashes, label=name)
+axes[1].axhline(allowed, color=PURPLE, linestyle=(0, (8, 2, 2, 2)), label="limit of the pump")
+for ax, label in zip(axes, ("position\n(mm)", "shaft\n(rad/s)", "current\n(A)"), strict=True):
     ax.set(ylabel=label, xlim=(0, 0.8))
-axes[1].legend(frameon=False, fontsize=8)
+axes[1].legend(loc="upper right")
 axes[2].set_xlabel("time (s)")
 plt.show()
 for trip in bold["LQR"].trajectory.exceeded:
@@ -552,8 +561,7 @@ robustness_figure(robust["pid_tuned"])
 # it wants to know some facts of friction and noise.
 
 # %%
-known = Known(static=needed["static"], coulomb=needed["coulomb"], slip=quantum, reach=0.1, noise=noise)
-look = e.review(model, chosen["pid_tuned"], known=known, robust=robust["pid_tuned"])
+look = e.review(model, chosen["pid_tuned"], known=replace(known, slip=quantum), robust=robust["pid_tuned"])
 assert {"limit cycle of the integral", "worst Ms"} <= {finding.test for finding in look.warnings}
 look
 
@@ -663,4 +671,7 @@ table
 lqr_loop = e.analyse_loop(model, lqr)
 assert 1.0 < lqr_loop.delay_margin / DT < 2.0
 assert first.metrics["SettlingRatio"][1] > 8
-print(f"delay margin of lqr_position: {lqr_loop.delay_margin / DT:.1f} samples")
+print(f"delay margin of lqr_position: {1e3 * lqr_loop.delay_margin:.2f} ms, {lqr_loop.delay_margin / DT:.2f} samples")
+
+# %% [markdown]
+# **Next:** [from_gap_to_cause](from_gap_to_cause.ipynb). All of this was checked on a plant that is known. What if the rig does something else?

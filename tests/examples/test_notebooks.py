@@ -80,3 +80,16 @@ def test_a_notebook_is_its_source(path):
     stored = nbformat.read(path, as_version=4)
 
     assert [(c.cell_type, c.source) for c in stored.cells] == [(c.cell_type, c.source) for c in source.cells]
+
+
+def test_the_notebooks_lead_from_one_to_the_next():
+    """From the paper on, the last lines of each link to another one, all are reached, and the last leads back."""
+    names = {path.stem for path in NOTEBOOKS}
+    name, read = "from_paper_to_model", []
+
+    while name not in read:
+        read.append(name)
+        last = nbformat.read(EXAMPLES / f"{name}.ipynb", as_version=4).cells[-1].source
+        (name,) = re.findall(r"\]\((\w+)\.ipynb\)", last)
+
+    assert set(read) == names and name == "from_paper_to_model"
