@@ -129,15 +129,15 @@ where_figure(diagnosis)
 
 # %% [markdown]
 # The missing torque itself, over time and along what it follows best. The best is "the pressure difference, against the
-# motion", and that is already the effect in words, found without its name. Its panel is empty because what is against the
-# motion has no mean over both directions.
+# motion", and that is already the effect in words, found without its name: turned round with the motion it grows downwards, a
+# brake, the more the pump has to press.
 
 # %%
 unknown_inputs_figure(diagnosis)
 
 # %% [markdown]
-# So turn it round with the motion. This is what one would work with if no effect of the catalogue fitted: a curve to be
-# explained.
+# This is what one would work with if no effect of the catalogue fitted: a curve to be explained. Once more by hand, without the samples
+# near standstill, where friction takes what it needs, and with what only we know, the truth:
 
 # %%
 location = diagnosis.location
