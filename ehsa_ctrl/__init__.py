@@ -30,6 +30,8 @@ _WHERE = {
     "sensitivities": "simulation.sensitivity",
     "simulate_reference": "simulation.reference",
     "run_closed_loop": "simulation.closed_loop",
+    "SteppedRun": "simulation.stepped",
+    "export_fmu": "simulation.fmu.export",
     "record": "simulation.bench",
     "read_log": "core.log",
     "read_plant_log": "identification.record",

@@ -11,7 +11,21 @@ import sys
 import typer
 
 from ..core.errors import EhsaError
-from . import analyse, check, compare, design, diagnose, excite, export, identify, listing, montecarlo, run, simulate
+from . import (
+    analyse,
+    check,
+    compare,
+    design,
+    diagnose,
+    excite,
+    export,
+    fmu,
+    identify,
+    listing,
+    montecarlo,
+    run,
+    simulate,
+)
 
 EPILOG = """\
 Exit status: 0 done; 1 ran, but a scenario's limit failed; 2 the input was wrong, said in one sentence.
@@ -37,6 +51,7 @@ app.command("compare")(compare.command)
 app.command("identify")(identify.command)
 app.command("diagnose")(diagnose.command)
 app.command("export")(export.command)
+app.command("fmu")(fmu.command)
 app.command("list")(listing.command)
 app.command("check")(check.command)
 

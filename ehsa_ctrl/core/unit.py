@@ -48,6 +48,25 @@ def factor(unit: str, expected: str) -> float:
     return float(got.to(wanted).magnitude)
 
 
+#: SI base units by pint's names, and radians, which pint takes for a mere number.
+_BASES = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol", "candela": "cd"}
+
+
+@cache
+def base_units(unit: str) -> dict[str, float]:
+    """Exponents of the SI base units that an SI unit is made of, rad among them: "N m/rad" is kg 1, m 2, s -2, rad -1.
+
+    Raises InputError for an unknown unit and for one that is not SI, as bar.
+    """
+    quantity = _quantity(unit)
+    based = quantity.to_base_units()
+    if abs(float(based.magnitude) - 1.0) > 1e-12:
+        raise InputError(f"unit {unit!r} is no SI unit; one of it is {based:~}")
+    found = {_BASES[name]: float(power) for name, power in based.unit_items() if name in _BASES}
+    radians = dict(quantity.unit_items()).get("radian", 0)
+    return found | ({"rad": float(radians)} if radians else {})
+
+
 def parse(text: str, expected: str) -> float:
     """Turn "20 mm" into 0.02 for expected "m". A bare number is taken only where nothing has a unit ("1").
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.unit import factor, parse
+from ehsa_ctrl.core.unit import base_units, factor, parse
 
 
 @pytest.mark.parametrize(
@@ -53,3 +53,23 @@ def test_there_and_back(pair, number):
     unit, si = pair
 
     assert parse(f"{number!r} {unit}", si) / factor(unit, si) == pytest.approx(number, rel=1e-12, abs=1e-300)
+
+
+@pytest.mark.parametrize(
+    ("unit", "exponents"),
+    [
+        ("N m/A", {"kg": 1, "m": 2, "s": -2, "A": -1}),
+        ("m3/(Pa s)", {"m": 4, "kg": -1, "s": 1}),
+        ("N m s/rad", {"kg": 1, "m": 2, "s": -1, "rad": -1}),
+        ("m3/(s Pa^0.5)", {"m": 3.5, "kg": -0.5}),
+        ("1", {}),
+    ],
+)
+def test_an_si_unit_is_made_of_base_units(unit, exponents):
+    """By hand: Pa = kg/(m s2), N = kg m/s2; radians are kept."""
+    assert base_units(unit) == pytest.approx(exponents)
+
+
+def test_a_unit_beside_si_has_no_base_units():
+    with pytest.raises(InputError, match="'bar' is no SI unit; one of it is 100000"):
+        base_units("bar")

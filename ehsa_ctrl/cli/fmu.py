@@ -1,0 +1,65 @@
+"""`ehsa-ctrl fmu`: a plant for other simulation tools."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..core.errors import InputError
+from .options import Force, Json, Settings, read_pairs
+
+
+def command(
+    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.")],
+    out: Annotated[Path, typer.Option("--out", metavar="PATH", help="File ending in .fmu, or a folder for PLANT.fmu.")],
+    model: Annotated[str, typer.Option(help="linear or nonlinear.")] = "nonlinear",
+    settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
+    as_json: Json = False,
+    force: Force = False,
+) -> None:
+    """Write a plant as an FMU (FMI 2.0, co-simulation) for Simulink, Modelica tools, FMPy and the like.
+
+    Inputs are current (A) and F_D (N, force from outside on the rod), outputs speed, p1, p2, velocity, position, force
+    and whether shaft and rod stick: true signals, no sensors. Each letter of the plant is a parameter that can be set
+    before the run. The tool's steps may have any length; inputs are held over each, and sticking is exact inside.
+
+    The plant's files and its engine's equations are inside, Python is not: where the FMU runs there must be Python with
+    ehsa_ctrl, on 64-bit Windows or Linux. On Linux start a tool that is not Python with LD_PRELOAD=libpython3.X.so.
+    Writing it needs pythonfmu, which comes with the extra `fmu` of ehsa_ctrl.
+
+    Examples: ehsa-ctrl fmu ehsa --out rig.fmu · ehsa-ctrl fmu my/rig.toml --set load.stiffness=50e3 --out deploy
+    """
+    from ..plant.plant import load_plant
+    from ..simulation.fmu.export import export_fmu
+    from ..simulation.fmu.variables import variables_of
+    from .output import to_json, warn_unbelieved
+
+    if model not in ("linear", "nonlinear"):
+        raise InputError(f"--model {model!r}: expected linear or nonlinear")
+    believed = read_pairs(settings)
+    loaded = load_plant(plant, model=model, settings=believed)  # type: ignore[arg-type]
+    warn_unbelieved([loaded])
+    path = export_fmu(loaded, out if out.suffix == ".fmu" else out / f"{loaded.name}.fmu", force=force)
+    variables = variables_of(loaded)
+    if as_json:
+        result = {
+            "plant": plant,
+            "model": model,
+            "settings": believed,
+            "fmu": str(path),
+            "fmi": "2.0 co-simulation",
+            "step": loaded.sample_time,
+            "variables": [
+                {"name": v.name, "kind": v.kind, "unit": v.unit, "start": v.start, "meaning": v.meaning}
+                for v in variables
+            ],
+        }
+        print(to_json(result))
+        return
+    for word, kinds in (("inputs", ("input",)), ("outputs", ("output", "flag")), ("parameters", ("parameter",))):
+        named = [f"{v.name} ({v.unit})" if v.unit and word != "parameters" else v.name for v in variables]
+        kept = [name for name, v in zip(named, variables, strict=True) if v.kind in kinds]
+        print(f"{word:<10} {', '.join(kept)}")
+    print(f"written to {path}; try it with\n  fmpy simulate {path} --show-plot")

@@ -1,0 +1,87 @@
+"""What another tool sees of a plant: inputs, outputs and parameters by name, with unit, meaning and range."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite
+
+from ...plant.plant import Plant
+
+#: Inputs of the systems, with unit and meaning.
+INPUTS = {
+    "current": ("A", "motor current; positive extends the rod"),
+    "F_D": ("N", "force from outside, on top of the load's own; positive when it resists positive motion"),
+    "F_M": ("N", "drive force; positive moves the carriage forward"),
+    "v": ("m/s", "prescribed speed of the rod; positive extends"),
+}
+
+#: States by the name of the log's channel, as far as they have one, and what they are.
+CHANNELS = {
+    "omega": ("speed", "shaft speed omega"),
+    "P_1": ("p1", "pressure in chamber 1, gauge"),
+    "P_2": ("p2", "pressure in chamber 2, gauge"),
+    "v": ("velocity", "speed v; positive extends the rod"),
+    "x": ("position", "position x; positive extends the rod"),
+}
+
+#: Beyond this a bound or a value is no number for a tool, but a word for "none" or "never".
+ENDLESS = 1e29
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One of them; `signal` is its name in the equations, lower and upper are None where there is no bound."""
+
+    name: str
+    kind: str
+    unit: str
+    meaning: str
+    signal: str
+    start: float | None = None
+    lower: float | None = None
+    upper: float | None = None
+
+
+def variables_of(plant: Plant) -> tuple[Variable, ...]:
+    """Inputs, outputs, parameters, in this order; SI units.
+
+    Inputs and parameters have the letters of the equations, outputs the names of the channels of a log where they have
+    one; `shaft_sticks` and `rod_sticks` are true while friction holds. Outputs are what is, not what a sensor shows.
+
+    A parameter that is infinite ("never") is none of the FMU: a tool could not write it.
+    """
+    return (*_inputs(plant), *_outputs(plant), *_parameters(plant))
+
+
+def _inputs(plant: Plant) -> Iterator[Variable]:
+    for name in plant.structure.system.inputs:
+        unit, meaning = INPUTS.get(name, ("1", f"input {name} of the system"))
+        yield Variable(name, "input", unit, meaning, name, start=0.0)
+
+
+def _outputs(plant: Plant) -> Iterator[Variable]:
+    structure = plant.structure
+    own = {state.name for state in structure.system.states}
+    for state in structure.equations.states:
+        inner = "inner state of a friction law or an effect"
+        name, meaning = CHANNELS[state.name] if state.name in own else (state.name, inner)
+        yield Variable(name, "output", state.unit, meaning, state.name)
+    if structure.system.cell is not None:
+        meaning = "force in the load cell between rod and load, positive when it resists extension"
+        yield Variable("force", "output", "N", meaning, "F_cell")
+    for contact in structure.system.contacts:
+        if structure.law(contact).sticks:
+            meaning = f"the {contact.name} is at rest and held by friction"
+            yield Variable(f"{contact.name}_sticks", "flag", "", meaning, contact.name)
+
+
+def _parameters(plant: Plant) -> Iterator[Variable]:
+    for kind in plant.structure.equations.parameters:
+        believed = plant.parameters[kind.name]
+        if abs(believed.value) > ENDLESS or not isfinite(believed.value):
+            continue
+        source = f"{kind.meaning} ({believed.source})" if believed.source else kind.meaning
+        lower = kind.lower if abs(kind.lower) < ENDLESS else None
+        upper = kind.upper if abs(kind.upper) < ENDLESS else None
+        yield Variable(kind.name, "parameter", kind.unit, source, kind.name, believed.value, lower, upper)

@@ -1,0 +1,162 @@
+"""A run whose clock somebody else keeps: the plant on the engine of `simulate`, a step of any length at a time."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError, SimulationError
+from ..plant.plant import Plant
+from .compiled import engine
+from .engine import DONE, initial_carry, initial_modes, why_stopped
+
+#: Two instants that are this much of a step apart are the same one: sums of steps round.
+SAME = 1e-9
+
+
+class SteppedRun:
+    """A plant at one instant, that can be advanced; from rest unless told otherwise.
+
+    With steps of one sample it gives what `simulate` gives, to the last bit where the drive has no dead time: steps
+    keep what the engine remembers (its step length, whether a contact sticks), and inputs are held over a step.
+
+    Attributes
+    ----------
+    plant: as it is believed.
+    time: s since the start.
+    states: (n,) in the order of the structure's states, SI units.
+    modes: (contacts,) sliding direction, 0 while it sticks.
+    tolerance: as for `simulate`.
+    """
+
+    def __init__(self, plant: Plant, *, start: np.ndarray | None = None, tolerance: float = 1e-6) -> None:
+        if not 1e-13 <= tolerance <= 1e-1:
+            raise InputError(f"tolerance = {tolerance:g}; expected 1e-13 to 0.1")
+        first = plant.rest if start is None else np.asarray(start, dtype=float)
+        if first.shape != plant.rest.shape:
+            raise InputError(f"start has shape {first.shape}; the plant has {plant.rest.size} states")
+        self.plant, self.tolerance, self.time = plant, tolerance, 0.0
+        self._kernel = engine(plant.structure)
+        # The engine looks back over the samples of a run, of which a step has none: the dead time is kept here.
+        self._dead_time = 0.0 if plant.structure.delay is None else plant[plant.structure.delay]
+        late = {} if plant.structure.delay is None else {plant.structure.delay: 0.0}
+        values = {**plant.values, **late}
+        self._parameters = np.array([[values[name] for name in plant.structure.equations.parameter_names]])
+        self._states = np.array(first[None, :])
+        self._modes = initial_modes(plant, self._states)
+        self._carry = initial_carry(plant, 1, plant.sample_time)
+        self._extremes = np.stack([self._states, self._states], axis=1)
+        #: What the current will be: (seconds from now on, A), and what it is.
+        self._coming: list[tuple[float, float]] = []
+        self._acting: float | None = None
+
+    @property
+    def states(self) -> np.ndarray:
+        return self._states[0].copy()
+
+    @property
+    def modes(self) -> np.ndarray:
+        return self._modes[0].copy()
+
+    def advance(self, current: float, force: float, duration: float) -> None:
+        """Go on by `duration` [s] with the system's two inputs held: current [A] and outer force [N] for the EHSA.
+
+        Raises
+        ------
+        InputError: an input that is not finite, a duration that is negative.
+        SimulationError: the engine could not go on; says when and why. The run stays where it was before.
+        """
+        if not (np.isfinite(current) and np.isfinite(force)):
+            raise InputError(f"inputs are {current} and {force} at {self.time:g} s; both must be finite numbers")
+        if not 0.0 <= duration < float("inf"):
+            raise InputError(f"a step of {duration} s; expected 0 or more")
+        if duration == 0.0:
+            return
+        before = self.snapshot()
+        for length, acting in self._pieces(float(current), duration):
+            self._piece(acting, float(force), length, before)
+        self.time += duration
+
+    def _pieces(self, current: float, duration: float) -> list[tuple[float, float]]:
+        """(length, current that acts) of the parts of a step between changes of the late current."""
+        if self._dead_time == 0.0:
+            return [(duration, current)]
+        # As in `simulate`, the current was its first value ever since.
+        acting = current if self._acting is None else self._acting
+        coming = [*self._coming, (self._dead_time, current)]
+        pieces, done = [], 0.0
+        while coming and coming[0][0] < duration * (1.0 - SAME):
+            at, value = coming.pop(0)
+            if at > done + SAME * duration:
+                pieces.append((at - done, acting))
+                done = at
+            acting = value
+        pieces.append((duration - done, acting))
+        self._coming = [(at - duration, value) for at, value in coming]
+        self._acting = acting
+        return pieces
+
+    def _piece(self, current: float, force: float, duration: float, before: dict[str, Any]) -> None:
+        # A sample of the engine is at most one of the plant's: it counts the events in one.
+        parts = max(1, ceil(duration / self.plant.sample_time - 1e-6))
+        states, _, _, status = self._run(current, force, duration / parts, parts + 1)
+        if status != DONE:
+            ended = self.time + duration / parts * max(int(np.count_nonzero(np.isfinite(states[:, 0]))) - 1, 0)
+            self.restore(before)
+            raise SimulationError(why_stopped(self.plant.name, status, ended))
+
+    def _run(
+        self, current: float, force: float, dt: float, samples: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        """States, modes, force in the cell at each sample, and a status; the run is then at the last sample."""
+        states = np.full((1, samples, self._states.size), np.nan)
+        modes = np.zeros((1, samples, self._modes.size), dtype=np.int8)
+        cells, status = np.full((1, samples), np.nan), np.zeros(1, dtype=np.int64)
+        self._kernel.open_loop(
+            self._parameters,
+            self._states,
+            self._modes,
+            self._carry,
+            np.full(samples, current),
+            np.full(samples, force),
+            False,
+            dt,
+            self.tolerance,
+            states,
+            modes,
+            cells,
+            self._extremes,
+            status,
+        )
+        return states[0], modes[0], cells[0], int(status[0])
+
+    def cell_force(self, current: float, force: float) -> float:
+        """What a load cell between rod and load feels [N] at this instant under these inputs; 0 where there is none."""
+        acting = current if self._dead_time == 0.0 or self._acting is None else self._acting
+        return float(self._run(acting, force, self.plant.sample_time, 1)[2][0])
+
+    def sticks(self, contact: str) -> bool:
+        """Whether the contact, "shaft" or "rod", is at rest and held by friction."""
+        contacts = self.plant.structure.system.contacts
+        column = [c.name for c in contacts].index(contact)
+        return bool(self._modes[0, column] == 0 and self.plant.structure.law(contacts[column]).sticks)
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that the rest of the run depends on, as plain lists and numbers; `restore` takes it back."""
+        return {
+            "time": self.time,
+            "states": self._states[0].tolist(),
+            "modes": self._modes[0].tolist(),
+            "carry": self._carry[0].tolist(),
+            "coming": [list(change) for change in self._coming],
+            "acting": self._acting,
+        }
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Be where the run, or another one of the same plant, was when it gave this snapshot."""
+        self.time = float(snapshot["time"])
+        self._states[0], self._modes[0], self._carry[0] = snapshot["states"], snapshot["modes"], snapshot["carry"]
+        self._coming = [(float(at), float(value)) for at, value in snapshot["coming"]]
+        self._acting = snapshot["acting"]
