@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
+from .complete import models, plants, several_controllers
 from .options import Force, Json, Out, Settings, read_pairs
 
 if TYPE_CHECKING:
@@ -20,12 +21,20 @@ if TYPE_CHECKING:
 
 
 def command(
-    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.")],
+    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.", autocompletion=plants)],
     controller: Annotated[
-        str | None, typer.Option(metavar="A[,B]", help="Show the margins of the loop with these controllers.")
+        str | None,
+        typer.Option(
+            metavar="A[,B]",
+            help="Show the margins of the loop with these controllers.",
+            autocompletion=several_controllers,
+        ),
     ] = None,
     model: Annotated[
-        str, typer.Option(help="linear: the identified linear set; nonlinear: linearised while sliding.")
+        str,
+        typer.Option(
+            help="linear: the identified linear set; nonlinear: linearised while sliding.", autocompletion=models
+        ),
     ] = "linear",
     position: Annotated[
         str, typer.Option(help="Rod position of the operating point, m (nonlinear); several: each is tried.")

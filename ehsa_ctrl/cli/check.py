@@ -8,12 +8,15 @@ from typing import Annotated
 import typer
 
 from ..core.errors import InputError
+from .complete import plants
 from .options import Json
 
 
 def command(
     files: Annotated[list[Path] | None, typer.Argument(help="TOML files; by default the whole catalogue.")] = None,
-    plant: Annotated[str, typer.Option(help="Plant on whose linear model controllers are designed.")] = "ehsa",
+    plant: Annotated[
+        str, typer.Option(help="Plant on whose linear model controllers are designed.", autocompletion=plants)
+    ] = "ehsa",
     as_json: Json = False,
 ) -> None:
     """Validate plants, controllers and scenarios: units, ranges, names, what refers to what; design the controllers.

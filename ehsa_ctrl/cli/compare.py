@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError, SimulationError
+from .complete import models_or_both, plants
 from .options import (
     Align,
     First,
@@ -34,8 +35,12 @@ if TYPE_CHECKING:
 
 def command(
     log: Annotated[Path, typer.Argument(help="Measured log: CSV, Parquet or MAT.")],
-    plant: Annotated[str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.")],
-    model: Annotated[str, typer.Option(help="linear, nonlinear or both (what the plant has).")] = "both",
+    plant: Annotated[
+        str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.", autocompletion=plants)
+    ],
+    model: Annotated[
+        str, typer.Option(help="linear, nonlinear or both (what the plant has).", autocompletion=models_or_both)
+    ] = "both",
     settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
     start: First = None,
     stop: Last = None,

@@ -8,12 +8,18 @@ from typing import Annotated, Any
 import typer
 
 from ..core.errors import InputError
+from .complete import controller_kinds, controllers, plants
 from .options import Force, Json, Out, Settings, read_pairs
 
 
 def command(
-    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.")],
-    kind: Annotated[str, typer.Option(help="pid, cascade, scheduled_pid, lqr, mpc: what `kind` may be in a TOML.")],
+    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.", autocompletion=plants)],
+    kind: Annotated[
+        str,
+        typer.Option(
+            help="pid, cascade, scheduled_pid, lqr, mpc: what `kind` may be in a TOML.", autocompletion=controller_kinds
+        ),
+    ],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE.toml", help="The controller; printed without it.")
     ] = None,
@@ -38,7 +44,10 @@ def command(
     sample_time: Annotated[str, typer.Option(help="Of the loop, '4 ms'.")] = "",
     title: Annotated[str, typer.Option(help="What the controller is for.")] = "",
     base: Annotated[
-        str | None, typer.Option(metavar="C", help="Controller whose other keys it takes; else a shipped one.")
+        str | None,
+        typer.Option(
+            metavar="C", help="Controller whose other keys it takes; else a shipped one.", autocompletion=controllers
+        ),
     ] = None,
     freeze: Annotated[
         bool, typer.Option("--freeze", help="Write a pid's gains instead of what they were designed from.")

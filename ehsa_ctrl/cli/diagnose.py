@@ -7,19 +7,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .complete import controllers, models, plants, scenarios
 from .options import Force, Json, Out, Settings, read_pairs
 
 if TYPE_CHECKING:
     from ..diagnosis.changed import Change
     from ..diagnosis.diagnosis import Diagnosis
+    from ..diagnosis.next_experiment import Experiment
     from ..plant.plant import Plant
     from .closed_loop import Closed
 
 
 def command(
     logs: Annotated[list[Path], typer.Argument(help="Measured logs: CSV, Parquet or MAT.")],
-    plant: Annotated[str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.")],
-    model: Annotated[str, typer.Option(help="linear or nonlinear: which of its models is believed.")] = "nonlinear",
+    plant: Annotated[
+        str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.", autocompletion=plants)
+    ],
+    model: Annotated[
+        str, typer.Option(help="linear or nonlinear: which of its models is believed.", autocompletion=models)
+    ] = "nonlinear",
     validate: Annotated[
         Path | None, typer.Option(help="A second log to hold out; else the last third of the log is.")
     ] = None,
@@ -27,9 +33,12 @@ def command(
         Path | None, typer.Option(help="An earlier log of the same rig: say what changed since then.")
     ] = None,
     scenario: Annotated[
-        str | None, typer.Option(help="Run this scenario on the believed and on the improved plant.")
+        str | None,
+        typer.Option(help="Run this scenario on the believed and on the improved plant.", autocompletion=scenarios),
     ] = None,
-    controller: Annotated[str | None, typer.Option(help="With this one instead of the scenario's own.")] = None,
+    controller: Annotated[
+        str | None, typer.Option(help="With this one instead of the scenario's own.", autocompletion=controllers)
+    ] = None,
     replay: Annotated[
         bool, typer.Option("--replay", help="The log was recorded under that loop: state the closed-loop gap.")
     ] = False,
@@ -99,6 +108,8 @@ def command(
         _print_closed(closed)
     if out is not None:
         print(f"written to {out}")
+    for line in next_lines(found.experiment, out):
+        print(line)
 
 
 def _found(
@@ -183,6 +194,28 @@ def _print_closed(closed: Closed) -> None:
         )
 
 
+def write_next(out: Path, experiment: Experiment | None) -> None:
+    """The input of the proposed experiment, next_experiment.csv; what an earlier diagnosis left there goes."""
+    from ..diagnosis.next_experiment import FILE
+
+    (out / FILE).unlink(missing_ok=True)
+    if experiment is not None:
+        experiment.write(out / FILE)
+
+
+def next_lines(experiment: Experiment | None, out: Path | None) -> list[str]:
+    """What to call for the proposed experiment on the virtual bench."""
+    from ..diagnosis.next_experiment import FILE
+
+    if experiment is None:
+        return []
+    if out is not None:
+        return [f"next experiment: {out / FILE}; on the virtual bench", f"  {experiment.command_in(out)}"]
+    if FILE in experiment.command:
+        return [f"say --out DIR to have the next experiment's current as {FILE}"]
+    return ["next experiment on the virtual bench", f"  {experiment.command}"]
+
+
 def _write(out: Path, found: Diagnosis) -> None:
     """JSON, the improved plant, a table of causes and one of signals, figures and page."""
     import sys
@@ -194,6 +227,7 @@ def _write(out: Path, found: Diagnosis) -> None:
     from .output import to_json
 
     (out / "diagnosis.json").write_text(to_json(found.to_dict()) + "\n")
+    write_next(out, found.experiment)
     if found.improved is not None and found.plant.path is not None:
         write_plant(out / f"{found.plant.name}_improved.toml", found.improved)
     signals_table(found).to_csv(out / "signals.csv", index=False, float_format="%.7g")

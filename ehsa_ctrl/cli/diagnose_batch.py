@@ -70,7 +70,8 @@ def diagnose_batch(
     else:
         _print(batch, out)
     if batch.interrupted:
-        raise KeyboardInterrupt
+        kept = f"what was done is kept in {out}, and the same call goes on from there" if out is not None else ""
+        raise KeyboardInterrupt(kept)
     if len(batch.failed) == len(batch.rows):
         raise typer.Exit(2)
 

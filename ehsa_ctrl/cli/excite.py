@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.errors import InputError
+from .complete import models, plants, several_letters
 from .options import Force, Json, Out, Settings, names, read_pairs
 
 if TYPE_CHECKING:
@@ -16,13 +17,20 @@ if TYPE_CHECKING:
 
 
 def command(
-    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML: what is believed.")],
+    plant: Annotated[
+        str, typer.Argument(help="Name of a plant, or the path of its TOML: what is believed.", autocompletion=plants)
+    ],
     kind: Annotated[str, typer.Option(help="best, noise, multisine, steps, sine, chirp or ramp.")] = "best",
     duration: Annotated[float, typer.Option(metavar="S", help="Length of the experiment.")] = 20.0,
-    model: Annotated[str, typer.Option(help="linear or nonlinear.")] = "nonlinear",
+    model: Annotated[str, typer.Option(help="linear or nonlinear.", autocompletion=models)] = "nonlinear",
     settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
-    free: Annotated[str, typer.Option(metavar="K_T,beta", help="To be determined as well; also bias.p1.")] = "",
-    fix: Annotated[str, typer.Option(metavar="M", help="Not to be determined.")] = "",
+    free: Annotated[
+        str,
+        typer.Option(
+            metavar="K_T,beta", help="To be determined as well; also bias.p1.", autocompletion=several_letters
+        ),
+    ] = "",
+    fix: Annotated[str, typer.Option(metavar="M", help="Not to be determined.", autocompletion=several_letters)] = "",
     amplitude: Annotated[float | None, typer.Option(metavar="A", help="Most current; else what limits allow.")] = None,
     criterion: Annotated[str, typer.Option(help="worst (relative sd of a parameter) or D (volume).")] = "worst",
     margin: Annotated[float, typer.Option(metavar="SHARE", help="Of each limit that is left unused.")] = 0.15,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .complete import controllers, plants
 from .options import Force, Json, Settings, read_pairs
 
 if TYPE_CHECKING:
@@ -20,9 +21,13 @@ BLOWS = (0.0, 10e3, 20e3, 40e3)
 
 
 def command(
-    controller: Annotated[str, typer.Argument(help="Name of a controller, or the path of its TOML.")],
+    controller: Annotated[
+        str, typer.Argument(help="Name of a controller, or the path of its TOML.", autocompletion=controllers)
+    ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the C source, test vector and test.")],
-    plant: Annotated[str, typer.Option(help="Name of a plant, or the path of its TOML.")] = "ehsa",
+    plant: Annotated[
+        str, typer.Option(help="Name of a plant, or the path of its TOML.", autocompletion=plants)
+    ] = "ehsa",
     settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
     seed: Annotated[int, typer.Option(help="Of the test vector's sensor noise.", min=0)] = 0,
     as_json: Json = False,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
+from .complete import letters, models_or_both, plants, several_letters
 from .options import (
     Align,
     First,
@@ -34,20 +35,38 @@ if TYPE_CHECKING:
 
 def command(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Measured logs: CSV, Parquet or MAT.")],
-    plant: Annotated[str, typer.Option("--plant", help="Name of a plant, or the path of its TOML: start values.")],
-    model: Annotated[str, typer.Option(help="linear, nonlinear or both.")] = "nonlinear",
+    plant: Annotated[
+        str,
+        typer.Option("--plant", help="Name of a plant, or the path of its TOML: start values.", autocompletion=plants),
+    ],
+    model: Annotated[str, typer.Option(help="linear, nonlinear or both.", autocompletion=models_or_both)] = "nonlinear",
     validate: Annotated[
         list[Path], typer.Option("--validate", metavar="LOG", help="Log that is only scored. Repeatable.")
     ] = [],  # noqa: B006 - typer reads the default, nobody changes it
     settings: Settings = [],  # noqa: B006
-    free: Annotated[str, typer.Option(metavar="K_T,beta", help="Estimate these too; also bias.p1, delay.speed.")] = "",
-    fix: Annotated[str, typer.Option(metavar="M", help="Leave these as they are.")] = "",
+    free: Annotated[
+        str,
+        typer.Option(
+            metavar="K_T,beta", help="Estimate these too; also bias.p1, delay.speed.", autocompletion=several_letters
+        ),
+    ] = "",
+    fix: Annotated[
+        str, typer.Option(metavar="M", help="Leave these as they are.", autocompletion=several_letters)
+    ] = "",
     bounds: Annotated[
-        list[str], typer.Option("--bounds", metavar="KEY=LOW:HIGH", help="Keep a parameter between. Repeatable.")
+        list[str],
+        typer.Option(
+            "--bounds", metavar="KEY=LOW:HIGH", help="Keep a parameter between. Repeatable.", autocompletion=letters
+        ),
     ] = [],  # noqa: B006
     prior: Annotated[
         list[str],
-        typer.Option("--prior", metavar="KEY[=SD]", help="Hold a parameter with this sd (or the file's). Repeatable."),
+        typer.Option(
+            "--prior",
+            metavar="KEY[=SD]",
+            help="Hold a parameter with this sd (or the file's). Repeatable.",
+            autocompletion=letters,
+        ),
     ] = [],  # noqa: B006
     linear: Annotated[
         str, typer.Option(help="Linear set in the written plant: keep, or sliding (derived from the nonlinear one).")
@@ -60,7 +79,10 @@ def command(
     ] = None,
     starts: Annotated[int, typer.Option(help="At most so many starts.", min=1)] = 6,
     seed: Annotated[int, typer.Option(help="Of the drawn starts.", min=0)] = 0,
-    profiles: Annotated[str, typer.Option("--profile", metavar="KEYS", help="Profile these parameters too.")] = "",
+    profiles: Annotated[
+        str,
+        typer.Option("--profile", metavar="KEYS", help="Profile these parameters too.", autocompletion=several_letters),
+    ] = "",
     start: First = None,
     stop: Last = None,
     zero: Zero = "",

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ..core.errors import InputError, choices
+from .complete import kinds_of_list
 from .options import Json
 
 KINDS = ("plants", "controllers", "scenarios", "effects", "friction")
@@ -14,7 +15,8 @@ KINDS = ("plants", "controllers", "scenarios", "effects", "friction")
 
 def command(
     kind: Annotated[
-        str | None, typer.Argument(help="One of: " + ", ".join(KINDS) + "; all of them by default.")
+        str | None,
+        typer.Argument(help="One of: " + ", ".join(KINDS) + "; all of them by default.", autocompletion=kinds_of_list),
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
 
 from ..core.errors import EhsaError
 from . import (
@@ -23,18 +25,35 @@ from . import (
     identify,
     listing,
     montecarlo,
+    new,
     run,
     simulate,
 )
 
 EPILOG = """\
-Exit status: 0 done; 1 ran, but a scenario's limit failed; 2 the input was wrong, said in one sentence.
+Exit status: 0 done; 1 ran, but a scenario's limit failed; 2 the input was wrong, said in one sentence; 130 interrupted.
 
 Start with: ehsa-ctrl run
 """
 
+
+class Interrupted(Exception):  # noqa: N818 - Ctrl-C, not an error
+    """Ctrl-C; its text says what is kept."""
+
+
+class Commands(TyperGroup):
+    """typer would leave with status 130 and without a word."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as stopped:
+            raise Interrupted(str(stopped)) from None
+
+
 app = typer.Typer(
     name="ehsa-ctrl",
+    cls=Commands,
     help="Control design on an electro-hydrostatic actuator: from the identified linear model to a controller "
     "that is checked on the nonlinear plant with friction and a spring load.",
     epilog=EPILOG,
@@ -52,6 +71,7 @@ app.command("identify")(identify.command)
 app.command("diagnose")(diagnose.command)
 app.command("export")(export.command)
 app.command("fmu")(fmu.command)
+app.add_typer(new.app, name="new")
 app.command("list")(listing.command)
 app.command("check")(check.command)
 
@@ -63,7 +83,7 @@ def main() -> None:
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     try:
-        status = app(standalone_mode=False)
+        status = app(prog_name="ehsa-ctrl", standalone_mode=False)
     except EhsaError as error:
         print(f"ehsa-ctrl: {error}", file=sys.stderr)
         status = 2
@@ -76,13 +96,28 @@ def main() -> None:
     except MemoryError as error:
         print(f"ehsa-ctrl: out of memory ({error}); ask for fewer samples or runs", file=sys.stderr)
         status = 2
-    except (typer.Abort, KeyboardInterrupt):
-        print("ehsa-ctrl: interrupted", file=sys.stderr)
+    except (Interrupted, typer.Abort, KeyboardInterrupt) as stopped:
+        kept = f"; {stopped}" if str(stopped) else ""
+        print(f"ehsa-ctrl: interrupted{kept}", file=sys.stderr)
         status = 130
     except BrokenPipeError:
-        sys.stderr.close()
+        status = 0
+    except SystemExit as stopped:
+        # rich leaves with 1 where nobody reads on; to us that is a limit that failed.
+        status = stopped.code if isinstance(stopped.code, int) and stopped.code != 1 else 0
+    if not _flushed():
         status = 0
     sys.exit(status or 0)
+
+
+def _flushed() -> bool:
+    """Whether standard output was read to its end; if not (`| head`), Python is kept from complaining of it."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return False
+    return True
 
 
 if __name__ == "__main__":

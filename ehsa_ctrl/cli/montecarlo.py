@@ -8,18 +8,24 @@ from typing import Annotated
 import typer
 
 from ..core.errors import InputError
+from .complete import plants, scenarios, several_controllers
 from .options import Json
 
 
 def command(
-    scenario: Annotated[str, typer.Argument(help="Name or TOML file.")],
+    scenario: Annotated[str, typer.Argument(help="Name or TOML file.", autocompletion=scenarios)],
     controller: Annotated[
-        str | None, typer.Option(help="Run these instead, names or files separated by commas.")
+        str | None,
+        typer.Option(help="Run these instead, names or files separated by commas.", autocompletion=several_controllers),
     ] = None,
     runs: Annotated[int, typer.Option(help="How many, for each controller.", min=1)] = 1000,
     seed: Annotated[int, typer.Option(help="Of the draws.", min=0)] = 0,
-    plant: Annotated[str | None, typer.Option(help="Check on this plant instead of the scenario's.")] = None,
-    design: Annotated[str | None, typer.Option(help="Design on this plant's linear set.")] = None,
+    plant: Annotated[
+        str | None, typer.Option(help="Check on this plant instead of the scenario's.", autocompletion=plants)
+    ] = None,
+    design: Annotated[
+        str | None, typer.Option(help="Design on this plant's linear set.", autocompletion=plants)
+    ] = None,
     identification: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw from the covariance of this identification.json.")
     ] = None,
@@ -87,6 +93,6 @@ def command(
     else:
         print(f"written to {out}")
     if any(result.interrupted for result in found):
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt(f"the runs that were done are kept in {out}, and the same call goes on from them")
     if require is not None and any(result.interval(confidence)[0] < require for result in found):
         raise typer.Exit(1)

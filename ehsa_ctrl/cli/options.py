@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.errors import InputError
+from .complete import letters
 
 if TYPE_CHECKING:
     from ..identification.preparation import Preparation
@@ -18,6 +19,7 @@ Settings = Annotated[
         "--set",
         metavar="KEY=VALUE",
         help="Believe another value in this run: K_T=1.1, load.stiffness=50e3, M='20 kg'. Repeatable.",
+        autocompletion=letters,
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]

@@ -27,6 +27,16 @@ def prepare_folder(folder: Path, result: str, *, force: bool) -> Path:
     return folder
 
 
+def write_text(path: Path, text: str) -> Path:
+    """Write a file, with its folder. Raises InputError for one that can't be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: can't be written ({error.strerror})") from None
+    return path
+
+
 def plain(value: Any) -> Any:
     """A value as JSON knows it: numpy numbers and arrays become plain ones, nan and infinity null."""
     if isinstance(value, Mapping):

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.errors import InputError, SimulationError
+from .complete import plants, several_controllers
+from .complete import scenarios as scenario_names
 from .options import Force, Json
 
 if TYPE_CHECKING:
@@ -19,13 +21,22 @@ if TYPE_CHECKING:
 
 
 def command(
-    scenarios: Annotated[list[str] | None, typer.Argument(help="Names or TOML files; by default all of them.")] = None,
-    controller: Annotated[
-        str | None, typer.Option(help="Run these instead, names or files separated by commas.")
+    scenarios: Annotated[
+        list[str] | None,
+        typer.Argument(help="Names or TOML files; by default all of them.", autocompletion=scenario_names),
     ] = None,
-    plant: Annotated[str | None, typer.Option(help="Check on this plant instead of the scenario's.")] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(help="Run these instead, names or files separated by commas.", autocompletion=several_controllers),
+    ] = None,
+    plant: Annotated[
+        str | None, typer.Option(help="Check on this plant instead of the scenario's.", autocompletion=plants)
+    ] = None,
     design: Annotated[
-        str | None, typer.Option(help="Design on this plant's linear set; by default on that of the plant checked.")
+        str | None,
+        typer.Option(
+            help="Design on this plant's linear set; by default on that of the plant checked.", autocompletion=plants
+        ),
     ] = None,
     jobs: Annotated[int, typer.Option(help="Processes to use.", min=1)] = 1,
     out: Annotated[
@@ -69,8 +80,11 @@ def command(
     prepare_folder(out, "results.json", force=force)
     _remove_old(out)
     todo = [(name, other) for name in names for other in chosen]
-    with compiling():
-        results = list(_run_all(todo, plant, design, jobs))
+    try:
+        with compiling():
+            results = list(_run_all(todo, plant, design, jobs))
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("results are written when all scenarios are done; nothing is kept") from None
     for sentence in dict.fromkeys(sentence for result in results for sentence in result.plant.unbelieved):
         warn(sentence)
     if update_baselines:

@@ -8,23 +8,26 @@ from typing import Annotated
 import typer
 
 from ..core.errors import InputError
+from .complete import excitations, models, plants
 from .options import Force, Json, Settings, read_pairs
 
 
 def command(
-    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.")],
+    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.", autocompletion=plants)],
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder for log.csv, simulation.json and the figure.")
     ],
     input_file: Annotated[
         Path | None, typer.Option("--input", metavar="CSV", help="Current to apply: columns t, current.")
     ] = None,
-    excitation: Annotated[str | None, typer.Option(help="noise, steps, sine, ramp, chirp or multisine.")] = None,
+    excitation: Annotated[
+        str | None, typer.Option(help="noise, steps, sine, ramp, chirp or multisine.", autocompletion=excitations)
+    ] = None,
     amplitude: Annotated[float, typer.Option(help="Of the excitation, A.")] = 1.5,
     duration: Annotated[float, typer.Option(help="Of the excitation, s.")] = 10.0,
     centre: Annotated[bool, typer.Option("--centre", help="Add a slow loop that keeps the rod in its stroke.")] = False,
     seed: Annotated[int, typer.Option(help="Of noise and excitation.", min=0)] = 0,
-    model: Annotated[str, typer.Option(help="linear or nonlinear.")] = "nonlinear",
+    model: Annotated[str, typer.Option(help="linear or nonlinear.", autocompletion=models)] = "nonlinear",
     settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
     no_noise: Annotated[bool, typer.Option("--no-noise", help="Log without sensor noise.")] = False,
     as_json: Json = False,

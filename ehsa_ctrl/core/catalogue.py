@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from .definition import read_toml
 from .errors import InputError, choices
 
 KINDS = ("plants", "controllers", "scenarios")
@@ -22,6 +21,11 @@ def shipped_folder(kind: str) -> Path:
     """The folder that came with the package: inside the wheel, or beside the package in a checkout."""
     inside = _PACKAGE / "catalogue" / kind
     return inside if inside.is_dir() else _PACKAGE.parent / kind
+
+
+def shipped(kind: str) -> dict[str, Path]:
+    """Name and file of what came with the package, whatever the user's own folder has."""
+    return {path.stem: path for path in sorted(shipped_folder(kind).glob("*.toml"))}
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,8 @@ class Catalogue(Mapping[str, Path]):
 
     def titles(self) -> dict[str, str]:
         """Name and title of every definition."""
+        from .definition import read_toml
+
         return {name: str(read_toml(self[name]).get("title", "")) for name in self}
 
     def __repr__(self) -> str:

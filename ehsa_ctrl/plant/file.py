@@ -53,7 +53,13 @@ assert Source.__args__ == SOURCES  # type: ignore[attr-defined]
 
 
 class Quantity(Definition):
-    """A number as a plant states it: value, unit, where it comes from, how well it is known."""
+    """A number as a plant states it: with its unit, where it comes from, and how well it is known.
+
+    value: in the unit beside it. unit: any that converts.
+    source: where it comes from. note: a reference or a reason.
+    sd: one standard deviation, in the same unit; montecarlo and analyse --draws draw from it.
+    bounds: [least, most] in which the value is believed, in the same unit; drawn evenly between where there is no sd.
+    """
 
     value: float
     unit: str
@@ -93,7 +99,11 @@ class Quantity(Definition):
 
 
 class SensorFile(Definition):
-    """White noise (one sd), converter step, first-order filter, delay, scale and bias of one channel; absent: none."""
+    """[sensors.CHANNEL]: one sensor of the bench; what is left out is not there.
+
+    noise: white, one standard deviation. step: of the converter. filter: time constant, first order.
+    delay: how late it shows what it measures. scale: reading over truth, 1 is right. bias: added to every reading.
+    """
 
     noise: Quantity | None = None
     step: Quantity | None = None
@@ -106,6 +116,8 @@ class SensorFile(Definition):
 class EstimationFile(Definition):
     """How `identify` estimates a model: by its simulation or by its balances, and how those are filtered.
 
+    method: what is held against the log. balances: how their derivatives are had.
+    width: of the windows of weak balances. cutoff, parallel: of the filters of filtered balances.
     beside: whether, with balances, the simulation is tried as well; not where it lacks what the machine does.
     """
 
@@ -118,7 +130,15 @@ class EstimationFile(Definition):
 
 
 class ModelFile(Definition):
-    """Structure and identified parameters of one model of the plant; `free` is what `identify` estimates."""
+    """Structure and identified parameters of one model of the plant.
+
+    shaft_friction, rod_friction: friction law (ehsa-ctrl list friction); none where the system has no such contact.
+    chambers: form of the chamber volumes.
+    effects: what real rigs do beyond the equations, by name (ehsa-ctrl list effects); a parameter of an effect that
+        is not given in [parameters] has its typical value.
+    free: what `identify` estimates; left out, every parameter whose source is "identified".
+    [estimation]: how `identify` works. [parameters]: those of this model alone.
+    """
 
     shaft_friction: str | None = None
     rod_friction: str | None = None
@@ -130,7 +150,10 @@ class ModelFile(Definition):
 
 
 class ColumnFile(Definition):
-    """Where somebody else's logs keep a channel: SI value = scale * column + offset."""
+    """Where somebody else's logs keep a channel: SI value = scale * column + offset.
+
+    column: its name in the file. scale: a negative one turns the direction. offset: in SI units.
+    """
 
     column: str
     scale: float = 1.0
@@ -138,11 +161,26 @@ class ColumnFile(Definition):
 
 
 class SamplingFile(Definition):
+    """[sampling]: how often the bench measures.
+
+    period: from sample to sample.
+    """
+
     period: Quantity
 
 
 class PlantFile(Definition):
-    """A plant's TOML."""
+    """A plant's TOML.
+
+    schema: version of this form. title: one line for lists and tables. note: where the numbers come from.
+    system: which equations.
+    [parameters]: letters that both models share; forces and pressures are positive as in the equations.
+    [linear], [nonlinear]: the two models; a plant may have one of them.
+    [load]: at the rod; forces are positive when they resist extension, what is left out is not there.
+    [limits]: watched in every run; one that is passed is a trip. [sampling]: of the bench.
+    [sensors]: of the bench, by channel; one that is left out is perfect.
+    [log]: where this rig's own logs keep a channel; one that is left out has its own name and SI units.
+    """
 
     schema_version: Literal[1] = Field(alias="schema")
     title: str

@@ -34,8 +34,8 @@ FOLDER = "baselines"
 class BaselineTolerances(Definition):
     """A scenario's [baseline]: how far a run may be from the recorded one.
 
-    time: earlier or later. position, speed, pressure (its difference): half heights of the tubes. share: of a metric's
-    recorded value, on top of the least difference that is looked at (see Metric.floor).
+    time: earlier or later. position, speed, pressure (its difference): half heights of the tubes.
+    share: of a metric's recorded value, on top of the least difference that is looked at.
     """
 
     time: Second = 0.012

@@ -19,7 +19,10 @@ from .spread import Spread
 
 
 class ForceStep(Definition):
-    """A force on the rod from `start`, for `duration` (to the end by default); positive when it resists extension."""
+    """[[disturbance]]: a force step on the rod, as many as there are tables.
+
+    force: positive when it resists extension. start: when it begins. duration: left out, to the end of the run.
+    """
 
     force: Newton
     start: Second
@@ -33,7 +36,10 @@ class ForceStep(Definition):
 
 
 class OtherSensor(Definition):
-    """A sensor that differs from the plant's in this scenario: noise (one sd), converter step, delay."""
+    """A sensor that differs from the plant's in this scenario; what is left out is as in the plant.
+
+    noise: one standard deviation. step: of the converter. delay: how late it shows what it measures.
+    """
 
     noise: str | None = None
     step: str | None = None
@@ -41,9 +47,10 @@ class OtherSensor(Definition):
 
 
 class Measuring(Definition):
-    """The plant's sensors, with or without noise, the seed of that, and the samples from measurement to current.
+    """[sensors]: the plant's sensors, and what is different about them in this scenario.
 
-    A table of a channel's name changes that sensor for the scenario.
+    noise: whether they are noisy. seed: of that noise. lag: whole samples from a measurement to the current from it.
+    [speed], [p1], [p2], [position], [force]: one sensor that differs from the plant's.
     """
 
     noise: bool = True
@@ -77,14 +84,34 @@ class Measuring(Definition):
 
 
 class Limit(Definition):
-    """Bounds of a metric on the nonlinear plant, in the metric's SI unit after reading."""
+    """Bounds of a metric on the nonlinear plant, in the metric's SI unit after reading.
+
+    max: at most. min: at least.
+    """
 
     max: float | None = None
     min: float | None = None
 
 
 class ScenarioFile(Definition):
-    """A scenario's TOML."""
+    """A scenario's TOML.
+
+    schema: version of this form. title: one line for lists and tables.
+    why: in one sentence, what this scenario protects against.
+    plant: name of a plant, or a path from this file's folder; it is checked on its nonlinear model.
+    controller: name of a controller, or a path from this file's folder; it is designed on the plant's linear model.
+    duration: of the run, 0.05 s to an hour.
+    [load]: at the rod; forces are positive when they resist extension, what is left out is as in the plant.
+    [settings]: what is believed of the plant here, by the letters of its parameters.
+    [reference]: where the rod is to be; positive extends it, 0 is mid-stroke.
+    [[disturbance]]: force steps on the rod. [sensors]: what is different about the sensors.
+    [[fault]]: what goes wrong. [supervision]: what is taken for possible; beyond it the loop stops.
+    [limits]: of any metric on the nonlinear plant; one that is not kept makes the scenario fail.
+    expect_trips: limits of the plant that must be passed here; any other trip makes the scenario fail.
+    [baseline]: how far a run may be from the recorded one.
+    [spread]: what `montecarlo` draws beyond what the plant's file gives with sd or bounds: one standard deviation
+        ("10 %") or a range of two values.
+    """
 
     schema_version: Literal[1] = Field(alias="schema")
     title: str

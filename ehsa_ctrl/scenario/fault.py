@@ -18,7 +18,10 @@ assert Channel.__args__ == MEASURED  # type: ignore[attr-defined]
 
 
 class _Fault(Definition):
-    """From `start`, for `duration` (to the end by default)."""
+    """What goes wrong for a while.
+
+    kind: what it is. start: when it begins. duration: left out, to the end of the run.
+    """
 
     start: Second
     duration: Second = float("inf")
@@ -31,21 +34,30 @@ class _Fault(Definition):
 
 
 class StuckSensor(_Fault):
-    """A sensor that goes on giving its last value."""
+    """A sensor that goes on giving its last value.
+
+    channel: of the sensor.
+    """
 
     kind: Literal["stuck"]
     channel: Channel
 
 
 class LostSensor(_Fault):
-    """A sensor that gives nothing: its samples are lost."""
+    """A sensor that gives nothing; its samples are lost.
+
+    channel: of the sensor.
+    """
 
     kind: Literal["lost"]
     channel: Channel
 
 
 class CurrentLimit(_Fault):
-    """A drive that gives no more than `current`, whatever it is asked for."""
+    """A drive that gives no more than a current, whatever it is asked for.
+
+    current: that much, to either side.
+    """
 
     kind: Literal["current_limit"]
     current: Ampere
@@ -73,9 +85,10 @@ def faults_of(listed: list[StuckSensor | LostSensor | CurrentLimit]) -> Faults:
 class Supervising(Definition):
     """A scenario's [supervision]: what is taken for possible; beyond it the loop stops and its current is zero.
 
-    lost: how long a reading may be lost. position, speed: largest size. pressure_min, pressure_max: range of both.
-    contradiction: largest difference of the rod's position and what the shaft's speed makes of it, forgotten over
-    memory_time.
+    lost: how long a reading may be lost. position, speed: largest size, of the rod's position and the shaft's speed.
+    pressure_min, pressure_max: range of both pressures.
+    contradiction: largest difference of the rod's position and what the shaft's speed makes of it.
+    memory_time: over which that difference is forgotten.
     """
 
     lost: Second = 0.04

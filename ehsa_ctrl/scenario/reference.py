@@ -18,7 +18,10 @@ MetrePerSecond2 = Annotated[float, In("m/s2")]
 
 
 class Steps(Definition):
-    """Jumps to `positions` at `times`; zero before the first."""
+    """Jumps; zero before the first.
+
+    kind: how the target moves. times: when it jumps. positions: to where, one a time.
+    """
 
     kind: Literal["steps"]
     times: list[Second]
@@ -51,9 +54,12 @@ class Steps(Definition):
 
 
 class Moves(Definition):
-    """Smooth moves to `positions`, each beginning at its time and taking `durations`: quintic, from rest to rest.
+    """Smooth moves, quintic, from rest to rest.
 
-    s(t) = 10 t^3 - 15 t^4 + 6 t^5: speed and acceleration start and end at zero.
+    s(t) = 10 t^3 - 15 t^4 + 6 t^5, so that speed and acceleration start and end at zero.
+
+    kind: how the target moves. times: when each begins. positions: to where, one a time.
+    durations: how long each takes; it ends before the next.
     """
 
     kind: Literal["moves"]
@@ -95,7 +101,10 @@ class Moves(Definition):
 
 
 class Sine(Definition):
-    """amplitude sin(2 pi frequency (t - start)), at zero before."""
+    """amplitude sin(2 pi frequency (t - start)), at zero before.
+
+    kind: how the target moves. amplitude: its peak. frequency: of the sine. start: when it begins.
+    """
 
     kind: Literal["sine"]
     amplitude: Metre
@@ -124,7 +133,10 @@ class Sine(Definition):
 
 
 class Ramp(Definition):
-    """From zero at `start` to `position` at constant `velocity`, held there; speed jumps at both ends."""
+    """From zero to a position at constant speed, held there; the speed jumps at both ends.
+
+    kind: how the target moves. position: where it ends. velocity: its size, greater than 0. start: when it begins.
+    """
 
     kind: Literal["ramp"]
     position: Metre
@@ -158,9 +170,12 @@ class Ramp(Definition):
 
 
 class Trapezoid(Definition):
-    """Moves to `positions`, each beginning at its time, under a largest velocity and acceleration.
+    """Moves under a largest velocity and acceleration.
 
     Speed rises at constant acceleration, is held, and falls likewise; a short move has no held part.
+
+    kind: how the target moves. times: when each begins. positions: to where, one a time.
+    velocity, acceleration: largest size.
     """
 
     kind: Literal["trapezoid"]
@@ -224,7 +239,9 @@ class File(Definition):
     """A trajectory from a CSV: t [s], position [m] and, where it has them, velocity [m/s] and acceleration [m/s2].
 
     Between its rows positions lie on lines, and so do given speeds and accelerations; a speed that is not given is the
-    slope of the position. The last position is held. The path is looked for from the scenario's own folder.
+    slope of the position. The last position is held.
+
+    kind: how the target moves. file: path of the CSV, from the scenario's own folder. start: when its time 0 is.
     """
 
     kind: Literal["file"]

@@ -17,7 +17,9 @@ from ..stages.trajectory import Trajectory
 class ControllerFile(Definition):
     """What every controller's TOML may have; a kind adds its own keys.
 
-    sample_time: of the loop. current_limit: largest current that it asks for.
+    schema: version of this form. kind: of the feedback law.
+    title: one line for lists and tables. note: what a reader should know.
+    sample_time: of the loop. current_limit: largest current that it asks for, to either side.
     [trajectory], [feedforward], [rest], [dither]: stages around the feedback law; each is off where it is left out.
     """
 

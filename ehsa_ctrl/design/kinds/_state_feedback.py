@@ -47,7 +47,7 @@ class Weights(Definition):
 
 
 class Observer(Definition):
-    """[observer]: standard deviations for the Kalman filter, see design.kalman.Noise.
+    """[observer]: standard deviations for the Kalman filter.
 
     speed, pressure, position: of the sensors. current: white, at the motor; larger trusts the model less.
     friction, load, leak: by how much each disturbance may wander in one second.
@@ -74,6 +74,7 @@ class StateFeedbackFile(ControllerFile):
 
     offset_free: "disturbance" estimates friction, load and leakage and pays for them; "integral" integrates the
         position's error; "none" leaves the error that a load makes.
+    [weights]: what deviations cost. [observer]: of the Kalman filter.
     """
 
     offset_free: Literal["disturbance", "integral", "none"] = "disturbance"

@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 
 
 class SpeedLoop(Definition):
-    """[speed]: crossover and phase margin of the inner loop alone."""
+    """[speed]: the inner loop, PI on the shaft's speed.
+
+    crossover: frequency at which the gain of this loop alone is 1; three to five times that of the position's.
+    phase_margin: there.
+    """
 
     crossover: RadianPerSecond
     phase_margin: Radian
@@ -43,7 +47,10 @@ class PositionLoop(Definition):
 
 
 class CascadeFile(ControllerFile):
-    """A cascade's TOML."""
+    """A cascade's TOML.
+
+    [speed], [position]: the inner and the outer loop.
+    """
 
     kind: Literal["cascade"]
     speed: SpeedLoop

@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 
 
 class MpcLimits(Definition):
-    """[limits] beside current_limit.
+    """[limits] beside current_limit; one that is left out does not hold.
 
     current_rate: of the current; always kept.
     speed (of the shaft), pressure (difference p1 - p2), stroke (of the rod, to either side of 0): soft, because a rod
         that already is too fast can't keep them; passing one by its own size costs `penalty` times
         as much as being 0.1 m off the target.
+    penalty: for passing a soft limit, see there.
     """
 
     current_rate: AmperePerSecond | None = None
@@ -47,7 +48,7 @@ class Solver(Definition):
     """[solver]: which, and when a sample is given up.
 
     name: daqp or osqp. iteration_limit: per sample, in iterations of an active-set method.
-    deadline: left out, a solution is waited for and a run can be repeated to the last bit.
+    deadline: time that a sample may take; left out, a solution is waited for and a run can be repeated to the last bit.
     """
 
     name: str = "daqp"
@@ -63,10 +64,10 @@ class Solver(Definition):
 
 
 class MpcFile(StateFeedbackFile):
-    """An MPC's TOML: the keys of every state feedback and
+    """An MPC's TOML: the keys of every state feedback, a horizon, limits and a solver.
 
-    horizon: samples that are planned ahead.
-    [limits], [solver]: see there.
+    horizon: samples that are planned ahead; long enough for the hydraulic mode to decay.
+    [limits]: of speed, pressure, stroke and the current's rate. [solver]: of the quadratic programme.
     """
 
     kind: Literal["mpc"]

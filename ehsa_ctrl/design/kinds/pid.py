@@ -24,10 +24,11 @@ Weight = Annotated[float, Field(ge=0, le=1)]
 class PidLoopFile(ControllerFile):
     """What all PID controllers' TOML have.
 
-    reference_weight (b), derivative_reference_weight (c): share of the reference in the proportional and the
-        derivative part.
+    reference_weight: b, share of the reference in the proportional part; below 1 takes overshoot away.
+    derivative_reference_weight: c, share of the reference's speed in the derivative part.
     anti_windup: what keeps the integral from running away while the current is limited: back_calculation draws it back
         with the time constant tracking_time, conditional keeps it from going further into the limit, none lets it run.
+    tracking_time: of back_calculation; left out, sqrt(T_i T_d), or T_i without a derivative.
     """
 
     reference_weight: Weight = 1.0
@@ -75,7 +76,10 @@ class PidLoopFile(ControllerFile):
 
 
 class PidFile(PidLoopFile):
-    """A PID's TOML: one of [design] (crossover and phase margin), [tuning] (optimised), [gains] (given)."""
+    """A PID's TOML: one of [design] (crossover and phase margin), [tuning] (optimised), [gains] (given).
+
+    [design], [tuning], [gains]: exactly one of these three.
+    """
 
     kind: Literal["pid"]
     design: PidDesign | None = None

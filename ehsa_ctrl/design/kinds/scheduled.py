@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class Point(Definition):
     """[[schedule.points]]: a value of the variable, and either the gains there or how the linear model differs.
 
-    at: with the variable's unit ("5 bar").
+    at: with the variable's unit ("5 bar"). [gains]: there, instead of a design.
     stiffness, mass: of the load, on top of the model's. bulk_modulus: share of the model's.
     """
 
@@ -43,10 +43,12 @@ class Point(Definition):
 
 
 class Schedule(Definition):
-    """[schedule].
+    """[schedule]: over what the gains change, and the points between which they are interpolated.
 
     variable: position, level (mean of both pressures) or load (the load cell's force).
     filter_time: of the variable. nominal: value at which margins are judged, the middle point by default.
+    [[points]]: two or more, rising.
+    [[points]]: two or more, rising.
     """
 
     variable: Literal["position", "level", "load"]
@@ -75,7 +77,10 @@ class Schedule(Definition):
 
 
 class ScheduledFile(PidLoopFile):
-    """A scheduled PID's TOML: the [schedule], and [design] or [tuning] for points that have no gains of their own."""
+    """A scheduled PID's TOML: the [schedule], and [design] or [tuning] for points that have no gains of their own.
+
+    [schedule]: of the gains. [design], [tuning]: exactly one of these where points have no gains of their own.
+    """
 
     kind: Literal["scheduled_pid"]
     schedule: Schedule

@@ -41,11 +41,16 @@ def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings:
 
 
 class Feedforward(Definition):
-    """A controller's [feedforward]: numbers of the law above; what is left out is zero.
+    """A controller's [feedforward]: numbers of a model over its torque constant; what is left out is zero.
 
-    static: at the start of a motion, at least `coulomb`, which is its default. load: current per measured force,
-    filtered with force_time; it carries what the rod works against before the integral has to learn it. As it comes
-    from a measurement it is a feedback: with a load that depends on the position it takes part in the margins.
+    inertia, viscous, stiffness: current per planned acceleration, speed and position.
+    preload: constant current, positive where a constant load resists extension.
+    coulomb: current against friction while it moves. stribeck: speed over which it falls from static to coulomb.
+    static: at the start of a motion, at least `coulomb`, which is its default.
+    load: current per measured force, filtered with force_time; it carries what the rod works against before the
+        integral has to learn it. As it comes from a measurement it is a feedback: with a load that depends on the
+        position it takes part in the margins.
+    force_time: time constant of that filter.
     """
 
     inertia: Annotated[float, In("A s2/m")] = 0.0

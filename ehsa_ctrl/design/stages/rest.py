@@ -102,7 +102,11 @@ def knock(memory: np.ndarray, settings: np.ndarray) -> None:
 
 
 class Knocker(Definition):
-    """[rest.knocker]: pulses towards the target, from `first` up by `growth` to `largest`, each `width` long."""
+    """[rest.knocker]: short pulses towards the target until a rod that rests outside the band slips.
+
+    first: height of the first pulse. growth: by how much each next one is higher. largest: height at most.
+    width: how long a pulse is. period: from pulse to pulse.
+    """
 
     first: Ampere
     growth: Ampere
@@ -120,12 +124,14 @@ class Knocker(Definition):
 
 
 class Rest(Definition):
-    """A controller's [rest].
+    """A controller's [rest]: near its target the rod is left where friction holds it.
 
-    band: error within which a resting rod is left alone; release: beyond it again not (1.5 times the band by default).
+    band: error within which a resting rod is left alone.
+    release: error beyond which it is not any more; left out, 1.5 times the band.
     speed: of the shaft, below which it rests. filter_time: of error and speed for that decision. patience: time after
     the end of the planned motion before a rest is believed. forget: when the next motion begins, the integral goes back
     to where the last one ended: what it wound up against friction would push the new motion.
+    [knocker]: pulses that end a rest outside the band.
     """
 
     band: Metre
@@ -146,7 +152,10 @@ class Rest(Definition):
 
 
 class Dither(Definition):
-    """A controller's [dither]: a sine on top of the current."""
+    """A controller's [dither]: a sine on top of the current.
+
+    amplitude: its peak. frequency: below half the sample rate.
+    """
 
     amplitude: Ampere
     frequency: Hertz

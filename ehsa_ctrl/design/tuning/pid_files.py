@@ -22,10 +22,12 @@ FORMS = {"parallel": ("k_p", "k_i", "k_d"), "standard": ("K", "T_i", "T_d"), "se
 
 
 class PidGains(Definition):
-    """[gains]: given gains instead of a design.
+    """[gains]: given gains instead of a design, all of them positive; what is left out is not there.
 
-    form: parallel (k_p, k_i, k_d), standard or series (K, T_i, T_d), see design.pid_forms. T_f: time constant of the
-    derivative's filter. What is left out is not there.
+    form: parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d.
+    k_p, k_i, k_d: current per error, per its integral and per its rate.
+    K: current per error. T_i: of the integral. T_d: of the derivative.
+    T_f: time constant of the derivative's filter.
     """
 
     form: Literal["parallel", "standard", "series"] = "parallel"

@@ -39,10 +39,11 @@ class Tuning(Definition):
     """A controller's [tuning]: what is minimised, and what the loop, broken at the current, must keep.
 
     minimise: IE (integrated error of a load step, 1 / k_i), IAE or ITAE (integral of the absolute error, for ITAE
-    times time) of the response to a step of `response`: load (a current from outside) or reference.
+        times time) of the response to a step.
+    response: a step of what: load (a current from outside) or reference.
     terms: of the controller.
-    Ms, Mt: largest |S| and |T|. disk_margin: at least this. noise_gain: largest RMS current per RMS of white position
-    noise. crossover: at least this.
+    Ms, Mt: largest |S| and |T|. disk_margin: at least this.
+    noise_gain: largest RMS current per RMS of white position noise. crossover: at least this.
     lag: whole samples between measurement and current.
     """
 

@@ -1,0 +1,183 @@
+"""`ehsa-ctrl new`: a commented TOML of one's own, in the folder where it is found by name."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..core.errors import InputError
+from .complete import controller_kinds, controllers, plants, reference_kinds, scenarios
+from .options import Force, Json
+
+if TYPE_CHECKING:
+    from ..core.catalogue import Catalogue
+
+app = typer.Typer(
+    help="Write a commented TOML of your own: plant, controller or scenario.\n\n"
+    "Examples: ehsa-ctrl new plant rig · ehsa-ctrl new controller mine --kind lqr · ehsa-ctrl new scenario press "
+    "--kind moves --plant rig --controller mine",
+    no_args_is_help=True,
+)
+
+Name = Annotated[
+    str | None, typer.Argument(metavar="[NAME]", help="Of the file, without ending; else my_ and what it begins as.")
+]
+
+
+@app.command("plant")
+def plant(
+    name: Name = None,
+    base: Annotated[
+        str, typer.Option("--from", metavar="PLANT", help="The plant that it begins as.", autocompletion=plants)
+    ] = "ehsa",
+    as_json: Json = False,
+    force: Force = False,
+) -> None:
+    """Write ./plants/NAME.toml: every parameter with unit, meaning, range; sensors, limits, effects, columns of logs.
+
+    Examples: ehsa-ctrl new plant rig · ehsa-ctrl new plant axis --from emps
+    """
+    from ..core.catalogue import plants as catalogue
+    from .template.plant import next_commands, plant_toml
+
+    stem = _stem(name, catalogue, base)
+    _write(
+        catalogue, stem, base, lambda: plant_toml(base, stem), next_commands(base, stem), as_json=as_json, force=force
+    )
+
+
+@app.command("controller")
+def controller(
+    name: Name = None,
+    kind: Annotated[
+        str | None, typer.Option(help="pid, scheduled_pid, cascade, lqr or mpc.", autocompletion=controller_kinds)
+    ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option(
+            "--from", metavar="CONTROLLER", help="The controller that it begins as.", autocompletion=controllers
+        ),
+    ] = None,
+    as_json: Json = False,
+    force: Force = False,
+) -> None:
+    """Write ./controllers/NAME.toml: every key of its kind with unit and meaning, what can be added switched off.
+
+    Examples: ehsa-ctrl new controller mine --kind pid · ehsa-ctrl new controller calm --from lqr_friction
+    """
+    from ..core.catalogue import controllers as catalogue
+    from ..design.tuning.specification import begin
+    from .template.controller import controller_base, controller_toml, next_commands
+
+    if kind is not None:
+        begin(kind, base)
+    chosen = base or controller_base(kind or "pid")
+    stem = _stem(name, catalogue, kind or chosen)
+    _write(
+        catalogue,
+        stem,
+        chosen,
+        lambda: controller_toml(chosen, stem),
+        next_commands(stem),
+        as_json=as_json,
+        force=force,
+    )
+
+
+@app.command("scenario")
+def scenario(
+    name: Name = None,
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the reference: steps, moves, ramp, sine, trapezoid or file.", autocompletion=reference_kinds
+        ),
+    ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option("--from", metavar="SCENARIO", help="The scenario that it begins as.", autocompletion=scenarios),
+    ] = None,
+    plant: Annotated[
+        str | None, typer.Option(help="Its plant; else that of what it begins as.", autocompletion=plants)
+    ] = None,
+    controller: Annotated[
+        str | None, typer.Option(help="Its controller; else that of what it begins as.", autocompletion=controllers)
+    ] = None,
+    as_json: Json = False,
+    force: Force = False,
+) -> None:
+    """Write ./scenarios/NAME.toml: reference, load, faults, sensors and a limit on any metric, each with its meaning.
+
+    Examples: ehsa-ctrl new scenario mine · ehsa-ctrl new scenario press --kind moves --plant rig --controller mine ·
+    ehsa-ctrl new scenario lost --from fault_lost_position
+    """
+    from ..core.catalogue import controllers as known_controllers
+    from ..core.catalogue import plants as known_plants
+    from ..core.catalogue import scenarios as catalogue
+    from .template.scenario import base_of, next_commands, reference_of, scenario_toml, trajectory
+
+    if kind is not None and base is not None and reference_of(base) != kind:
+        raise InputError(f"--kind {kind}: {base} has a reference of the kind {reference_of(base)!r}; give one of both")
+    chosen = base or base_of(kind or "steps")
+    stem = _stem(name, catalogue, kind or chosen)
+    for known, given in ((known_plants, plant), (known_controllers, controller)):
+        if given is not None:
+            known.find(given)
+    source = trajectory(chosen)
+    beside = []
+    if source is not None:
+        target = Path("scenarios") / source[0]
+        beside.append((source[1], target))
+    _write(
+        catalogue, stem, chosen, lambda: scenario_toml(chosen, stem, plant=plant, controller=controller),
+        next_commands(stem), as_json=as_json, force=force, beside=beside,
+    )  # fmt: skip
+
+
+def _stem(name: str | None, catalogue: Catalogue, base: str) -> str:
+    """The file's name. Raises InputError for one that is a path or could not be given to a command."""
+    stem = f"my_{Path(base).stem}" if name is None else name.removesuffix(".toml")
+    if not re.fullmatch(r"\w[\w-]*", stem):
+        raise InputError(
+            f"{name!r} is no name; give letters, digits, _ and -, without a folder: it is written to {catalogue.kind}/"
+        )
+    return stem
+
+
+def _write(
+    catalogue: Catalogue,
+    stem: str,
+    base: str,
+    text: Callable[[], str],
+    following: list[str],
+    *,
+    as_json: bool,
+    force: bool,
+    beside: list[tuple[Path, Path]] | None = None,
+) -> None:
+    """Write the file, and what goes beside it, and say what to do next."""
+    from .output import to_json, warn, write_text
+
+    path = Path(catalogue.kind) / f"{stem}.toml"
+    if path.exists() and not force:
+        raise InputError(f"{path}: is there already; choose another name or say --force")
+    shadowed = stem in catalogue and catalogue[stem].resolve() != path.resolve()
+    content = text()
+    write_text(path, content)
+    for source, target in beside or []:
+        if not target.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, target)
+    if shadowed:
+        warn(f"{stem} is also the name of a shipped {catalogue.kind[:-1]}, which is no longer found from this folder")
+    if as_json:
+        files = [str(path), *(str(target) for _, target in beside or [])]
+        print(to_json({"written": files, "from": base, "next": following}))
+        return
+    print(f"written to {path}, begun as {base}; edit it, then")
+    print("\n".join(f"  {line}" for line in following))

@@ -1,0 +1,56 @@
+"""How the command line ends where nobody reads on, and where it is interrupted."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+CALL = [sys.executable, "-c", "from ehsa_ctrl.cli.main import main; main()"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes as a Unix shell has them")
+@pytest.mark.parametrize(
+    "arguments", [("list", "plants"), ("list", "effects", "--json"), ("--help",), ("new", "plant")]
+)
+def test_a_reader_that_leaves_is_no_failure(tmp_path, arguments):
+    """As `| head -1` does: status 0, not the 1 of a limit that failed, and nothing on standard error."""
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([*CALL, *arguments], cwd=tmp_path, stdout=write, stderr=subprocess.PIPE, check=False)
+    os.close(write)
+
+    assert done.returncode == 0
+    assert done.stderr == b""
+
+
+def test_colour_is_for_terminals_alone(tmp_path):
+    """No escape sequence in a file or a pipe."""
+    for arguments in (["list", "plants"], ["--help"], ["new", "plant"], ["run", "no_such"]):
+        done = subprocess.run([*CALL, *arguments], cwd=tmp_path, capture_output=True, check=False)
+        assert b"\x1b" not in done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="SIGINT as Ctrl-C sends it")
+def test_an_interrupted_campaign_says_what_is_kept_and_goes_on(tmp_path):
+    """Ctrl-C after some runs: status 130, one sentence; the same call does the rest and ends as if nothing had been."""
+    call = [*CALL, "montecarlo", "spread_steps", "--runs", "400", "--out", "mc"]
+    file = tmp_path / "mc" / "spread_steps.jsonl"
+    with subprocess.Popen(call, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        while not (file.is_file() and len(file.read_text().splitlines()) > 5):
+            assert running.poll() is None
+            time.sleep(0.02)
+        running.send_signal(signal.SIGINT)
+        _, err = running.communicate(timeout=120)
+        first = len(file.read_text().splitlines()) - 1
+
+    assert running.returncode == 130
+    assert err.strip().splitlines()[-1].startswith("ehsa-ctrl: interrupted; the runs that were done are kept in mc")
+    assert "Traceback" not in err
+    assert first < 400
+    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert len(file.read_text().splitlines()) == 401
