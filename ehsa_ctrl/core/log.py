@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -95,6 +95,23 @@ class Log:
     def sample_time(self) -> float:
         return float((self.time[-1] - self.time[0]) / (self.time.size - 1))
 
+    def __str__(self) -> str:
+        lines = [
+            f"{self.path.name if self.path else 'a log'}: {len(self)} samples from {self.time[0]:g} to "
+            f"{self.time[-1]:g} s, {1 / self.sample_time:.6g} Hz"
+        ]
+        for name, values in self.channels.items():
+            unit = CHANNELS[name].unit if name in CHANNELS else ""
+            lines.append(f"  {name:<16} {values.min():>12.5g} to {values.max():>12.5g} {unit}".rstrip())
+        return "\n".join([*lines, *([f"  missing: {', '.join(self.missing)}"] if self.missing else [])])
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
     def segment(self, start: float | None = None, stop: float | None = None, *, shortest: int = 2) -> Log:
         """The samples from `start` to `stop` [s, the log's own time], both included; None is the log's own end.
 
@@ -125,9 +142,37 @@ class Log:
 
         return pandas.DataFrame({"t": self.time, **self.channels})
 
-    def write(self, path: Path) -> None:
-        """Write as CSV in the format of a measured log."""
-        table = self.to_pandas()
+    @classmethod
+    def from_pandas(
+        cls, frame: pandas.DataFrame, required: Sequence[str] = (), *, columns: Mapping[str, Column] | None = None
+    ) -> Log:
+        """A log out of a table in memory: time in a column t or in the index, channels by name, SI units.
+
+        Arguments and errors are those of `read_log`; the first row of data is row 1.
+        """
+        from .table import table_of
+
+        return _log("the table", table_of(frame, time="t" if columns is None else ""), required, columns)
+
+    def write(self, path: str | Path) -> None:
+        """Write in the format of a measured log: .parquet, .mat (version 5), else CSV with the sensors' decimals.
+
+        Raises InputError for Parquet without pyarrow.
+        """
+        path, table = Path(path), self.to_pandas()
+        if path.suffix.lower() == ".mat":
+            from scipy.io import savemat
+
+            savemat(path, {name: table[name].to_numpy() for name in table.columns})
+            return
+        if path.suffix.lower() in (".parquet", ".pq"):
+            try:
+                table.to_parquet(path, index=False)
+            except ImportError:
+                raise InputError(
+                    f'{path}: writing Parquet needs pyarrow; install it with pip install "ehsa_ctrl[parquet]"'
+                ) from None
+            return
         for name in table.columns:
             table[name] = table[name].round(CHANNELS[name].decimals if name in CHANNELS else 9)
         table.to_csv(path, index=False)
@@ -160,7 +205,18 @@ def read_log(
     from .table import read_table
 
     path = Path(path)
-    table = read_table(path)
+    log = _log(path, read_table(path), required, columns, shortest, uniform)
+    return replace(log, path=path)
+
+
+def _log(
+    path: Path | str,
+    table: Table,
+    required: Sequence[str],
+    columns: Mapping[str, Column] | None,
+    shortest: int = 2,
+    uniform: bool = True,
+) -> Log:
     places = _places(table, dict(columns or {}))
     for channel in ("t", *required):
         if channel not in places:
@@ -172,7 +228,7 @@ def read_log(
     values = {channel: at.scale * table.numbers(at.column) + at.offset for channel, at in places.items()}
     time = values.pop("t")
     check_time(path, time, uniform=uniform, first_row=table.first_row)
-    return Log(time, values, path)
+    return Log(time, values)
 
 
 def _places(table: Table, mapped: Mapping[str, Column]) -> dict[str, Column]:

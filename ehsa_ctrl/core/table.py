@@ -74,6 +74,16 @@ def read_table(path: Path) -> Table:
     return table
 
 
+def table_of(frame: pandas.DataFrame, *, time: str = "") -> Table:
+    """A table in memory as if it were a file's; a named index becomes a column, an unnamed one too, called `time`,
+    where there is no such column and its steps are no mere row numbers."""
+    if frame.index.name is not None:
+        frame = frame.reset_index()
+    elif time and time not in frame.columns and not isinstance(frame.index, pandas.RangeIndex):
+        frame = frame.rename_axis(time).reset_index()
+    return _from_frame(Path("the table"), frame)
+
+
 def _csv(path: Path) -> Table:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:

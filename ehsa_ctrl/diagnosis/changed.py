@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
 from ..core.log import Log
@@ -15,6 +15,9 @@ from .fit import Bench, Metric, Nominal, refit
 from .held_out import whole
 from .improved import improved
 from .twin import with_every_effect
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,10 @@ class Change:
                 "brought": self.brought,
             },
         }
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a cause of what the second log shows, as of `Diagnosis`."""
+        return self.after.to_pandas()
 
     def __str__(self) -> str:
         return f"{self.sentence}\n{self.after}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from .free import FreeParameter, free_parameters
 from .identify import size_of
 from .uncertainty import POOR, Estimate, Uncertainty, estimates, uncertainty
 from .window import Window
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,25 @@ class Forecast:
                 words += f", trades with {', '.join(e.trades)}"
             lines.append(f"  {e.name:<14} {e.value:>11.5g} {sd:>12} {share}  {e.unit:<10} {words}".rstrip())
         return "\n".join(lines)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a parameter: what is believed, the sd to expect, absolute and relative, what it trades with."""
+        import pandas
+
+        relative = self.relative
+        rows = [
+            {
+                "name": e.name,
+                "unit": e.unit,
+                "believed": e.value,
+                "sd": e.sd,
+                "relative_sd": relative[e.name],
+                "verdict": e.verdict,
+                "trades_with": ", ".join(e.trades),
+            }
+            for e in self.estimates
+        ]
+        return pandas.DataFrame(rows).set_index("name")
 
     def __str__(self) -> str:
         return self.table()

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -29,6 +29,9 @@ from .file import (
     SensorFile,
 )
 from .structure import Structure
+
+if TYPE_CHECKING:
+    import pandas
 
 #: What of a sensor can be set and estimated: bias in the channel's unit, scale (1 is neutral), delay and filter in s.
 SENSOR_WORDS = ("bias", "scale", "delay", "filter")
@@ -183,6 +186,19 @@ class Plant:
             lines.append(f"  effects: {', '.join(structure.effects)}")
         lines += [f"  {p.name:<10} {p.value:>12.6g} {p.unit:<10} {p.source}" for p in self.parameters.values()]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a parameter: value in SI units, unit, source, sd, the range in which it is believed, note."""
+        import pandas
+
+        words = ("value", "unit", "source", "sd", "lower", "upper", "note")
+        rows = {p.name: {word: getattr(p, word) for word in words} for p in self.parameters.values()}
+        return pandas.DataFrame.from_dict(rows, orient="index", columns=list(words)).rename_axis("name")
 
 
 def _effect_default(structure: Structure, name: str) -> Parameter | None:

@@ -68,6 +68,11 @@ class ClosedLoop:
 
     __repr__ = __str__
 
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
     def first(self, samples: int) -> ClosedLoop:
         """The first samples of this run, to be put beside a run that ended early."""
         run = self.trajectory

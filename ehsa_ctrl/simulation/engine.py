@@ -6,14 +6,18 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from ..core.errors import InputError, SimulationError
 from ..plant.plant import Plant
 from .compiled import engine
+from .response import drives_of, is_response
 from .trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import control
 
 Hold = Literal["zero_order", "first_order"]
 
@@ -58,7 +62,7 @@ def checked_input(values: np.ndarray | Sequence[float], name: str, length: int |
 
 def simulate(
     plant: Plant,
-    current: np.ndarray | Sequence[float],
+    current: np.ndarray | Sequence[float] | control.TimeResponseData,
     *,
     force: np.ndarray | Sequence[float] | None = None,
     hold: Hold = "zero_order",
@@ -73,7 +77,9 @@ def simulate(
     Parameters
     ----------
     plant: see `load_plant`.
-    current: (N,) A, one value a sample; held over the sample ("zero_order") or joined by lines ("first_order").
+    current: (N,) A, one value a sample; held over the sample ("zero_order") or joined by lines ("first_order"). Or a
+        time response of python-control with a signal of that name, its input or its output: it brings the sample time
+        and, where it has F_D, the force. python-control's own runs join samples by lines.
     force: (N,) N from outside, positive when it resists extension; none by default.
     start: state (n,) at the first sample; at rest by default.
     sample_time: s; the plant's own by default.
@@ -89,6 +95,11 @@ def simulate(
     InputError: an input that is no vector, too short or not finite.
     SimulationError: the run could not be finished; says when and why.
     """
+    if is_response(current):
+        if sample_time is not None:
+            raise InputError("sample_time is given twice; a time response has its own, so leave it out")
+        current, outside, sample_time = drives_of(plant, current)
+        force = outside if force is None else force
     current = checked_input(current, "current")
     outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
     dt = plant.sample_time if sample_time is None else sample_time

@@ -16,6 +16,7 @@ from ..plant.plant import Plant
 from .limits import Exceedance, exceedances
 
 if TYPE_CHECKING:
+    import control
     import pandas
     from matplotlib.figure import Figure
 
@@ -123,6 +124,12 @@ class Trajectory:
         columns |= {} if system.cell is None else {"F_cell": self.cell_force}
         columns |= {contact.name: self.modes[:, column] for column, contact in enumerate(system.contacts)}
         return pandas.DataFrame(columns)
+
+    def to_response(self) -> control.TimeResponseData:
+        """As a time response of python-control: inputs, states and outputs by the names of `to_iosystem`, SI units."""
+        from .response import to_response
+
+        return to_response(self)
 
     def plot(self) -> Figure:
         """Current, speed, pressures, position over time; stuck phases shaded."""

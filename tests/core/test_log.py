@@ -239,3 +239,41 @@ def test_an_empty_segment_says_where_the_log_is(start, stop):
 
     with pytest.raises(InputError, match=r"the log runs from 5 to 5.9 s"):
         log.segment(start, stop)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "pq", "mat"])
+def test_a_log_is_written_as_its_ending_says(tmp_path, ending):
+    """Each of them is read back; what is no CSV keeps every digit."""
+    time = 0.004 * np.arange(5)
+    log = Log(time, {"current": np.array([0, 1, -1, 1 / 3, 2]), "p1": np.linspace(2e6, 2.1e6, 5) / 3})
+    log.write(tmp_path / f"log.{ending}")
+
+    again = read_log(tmp_path / f"log.{ending}", ["current", "p1"])
+
+    assert again.path == tmp_path / f"log.{ending}"
+    for name in log.channels:
+        if ending == "csv":
+            np.testing.assert_allclose(again[name], log[name], atol=0.05 if name == "p1" else 1e-5)
+        else:
+            assert np.array_equal(again[name], log[name])
+
+
+def test_a_table_in_memory_becomes_a_log():
+    """With time as a column or as the index, other names through columns; back it is the same table."""
+    frame = pandas.DataFrame({"t": [0.0, 0.1, 0.2], "current": [0.0, 1.0, 2.0], "n": [0.0, 60.0, 120.0]})
+    log = Log.from_pandas(frame, ["current"], columns={"speed": Column("n", scale=2 * np.pi / 60)})
+
+    np.testing.assert_allclose(log["speed"], [0.0, 2 * np.pi, 4 * np.pi])
+    assert log.path is None and log.sample_time == pytest.approx(0.1)
+    assert Log.from_pandas(frame.drop(columns="n")).to_pandas().equals(frame.drop(columns="n"))
+    named = frame.set_index("t")
+    assert np.array_equal(Log.from_pandas(named).time, [0.0, 0.1, 0.2])
+    assert np.array_equal(Log.from_pandas(named.rename_axis(None)).time, [0.0, 0.1, 0.2])
+
+
+def test_a_wrong_table_is_a_sentence():
+    """As for a file, with rows counted from 1."""
+    with pytest.raises(InputError, match="the table: has no column 't'"):
+        Log.from_pandas(pandas.DataFrame({"current": [0.0, 1.0]}))
+    with pytest.raises(InputError, match="the table: column 'current', row 2: 'nan' is no finite number"):
+        Log.from_pandas(pandas.DataFrame({"t": [0.0, 0.1], "current": [0.0, np.nan]}), ["current"])

@@ -117,6 +117,13 @@ class LoopAnalysis:
             f"{1e9 * self.static_compliance:.3g} um/kN{noise}"
         )
 
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
 
 def analyse_loop(
     system: control.StateSpace,

@@ -9,6 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     import control
+    import pandas
 
 #: Outputs that are looked at, with the unit of their gain per ampere.
 OUTPUTS = {"omega": "rad/s", "dP": "Pa", "v": "m/s", "x": "m"}
@@ -56,6 +57,21 @@ class Analysis:
             size = f"{gain:.5g} {OUTPUTS[output]}/A" if np.isfinite(gain) else "integrates"
             lines.append(f"  {output:<6} DC gain {size:<20} zeros {zeros or 'none'}")
         return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a pole: real and imaginary part and natural frequency (rad/s), damping (nan for an integrator)."""
+        import pandas
+
+        parts = {"real": self.poles.real, "imaginary": self.poles.imag}
+        rest = {"natural_frequency": self.natural_frequencies, "damping": self.damping}
+        return pandas.DataFrame({**parts, **rest}).rename_axis("pole")
 
 
 def analyse(system: control.StateSpace) -> Analysis:
