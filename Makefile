@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # What the demo believes before it has seen a log: some numbers 30 % off.
 WRONG := --set J_M=4.3e-4 --set A_FM=0.56 --set B_FM=1.76e-3 --set V_10=2.67e-3 --set A_FR=598 --set B_FR=11900
 
-.PHONY: demo test quick lint bench withheld clean
+.PHONY: demo test quick lint docs bench withheld clean
 
 demo: $(READY)          ## the main job: log, identify, design, check on the nonlinear plant, reports in demo/
 	$(BIN)/ehsa-ctrl simulate ehsa --excitation noise --amplitude 3 --duration 20 --centre --out demo/noise --force
@@ -28,6 +28,10 @@ lint: $(READY)          ## style and types
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+docs: $(READY)          ## the documentation site, in site/; a warning is an error
+	$(BIN)/pip install --quiet --disable-pip-version-check -e ".[docs]"
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 bench: $(READY)         ## the engine beside its peers, identification of known plants
 	$(BIN)/pip install --quiet --disable-pip-version-check -e ".[bench]"
 	$(BIN)/python benchmarks/engine.py
@@ -39,7 +43,7 @@ withheld: $(READY)      ## the diagnosis on a bench of its own whose effects it 
 	$(BIN)/python benchmarks/withheld/score.py results/withheld/reported --jobs 2
 
 clean:
-	rm -rf $(VENV) demo results
+	rm -rf $(VENV) demo results site
 
 # Installed once; again only when what is to be installed has changed.
 $(READY): pyproject.toml

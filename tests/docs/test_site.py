@@ -1,0 +1,202 @@
+"""The documents name what there is: commands, options, keys, files; and what they tell a reader to type works."""
+
+import importlib.util
+import re
+import shlex
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.cli.main import app
+from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
+from ehsa_ctrl.physics.effects import EFFECTS
+from ehsa_ctrl.physics.friction import LAWS
+from ehsa_ctrl.plant.file import LIMIT_UNITS
+from ehsa_ctrl.scenario.metrics import METRICS
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = {str(path.relative_to(DOCS)): path.read_text(encoding="utf-8") for path in sorted(DOCS.rglob("*.md"))}
+BLOCK = re.compile(r"^([ ]*)```([a-z]*)(?: title=\"([^\"]*)\")?\n(.*?)^\1```", flags=re.DOTALL | re.MULTILINE)
+
+
+def from_site(name):
+    """A module of the site's own folder, which is no package."""
+    spec = importlib.util.spec_from_file_location(f"docs_{name}", DOCS / "_site" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+reference = from_site("reference")
+GENERATED = reference.pages()
+COMMANDS = reference.all_commands()
+
+
+def blocks(language):
+    """(page, title, text) of each block of code in a language."""
+    return [
+        (page, title, text)
+        for page, content in PAGES.items()
+        for _, word, title, text in BLOCK.findall(content)
+        if word == language
+    ]
+
+
+def typed():
+    """Each call of ehsa-ctrl that a page shows, in blocks and in the text."""
+    found = []
+    for page, content in PAGES.items():
+        lines = [
+            line
+            for _, word, _, text in BLOCK.findall(content)
+            if word == "sh"
+            for line in text.replace("\\\n", " ").splitlines()
+        ]
+        lines += re.findall(r"`(ehsa-ctrl [^`]+)`", BLOCK.sub("", content).replace("\n", " "))
+        found += [(page, line.strip()) for line in lines if line.strip().startswith("ehsa-ctrl ")]
+    return found
+
+
+def test_every_page_is_in_the_navigation_and_there():
+    """What the navigation names exists or is written at build, and no page is left out of it."""
+    named = re.findall(r":\s+(\S+\.md)\s*$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), flags=re.MULTILINE)
+
+    assert sorted(named) == sorted([*PAGES, *GENERATED])
+
+
+@pytest.mark.parametrize(
+    ("page", "names"),
+    [
+        ("commands", COMMANDS),
+        ("effects", EFFECTS),
+        ("friction", LAWS),
+        ("metrics", METRICS),
+        ("controllers", CONTROLLER_KINDS),
+        ("plants", LIMIT_UNITS),
+    ],
+)
+def test_the_reference_names_all_of_them(page, names):
+    """Each has a heading or a row of its own."""
+    text = GENERATED[f"reference/{page}.md"]
+
+    for name in names:
+        assert re.search(rf"^(#+ (ehsa-ctrl )?{re.escape(name)}\b|\| \[?`{re.escape(name)}`)", text, re.MULTILINE), name
+
+
+def test_the_reference_has_every_option_and_key():
+    """Options of commands, and keys that the shipped definitions use."""
+    for name, command in COMMANDS.items():
+        section = GENERATED["reference/commands.md"].partition(f"## ehsa-ctrl {name} ")[2].partition("\n## ")[0]
+        for parameter in command.params:
+            assert f"`{parameter.opts[0]}" in section or f"`{parameter.name}" in section, (name, parameter.name)
+    for folder in ("plants", "controllers", "scenarios"):
+        for path in (ROOT / folder).glob("*.toml"):
+            for key in tomllib.loads(path.read_text(encoding="utf-8")):
+                assert f"| `{key}` |" in GENERATED[f"reference/{folder}.md"], (path.name, key)
+
+
+def test_the_api_has_every_public_name():
+    """Each name of the package is on one page."""
+    shown = [name for names in reference.api_names().values() for name in names]
+
+    assert sorted(shown) == sorted(set(ehsa_ctrl.__all__) - {"__version__"})
+
+
+@pytest.mark.parametrize(("page", "line"), typed())
+def test_every_command_that_is_shown_is_one(page, line):
+    """Command and options exist; a call that would be refused is no help."""
+    words = shlex.split(line, comments=True)[1:]
+    if words[0].startswith("-"):
+        return
+    name = next((known for known in (" ".join(words[:2]), words[0]) if known in COMMANDS), None)
+    known = {option for p in COMMANDS[name].params for option in [*p.opts, *p.secondary_opts]} | {"--help"}
+
+    for word in words:
+        if re.match(r"--?[A-Za-z]", word):
+            assert word.partition("=")[0] in known, f"{page}: {line}"
+
+
+@pytest.mark.parametrize(("page", "title", "text"), [b for b in blocks("python") if not b[1]])
+def test_python_that_is_shown_runs(page, title, text, tmp_path, monkeypatch, capsys):
+    """As it stands, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    exec(compile(text, page, "exec"), {"__name__": "__main__"})
+
+
+@pytest.mark.slow
+def test_the_controller_in_python_runs(tmp_path, monkeypatch, capsys):
+    """And does what the page says of it."""
+    monkeypatch.chdir(tmp_path)
+    (text,) = (text for _, title, text in blocks("python") if title == "own_law.py")
+    monkeypatch.setitem(
+        sys.modules, "own_law", importlib.util.module_from_spec(importlib.machinery.ModuleSpec("own_law", None))
+    )
+
+    exec(compile(text, "own_law.py", "exec"), vars(sys.modules["own_law"]))
+
+    said = capsys.readouterr().out.splitlines()[0]
+    assert said in PAGES["how-to/own-controller.md"]
+
+
+def test_the_effect_that_is_shown_is_neutral():
+    """It keeps the contract of effects: its neutral value changes no bit, another one adds friction."""
+    (text,) = (text for _, title, text in blocks("python") if title.startswith("ehsa_ctrl/physics/effects/"))
+    names = {"__name__": "ehsa_ctrl.physics.effects.shown", "__package__": "ehsa_ctrl.physics.effects"}
+
+    exec(compile(text, "effect", "exec"), names)
+
+    effect = names["effect"]
+    (function,), (size,) = effect.changes.values(), effect.parameters
+    assert function(-854.3, -1.0, 2e6, 1e6, size.neutral) == -854.3
+    assert function(-854.3, -1.0, 2e6, 1e6, size.typical) == pytest.approx(-854.3 - 1.5e6 * size.typical)
+
+
+def test_definitions_that_are_shown_are_valid(tmp_path, monkeypatch, capsys):
+    """Every TOML with a file's name passes `ehsa-ctrl check`, with what other pages add to it."""
+    monkeypatch.chdir(tmp_path)
+    files = {}
+    for page, title, text in blocks("toml"):
+        if title and not title.startswith("in "):
+            # What the tutorial has from its diagnosis is the catalogue's plant here.
+            files[f"{page}/{title}"] = text.replace("../results/diagnosis/ehsa_improved.toml", "ehsa")
+    (plant,) = (name for name in files if name.endswith("plants/rig.toml"))
+    files[plant] += "".join(text for _, title, text in blocks("toml") if title == "in plants/rig.toml")
+    for name, text in files.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+    assert len(files) >= 4
+    assert not app(["check", *files], standalone_mode=False), capsys.readouterr()
+
+
+def test_docstrings_become_what_the_reader_of_numpy_style_takes():
+    """One line an item becomes two, several in a line are told apart, prose stays."""
+    pytest.importorskip("griffe")
+    text = (
+        "Do it.\n\nAttributes\n----------\na: first. b, c: others;\n    more of it.\n\n"
+        "Returns\n-------\nRun. All of it: nothing less.\n\nRaises\n------\nInputError: wrong; right: not."
+    )
+
+    read = from_site("docstrings").numpydoc(text)
+
+    assert "\na\n    first.\nb, c\n    others;\n    more of it.\n" in read
+    assert "\nRun\n    All of it: nothing less.\n" in read
+    assert read.endswith("\nInputError\n    wrong; right: not.")
+
+
+def test_formulas_are_drawn():
+    """In the text's colour, with its number, and with its own text for who can't see it."""
+    formulas = pytest.importorskip("ziamath") and from_site("formulas")
+
+    drawn = formulas.render(r'<div class="arithmatex">\[x &lt; \omega \tag{7}\]</div>')
+
+    assert "currentColor" in drawn
+    assert 'id="eq-7">(7)<' in drawn
+    assert r'aria-label="x &lt; \omega"' in drawn
