@@ -1,5 +1,6 @@
 """The documents name what there is: commands, options, keys, files; and what they tell a reader to type works."""
 
+import importlib
 import importlib.util
 import re
 import shlex
@@ -23,18 +24,10 @@ PAGES = {str(path.relative_to(DOCS)): path.read_text(encoding="utf-8") for path 
 BLOCK = re.compile(r"^([ ]*)```([a-z]*)(?: title=\"([^\"]*)\")?\n(.*?)^\1```", flags=re.DOTALL | re.MULTILINE)
 
 
-def from_site(name):
-    """A module of the site's own folder, which is no package."""
-    spec = importlib.util.spec_from_file_location(f"docs_{name}", DOCS / "_site" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-reference = from_site("reference")
+sys.path.insert(0, str(DOCS / "_site"))  # no package: a folder beside the pages, as mkdocs takes it
+reference, page_api, page_commands = map(importlib.import_module, ("reference", "page_api", "page_commands"))
 GENERATED = reference.pages()
-COMMANDS = reference.all_commands()
+COMMANDS = page_commands.all_commands()
 
 
 def blocks(language):
@@ -102,7 +95,7 @@ def test_the_reference_has_every_option_and_key():
 
 def test_the_api_has_every_public_name():
     """Each name of the package is on one page."""
-    shown = [name for names in reference.api_names().values() for name in names]
+    shown = [name for names in page_api.api_names().values() for name in names]
 
     assert sorted(shown) == sorted(set(ehsa_ctrl.__all__) - {"__version__"})
 
@@ -184,7 +177,7 @@ def test_docstrings_become_what_the_reader_of_numpy_style_takes():
         "Returns\n-------\nRun. All of it: nothing less.\n\nRaises\n------\nInputError: wrong; right: not."
     )
 
-    read = from_site("docstrings").numpydoc(text)
+    read = importlib.import_module("docstrings").numpydoc(text)
 
     assert "\na\n    first.\nb, c\n    others;\n    more of it.\n" in read
     assert "\nRun\n    All of it: nothing less.\n" in read
@@ -193,7 +186,8 @@ def test_docstrings_become_what_the_reader_of_numpy_style_takes():
 
 def test_formulas_are_drawn():
     """In the text's colour, with its number, and with its own text for who can't see it."""
-    formulas = pytest.importorskip("ziamath") and from_site("formulas")
+    pytest.importorskip("ziamath")
+    formulas = importlib.import_module("formulas")
 
     drawn = formulas.render(r'<div class="arithmatex">\[x &lt; \omega \tag{7}\]</div>')
 

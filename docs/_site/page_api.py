@@ -1,0 +1,75 @@
+"""The pages of the Python names: directives for mkdocstrings, which reads the docstrings."""
+
+from __future__ import annotations
+
+import ehsa_ctrl
+
+#: The API's pages in the order in which a reader meets them: title, what it is about, names.
+API = {
+    "plants": ("Plants", "A plant, its structure and its linear models.", (
+        "load_plant", "Plant", "Structure", "plants", "four_state", "three_state", "linearise", "to_iosystem",
+        "conditions", "draw", "drawn_models",
+    )),
+    "simulation": ("Simulation", "One run, many runs, derivatives, and the virtual bench.", (
+        "simulate", "simulate_batch", "sensitivities", "simulate_reference", "excitation", "record", "slip_quantum",
+        "shortest_time", "SteppedRun", "export_fmu",
+    )),
+    "logs": ("Logs and identification", "From a log to parameters with their uncertainty.", (
+        "read_log", "read_plant_log", "check_log", "Preparation", "replay", "fit_percent", "identify", "write_plant",
+        "profile", "forecast", "design_experiment",
+    )),
+    "control": ("Controllers and their analysis", "Designed on linear models, in the frequency domain.", (
+        "controllers", "load_controller", "analyse", "analyse_loop", "robust_margins", "review", "Known",
+    )),
+    "scenarios": ("Closed loops and scenarios", "Controllers on the plant with friction.", (
+        "scenarios", "load_scenario", "run", "run_closed_loop", "monte_carlo", "known_of",
+    )),
+    "diagnosis": ("Diagnosis", "Where rig and simulation differ, and why.", (
+        "diagnose", "Diagnosis", "diagnose_many", "what_changed",
+    )),
+    "errors": ("Errors", "What is raised, and when.", ("EhsaError", "InputError", "SimulationError")),
+}  # fmt: skip
+
+#: What functions give back, shown below the functions of a page.
+RESULTS = {
+    "simulation": ("simulation.trajectory.Trajectory",),
+    "logs": ("core.log.Log", "identification.identification.Identification", "identification.uncertainty.Estimate"),
+    "control": ("design.controller.SampledController",),
+    "scenarios": ("scenario.result.ScenarioResult", "simulation.closed_loop.ClosedLoop"),
+    "diagnosis": ("diagnosis.diagnosis.Cause",),
+}
+
+
+def api_names() -> dict[str, list[str]]:
+    """Page -> public names; one that the table does not place stands with the others of its package."""
+    placed = {page: list(names) for page, (_, _, names) in API.items()}
+    homes = {name: page for page, names in placed.items() for name in names}
+    packages: dict[str, str] = {}
+    for name, page in homes.items():
+        packages.setdefault(ehsa_ctrl._WHERE[name].partition(".")[0], page)
+    for name in ehsa_ctrl.__all__:
+        if name not in homes and name != "__version__":
+            placed[packages.get(ehsa_ctrl._WHERE[name].partition(".")[0], "scenarios")].append(name)
+    return placed
+
+
+def api(page: str) -> str:
+    """Directives for mkdocstrings, one a name."""
+    title, about, _ = API[page]
+    lines = [f"# {title}", "", about, "", "All of these are names of `ehsa_ctrl` itself: `import ehsa_ctrl as e`."]
+    for name in api_names()[page]:
+        module = ehsa_ctrl._WHERE[name]
+        if module == "core.catalogue":
+            lines += ["", f"## `{name}` {{ #{name} }}", "", _catalogue(name)]
+        else:
+            lines += ["", f"::: ehsa_ctrl.{module}.{name}"]
+    lines += [line for path in RESULTS.get(page, ()) for line in ("", f"::: ehsa_ctrl.{path}")]
+    return "\n".join(lines) + "\n"
+
+
+def _catalogue(name: str) -> str:
+    return (
+        f"The {name} that there are: those of a folder `{name}/` beside your script first, then those shipped. "
+        f"A mapping with attributes, `e.{name}.NAME` or `e.{name}['NAME']`; printed, it is a table.\n\n"
+        + "\n".join(f"- `{entry}`: {title}" for entry, title in getattr(ehsa_ctrl, name).titles().items())
+    )
