@@ -1,80 +1,111 @@
-"""The orders of a torque ripple that the torque balance shows, angle by angle."""
+"""A torque ripple as the torque balance shows it, angle by angle."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
-from scipy.optimize import least_squares
 
 from ..core.log import Log
 from ..plant.plant import Plant
-from .twin import Twin
+
+#: Orders that are looked for, periods a turn.
+ORDERS = np.arange(1.0, 49.0)
+#: Below this speed [rad/s] dry friction is more than a sign.
+SLOW = 3.0
+#: Length of a window in which a ripple's phase is read [s]; a window needs so many samples in motion.
+WINDOW, ENOUGH = 2.0, 100
+#: The strongest order stands out if it explains this much more than the next one.
+PLAIN = 2.0
+#: The channel with the shaft's angle [rad] that a log is given for this.
+ANGLE = "angle"
 
 
 def strongest_orders(plant: Plant, log: Log, count: int = 3) -> list[tuple[float, float, float]]:
-    """(periods a turn, amplitude [N m], phase [rad]) of the strongest ripples, the largest first.
+    """(periods a turn, amplitude [N m], phase [rad]) of the ripples that explain most, the largest part first.
 
-    The torque balance's residual, K_T I - J_M domega/dt - D dP less dry and viscous friction, is projected on sine
-    and cosine of each order of the shaft's angle, which is the integral of the measured speed.
+    The torque that the balance lacks over a sample is projected on the means of sine and cosine of each order over that
+    sample: at 300 rad/s a ripple of four a turn goes through a whole period in 5 ms, so that a balance at the samples,
+    or a smoothed one, would find it many times too small. None for a log that hardly moves.
     """
+    return [row for _, row in _ranked(plant, log)[:count]]
+
+
+def with_angle(plant: Plant, log: Log) -> Log:
+    """The log with the shaft's angle since its start as a channel, the integral of the measured speed.
+
+    The noise of a speed sensor walks away in that integral, some 0.1 rad in 20 s, which is much for a ripple of many
+    periods a turn. Where one order stands out in the torque balance, the angle is what keeps its phase.
+    """
+    if "speed" not in log.channels or ANGLE in log.channels:
+        return log
+    log = replace(log, channels={**log.channels, ANGLE: _integral(log)})
+    ranked = _ranked(plant, log)
+    if not ranked or ranked[0][0] < PLAIN * ranked[1][0]:
+        return log
+    order = ranked[0][1][0]
+    moves, lacks = _lacking(plant, log)
+    waves = np.column_stack([over_samples(log, order, 0.0), over_samples(log, order, 0.5 * np.pi)])
+    length = max(int(round(WINDOW / log.sample_time)), 1)
+    times, phases = [], []
+    for first in range(0, max(len(lacks) - length // 2, 1), max(length // 2, 1)):
+        part = slice(first, first + length)
+        if np.count_nonzero(moves[part]) < ENOUGH:
+            continue
+        a, b = np.linalg.lstsq(waves[part][moves[part]], lacks[part][moves[part]], rcond=None)[0]
+        times.append(log.time[0] + (first + 0.5 * min(length, len(lacks) - first)) * log.sample_time)
+        phases.append(np.arctan2(b, a))
+    if len(times) < 2:
+        return log
+    drift = np.interp(log.time, times, np.unwrap(phases))
+    return replace(log, channels={**log.channels, ANGLE: log[ANGLE] + (drift - drift[0]) / order})
+
+
+def over_samples(log: Log, order: float, phase: float) -> np.ndarray:
+    """Mean of sin(order theta + phase) over each sample (N - 1,) of a log with an angle.
+
+    Exact for a speed that is constant within a sample.
+    """
+    turned = np.diff(log[ANGLE])
+    middle = log[ANGLE][:-1] + 0.5 * turned
+    return np.asarray(np.sin(order * middle + phase) * np.sinc(order * turned / (2.0 * np.pi)))
+
+
+def _integral(log: Log) -> np.ndarray:
+    omega = log["speed"]
+    return np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1])) * log.sample_time])
+
+
+def _lacking(plant: Plant, log: Log) -> tuple[np.ndarray, np.ndarray]:
+    """Which samples move (N - 1,), and the torque that the balance lacks over each."""
     dt, omega = log.sample_time, log["speed"]
-    angle = np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1])) * dt])
-    torque = plant["K_T"] * uniform_filter1d(log["current"], 3) - plant["J_M"] * np.gradient(
-        uniform_filter1d(omega, 3), dt
-    )
+    mean = 0.5 * (omega[1:] + omega[:-1])
+    torque = plant["J_M"] * np.diff(omega) / dt - plant["K_T"] * log["current"][:-1]
     if {"p1", "p2"} <= set(log.channels):
-        torque = torque - plant["D"] * (log["p1"] - log["p2"])
-    moves = np.abs(omega) > 3.0
-    basis = np.column_stack([np.sign(omega), omega, np.ones_like(omega), log["current"]])[moves]
-    residual = torque[moves] - basis @ np.linalg.lstsq(basis, torque[moves], rcond=None)[0]
-    orders = np.arange(1.0, 49.0)
+        dP = log["p1"] - log["p2"]
+        torque = torque + plant["D"] * 0.5 * (dP[1:] + dP[:-1])
+    moves = np.abs(mean) > SLOW
+    if not moves.any():
+        return moves, torque
+    direction, size = np.sign(mean), np.abs(mean)
+    # What the nominal parameters could be wrong by, and what a friction curve bends near standstill. Not the inertia:
+    # a ripple is what accelerates the shaft, and would be taken for it.
+    known = [direction, mean, np.ones_like(mean), log["current"][:-1]]
+    basis = np.column_stack([*known, direction * np.exp(-size / 10.0), direction * np.exp(-size / 40.0)])
+    return moves, torque - basis @ np.linalg.lstsq(basis[moves], torque[moves], rcond=None)[0]
+
+
+def _ranked(plant: Plant, log: Log) -> list[tuple[float, tuple[float, float, float]]]:
+    """What each order explains [(N m)2, summed], and (order, amplitude, phase), the best first."""
+    if ANGLE not in log.channels:
+        log = replace(log, channels={**log.channels, ANGLE: _integral(log)})
+    moves, lacks = _lacking(plant, log)
+    if np.count_nonzero(moves) < ENOUGH:
+        return []
     found = []
-    for order in orders:
-        wave = np.column_stack([np.sin(order * angle[moves]), np.cos(order * angle[moves])])
-        a, b = np.linalg.lstsq(wave, residual, rcond=None)[0]
-        # What the balance lacks is what the ripple gives.
-        found.append((float(order), float(np.hypot(a, b)), float(np.arctan2(-b, -a))))
-    return sorted(found, key=lambda row: -row[1])[:count]
-
-
-#: Multiples of the amplitude that the balance shows: what turns fast is smoothed away in it.
-AMPLITUDES = (1.0, 2.0, 4.0, 6.0)
-#: Stretches from the start of a log over which a ripple is followed, each starting where the one before ended [s].
-STRETCHES = (1.0, 2.0, 4.0, 8.0)
-PHASES = 12
-
-
-def followed(twin: Twin, order: float, amplitude: float) -> tuple[float, float]:
-    """Amplitude [N m] and phase [rad] of a ripple of known order, from the start of a log on.
-
-    A free run that is wrong by a turn says nothing of a phase, so that the first second is looked at alone and what
-    is found is followed over longer and longer stretches.
-    """
-    values = np.array([amplitude, 0.0])
-    for number, length in enumerate(STRETCHES):
-        samples = min(int(round(length / twin.log.sample_time)), len(twin.log))
-        short = replace(twin, log=twin.log.rows(0, samples))
-        scale = {c: max(float(np.std(short.log[c])), 1e-12) for c in ("speed", "p1", "p2") if c in short.log.channels}
-
-        def residual(point: np.ndarray, short: Twin = short, scale: dict[str, float] = scale) -> np.ndarray:
-            run = short.run([{"T_c": max(float(point[0]), 0.0), "n_c": order, "phi_c": float(point[1])}])[0]
-            if run is None:
-                return np.full(len(short.log) * len(scale), 10.0)
-            return np.concatenate([(run[c] - short.log[c]) / s for c, s in scale.items()])
-
-        if number == 0:
-            grid = [
-                np.array([a * amplitude, phase])
-                for a in AMPLITUDES
-                for phase in np.linspace(0.0, 2.0 * np.pi, PHASES, endpoint=False)
-            ]
-            values = min(grid, key=lambda point: float(np.sum(residual(point) ** 2)))
-        found = least_squares(
-            residual, values, x_scale=[0.1 * amplitude, 0.1], diff_step=[1e-2, 1e-2], max_nfev=8, loss="soft_l1"
-        )
-        values = found.x
-        if samples == len(twin.log):
-            break
-    return max(float(values[0]), 0.0), float((values[1] + np.pi) % (2.0 * np.pi) - np.pi)
+    for order in ORDERS:
+        wave = np.column_stack([over_samples(log, order, 0.0), over_samples(log, order, 0.5 * np.pi)])[moves]
+        a, b = np.linalg.lstsq(wave, lacks[moves], rcond=None)[0]
+        explained = float(np.sum((wave @ np.array([a, b])) ** 2))
+        found.append((explained, (float(order), float(np.hypot(a, b)), float(np.arctan2(b, a)))))
+    return sorted(found, key=lambda pair: -pair[0])

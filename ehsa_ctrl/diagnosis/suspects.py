@@ -10,7 +10,7 @@ import numpy as np
 
 from ..physics.effects import EFFECTS
 from .dry import dry_friction
-from .ripple import followed, strongest_orders
+from .ripple import strongest_orders
 from .twin import BRISTLES, DAMPING, Twin
 
 #: Letters that count as nominal parameters which a modeller has a little wrong, with the most that is believed of
@@ -198,21 +198,13 @@ def _of_equation(twin: Twin, name: str) -> list[Suspect]:
     return found
 
 
-#: A ripple's order stands out of the others in the torque balance by this factor before it is followed.
-PLAIN = 2.0
-
-
 def _ripple(twin: Twin, name: str, place: str) -> list[Suspect]:
     """The order of a ripple can't be found by going downhill: it is read off the torque balance, angle by angle."""
-    log, plant = twin.log, twin.plant
-    if "speed" not in log.channels:
+    if "speed" not in twin.log.channels:
         return []
-    shown = strongest_orders(plant, log)
-    starts = tuple((amplitude, order, phase) for order, amplitude, phase in shown)
-    order, amplitude, _ = shown[0]
-    if amplitude > PLAIN * shown[1][1]:
-        size, phase = followed(twin, order, amplitude)
-        starts = ((size, order, phase), *starts) if size > 0.0 else starts
+    starts = tuple((amplitude, order, phase) for order, amplitude, phase in strongest_orders(twin.plant, twin.log))
+    if not starts:
+        return []
     frees = (
         Free("T_c", 0.0, 0.03, 0.0, inf),
         # As good as fixed: each start has its own.

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import ehsa_ctrl
@@ -111,18 +110,3 @@ def test_other_mistakes_are_sentences():
         ehsa_ctrl.diagnose(load_plant("emps"), log)
     with pytest.raises(InputError, match="has no current"):
         ehsa_ctrl.diagnose(plant, without)
-
-
-def test_ripple_is_read_off_the_torque_balance():
-    """The order of a ripple of three periods a turn comes first, by far; fast turns hide part of its amplitude."""
-    from ehsa_ctrl.diagnosis.ripple import strongest_orders
-
-    plant = load_plant("ehsa")
-    rig = plant.with_effects("torque_ripple", T_c=0.06, n_c=3.0, phi_c=1.0)
-    current = 1.6 * np.sin(2 * np.pi * 0.5 * np.arange(3000) * 0.004)
-    run = ehsa_ctrl.simulate(rig, current)
-    log = Log(run.time, {"current": current, "speed": run["omega"], "p1": run["P_1"], "p2": run["P_2"]})
-    first, second, _ = strongest_orders(plant, log)
-
-    assert first[0] == 3.0
-    assert 2.0 * second[1] < first[1] < 0.06
