@@ -78,7 +78,7 @@ def command(
     from ..design.review import review as look_through
     from ..plant.conditions import conditions
     from ..plant.plant import load_plant
-    from .output import prepare_folder, to_json
+    from .output import prepare_folder, rests_on, to_json
 
     if model not in ("linear", "nonlinear"):
         raise InputError(f"--model {model!r}: expected linear or nonlinear")
@@ -120,8 +120,13 @@ def command(
     result |= {"robust": [margins.to_dict() for margins in robust if margins is not None]} if many else {}
     result |= {"reviews": [one.to_dict() for one in reviews]} if review else {}
     if folder is not None:
+        from ..core.catalogue import controllers
+        from ..report.result_page import write_result_page
+
+        result["rests_on"] = rests_on([loaded], [*map(controllers.find, names), covariance])
         (folder / "analysis.json").write_text(to_json(result) + "\n")
         _draw(folder, analysis, loops, robust)
+        write_result_page(folder, "analysis.json")
     if as_json:
         print(to_json(result))
         return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from ..diagnosis.diagnosis import Diagnosis
     from ..plant.plant import Plant
     from ..scenario.run import Case
-
-#: A logged current that differs by more than this share of its spread from what the controller asks was not its own.
-OTHER = 0.2
+    from ..simulation.closed_loop import ClosedLoop
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,7 @@ class Closed:
         metric -> value, SI units.
     failures: plant -> limits of the scenario and of the plant that were not kept, in sentences.
     replay: the closed-loop gap, where the log was recorded under this loop.
+    loops: plant -> its run.
     """
 
     scenario: str
@@ -55,6 +54,7 @@ class Closed:
     metrics: Mapping[str, Mapping[str, float]]
     failures: Mapping[str, tuple[str, ...]]
     replay: Replay | None = None
+    loops: Mapping[str, ClosedLoop] = field(default_factory=dict, repr=False)
 
     def to_dict(self) -> dict[str, Any]:
         """As closed_loop.json, SI units."""
@@ -148,6 +148,7 @@ def close(
         metrics,
         failures,
         _replay(case, plants, found) if replay else None,
+        loops,
     )
 
 

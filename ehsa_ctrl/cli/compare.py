@@ -60,7 +60,7 @@ def command(
     from ..identification.checks import check_log
     from ..identification.record import read_plant_log, untold
     from ..identification.replay import replay
-    from .output import prepare_folder, to_json, warn, warn_unbelieved
+    from .output import prepare_folder, rests_on, to_json, warn, warn_unbelieved
     from .progress import compiling
 
     believed = load_models(plant, model, read_pairs(settings))
@@ -93,6 +93,7 @@ def command(
         "untold": list(cannot_tell),
         "assumed": [name for name, p in last.parameters.items() if p.source == "assumed"],
         "provenance": replays[0].provenance,
+        "rests_on": rests_on(believed, [log]),
     }
     for finding in findings:
         warn(str(finding))

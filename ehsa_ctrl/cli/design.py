@@ -69,7 +69,7 @@ def command(
     from ..design.tuning.specification import begin
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
-    from .output import prepare_folder, to_json
+    from .output import prepare_folder, rests_on, to_json
 
     if output is not None and output.suffix != ".toml":
         raise InputError(f"-o {output}: expected a file that ends in .toml")
@@ -94,7 +94,8 @@ def command(
     content |= {"title": title or f"{kind} designed for {plant}", "note": ""}
     content.pop("note")
     believed = read_pairs(settings)
-    system = three_state(load_plant(plant, model="linear", settings=believed))
+    loaded = load_plant(plant, model="linear", settings=believed)
+    system = three_state(loaded)
     found = design(name, chosen, content, system, figures=figures, asked=asked)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
     words += [f"{key} = {text} believed" for key, text in believed.items()]
@@ -117,13 +118,16 @@ def command(
     if folder is not None:
         from ..design.analysis.step import step_response
         from ..report.figures import loop_figure, nyquist_figure, save, step_figure
+        from ..report.result_page import write_result_page
 
         steps = step_response(system, found.controller)
         result |= {"overshoot": steps.overshoot, "settling_time": steps.settling_time}
+        result["rests_on"] = rests_on([loaded], [output])
         (folder / "design.json").write_text(to_json(result) + "\n")
         save(loop_figure(found.loop), folder / "loop")
         save(nyquist_figure(found.loop), folder / "nyquist")
         save(step_figure(steps), folder / "step")
+        write_result_page(folder, "design.json")
     if as_json:
         print(to_json(result))
         return

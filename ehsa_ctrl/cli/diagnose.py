@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -97,8 +98,7 @@ def command(
         check=not unchecked,
     )  # fmt: skip
     if out is not None:
-        _write(out, found)
-        _write_more(out, change, closed)
+        _write(out, found, change, closed, (logs[0], validate, before))
     if as_json:
         more = {"closed_loop": closed.to_dict()} if closed is not None else {}
         print(to_json({**(found if change is None else change).to_dict(), **more}))
@@ -158,26 +158,12 @@ def _found(
     return found, change, closed
 
 
-def _write_more(out: Path, change: Change | None, closed: Closed | None) -> None:
-    """What changed, beside the diagnosis of the second log that is written already; the closed loop."""
-    from ..identification.write import write_plant
-    from .output import to_json
-
-    for name in ("before.json", "closed_loop.json"):
-        (out / name).unlink(missing_ok=True)
-    if change is not None:
-        (out / "before.json").write_text(to_json(change.before.to_dict()) + "\n")
-        (out / "diagnosis.json").write_text(to_json(change.to_dict()) + "\n")
-        write_plant(out / f"{change.rig.name}_before.toml", change.rig)
-    if closed is not None:
-        (out / "closed_loop.json").write_text(to_json(closed.to_dict()) + "\n")
-
-
 def _print_closed(closed: Closed) -> None:
     """The table of the closed loop, with what is to be said of it."""
     from rich.console import Console
 
-    from .closed_loop import OTHER, table
+    from ..report.closed_loop import OTHER
+    from .closed_loop import table
     from .output import warn
 
     console = Console(highlight=False)
@@ -216,23 +202,56 @@ def next_lines(experiment: Experiment | None, out: Path | None) -> list[str]:
     return ["next experiment on the virtual bench", f"  {experiment.command}"]
 
 
-def _write(out: Path, found: Diagnosis) -> None:
-    """JSON, the improved plant, a table of causes and one of signals, figures and page."""
+def _write(
+    out: Path,
+    found: Diagnosis,
+    change: Change | None = None,
+    closed: Closed | None = None,
+    files: Sequence[Path | None] = (),
+) -> None:
+    """JSON, the improved plant, a table of causes and one of signals, figures and page.
+
+    files: logs that hashes are given of; those of the diagnosis alone by default.
+    """
     import sys
 
     from ..identification.write import write_plant
     from ..report.diagnosis_page import diagnosis_figures, write_diagnosis_page
     from ..report.diagnosis_signals import signals_table
-    from ..report.figures import save
-    from .output import to_json
+    from ..report.figures import closed_figure, save
+    from .output import rests_on, to_json
 
-    (out / "diagnosis.json").write_text(to_json(found.to_dict()) + "\n")
+    for name in ("before.json", "closed_loop.json", "closed_loop.png", "closed_loop.svg"):
+        (out / name).unlink(missing_ok=True)
     write_next(out, found.experiment)
+    read = [file for file in files or (found.log.path,) if file is not None]
+    answer = {
+        **(found if change is None else change).to_dict(),
+        "rests_on": rests_on([found.plant if change is None else change.before.plant], read),
+    }
+    (out / "diagnosis.json").write_text(to_json(answer) + "\n")
+    if change is not None:
+        (out / "before.json").write_text(to_json(change.before.to_dict()) + "\n")
+        write_plant(out / f"{change.rig.name}_before.toml", change.rig)
     if found.improved is not None and found.plant.path is not None:
         write_plant(out / f"{found.plant.name}_improved.toml", found.improved)
     signals_table(found).to_csv(out / "signals.csv", index=False, float_format="%.7g")
     if found.effects:
         found.to_pandas().to_csv(out / "causes.csv", index=False)
-    for name, (_, figure) in diagnosis_figures(found).items():
+    drawn = diagnosis_figures(found)
+    for name, (_, figure) in drawn.items():
         save(figure, out / name)
-    write_diagnosis_page(found, out, command="ehsa-ctrl " + " ".join(sys.argv[1:]))
+    loop_figure = None
+    if closed is not None:
+        (out / "closed_loop.json").write_text(to_json(closed.to_dict()) + "\n")
+        loop_figure = closed_figure(closed.loops, f"{closed.scenario} with {closed.controller}")
+        save(loop_figure, out / "closed_loop")
+    write_diagnosis_page(
+        found,
+        out,
+        command="ehsa-ctrl " + " ".join(sys.argv[1:]),
+        change=change,
+        closed=closed.to_dict() if closed is not None else None,
+        closed_loop=loop_figure,
+        files=read,
+    )

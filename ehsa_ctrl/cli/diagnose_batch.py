@@ -39,7 +39,7 @@ def diagnose_batch(
     Raises InputError: two logs of one name, an output folder of other diagnoses. Exits 2 if no log could be diagnosed.
     """
     from ..diagnosis.batch import diagnose_many
-    from .output import prepare_folder, to_json
+    from .output import prepare_folder, rests_on, to_json
     from .progress import compiling, counting
 
     stems = [log.stem for log in logs]
@@ -63,8 +63,12 @@ def diagnose_batch(
             watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
         )  # fmt: skip
     if out is not None:
-        (out / "summary.json").write_text(to_json(batch.to_dict()) + "\n")
+        from ..report.result_page import write_result_page
+
+        summary = {**batch.to_dict(), "rests_on": rests_on([believed], logs)}
+        (out / "summary.json").write_text(to_json(summary) + "\n")
         batch.to_pandas().to_csv(out / "summary.csv", float_format="%.7g")
+        write_result_page(out, "summary.json")
     if as_json:
         print(to_json(batch.to_dict()))
     else:

@@ -52,7 +52,7 @@ def command(
     """
     from ..identification.experiment import design_experiment
     from ..plant.plant import load_plant
-    from .output import prepare_folder, to_json, warn, warn_unbelieved
+    from .output import prepare_folder, rests_on, to_json, warn, warn_unbelieved
     from .progress import compiling, counting
 
     if model not in ("linear", "nonlinear"):
@@ -78,13 +78,16 @@ def command(
         "assumed": [name for name, p in loaded.parameters.items() if p.source == "assumed"],
         "next": commands,
         "current": str(out / "current.csv") if out is not None else None,
+        "rests_on": rests_on([loaded]),
     }
     if out is not None:
         from ..report.figures import save
+        from ..report.result_page import write_result_page
 
         found.write(out / "current.csv")
         (out / "excitation.json").write_text(to_json(result) + "\n")
         save(found.plot(), out / "excitation")
+        write_result_page(out, "excitation.json")
     for name, trades in found.undetermined.items():
         warn(
             f"{name} is not determined by this input"

@@ -28,6 +28,7 @@ from .options import (
 
 if TYPE_CHECKING:
     from ..core.log import Log
+    from ..identification.assumed import Drift
     from ..identification.identification import Identification
     from ..identification.preparation import Preparation, Step
     from ..plant.plant import Plant
@@ -83,6 +84,14 @@ def command(
         str,
         typer.Option("--profile", metavar="KEYS", help="Profile these parameters too.", autocompletion=several_letters),
     ] = "",
+    assumed: Annotated[
+        bool,
+        typer.Option(
+            "--assumed",
+            help="Fit again with each assumed parameter at both ends of its believed range: how far the others move. "
+            "Takes about as long as the identification.",
+        ),
+    ] = False,
     start: First = None,
     stop: Last = None,
     zero: Zero = "",
@@ -99,7 +108,7 @@ def command(
     ehsa-ctrl identify a.csv b.csv --plant my/rig.toml --free K_T --prior K_T=0.05 --fix M ·
     ehsa-ctrl identify log.csv --plant ehsa --model both --set load.stiffness=50e3 --out results/rig
     """
-    from .output import prepare_folder, to_json, warn, warn_unbelieved
+    from .output import prepare_folder, rests_on, to_json, warn, warn_unbelieved
     from .progress import compiling, watching
 
     models = _models(plant, model, read_pairs(settings))
@@ -125,12 +134,21 @@ def command(
                 )
             )  # fmt: skip
     answer = {**results[-1][1], "plant": plant, "settings": read_pairs(settings)}
+    answer["rests_on"] = rests_on(models, [*logs, *validate])
+    drifts = []
+    if assumed:
+        from ..identification.assumed import over_assumed
+
+        drifts = [over_assumed(result[0]) for result in results]
+        for result, tried in zip(results, drifts, strict=True):
+            result[1]["assumed_ranges"] = [drift.to_dict() for drift in tried]
+        answer["assumed_ranges"] = results[-1][1]["assumed_ranges"]
     if len(results) > 1:
         answer["models"] = {believed.model: result[1] for believed, result in zip(models, results, strict=True)}
     found = [result[0] for result in results]
     for finding in {str(finding) for each in found for finding in each.findings}:
         warn(finding)
-    written = _write(out, found, answer, linear) if out is not None else None
+    written = _write(out, found, answer, linear, drifts) if out is not None else None
     if as_json:
         print(to_json(answer))
         for sentence in {sentence for each in found for sentence in each.warnings}:
@@ -229,7 +247,9 @@ def _read(path: Path, believed: Plant, how: Preparation) -> tuple[Log, tuple[Ste
     return replace(log, path=path, missing=raw.missing), steps
 
 
-def _write(out: Path, found: list[Identification], answer: dict[str, Any], linear: str) -> Path:
+def _write(
+    out: Path, found: list[Identification], answer: dict[str, Any], linear: str, drifts: list[tuple[Drift, ...]]
+) -> Path:
     """Plant, JSON, table, figures and page; returns the plant's path."""
     import sys
 
@@ -259,7 +279,7 @@ def _write(out: Path, found: list[Identification], answer: dict[str, Any], linea
             save(correlation_figure(each), out / f"correlation{suffix}")
         if each.residual_tests:
             save(residuals_figure(each), out / f"residuals{suffix}")
-    write_identification_page(found, out, command="ehsa-ctrl " + " ".join(sys.argv[1:]))
+    write_identification_page(found, out, command="ehsa-ctrl " + " ".join(sys.argv[1:]), drifts=drifts)
     return written
 
 

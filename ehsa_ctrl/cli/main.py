@@ -26,6 +26,7 @@ from . import (
     listing,
     montecarlo,
     new,
+    report,
     run,
     simulate,
 )
@@ -72,6 +73,7 @@ app.command("diagnose")(diagnose.command)
 app.command("export")(export.command)
 app.command("fmu")(fmu.command)
 app.add_typer(new.app, name="new")
+app.command("report")(report.command)
 app.command("list")(listing.command)
 app.command("check")(check.command)
 

@@ -54,8 +54,9 @@ def command(
     --identification results/rig/identification.json --backend dask --address tcp://head:8786 --jobs -1
     """
     from ..report.figures import save
+    from ..report.result_page import write_result_page
     from ..scenario.montecarlo import monte_carlo
-    from .output import prepare_folder, to_json
+    from .output import prepare_folder, rests_on, to_json
     from .progress import compiling, counting
 
     if not 0.0 < confidence < 1.0:
@@ -86,8 +87,13 @@ def command(
             print(result)
         if result.interrupted:
             break
-    summary = {"campaigns": [result.to_dict(confidence) for result in found]}
+    grounds = rests_on(
+        [result.plant for result in found if result.plant is not None],
+        [*(file for result in found for file in result.files), identification],
+    )
+    summary = {"campaigns": [result.to_dict(confidence) for result in found], "rests_on": grounds}
     (out / "montecarlo.json").write_text(to_json(summary) + "\n")
+    write_result_page(out, "montecarlo.json")
     if as_json:
         print(to_json(summary))
     else:

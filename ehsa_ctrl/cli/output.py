@@ -54,6 +54,16 @@ def plain(value: Any) -> Any:
     return value
 
 
+def rests_on(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:
+    """What a result's JSON says under `rests_on`: assumed parameters, hashes of files, the command line."""
+    import shlex
+    import sys
+
+    from ..report.grounds import grounds
+
+    return {**grounds(plants, files), "command": shlex.join(["ehsa-ctrl", *sys.argv[1:]])}
+
+
 def to_json(value: Any) -> str:
     return json.dumps(plain(value), indent=2)
 

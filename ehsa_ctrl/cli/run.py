@@ -48,6 +48,14 @@ def command(
         bool, typer.Option("--update-baselines", help="Record runs that have no baseline or have left it.")
     ] = False,
     reason: Annotated[str, typer.Option(help="Why the baselines change; asked for on a terminal.")] = "",
+    assumed: Annotated[
+        bool | None,
+        typer.Option(
+            "--assumed/--no-assumed",
+            help="Also run with each assumed parameter at both ends of its believed range, for the page. By default "
+            "where that is quick: with a compiled controller.",
+        ),
+    ] = None,
 ) -> None:
     """Design on the identified linear model, check on the nonlinear plant, judge the scenario's limits and baseline.
 
@@ -56,7 +64,7 @@ def command(
     ehsa-ctrl run --update-baselines --reason "softer spring in the rig"
     """
     from ..core.catalogue import scenarios as catalogue
-    from .output import prepare_folder, to_json, warn
+    from .output import prepare_folder, rests_on, to_json, warn
     from .progress import compiling
 
     if update_baselines and (plant or design):
@@ -82,7 +90,7 @@ def command(
     todo = [(name, other) for name in names for other in chosen]
     try:
         with compiling():
-            results = list(_run_all(todo, plant, design, jobs))
+            results = list(_run_all(todo, plant, design, jobs, assumed))
     except KeyboardInterrupt:
         raise KeyboardInterrupt("results are written when all scenarios are done; nothing is kept") from None
     for sentence in dict.fromkeys(sentence for result in results for sentence in result.plant.unbelieved):
@@ -91,7 +99,15 @@ def command(
         results = _update(results, reason, out, quiet=as_json)
     failed = [result for result in results if not result.passed]
     files = _write_report(results, out)
-    summary = {"passed": not failed, "scenarios": [result.to_dict() for result in results], "files": files}
+    summary = {
+        "passed": not failed,
+        "scenarios": [result.to_dict() for result in results],
+        "files": files,
+        "rests_on": rests_on(
+            [run.trajectory.plant for result in results for run in (result.nonlinear, result.linear)],
+            [file for result in results for file in result.files],
+        ),
+    }
     (out / "results.json").write_text(to_json(summary) + "\n")
     if as_json:
         print(to_json(summary))
@@ -109,17 +125,19 @@ def _all(folders: tuple[Path, ...]) -> list[str]:
     return names
 
 
-def _one(name: str, controller: str | None, plant: str | None, design: str | None) -> ScenarioResult:
+def _one(
+    name: str, controller: str | None, plant: str | None, design: str | None, assumed: bool | None
+) -> ScenarioResult:
     from ..scenario.run import run
 
     try:
-        return run(name, controller=controller, plant=plant, design=design)
+        return run(name, controller=controller, plant=plant, design=design, assumed=assumed)
     except SimulationError as error:
         raise SimulationError(f"scenario {name}: {error}") from None
 
 
 def _run_all(
-    todo: list[tuple[str, str | None]], plant: str | None, design: str | None, jobs: int
+    todo: list[tuple[str, str | None]], plant: str | None, design: str | None, jobs: int, assumed: bool | None
 ) -> Iterator[ScenarioResult]:
     """Run every pair of scenario and controller, with a bar on standard error where that is a terminal."""
     from joblib import Parallel, delayed
@@ -131,9 +149,11 @@ def _run_all(
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("scenarios", total=len(todo))
         if jobs == 1 or len(todo) == 1:
-            results = (_one(name, controller, plant, design) for name, controller in todo)
+            results = (_one(name, controller, plant, design, assumed) for name, controller in todo)
         else:
-            results = Parallel(n_jobs=jobs, return_as="generator")(delayed(_one)(*pair, plant, design) for pair in todo)
+            results = Parallel(n_jobs=jobs, return_as="generator")(
+                delayed(_one)(*pair, plant, design, assumed) for pair in todo
+            )
         for result in results:
             progress.update(task, advance=1, description=result.scenario.name)
             yield result

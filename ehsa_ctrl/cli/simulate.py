@@ -15,7 +15,7 @@ from .options import Force, Json, Settings, read_pairs
 def command(
     plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.", autocompletion=plants)],
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for log.csv, simulation.json and the figure.")
+        Path, typer.Option("--out", metavar="DIR", help="Folder for log.csv, simulation.json, report.html and figure.")
     ],
     input_file: Annotated[
         Path | None, typer.Option("--input", metavar="CSV", help="Current to apply: columns t, current.")
@@ -42,7 +42,7 @@ def command(
     from ..plant.plant import load_plant
     from ..simulation.bench import record
     from ..simulation.excitation import excitation as make
-    from .output import prepare_folder, to_json, warn_unbelieved
+    from .output import prepare_folder, rests_on, to_json, warn_unbelieved
     from .progress import compiling
 
     if model not in ("linear", "nonlinear"):
@@ -66,6 +66,8 @@ def command(
         "plant": plant,
         "model": model,
         "settings": read_pairs(settings),
+        "input": str(input_file) if input_file else f"{excitation}, {amplitude:g} A, {duration:g} s",
+        "centred": centre,
         "seed": seed,
         "samples": len(run),
         "sample_time": log.sample_time,
@@ -75,11 +77,14 @@ def command(
         "assumed": [name for name, p in loaded.parameters.items() if p.source == "assumed"],
         "provenance": run.provenance,
         "log": str(out / "log.csv"),
+        "rests_on": rests_on([loaded], [input_file]),
     }
     (out / "simulation.json").write_text(to_json(result) + "\n")
     from ..report.figures import save
+    from ..report.result_page import write_result_page
 
     save(run.plot(), out / "simulation")
+    write_result_page(out, "simulation.json")
     if as_json:
         print(to_json(result))
     else:

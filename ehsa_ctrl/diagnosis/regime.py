@@ -28,8 +28,9 @@ class Regime:
     """A curve that an unknown input follows.
 
     balance: "torque", "flow_1", "flow_2" or "force". against: the variable in words, unit its unit. bins (k,): where
-    on it. mean, sd (k,): the unknown input there, SI units of the balance. explained: part of its variance, judged on
-    data that was not fitted. gap_closed: part of the squared gap that vanishes when this curve alone is put in, nan
+    on it. mean, sd (k,): the unknown input there, SI units of the balance; times the sign of the motion for a regime
+    "against the motion", times that of what it is said to go with. explained: part of its variance, judged on data that
+    was not fitted. gap_closed: part of the squared gap that vanishes when this curve alone is put in, nan
     where that was not tried. words: one line for people.
     """
 
@@ -60,11 +61,13 @@ class Curve:
     explained: float
     numbers: int
     number: float = float("nan")
+    turned: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
 class Basis:
-    """Columns (N - 1, k) along a variable (N - 1,). fixed: added as it is, not scaled."""
+    """Columns (N - 1, k) along a variable (N - 1,). fixed: added as it is, not scaled. turned: the sign (N - 1,) with
+    which all of them turn over, so that their mean along the variable alone would say nothing."""
 
     family: str
     against: str
@@ -73,6 +76,7 @@ class Basis:
     columns: np.ndarray
     fixed: bool = False
     number: float = float("nan")
+    turned: np.ndarray | None = None
 
 
 def hats(z: np.ndarray, count: int) -> np.ndarray:
@@ -152,9 +156,9 @@ def torque_bases(plant: Plant, s: Signals, orders: tuple[float, ...]) -> list[Ba
         Basis("rate", "the shaft's acceleration", "rad/s2", rate, rate[:, None]),
         Basis("gain", "the current", "A", held, held[:, None]),
         Basis("saturation", "the current", "A", held, np.column_stack([held, held * size, held**3])),
-        Basis("signed time", "time, against the motion", "s", time, sign[:, None] * hats(time, 8)),
-        Basis("gain in time", "time, with the current", "s", time, held[:, None] * hats(time, 8)),
-        Basis("brake", "the size of the current, against the motion", "A", size, odd_hats(held, sign, 10)),
+        Basis("signed time", "time, against the motion", "s", time, sign[:, None] * hats(time, 8), turned=sign),
+        Basis("gain in time", "time, with the current", "s", time, held[:, None] * hats(time, 8), turned=np.sign(held)),
+        Basis("brake", "the size of the current, against the motion", "A", size, odd_hats(held, sign, 10), turned=sign),
         Basis("current", "the current", "A", held, hats(held, 80)),
     ]
     if "P_1" in s and "P_2" in s:
@@ -163,7 +167,12 @@ def torque_bases(plant: Plant, s: Signals, orders: tuple[float, ...]) -> list[Ba
             Basis("line", "the pressure difference", "Pa", dP, dP[:, None]),
             Basis("pressure", "the pressure difference", "Pa", dP, odd_hats(dP, np.sign(dP), 7)),
             Basis(
-                "loss", "the pressure difference, against the motion", "Pa", np.abs(dP), (sign * np.abs(dP))[:, None]
+                "loss",
+                "the pressure difference, against the motion",
+                "Pa",
+                np.abs(dP),
+                (sign * np.abs(dP))[:, None],
+                turned=sign,
             ),
         ]
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (s["omega"][1:] + s["omega"][:-1])) * dt])[:-1]
@@ -208,14 +217,21 @@ def force_bases(plant: Plant, s: Signals) -> list[Basis]:
         Basis("rate", "the rod's acceleration", "m/s2", rate, rate[:, None]),
         Basis("position", "the rod's position", "m", x, hats(x, 12)),
         Basis("line", "the rod's position", "m", x, x[:, None]),
-        Basis("signed position", "the rod's position, against the motion", "m", x, sign[:, None] * hats(x, 20)),
+        Basis(
+            "signed position",
+            "the rod's position, against the motion",
+            "m",
+            x,
+            sign[:, None] * hats(x, 20),
+            turned=sign,
+        ),
         Basis("time", "time", "s", time, hats(time, 20)),
-        Basis("signed time", "time, against the motion", "s", time, sign[:, None] * hats(time, 14)),
+        Basis("signed time", "time, against the motion", "s", time, sign[:, None] * hats(time, 14), turned=sign),
     ]
     if "P_1" in s and "P_2" in s:
         dP = (s["P_1"] - s["P_2"])[:-1]
         loaded = sign[:, None] * hats(np.abs(dP), 6)
-        found.append(Basis("loss", LOSS, "Pa", np.abs(dP), loaded))
+        found.append(Basis("loss", LOSS, "Pa", np.abs(dP), loaded, turned=sign))
         found.append(Basis("pressure", "the pressure difference", "Pa", dP, hats(dP, 10)))
     return found
 
@@ -238,7 +254,14 @@ def flow_bases(plant: Plant, s: Signals, chamber: str, orders: tuple[float, ...]
         Basis("volume", f"the rod's position, times the rate of {here}", "m", x, rate[:, None] * hats(x, 5)),
         Basis("line", "the rod's speed", "m/s", v, v[:, None]),
         Basis("time", "time", "s", time, hats(time, 14)),
-        Basis("pressure in time", "time, with the pressure difference", "s", time, dP[:, None] * hats(time, 8)),
+        Basis(
+            "pressure in time",
+            "time, with the pressure difference",
+            "s",
+            time,
+            dP[:, None] * hats(time, 8),
+            turned=np.sign(dP),
+        ),
         Basis("pumped", f"{speed} times the size of the pressure difference", "rad/s Pa", pumped, pumped[:, None]),
     ]
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (s["omega"][1:] + s["omega"][:-1])) * s.sample_time])[:-1]
@@ -299,7 +322,7 @@ class Rows:
         total = float(y @ y)
         explained = 1.0 - float(left @ left) / total if total > 0.0 else 0.0
         return Curve(balance, basis.family, basis.against, basis.unit, basis.variable, values,
-                     explained - PRICE * (X.shape[1] - 1), X.shape[1], basis.number)  # fmt: skip
+                     explained - PRICE * (X.shape[1] - 1), X.shape[1], basis.number, basis.turned)  # fmt: skip
 
 
 def _ridge(X: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -351,6 +374,8 @@ def _orders(rows: Rows, signals: Signals, count: int = 2) -> tuple[float, ...]:
 def regime_of(curve: Curve, values: np.ndarray, gap_closed: float = float("nan"), bins: int = 15) -> Regime:
     """A curve with its bins: mean and standard deviation of the unknown input (N - 1,) along the variable."""
     z = curve.variable
+    if curve.turned is not None:
+        values = values * curve.turned
     known = np.isfinite(values)
     edges = np.unique(np.quantile(z[known], np.linspace(0.0, 1.0, bins + 1)))
     if curve.family in ("sign", "sides"):

@@ -12,8 +12,9 @@ from ..identification.checks import Finding
 from ..identification.preparation import Step
 from ..identification.replay import Replay
 from .channel import name_of
-from .document import Picture, assumed_of, embedded, merged_versions, write_document
+from .document import Picture, embedded, merged_versions, write_document
 from .figures import replay_figure
+from .grounds import assumed_of, hashes
 from .number import number
 
 
@@ -88,6 +89,7 @@ def write_comparison_page(
             ("time", f"{number(float(log.time[0]))} to {number(float(log.time[-1]))} s"),
             *((f"{model.name} starts", model.replay.start.words) for model in models),
         ],
+        files=hashes([log.path, plant.path]),
         versions=merged_versions(run.provenance for run in replays),
         assumed=assumed_of(run.plant for run in replays),
         command=command,

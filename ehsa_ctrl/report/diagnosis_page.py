@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from matplotlib.figure import Figure
 
+from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import MODELS, Diagnosis
 from ..diagnosis.signals import SIGNALS
 from . import diagnosis_rows as rows
 from .channel import name_of
+from .closed_loop import OTHER, closed_table
 from .diagnosis_cause import CauseSection, sentence
 from .diagnosis_signals import after_model, after_words, models_shown, signal_shown
-from .document import Picture, assumed_of, embedded, write_document
+from .document import Picture, embedded, write_document
 from .figures import (
     candidates_figure,
     diagnosis_figure,
@@ -23,6 +26,7 @@ from .figures import (
 )
 from .figures.diagnosis import percent
 from .figures.unknown_inputs import regimes_by_balance
+from .grounds import assumed_of, hashes
 from .verdict import listed
 
 #: File of the page.
@@ -35,6 +39,8 @@ VERDICTS = {
     "outside_catalogue": ("✗", "no known effect explains the gap", False),
     "underdetermined": ("?", "the log does not tell the cause", False),
 }
+#: The heading where two logs were compared.
+CHANGED = {"no_gap": "nothing that matters changed", "effect": "what changed is known"}
 #: The parts of the page in the order in which they answer what is asked first.
 ORDER = {
     "no_gap": ("signals", "gaps"),
@@ -51,24 +57,44 @@ CAPTIONS = {
     "where": "Left: shares of the squared gap. The balances know no effect: each is asked what it lacks, and how much "
     "of the gap vanishes when that is put into a simulation. Right: when the gap comes, and what is left of it then.",
     "unknown_inputs": "What each balance lacks, smoothed, and along what it goes: mean in bins, the band is one "
-    "standard deviation within a bin. A positive torque or flow helps, a positive force resists extension. How much is "
-    "explained is judged on data that was not fitted.",
+    "standard deviation within a bin. A positive torque or flow helps, a positive force resists extension; what goes "
+    "against the motion is shown times its sign: a positive torque helps the motion, a positive force resists it. How "
+    "much is explained is judged on data that was not fitted.",
     "candidates": "Evidence against a hypothesis is twice the difference of its log-likelihood to the best one, "
     "nominal parameters fitted together with it; logarithmic. Right: its largest gap of a signal on held-out data.",
+    "closed_loop": "The same controller on the plant before and after, with the scenario's load, sampling and noise; "
+    "bars: the rod sticks.",
     "shrinkage": "Refitted: the nominal parameters alone, far beyond what is believed of them. A bar out of all "
     "proportion ends early.",
 }
 
 
-def write_diagnosis_page(diagnosis: Diagnosis, folder: Path, *, command: str) -> Path:
+def write_diagnosis_page(
+    diagnosis: Diagnosis,
+    folder: Path,
+    *,
+    command: str,
+    change: Change | None = None,
+    closed: Mapping[str, Any] | None = None,
+    closed_loop: Figure | None = None,
+    files: Iterable[str | Path | None] = (),
+) -> Path:
     """Write `diagnosis.html` to the folder and return its path; the same diagnosis gives the same bytes.
 
     Parameters
     ----------
     command: the command line that made it, for the page's end.
+    change: what changed since an earlier log, if this is the diagnosis of the later one.
+    closed, closed_loop: a scenario on the plants before and after, as closed_loop.json has it, and its figure.
+    files: of which hashes are given; the log's by default.
     """
     mark, heading, good = VERDICTS[diagnosis.verdict]
+    if change is not None:
+        heading = CHANGED.get(diagnosis.verdict, f"what changed: {heading}")
     drawn = diagnosis_figures(diagnosis)
+    pictures = {name: _picture(diagnosis, name, *drawn[name]) for name in drawn}
+    if closed_loop is not None:
+        pictures["closed_loop"] = _picture(diagnosis, "closed_loop", "The closed loop before and after", closed_loop)
     return write_document(
         "diagnosis.html.j2",
         folder,
@@ -80,7 +106,10 @@ def write_diagnosis_page(diagnosis: Diagnosis, folder: Path, *, command: str) ->
         good=good,
         glance=_glance(diagnosis),
         order=ORDER[diagnosis.verdict],
-        pictures={name: _picture(diagnosis, name, *drawn[name]) for name in drawn},
+        pictures=pictures,
+        change=change,
+        changes=rows.changes(change) if change is not None else [],
+        closed=_closed(closed) if closed is not None else None,
         named=diagnosis.verdict in ("effect", "ambiguous"),
         places=rows.places(diagnosis),
         by_signal=rows.by_signal(diagnosis),
@@ -94,10 +123,24 @@ def write_diagnosis_page(diagnosis: Diagnosis, folder: Path, *, command: str) ->
         reached=_reached(diagnosis),
         noise=rows.noise(diagnosis),
         facts=rows.facts(diagnosis),
+        files=hashes([*(list(files) or [diagnosis.log.path]), diagnosis.plant.path]),
         versions=diagnosis.provenance,
         assumed=assumed_of([diagnosis.plant]),
         command=command,
     )
+
+
+def _closed(closed: Mapping[str, Any]) -> dict[str, Any]:
+    """What the section of the closed loop shows."""
+    head, table = closed_table(closed)
+    other = (closed.get("replay") or {}).get("current_not_of_this_loop")
+    return {
+        "name": f"{closed['scenario']} with {closed['controller']}",
+        "verdicts": [(word, list(reasons)) for word, reasons in closed["failures"].items()],
+        "head": head,
+        "rows": table,
+        "other": f"{100.0 * other:.0f} %" if other is not None and other > OTHER else "",
+    }
 
 
 def diagnosis_figures(diagnosis: Diagnosis) -> dict[str, tuple[str, Figure]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import Diagnosis
 from ..diagnosis.locate import PLACES
 from ..diagnosis.signals import SIGNALS
@@ -111,6 +112,16 @@ def noise(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
         how = shown(channel)
         rows.append((how.words, number(float(f"{sd / how.scale:.3g}")), unit(how.unit)))
     return rows
+
+
+def changes(change: Change) -> list[tuple[str, str, str, str]]:
+    """Letter, value as believed, value of the rig when the first log was made, unit; of what differs."""
+    believed, rig = change.before.plant, change.rig
+    return [
+        (name, number(believed[name]), number(parameter.value), unit(parameter.unit))
+        for name, parameter in rig.parameters.items()
+        if name in believed.parameters and abs(parameter.value - believed[name]) > 1e-6 * abs(believed[name])
+    ]
 
 
 def facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:

@@ -11,14 +11,8 @@ import jinja2
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from ..core.parameter import Parameter
-from ..core.unit import factor
-from ..plant.plant import Plant
 from .figures import to_svg
-from .number import number, quantity, unit
-
-#: Plant, parameter or limit, its value and its believed range as written.
-Assumed = tuple[str, Parameter, str, str]
+from .number import number, unit
 
 
 class Picture(NamedTuple):
@@ -55,7 +49,11 @@ def write_document(
 
 def embedded(figure: Figure, words: str, name: str) -> Markup:
     """A figure as an SVG inside a page: said in words for those who don't see it, its ids apart from other figures'."""
-    svg = to_svg(figure)
+    return inlined(to_svg(figure), words, name)
+
+
+def inlined(svg: str, words: str, name: str) -> Markup:
+    """The text of one of our SVG files as it stands inside a page, as `embedded` has it."""
     svg = svg[svg.index("<svg") :]
     # What a page can't use: name spaces, comments, and a style that would hold for the whole page.
     svg = re.sub(r"\s*(<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->)", "", svg, flags=re.DOTALL)
@@ -87,25 +85,3 @@ def merged_versions(provenances: Iterable[Mapping[str, str]]) -> dict[str, str]:
         for name, version in provenance.items():
             found.setdefault(name, set()).add(version)
     return {name: ", ".join(sorted(versions)) for name, versions in found.items()}
-
-
-def assumed_of(plants: Iterable[Plant]) -> list[Assumed]:
-    """Everything that is assumed in some plants, each value once."""
-    found: dict[tuple[str, str, float], Assumed] = {}
-    for plant in plants:
-        sensors = [number for sensor in plant.sensors.values() for number in sensor.stated]
-        for parameter in (*plant.parameters.values(), *plant.limits.values(), *sensors):
-            if parameter.source == "assumed":
-                key = (plant.name, parameter.name, parameter.value)
-                found.setdefault(key, (plant.name, parameter, *_written(parameter)))
-    return list(found.values())
-
-
-def _written(parameter: Parameter) -> tuple[str, str]:
-    """Value and believed range in the unit of the plant's file."""
-    own = parameter.written.partition(" ")[2] or parameter.unit
-    scale = factor(own, parameter.unit)
-    value = quantity(parameter.value / scale, own)
-    if parameter.lower == -float("inf") and parameter.upper == float("inf"):
-        return value, ""
-    return value, f"{number(parameter.lower / scale)} to {quantity(parameter.upper / scale, own)}"

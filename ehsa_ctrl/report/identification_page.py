@@ -9,11 +9,14 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..core.errors import InputError
+from ..identification.assumed import Drift
 from ..identification.identification import Identification
 from ..identification.uncertainty import Estimate
 from .channel import name_of, shown
-from .document import Picture, anchors, assumed_of, embedded, merged_versions, write_document
+from .document import Picture, anchors, embedded, merged_versions, write_document
+from .drift import DriftTable
 from .figures import correlation_figure, identification_figure, parameters_figure, residuals_figure
+from .grounds import assumed_of, hashes
 from .number import NOTHING, number, uncertain, unit
 from .verdict import Verdict, listed, verdict, weights
 
@@ -29,6 +32,12 @@ class Section:
 
     identification: Identification
     anchor: str
+    tried: Sequence[Drift] | None = None
+
+    @property
+    def drifts(self) -> DriftTable | None:
+        """Its values over the ranges of assumed parameters, where these were tried."""
+        return None if self.tried is None else DriftTable(self.identification, self.tried)
 
     @property
     def model(self) -> str:
@@ -158,20 +167,28 @@ class Section:
         return facts
 
 
-def write_identification_page(identifications: Sequence[Identification], folder: Path, *, command: str) -> Path:
+def write_identification_page(
+    identifications: Sequence[Identification],
+    folder: Path,
+    *,
+    command: str,
+    drifts: Sequence[Sequence[Drift]] = (),
+) -> Path:
     """Write `report.html` to the folder and return its path; the same identifications give the same bytes.
 
     Parameters
     ----------
     identifications: one, or several models of the same logs, the simplest first.
     command: the command line that made them, for the page's end.
+    drifts: of each what `identification.assumed.over_assumed` says; left out where that was not asked for.
 
     Raises InputError if there is none.
     """
     if not identifications:
         raise InputError("there is no identification to report; identify at least one plant")
     names = anchors(f"model-{found.plant.model}" for found in identifications)
-    sections = [Section(found, name) for found, name in zip(identifications, names, strict=True)]
+    tried: list[Sequence[Drift] | None] = [*drifts] if drifts else [None] * len(identifications)
+    sections = [Section(*parts) for parts in zip(identifications, names, tried, strict=True)]
     findings = dict.fromkeys(finding for found in identifications for finding in found.findings)
     return write_document(
         "identification.html.j2",
@@ -182,10 +199,16 @@ def write_identification_page(identifications: Sequence[Identification], folder:
         models=_models(identifications),
         findings=list(findings),
         marks=MARKS,
+        files=_files(identifications),
         versions=merged_versions(found.provenance for found in identifications),
         assumed=assumed_of(found.plant for found in identifications),
         command=command,
     )
+
+
+def _files(identifications: Sequence[Identification]) -> list[tuple[str, str]]:
+    runs = [run for found in identifications for run in (*found.train.after, *found.validation.after)]
+    return hashes([*(run.log.path for run in runs), *(found.believed.path for found in identifications)])
 
 
 def _headline(identifications: Sequence[Identification]) -> str:

@@ -16,9 +16,11 @@ from ..core.unit import factor
 from ..design.analysis.loop import LoopAnalysis
 from ..scenario.metrics import METRICS
 from ..scenario.result import Judgement, ScenarioResult, gap
-from .document import anchors, assumed_of, embedded, merged_versions, write_document
+from .document import anchors, embedded, merged_versions, write_document
 from .figures import loop_figure, scenario_figure
+from .grounds import assumed_of, hashes
 from .number import number, quantity, unit
+from .swing import SwingTable
 
 #: Metrics in the table of all runs; the scenario's own section has all of them.
 SHOWN = (
@@ -63,6 +65,13 @@ def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str)
         summary=list(zip(results, names, strict=True)),
         scenarios=_scenarios(results, names, loops),
         loops=list(loops.values()),
+        doubtful=[
+            (result, anchor, table.sentence[0])
+            for result, anchor in zip(results, names, strict=True)
+            if result.swings and not (table := SwingTable(result, result.swings)).sentence[1]
+        ],
+        tried=[result for result in results if result.swings],
+        files=hashes(file for result in results for file in result.files),
         versions=merged_versions(result.nonlinear.trajectory.provenance for result in results),
         assumed=assumed_of(run.plant for run in runs),
         command=command,
@@ -136,6 +145,11 @@ class Run:
             f"{_with_unit('StickShare', result.metrics['StickShare'][1])} of the run."
         )
         return embedded(scenario_figure(result), words, self.anchor)
+
+    @property
+    def swings(self) -> SwingTable | None:
+        """Its metrics over the ranges of assumed parameters, where these were tried."""
+        return None if self.result.swings is None else SwingTable(self.result, self.result.swings)
 
     @property
     def limits(self) -> list[tuple[Judgement, str]]:

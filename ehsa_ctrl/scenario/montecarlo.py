@@ -44,6 +44,7 @@ class MonteCarlo:
     scenario, controller: names.
     uncertainty: what was drawn. outcomes: in the order of the runs.
     seed: of the draws. interrupted: there are fewer runs than were asked for.
+    plant: as believed. files: scenario, controller and plants, as far as they were read from files.
     """
 
     scenario: str
@@ -52,6 +53,8 @@ class MonteCarlo:
     outcomes: tuple[Outcome, ...]
     seed: int
     interrupted: bool = False
+    plant: Plant | None = None
+    files: tuple[Path, ...] = ()
 
     @property
     def passes(self) -> int:
@@ -201,7 +204,9 @@ def monte_carlo(
             raise
         interrupted = True
     outcomes = tuple(done[number] for number in sorted(done))
-    return MonteCarlo(case.scenario.name, case.controller.name, uncertainty, outcomes, seed, interrupted)
+    return MonteCarlo(
+        case.scenario.name, case.controller.name, uncertainty, outcomes, seed, interrupted, case.nonlinear, case.files
+    )
 
 
 def _some(case: Case, uncertainty: Uncertainty, seed: int, numbers: Sequence[int]) -> list[Outcome]:

@@ -22,8 +22,12 @@ from .metrics import METRICS
 from .scenario import Scenario
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import pandas
     from matplotlib.figure import Figure
+
+    from .assumed import Swing
 
 Verdict = Literal["pass", "fail", "untested"]
 
@@ -96,6 +100,8 @@ class ScenarioResult:
     loop: margins on the design model, None for a controller without linear feedback.
     seconds: wall time.
     baseline: the recorded run that it is held against; None where there is none, or where another plant was checked.
+    swings: the scenario over the believed range of each assumed parameter; None where that was not asked for.
+    files: scenario, controller and plants, as far as they were read from files.
     """
 
     scenario: Scenario
@@ -108,6 +114,8 @@ class ScenarioResult:
     loop: LoopAnalysis | None
     seconds: float
     baseline: Baseline | None = None
+    swings: tuple[Swing, ...] | None = None
+    files: tuple[Path, ...] = ()
 
     @property
     def expected_trips(self) -> tuple[str, ...]:
@@ -178,6 +186,7 @@ class ScenarioResult:
             "margins": self.loop.to_dict() if self.loop else None,
             "linear_model_passed_limits": [str(item) for item in self.linear.trajectory.exceeded],
             "assumed": {p.name: p.value for p in self._numbers if p.source == "assumed"},
+            "assumed_ranges": None if self.swings is None else [swing.to_dict() for swing in self.swings],
             "warnings": list(self.plant.unbelieved),
             "seed": self.scenario.definition.sensors.seed,
             "seconds": self.seconds,

@@ -19,6 +19,7 @@ from ..plant.linear import three_state
 from ..plant.plant import Plant, load_plant
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.sensors import Sensors
+from .assumed import over_assumed
 from .baseline import baseline_path, read_baseline
 from .definition import Measuring, ScenarioFile
 from .fault import faults_of
@@ -39,6 +40,7 @@ class Case:
     scenario, controller: what will be run.
     model: linear model on which the controller was designed.
     linear, nonlinear: plants as they are believed in this scenario, for the prediction and the check.
+    files: where all this was read from.
     """
 
     scenario: Scenario
@@ -46,6 +48,7 @@ class Case:
     model: control.StateSpace
     linear: Plant
     nonlinear: Plant
+    files: tuple[Path, ...] = ()
 
     def loop(self, plant: Plant, seed: int | None = None) -> ClosedLoop:
         """Run the scenario on a plant, with the scenario's own seed of the sensors' noise or another one.
@@ -122,7 +125,9 @@ def prepare(
         raise InputError(f"{where}: {error}") from None
     if definition.supervision is not None and isinstance(chosen, SampledController):
         chosen = replace(chosen, supervision=definition.supervision.of(linear))
-    return Case(loaded, chosen, model, linear, nonlinear)
+    files = [loaded.path, law if isinstance(law, Path) else None, checked, designed]
+    known = tuple(dict.fromkeys(Path(file) for file in files if file is not None))
+    return Case(loaded, chosen, model, linear, nonlinear, known)
 
 
 def run(
@@ -131,6 +136,7 @@ def run(
     controller: str | Path | Controller | None = None,
     plant: str | Path | None = None,
     design: str | Path | None = None,
+    assumed: bool | None = False,
 ) -> ScenarioResult:
     """Run a scenario: linear prediction, nonlinear check, comparison, judgement.
 
@@ -144,6 +150,8 @@ def run(
         `load_controller` or a user's own, is run as it is and held against no baseline.
     design: the plant whose linear set the controller is designed on and the prediction is made with, if that is
         another one than the plant it is checked on: the rig's identified model on the plant that one takes for true.
+    assumed: also run it with each assumed parameter at both ends of its believed range; None: if that is quick, which
+        it is with a compiled controller.
 
     Raises
     ------
@@ -165,7 +173,10 @@ def run(
         trips=loops[1].trajectory.exceeded,
         loop=analyse_loop(case.model, case.controller) if isinstance(case.controller, SampledController) else None,
         seconds=clock.perf_counter() - begun,
+        files=case.files,
     )
+    if assumed or (assumed is None and case.controller.compiled is not None):
+        result = replace(result, swings=over_assumed(case, kept=not result.other_failures))
     # Another plant than the scenario's, or a controller that no file describes, has no recorded run.
     recorded = not plant and not design and (controller is None or isinstance(controller, str | Path))
     path = baseline_path(result) if recorded else None

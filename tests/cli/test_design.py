@@ -66,7 +66,7 @@ def test_json_and_figures(run):
     assert result["settings"] == {"K_T": "1.1"}
     assert 0 < result["settling_time"] < 1
     files = {path.name for path in Path("result").iterdir()}
-    assert files == {"design.json"} | {
+    assert files == {"design.json", "report.html"} | {
         f"{name}.{end}" for name in ("loop", "nyquist", "step") for end in ("png", "svg")
     }
 

@@ -6,9 +6,12 @@ from functools import cache
 import pytest
 from markupsafe import Markup
 
+from ehsa_ctrl.diagnosis.changed import Change
+from ehsa_ctrl.diagnosis.diagnosis import Candidate
 from ehsa_ctrl.report import diagnosis_page
 from ehsa_ctrl.report.diagnosis_page import ORDER, VERDICTS, diagnosis_figures, write_diagnosis_page
 from ehsa_ctrl.report.diagnosis_signals import signals_table
+from ehsa_ctrl.report.figures.candidates import fate
 from ehsa_ctrl.report.number import uncertain
 
 from . import diagnoses
@@ -224,3 +227,51 @@ def test_the_table_of_signals_has_every_sample(verdict):
         assert "p1_after" not in table
     else:
         assert (table["p1_after"] == made.simulated[after]["p1"]).all()
+
+
+CLOSED = {
+    "scenario": "steps", "controller": "pid <b>", "plants": ["believed", "improved"],
+    "metrics": {"RMSError": {"believed": 1e-3, "improved": 2e-3, "unit": "m"},
+                "RiseTime": {"believed": None, "improved": float("nan"), "unit": "s"}},
+    "failures": {"believed": [], "improved": ["MaxError 9 mm (at most 3 mm)"]},
+    "replay": {"gap": {"believed": {"speed": 0.1}, "improved": {"speed": 0.01}}, "seconds": 2.0,
+               "current_not_of_this_loop": 0.5},
+}  # fmt: skip
+
+
+def test_what_it_means_for_the_loop_is_shown_where_it_was_asked(tmp_path):
+    """Metrics before and after in the unit that is read, the verdict at the top, the doubt about the log."""
+    text = write_diagnosis_page(diagnosis("effect"), tmp_path, command="", closed=CLOSED).read_text(encoding="utf-8")
+    page = Page(text)
+    rows = page.table("metric", "believed plant", "improved plant")
+
+    assert rows == [["RMSError", "1", "2", "mm"], ["gap in speed", "10", "1", "%"]]
+    assert "MaxError 9 mm (at most 3 mm)" in text.split("<table")[0]
+    assert "differs by 50 % from what this controller asks for" in text
+    assert page.wrong == [] and page.open == [] and "pid <b>" not in text
+
+
+def test_what_changed_comes_before_the_rest(tmp_path):
+    """The earlier log, how the plant was brought to it, and the values that this took."""
+    before, after = diagnosis("no_gap"), diagnosis("effect")
+    rig = before.plant.set(M=1.25 * before.plant["M"])
+    change = Change(before, after, rig, "the log had no gap that matters")
+    text = write_diagnosis_page(after, tmp_path, command="", change=change).read_text(encoding="utf-8")
+    page = Page(text)
+
+    assert page.table("name", "believed", "then") == [["M", "16.52", "20.65", "kg"]]
+    assert "Between the logs changed: internal_leakage" in text.split("<h2")[0]
+    assert text.index('id="changed"') < text.index('id="signals"')
+    assert page.wrong == [] and page.open == []
+
+
+def test_what_contains_a_rival_is_not_called_excluded():
+    """A cause in another's place that this log does not tell apart, with one more beside it, is more than is needed."""
+    made = diagnosis("ambiguous")
+    rival = made.effects[0].ambiguous_with[0]
+    words = {
+        members: fate(made, Candidate(members, 1.0, 0.1))
+        for members in ((rival,), (rival, "unequal_areas"), ("unequal_areas",), ("unequal_areas", "backlash"))
+    }
+
+    assert list(words.values()) == ["can't be told from it", "more than is needed", "excluded", "excluded"]

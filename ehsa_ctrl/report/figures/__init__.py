@@ -3,6 +3,7 @@
 from .baseline import baseline_figure
 from .bode import bode_figure
 from .candidates import candidates_figure
+from .closed import closed_figure
 from .correlation import correlation_figure
 from .diagnosis import diagnosis_figure
 from .experiment import experiment_figure
@@ -27,6 +28,7 @@ __all__ = [
     "baseline_figure",
     "bode_figure",
     "candidates_figure",
+    "closed_figure",
     "correlation_figure",
     "diagnosis_figure",
     "experiment_figure",

@@ -47,13 +47,12 @@ def fate(diagnosis: Diagnosis, candidate: Candidate) -> str:
     if diagnosis.verdict == "underdetermined":
         known = set().union(*alike.values()) if alike else set()
         return "possible" if members and all(m in known or _id(m) in known for m in members) else "tried"
-    if members == set(causes):
-        return "named"
-    if members > set(causes):
-        return "more than is needed"
     gone, come = set(causes) - members, members - set(causes)
-    if len(gone) == len(come) == 1 and (_id(next(iter(come))) in alike[next(iter(gone))]):
-        return "can't be told from it"
+    if not gone:
+        return "more than is needed" if come else "named"
+    # One cause in another's place, and perhaps more beside it: what contains a rival is not excluded either.
+    if len(gone) == 1 and any(_id(name) in alike[next(iter(gone))] for name in come):
+        return "can't be told from it" if len(come) == 1 else "more than is needed"
     return "excluded"
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 
 from ...core.errors import InputError
 from ...core.unit import factor
@@ -37,7 +37,6 @@ CURVE: dict[str, Any] = {"color": VERMILION, "linewidth": 1.5, "marker": "o", "m
 WORDS = 36
 #: More samples than this are pixels.
 POINTS = 1500
-CANCELS = "turns over with the motion:\nboth ways have the same size"
 
 
 def unknown_inputs_figure(diagnosis: Diagnosis) -> Figure:
@@ -85,12 +84,6 @@ def read_unit(si: str) -> tuple[str, float]:
     return usual, factor(usual, si) if usual != si else 1.0
 
 
-def _cancels(regime: Regime) -> bool:
-    """Whether a regime that turns over with the motion has no mean along its variable to show."""
-    size, spread = float(np.sqrt(np.mean(regime.mean**2))), float(np.sqrt(np.mean(regime.sd**2)))
-    return "against the motion" in regime.against and regime.explained > 0.2 and size < 0.3 * spread
-
-
 def _over(ax: Axes, location: Location, balance: str) -> None:
     usual, scale = read_unit(UNITS[balance])
     values = location.unknown[balance] / scale
@@ -114,12 +107,7 @@ def _along(ax: Axes, regime: Regime) -> None:
     _, scale = read_unit(UNITS[regime.balance])
     variable, by = read_unit(regime.unit)
     z, mean, sd = regime.bins / by, regime.mean / scale, regime.sd / scale
-    if _cancels(regime):
-        ax.text(0.5, 0.72, CANCELS, transform=ax.transAxes, ha="center", va="center", fontsize=8)
-        ax.set_xlim(float(z[0]), float(z[-1]))
-        ax.set_ylim(-1.0, 1.0)
-        ax.yaxis.set_major_locator(NullLocator())
-    elif z.size > 2:
+    if z.size > 2:
         ax.fill_between(z, mean - sd, mean + sd, color=VERMILION, alpha=0.2, linewidth=0)
         ax.plot(z, mean, **CURVE)
     else:

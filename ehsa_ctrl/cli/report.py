@@ -1,0 +1,52 @@
+"""`ehsa-ctrl report`: one page of all results in a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import Force, Json
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that commands wrote to with --out.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Write overview.html to this folder instead.")
+    ] = None,
+    as_json: Json = False,
+    force: Force = False,
+) -> None:
+    """Build one self-contained page, overview.html, of all results in a folder and the folders in it.
+
+    It is made of the JSON files and figures that are there; nothing is computed again.
+
+    Examples: ehsa-ctrl report results · ehsa-ctrl report demo --force · ehsa-ctrl report results --out to_send
+    """
+    from ..report.result_page import FILE, results_in, write_overview
+    from .output import prepare_folder, to_json, warn
+
+    place = out or folder
+    sections, wrong = results_in(folder, place)
+    prepare_folder(place, FILE, force=force)
+    for sentence in wrong:
+        warn(f"left out: {sentence}")
+    page = write_overview(sections, place, folder.resolve().name)
+    if as_json:
+        results = [
+            {
+                "kind": section.kind.word,
+                "file": section.folder / section.kind.name,
+                "title": section.title,
+                "good": not section.doubtful,
+                "sentences": [words for words, _ in section.result.sentences],
+            }
+            for section in sections
+        ]
+        print(to_json({"page": page, "results": results, "left_out": wrong}))
+        return
+    for section in sections:
+        mark = "look" if section.doubtful else "ok  "
+        print(f"{mark}  {section.folder / section.kind.name}: {section.title}")
+    print(f"written to {page}")

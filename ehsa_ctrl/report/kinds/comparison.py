@@ -1,0 +1,46 @@
+"""A log beside free runs of a plant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ._result import DOUBT, Drawing, Kind, Result, Sentence, fit_table, settings_of, written
+
+
+def _read(content: Mapping[str, Any], folder: Path) -> Result:
+    models = content["models"]
+    sentences: list[Sentence] = []
+    for name, model in models.items():
+        known = {channel: fit for channel, fit in model["fit_percent"].items() if fit is not None}
+        if model["stopped"] or not known:
+            why = model["stopped"].rstrip(".") or "no channel moved"
+            sentences.append((f"{name} model: no fit is given, {why}.", False))
+            continue
+        ordered = sorted(known, key=lambda channel: known[channel])
+        worst, best = ordered[0], ordered[-1]
+        words = (
+            f"{name} model: the fit is from {written(known[worst])} % ({worst}) to {written(known[best])} % ({best})."
+        )
+        sentences.append((words, True if known[worst] > 0.0 else DOUBT))
+    sentences += [(f"Doubtful in the log: {_words(finding)}.", False) for finding in content["findings"]]
+    return Result(
+        title=f"{content['plant']} beside {Path(str(content['log'])).name}",
+        sentences=sentences,
+        tables=[fit_table("Fit in free run, %", {name: model["fit_percent"] for name, model in models.items()})],
+        drawings=[Drawing("compare", "Measured and simulated", "Free runs, driven by the logged drive alone.")],
+        facts=[
+            *settings_of({**content, "model": ""}),
+            ("log", str(content["log"])),
+            ("time", f"{written(content['from'])} to {written(content['to'])} s"),
+        ],
+        versions=content["provenance"],
+    )
+
+
+def _words(finding: Any) -> str:
+    return str(finding["sentence"]).rstrip(".") if isinstance(finding, dict) else str(finding)
+
+
+KIND = Kind("comparison.json", "comparison", _read, own=True)

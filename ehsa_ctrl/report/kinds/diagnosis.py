@@ -1,0 +1,89 @@
+"""Why a log and the simulation differ; with it what changed since an earlier log, and what it does to a closed loop."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...diagnosis.diagnosis import MODELS
+from ...diagnosis.signals import SIGNALS
+from ..closed_loop import closed_table
+from ..number import uncertain, unit
+from ._result import Drawing, Kind, Result, Sentence, Table, listed, percent, written
+
+#: Verdicts with which one can go on.
+GOOD = ("no_gap", "effect")
+#: What JSON has null for.
+INFINITE = float("inf")
+
+
+def _read(content: Mapping[str, Any], folder: Path) -> Result:
+    sentences: list[Sentence] = [(content["sentence"], content["verdict"] in GOOD)]
+    if "change" in content:
+        sentences.insert(0, (content["change"], None))
+    if content["next_experiment"]:
+        sentences.append((f"Next: {content['next_experiment']}", None))
+    sentences += [(f"Doubtful in the log: {str(words).rstrip('.')}.", False) for words in content["findings"]]
+    tables = [_causes(content)] if content["effects"] else []
+    tables.append(_gaps(content))
+    closed = folder / "closed_loop.json"
+    facts = [
+        ("where", listed(f"{w['place']} {percent(w['share'], 2)}" for w in content["where"] if w["share"] >= 0.01))
+    ]
+    if closed.is_file():
+        found = json.loads(closed.read_text(encoding="utf-8"))
+        head, rows = closed_table(found)
+        name = f"{found['scenario']} with {found['controller']}"
+        tables.append(Table(f"What it does to the closed loop: {name}", ["", *head, "unit"], rows))
+        for word, reasons in found["failures"].items():
+            said = "; ".join(reasons) if reasons else "keeps the limits"
+            sentences.append((f"{name} on the {word} plant: {said}.", not reasons))
+    return Result(
+        title=f"Diagnosis in {folder.name}",
+        sentences=sentences,
+        tables=tables,
+        drawings=[
+            Drawing("signals", "Measured and simulated", "Free runs, driven by the logged current alone."),
+            Drawing("where", "Where the gap lies"),
+            Drawing("unknown_inputs", "What the balances lack"),
+            Drawing("candidates", "Candidates by evidence"),
+            Drawing("shrinkage", "How far the gap shrinks"),
+            Drawing("closed_loop", "The closed loop before and after"),
+        ],
+        facts=[
+            *(facts if content["where"] else []),
+            ("held out", str(content["held_out"])),
+            ("a gap matters from", f"{percent(content['threshold'])} on"),
+            ("it took", f"{written(content['seconds'], 1.0, 2)} s, {content['runs']} simulations"),
+        ],
+        versions=content["provenance"],
+    )
+
+
+def _causes(content: Mapping[str, Any]) -> Table:
+    rows = []
+    for cause in content["effects"]:
+        name = cause["id"] + (f" ({cause['channel']})" if cause["channel"] else "")
+        numbers = "; ".join(
+            f"{key} = {uncertain(p['value'], INFINITE if p['sd'] is None else p['sd'])} {unit(p['unit'])}".rstrip()
+            for key, p in cause["parameters"].items()
+        )
+        rows.append([name, numbers, ", ".join(cause["ambiguous_with"]) or "–", written(cause["probability"], 1.0, 2),
+                     percent(cause["gap_closed"])])  # fmt: skip
+    return Table("Causes", ["cause", "numbers", "or, not told apart", "probability", "closes"], rows)
+
+
+def _gaps(content: Mapping[str, Any]) -> Table:
+    gaps = content["gap"]
+    models = [model for model in gaps if model in MODELS]
+    rows = [
+        [name.replace("_", " "), *(percent(gaps[model].get(name), 2) for model in models)]
+        for name in (*SIGNALS, "total")
+        if name in gaps["nominal"]
+    ]
+    return Table("Gap on held-out data", ["signal", *(MODELS[model] for model in models)], rows)
+
+
+KIND = Kind("diagnosis.json", "diagnosis", _read, page="diagnosis.html", own=True)

@@ -1,0 +1,78 @@
+"""An experiment that was proposed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...core.unit import factor
+from ...simulation.limits import SHOWN
+from ..number import unit
+from ._result import Drawing, Kind, Result, Sentence, Table, listed, percent, settings_of, written
+
+#: Of the candidates, so many are listed.
+LISTED = 12
+
+
+def _read(content: Mapping[str, Any], folder: Path) -> Result:
+    parameters = content["parameters"]
+    poor = [name for name, each in parameters.items() if each["verdict"] != "well determined"]
+    determined = f"{len(parameters) - len(poor)} of {len(parameters)} parameters will be well determined"
+    worst = max(parameters, key=lambda name: parameters[name]["relative_sd"] or float("inf"))
+    nearest = max(content["limits"], key=lambda name: content["limits"][name]["worst_share"])
+    sentences: list[Sentence] = [
+        (f"{content['input']}, for {written(content['duration'])} s.", None),
+        (f"{determined}{'; not ' + listed(poor) if poor else ''}. The worst is {worst}: "
+         f"{percent(parameters[worst]['relative_sd'])} expected.", not poor),
+        (f"It stays within the plant's limits; nearest is {nearest.replace('_', ' ')}, "
+         f"{percent(content['limits'][nearest]['worst_share'], 2)} of the way even if parameters are "
+         f"{percent(content['variations']['spread'], 2)} off.", True),
+    ]  # fmt: skip
+    return Result(
+        title=f"An experiment for {content['plant']}",
+        sentences=sentences,
+        tables=[
+            Table(
+                "Parameters as this log will give them",
+                ["name", "believed", "expected sd", "relative", "at worst", "unit", "verdict"],
+                [
+                    [name, written(p["believed"]), written(p["sd"], 1.0, 2), percent(p["relative_sd"], 2),
+                     percent(p["relative_sd_at_worst"], 2), unit(p["unit"]),
+                     f"{'✓' if p['verdict'] == 'well determined' else '✗'} {p['verdict']}"]
+                    for name, p in parameters.items()
+                ],
+            ),
+            Table(
+                f"Limits; at worst of {content['variations']['draws']} plants",
+                ["limit", "allowed", "reached", "at worst", "unit"],
+                [_limit(name, each) for name, each in content["limits"].items()],
+            ),
+            Table(
+                "Candidates: the largest relative sd of a parameter",
+                ["input", "score", "not determined"],
+                [
+                    [each["input"], percent(each["score"], 2), str(each["not_determined"])]
+                    for each in content["candidates"][:LISTED]
+                ],
+            ),
+        ],
+        drawings=[Drawing("excitation", "The input and what the plant is expected to do")],
+        facts=[
+            *settings_of(content),
+            ("seed", str(content["seed"])),
+            ("current", str(content["current"] or "not written")),
+            *(("next", line) for line in content["next"]),
+        ],
+        versions=content["provenance"],
+    )  # fmt: skip
+
+
+def _limit(name: str, each: Mapping[str, Any]) -> list[str]:
+    usual = SHOWN.get(name, each["unit"])
+    scale = factor(usual, each["unit"])
+    values = (written(each[key], scale) for key in ("allowed", "reached", "worst"))
+    return [name.replace("_", " "), *values, unit(usual)]
+
+
+KIND = Kind("excitation.json", "experiment", _read)

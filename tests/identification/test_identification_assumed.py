@@ -1,0 +1,69 @@
+"""An identification over the ranges of assumed parameters: what must follow from the equations follows."""
+
+import dataclasses
+
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.identification.assumed import over_assumed
+from ehsa_ctrl.identification.identify import identify
+from ehsa_ctrl.report.identification_page import write_identification_page
+
+
+@pytest.fixture(scope="module")
+def found():
+    plant = ehsa_ctrl.load_plant("ehsa")
+    parameter = plant.parameters["beta"]
+    beta = dataclasses.replace(parameter, lower=0.9 * parameter.value, upper=1.2 * parameter.value)
+    still = {"K_T": "given", "tau_FM": "given"}
+    parameters = {
+        name: dataclasses.replace(p, source=still.get(name, p.source)) for name, p in plant.parameters.items()
+    } | {"beta": beta}
+    plant = dataclasses.replace(plant, parameters=parameters)
+    made = ehsa_ctrl.excitation("noise", amplitude=3, duration=6, sample_time=0.004, seed=1)
+    log, _ = ehsa_ctrl.record(plant, *made, centre=True, seed=1)
+    return identify(plant, log, fix=[name for name in plant.free if name not in ("V_10", "V_20", "J_M")], starts=1)
+
+
+@pytest.fixture(scope="module")
+def drifts(found):
+    return over_assumed(found)
+
+
+def test_only_what_is_assumed_and_has_a_range_is_tried(drifts):
+    """Neither what was given nor what no file gives a range."""
+    assert [drift.parameter.name for drift in drifts] == ["beta"]
+
+
+def test_volumes_go_with_the_bulk_modulus(found, drifts):
+    """A chamber's stiffness is beta / V: a log that shows the stiffness moves the volumes as beta moves."""
+    (drift,) = drifts
+    for end, factor in zip(drift.ends, (0.9, 1.2), strict=True):
+        for name in ("V_10", "V_20"):
+            assert end.values[name] / found[name].value == pytest.approx(factor, rel=0.03)
+        assert end.values["J_M"] / found["J_M"].value == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_estimate_is_the_best(found, drifts):
+    """With the believed value the fit is at its minimum: at an end it is worse, or better by no more than noise."""
+    (drift,) = drifts
+
+    assert drift.cost == found.fit.reduced_cost
+    assert all(end.cost > 0.999 * drift.cost for end in drift.ends)
+
+
+def test_the_page_shows_by_how_much_each_moves(found, drifts, tmp_path):
+    """A column an end, in percent of the estimate, and what follows in a sentence."""
+    text = write_identification_page([found], tmp_path, command="", drifts=[drifts]).read_text(encoding="utf-8")
+    plain = write_identification_page([found], tmp_path, command="").read_text(encoding="utf-8")
+    moved = 100.0 * (drifts[0].high.values["V_10"] / found["V_10"].value - 1.0)
+
+    assert "If what is assumed is wrong" in text and "If what is assumed" not in plain
+    assert f"{moved:+.2g} %" in text
+
+
+def test_balances_have_no_simulation_to_fit_again(found):
+    """Said in a sentence."""
+    with pytest.raises(InputError, match="not by balances"):
+        over_assumed(dataclasses.replace(found, fit=None))

@@ -1,0 +1,100 @@
+"""Assumed parameters at the ends of their ranges: the right plants are run, and a verdict that flips is seen."""
+
+import math
+
+import pytest
+
+from ehsa_ctrl.core.definition import validate
+from ehsa_ctrl.scenario.assumed import over_assumed
+from ehsa_ctrl.scenario.definition import ScenarioFile
+from ehsa_ctrl.scenario.run import prepare, run
+from ehsa_ctrl.scenario.scenario import Scenario
+
+STEP = {
+    "schema": 1,
+    "title": "A small step",
+    "why": "Tests need a run that takes little time.",
+    "plant": "ehsa",
+    "controller": "pid_position",
+    "duration": "0.6 s",
+    "reference": {"kind": "steps", "times": ["0.1 s"], "positions": ["5 mm"]},
+    "sensors": {"noise": False},
+}
+
+
+def scenario(**more):
+    return Scenario("step", validate(STEP | more, ScenarioFile, "step"))
+
+
+@pytest.fixture(scope="module")
+def result():
+    return run(scenario(), assumed=True)
+
+
+def test_every_assumed_parameter_with_a_range_is_tried(result):
+    """Those, and no others; at both ends of what the plant's file says."""
+    expected = {
+        p.name: (p.lower, p.upper)
+        for p in result.plant.parameters.values()
+        if p.source == "assumed" and math.isfinite(p.lower) and math.isfinite(p.upper)
+    }
+
+    assert {s.parameter.name: (s.low.value, s.high.value) for s in result.swings} == expected
+    assert "K_T" in expected
+
+
+def test_an_end_is_the_same_loop_on_a_plant_set_so(result):
+    """The controller is not designed anew: the run is that of the believed controller on the other plant."""
+    case = prepare(scenario())
+    swing = next(s for s in result.swings if s.parameter.name == "K_T")
+    loop = case.loop(case.nonlinear.set(K_T=swing.high.value))
+
+    assert swing.high.metrics["RMSError"] == case.metrics(loop)["RMSError"]
+    assert swing.high.metrics["RMSError"] != result.metrics["RMSError"][1]
+
+
+def test_what_a_setting_gave_is_not_assumed():
+    """Who sets a value believes it: it has no range to go through."""
+    case = prepare(scenario(settings={"K_T": "1.1 N m/A"}))
+
+    assert "K_T" not in {swing.parameter.name for swing in over_assumed(case, kept=True)}
+
+
+def test_a_limit_between_both_ends_flips_the_verdict(result):
+    """A limit that is kept as believed and not at an end is said to flip; a far one is not."""
+    swing = next(s for s in result.swings if s.parameter.name == "K_T")
+    believed = result.metrics["RMSError"][1]
+    worst = max(end.metrics["RMSError"] for end in swing.ends)
+    assert worst > believed
+    tight = run(scenario(limits={"RMSError": {"max": f"{0.5 * (believed + worst)} m"}}), assumed=True)
+    wide = run(scenario(limits={"RMSError": {"max": f"{2.0 * worst} m"}}), assumed=True)
+
+    assert tight.passed and wide.passed
+    assert next(s for s in tight.swings if s.parameter.name == "K_T").flips
+    assert not any(s.flips for s in wide.swings)
+
+
+def test_by_default_nothing_more_is_run():
+    """In Python it has to be asked for; None leaves it to what the controller costs."""
+    assert run(scenario()).swings is None
+    assert run(scenario(), assumed=None).swings
+
+
+def test_a_run_that_can_not_be_made_is_a_failure_and_no_crash(monkeypatch):
+    """An end where the plant does not run counts as not kept, with the reason."""
+    from ehsa_ctrl.core.errors import SimulationError
+    from ehsa_ctrl.scenario.run import Case
+
+    case = prepare(scenario())
+    whole = Case.loop
+
+    def stops(self, plant, seed=None):
+        if plant["K_T"] > 1.5:
+            raise SimulationError("left the range of its equations")
+        return whole(self, plant, seed)
+
+    monkeypatch.setattr(Case, "loop", stops)
+    swing = next(s for s in over_assumed(case, kept=True) if s.parameter.name == "K_T")
+
+    assert swing.low.passed and swing.high.failures == ("left the range of its equations",)
+    assert swing.flips and swing.high.metrics == {}
