@@ -119,10 +119,9 @@ def diagnose(
         Bench(train, metric, nominal_parameters.loose(loose)), (), {},
         {name: column * loose for name, column in columns.items()}, steps=8, fresh=2,
     )  # fmt: skip
-    most = judge.weigh(search.residual) + judge.weigh(held.residual(metric, held.simulate({}) or {}))
     believed = {"fitted": fitted.gap({}), "held": held.gap({})}
     expected = float(np.mean(metric.noise_squares))
-    weighed = weigh(judged, judge.floor, most, threshold, believed, expected)
+    weighed = weigh(judged, judge.floor, judge.most, threshold, believed, expected)
     location = locate(plant, log, noise)
     return _written(plant, weighed, search, judge, held, bare, free, location, common, began)
 

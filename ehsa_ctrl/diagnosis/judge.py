@@ -38,11 +38,23 @@ FAR = 1.5
 
 
 @dataclass(frozen=True)
+class Slow:
+    """What a hypothesis leaves of the residuals' means over blocks, in which noise is small.
+
+    share: RMS over all channels, of that of the nominal model. size: RMS of the worst channel, in the metric's units.
+    """
+
+    share: float = 0.0
+    size: float = 0.0
+
+
+@dataclass(frozen=True)
 class Judged:
     """A hypothesis with what it leaves.
 
     evidence: smaller is better. own: (id, channel) -> gap in each signal that it makes beside the others, of the
     members and of nominal parameters that went far. fitted, held: gaps where it was fitted and on what was held out.
+    slow: what is left in either of the two.
     """
 
     fit: Refit
@@ -51,6 +63,7 @@ class Judged:
     fitted: Mapping[str, float]
     held: Mapping[str, float]
     causes: tuple[Key, ...]
+    slow: tuple[Slow, Slow] = (Slow(), Slow())
 
     @property
     def label(self) -> tuple[Key, ...]:
@@ -74,6 +87,10 @@ class Judge:
         weighed = (best.residual * bench.weights(best.residual)).reshape(channels, -1)
         self.worth = worth(weighed, 2.0 * bench.twin.log.sample_time)
         self.known: dict[int, Judged] = {}
+        run = held.simulate({})
+        missed = None if run is None else held.residual(bench.metric, run)
+        #: Residuals of the nominal model where hypotheses are fitted, and on what is held out.
+        self.nominal = search.residual, missed
 
     def weigh(self, r: np.ndarray) -> float:
         """Evidence of residuals (n,): blocks held down as in the fits, channels by what they are worth."""
@@ -87,17 +104,40 @@ class Judge:
             return self.known[id(fit)]
         bench = self.search.bench
         simulated = self.held.simulate(fit.values)
-        missed = self.weigh(self.held.residual(bench.metric, simulated)) if simulated is not None else np.inf
-        evidence = self.weigh(fit.residual) + missed + pulls(fit)
+        missed = None if simulated is None else self.held.residual(bench.metric, simulated)
+        evidence = self.weigh(fit.residual) + (np.inf if missed is None else self.weigh(missed)) + pulls(fit)
         own = self.alone(fit)
         members = {s.key for s in fit.suspects}
         # Nominal parameters trade for each other within their priors: one that is not asked about must matter plainly.
         limits = {key: (MATTERS if key in members else PLAINLY) * self.threshold for key in own}
         causes = tuple(key for key, gaps in own.items() if largest(gaps) >= limits[key])
         evidence += COMPANION * len(members - set(causes)) + NUMBER * fit.own
-        found = Judged(fit, evidence, own, self.fitted.gap(fit.values), self.held.gap_of(simulated), causes)
+        slow = self._slow(self.nominal[0], fit.residual), self._slow(self.nominal[1], missed)
+        found = Judged(fit, evidence, own, self.fitted.gap(fit.values), self.held.gap_of(simulated), causes, slow)
         self.known[id(fit)] = found
         return found
+
+    @property
+    def most(self) -> float:
+        """Evidence that the nominal model leaves; where it stops, as much again as where it was fitted."""
+        fitted, held = self.nominal
+        return self.weigh(fitted) + self.weigh(fitted if held is None else held)
+
+    def _slow(self, nominal: np.ndarray | None, r: np.ndarray | None) -> Slow:
+        if nominal is None or r is None:
+            return Slow(1.0, np.inf) if r is None else Slow()
+        bench = self.search.bench
+        noise = bench.metric.noise_squares / bench.block
+
+        def squares(r: np.ndarray) -> np.ndarray:
+            parts = r.reshape(len(noise), -1)
+            count = max(parts.shape[1] // bench.block, 1)
+            means = parts[:, : count * bench.block].reshape(len(noise), count, -1).mean(axis=2)
+            return np.maximum(np.mean(means**2, axis=1) - noise, 0.0)
+
+        left, before = squares(r), squares(nominal)
+        share = float(np.sqrt(np.sum(left) / max(np.sum(before), 1e-12)))
+        return Slow(share, float(np.sqrt(np.max(left))))
 
     @property
     def floor(self) -> float:

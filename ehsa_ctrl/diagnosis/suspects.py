@@ -141,11 +141,17 @@ def _of_equation(twin: Twin, name: str) -> list[Suspect]:
         high = max((float(np.quantile(p, 0.998)) for p in pressures), default=2e7)
         low = plant["P_0"]
         levels = [low + share * (high - low) for share in (0.95, 0.8, 0.6)]
-        found = [one((Free("P_crack", inf, 0.05 * (high - low), 0.0, inf),), tuple((v,) for v in levels))]
+        crack, gain = Free("P_crack", inf, 0.05 * (high - low), 0.0, inf), free("K_relief", 0.3 * plant["K_relief"])
+        found = [
+            one((crack,), tuple((v,) for v in levels)),
+            # How steeply it opens is a valve's own.
+            one((crack, gain), tuple((v, gain.believed) for v in levels[:2])),
+        ]
         if len(pressures) == 2:
             top = float(np.quantile(np.abs(pressures[0] - pressures[1]), 0.998))
             crosses = tuple((share * top,) for share in (0.95, 0.8, 0.6))
-            found.append(one((Free("P_cross", inf, 0.05 * top, 0.0, inf),), crosses))
+            cross = Free("P_cross", inf, 0.05 * top, 0.0, inf)
+            found += [one((cross,), crosses), one((cross, gain), tuple((v, gain.believed) for (v,) in crosses[:2]))]
         return found
     if name == "anti_cavitation":
         low = min((float(np.quantile(p, 0.002)) for p in pressures), default=0.0)

@@ -18,8 +18,11 @@ CLOSE, CLOSE_LEFT, CLOSE_EXPLAINED = 12.0, 0.3, 0.004
 WORTHWHILE, WORTHWHILE_SHARE = 0.5, 0.02
 #: No set of causes is right where the best one leaves this share of the gap where it was fitted, and residuals whose
 #: mean square is larger than noise by this much; or most of the gap and this share of the evidence.
-LEFT, EXCESS = 0.2, 0.3
+LEFT, EXCESS = 0.25, 0.3
 MOST_LEFT, UNEXPLAINED = 0.5, 0.06
+#: Nor where it leaves this share of what is slow, and more of it than noise and what is tolerated of a model in a
+#: sample; beyond what was fitted errors that add up are larger.
+SLOW_LEFT, SLOW_SIZE = (0.075, 0.3), (0.9, 1.5)
 #: Sets of more rivals than this say that the log does not excite what would tell them apart.
 CROWD = 4
 
@@ -65,7 +68,10 @@ def weigh(
     rest = unexplained / max(most - least, 1.0)
     left = chosen.fitted["total"] / max(gaps["fitted"]["total"], 1e-9)
     excess = chosen.fit.chi**2 - expected
-    unlike = max(min(left / LEFT, excess / EXCESS), min(left / MOST_LEFT, rest / UNEXPLAINED), 0.0)
+    slow = [
+        min(s.share / share, s.size / size) for s, share, size in zip(chosen.slow, SLOW_LEFT, SLOW_SIZE, strict=True)
+    ]
+    unlike = max(min(left / LEFT, excess / EXCESS), min(left / MOST_LEFT, rest / UNEXPLAINED), *slow, 0.0)
     close = _close(chosen, least, most)
     rivals = _rivals(chosen, named, close)
     temperature = close / 6.0
@@ -138,10 +144,10 @@ def _probability(named: Sequence[Judged], chosen: Judged, temperature: float) ->
 
 
 def _verdict(chosen: Judged, rivals: Mapping[Key, tuple[Key, ...]], unlike: float) -> Verdict:
-    if not chosen.causes:
-        return "underdetermined"
     if unlike > 1.0:
         return "outside_catalogue"
+    if not chosen.causes:
+        return "underdetermined"
     if max(len(keys) for keys in rivals.values()) >= CROWD:
         return "underdetermined"
     return "ambiguous" if any(rivals.values()) else "effect"
