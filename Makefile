@@ -17,6 +17,7 @@ demo: $(READY)          ## the main job: log, identify, design, check on the non
 	$(BIN)/ehsa-ctrl simulate ehsa --excitation steps --duration 10 --centre --seed 1 --out demo/steps --force
 	$(BIN)/ehsa-ctrl identify demo/noise/log.csv --plant ehsa --validate demo/steps/log.csv $(WRONG) --out demo/rig --force
 	$(BIN)/ehsa-ctrl run steps_spring slow_sine force_step --controller pid_position,lqr_friction --plant demo/rig/ehsa_identified.toml --out demo --force
+	$(BIN)/ehsa-ctrl report demo --force
 
 test: $(READY)          ## all tests
 	$(BIN)/python -m pytest -n auto
