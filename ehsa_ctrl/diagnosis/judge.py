@@ -41,7 +41,8 @@ FAR = 1.5
 class Slow:
     """What a hypothesis leaves of the residuals' means over blocks, in which noise is small.
 
-    share: RMS over all channels, of that of the nominal model. size: RMS of the worst channel, in the metric's units.
+    Position is left out, which adds up whatever noise and missed slips do. share: RMS over the other channels, of that
+    of the nominal model. size: RMS of the worst channel, in the metric's units.
     """
 
     share: float = 0.0
@@ -128,12 +129,13 @@ class Judge:
             return Slow(1.0, np.inf) if r is None else Slow()
         bench = self.search.bench
         noise = bench.metric.noise_squares / bench.block
+        counted = [i for i, name in enumerate(bench.metric.scale) if name != "position"]
 
         def squares(r: np.ndarray) -> np.ndarray:
             parts = r.reshape(len(noise), -1)
             count = max(parts.shape[1] // bench.block, 1)
             means = parts[:, : count * bench.block].reshape(len(noise), count, -1).mean(axis=2)
-            return np.maximum(np.mean(means**2, axis=1) - noise, 0.0)
+            return np.maximum(np.mean(means**2, axis=1) - noise, 0.0)[counted]
 
         left, before = squares(r), squares(nominal)
         share = float(np.sqrt(np.sum(left) / max(np.sum(before), 1e-12)))

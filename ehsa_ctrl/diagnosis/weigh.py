@@ -22,7 +22,7 @@ LEFT, EXCESS = 0.25, 0.3
 MOST_LEFT, UNEXPLAINED = 0.5, 0.06
 #: Nor where it leaves this share of what is slow, and more of it than noise and what is tolerated of a model in a
 #: sample; beyond what was fitted errors that add up are larger.
-SLOW_LEFT, SLOW_SIZE = (0.075, 0.3), (0.9, 1.5)
+SLOW_LEFT, SLOW_SIZE = (0.075, 0.4), (0.9, 1.0)
 #: Sets of more rivals than this say that the log does not excite what would tell them apart.
 CROWD = 4
 
