@@ -211,6 +211,8 @@ def _written(
     verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
     following = _next(weighed, search, common["noise_sd"])
     changed = {n: v for n, v in chosen.fit.values.items() if v != _believed(judge, n)}
+    if named and ("torque_ripple", None) in chosen.causes:
+        common = {**common, "findings": (*common["findings"], FOLLOWED)}
     return Diagnosis(
         verdict=verdict,
         where=location.shares,
@@ -238,6 +240,13 @@ def _held_from(held: Stretch, log: Log) -> float | None:
     """Where in the log the held-out part begins [s]; None if it is another log."""
     own = held.twin.log
     return float(own.time[held.first]) if own.path == log.path and held.first > 0 else None
+
+
+#: What has to be said of a ripple's gaps.
+FOLLOWED = (
+    "the torque ripple goes with the shaft's measured angle in these runs; in a run of the improved plant alone the "
+    "angle drifts, and the ripple with it, so that such a run shows its size and not its phase"
+)
 
 
 def _advice(verdict: str, causes: Sequence[Cause]) -> str | None:

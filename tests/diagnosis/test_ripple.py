@@ -75,3 +75,19 @@ def test_a_run_with_a_wrong_number_keeps_the_ripple_in_phase(plant):
     least = error(smooth, wrong)
     assert error(with_angle(plant, log), {**RIPPLE, **wrong}) < 2.0 * least
     assert error(log, {**RIPPLE, **wrong}) > 5.0 * least
+
+
+@pytest.mark.slow
+def test_a_ripple_is_named_with_its_size(plant):
+    """Of four periods a turn and most of the shaft's Coulomb friction, under noise: free runs lose its phase within a
+    second. What that means for a run of the improved plant is said."""
+    rig = plant.with_effects("torque_ripple", T_c=0.5, n_c=4.0, phi_c=-2.0)
+    time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=12.0, seed=2)
+    log, _ = ehsa_ctrl.record(rig, time, current, seed=3, centre=True)
+
+    found = ehsa_ctrl.diagnose(plant, log)
+
+    assert [cause.id for cause in found.effects] == ["torque_ripple"]
+    assert found.effects[0].parameters["T_c"].value == pytest.approx(0.5, rel=0.05)
+    assert found.gap["with_effects"]["total"] < 0.3 * found.gap["nominal"]["total"]
+    assert any("measured angle" in sentence for sentence in found.findings)
