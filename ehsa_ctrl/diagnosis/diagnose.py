@@ -120,8 +120,9 @@ def diagnose(
         {name: column * loose for name, column in columns.items()}, steps=8, fresh=2,
     )  # fmt: skip
     believed = {"fitted": fitted.gap({}), "held": held.gap({})}
-    expected = float(np.mean(metric.noise_squares))
-    weighed = weigh(judged, judge.floor, judge.most, threshold, believed, expected)
+    shaken = judge.shaken[0]
+    expected = float(np.mean(metric.noise_squares)) + shaken.square
+    weighed = weigh(judged, judge.floor, judge.most, threshold, believed, expected, shaken.gap)
     location = locate(plant, log, noise)
     return _written(plant, weighed, search, judge, held, bare, free, location, common, began)
 

@@ -7,7 +7,7 @@ holds besides is as a nominal parameter that is a little wrong, and costs it a l
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,8 @@ Key = tuple[str, str | None]
 ID_OF = {letter: name for name, effect in EFFECTS.items() for letter in effect.letters} | {
     "tau_FM": "motor_friction", "tau_FR": "rod_friction",
 }  # fmt: skip
+#: Draws of the logged current's noise that show what it does to runs.
+DRAWS = 3
 #: Nominal parameters this far from what is believed, in prior deviations, are looked at one by one.
 FAR = 1.5
 
@@ -47,6 +49,19 @@ class Slow:
 
     share: float = 0.0
     size: float = 0.0
+
+
+@dataclass(frozen=True)
+class Shaken:
+    """What the noise of the logged current alone does to a run: the rig was not driven by it, every simulation is.
+
+    Where the rod sticks and slips it decides single slips, so that the true plant leaves a gap too. slow: (channels,)
+    mean squares of block means. square: mean square of residuals. gap: in total.
+    """
+
+    slow: np.ndarray
+    square: float
+    gap: float
 
 
 @dataclass(frozen=True)
@@ -92,6 +107,7 @@ class Judge:
         missed = None if run is None else held.residual(bench.metric, run)
         #: Residuals of the nominal model where hypotheses are fitted, and on what is held out.
         self.nominal = search.residual, missed
+        self.shaken = self._shaken(fitted, best.values), self._shaken(held, best.values)
 
     def weigh(self, r: np.ndarray) -> float:
         """Evidence of residuals (n,): blocks held down as in the fits, channels by what they are worth."""
@@ -113,7 +129,7 @@ class Judge:
         limits = {key: (MATTERS if key in members else PLAINLY) * self.threshold for key in own}
         causes = tuple(key for key, gaps in own.items() if largest(gaps) >= limits[key])
         evidence += COMPANION * len(members - set(causes)) + NUMBER * fit.own
-        slow = self._slow(self.nominal[0], fit.residual), self._slow(self.nominal[1], missed)
+        slow = self._slow(0, fit.residual), self._slow(1, missed)
         found = Judged(fit, evidence, own, self.fitted.gap(fit.values), self.held.gap_of(simulated), causes, slow)
         self.known[id(fit)] = found
         return found
@@ -124,22 +140,49 @@ class Judge:
         fitted, held = self.nominal
         return self.weigh(fitted) + self.weigh(fitted if held is None else held)
 
-    def _slow(self, nominal: np.ndarray | None, r: np.ndarray | None) -> Slow:
-        if nominal is None or r is None:
+    def _slow(self, stretch: int, r: np.ndarray | None) -> Slow:
+        nominal = self.nominal[stretch]
+        if r is None or nominal is None:
             return Slow(1.0, np.inf) if r is None else Slow()
-        bench = self.search.bench
+        bench, shaken = self.search.bench, self.shaken[stretch].slow
         noise = bench.metric.noise_squares / bench.block
         counted = [i for i, name in enumerate(bench.metric.scale) if name != "position"]
-
-        def squares(r: np.ndarray) -> np.ndarray:
-            parts = r.reshape(len(noise), -1)
-            count = max(parts.shape[1] // bench.block, 1)
-            means = parts[:, : count * bench.block].reshape(len(noise), count, -1).mean(axis=2)
-            return np.maximum(np.mean(means**2, axis=1) - noise, 0.0)[counted]
-
-        left, before = squares(r), squares(nominal)
+        left = np.maximum(self._squares(r) - noise - shaken, 0.0)[counted]
+        before = np.maximum(self._squares(nominal) - noise, 0.0)[counted]
         share = float(np.sqrt(np.sum(left) / max(np.sum(before), 1e-12)))
         return Slow(share, float(np.sqrt(np.max(left))))
+
+    def _squares(self, r: np.ndarray) -> np.ndarray:
+        """Mean squares (channels,) of the means of residuals (n,) over blocks."""
+        parts, block = r.reshape(len(self.search.bench.metric.scale), -1), self.search.bench.block
+        count = max(parts.shape[1] // block, 1)
+        means = parts[:, : count * block].reshape(len(parts), count, -1).mean(axis=2)
+        return np.asarray(np.mean(means**2, axis=1))
+
+    def _shaken(self, stretch: Stretch, values: Mapping[str, float]) -> Shaken:
+        metric, twin = self.search.bench.metric, stretch.twin
+        still = Shaken(np.zeros(len(metric.scale)), 0.0, 0.0)
+        sensor = twin.plant.sensors.get("current")
+        # A controller's answer to noise looks like noise of the current, and is none.
+        sd = min(stretch.noise.get("current", 0.0), sensor.sd if sensor is not None else np.inf)
+        run = stretch.simulate(values)
+        if sd == 0.0 or run is None:
+            return still
+        slow, square, gaps = [], [], []
+        for draw in range(DRAWS):
+            noise = sd * np.random.default_rng(draw).standard_normal(len(twin.log))
+            current = {**twin.log.channels, "current": twin.log["current"] + noise}
+            other = replace(stretch, twin=replace(twin, log=replace(twin.log, channels=current))).simulate(values)
+            if other is None:
+                return still
+            r = stretch.residual(metric, other) - stretch.residual(metric, run)
+            slow.append(self._squares(r))
+            square.append(float(np.mean(r**2)))
+            dt = twin.log.sample_time
+            a, b = ({n: v[stretch.first :] for n, v in scored(shown, dt).items()} for shown in (run, other))
+            gaps.append(gap(a, b, dict.fromkeys(a, 0.0))["total"])
+        # One draw in which a slip goes another way is not what is usual.
+        return Shaken(np.median(slow, axis=0), float(np.median(square)), float(np.median(gaps)))
 
     @property
     def floor(self) -> float:

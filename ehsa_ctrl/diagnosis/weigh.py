@@ -22,7 +22,7 @@ LEFT, EXCESS = 0.25, 0.3
 MOST_LEFT, UNEXPLAINED = 0.5, 0.06
 #: Nor where it leaves this share of what is slow, and more of it than noise and what is tolerated of a model in a
 #: sample; beyond what was fitted errors that add up are larger.
-SLOW_LEFT, SLOW_SIZE = (0.075, 0.4), (0.9, 1.0)
+SLOW_LEFT, SLOW_SIZE = (0.06, 0.35), (0.8, 1.0)
 #: Sets of more rivals than this say that the log does not excite what would tell them apart.
 CROWD = 4
 
@@ -54,11 +54,12 @@ def weigh(
     threshold: float,
     gaps: Mapping[str, Mapping[str, float]],
     expected: float,
+    shaken: float = 0.0,
 ) -> Weighed:
     """Choose among hypotheses.
 
     least, most: evidence that noise alone leaves, and the nominal model. gaps: "fitted" and "held" of the nominal one.
-    expected: mean square of residuals that are noise.
+    expected: mean square of residuals that are noise. shaken: gap that noise of the logged current makes by itself.
     """
     labels = sorted(by_label(judged).values(), key=lambda j: j.evidence)
     named = [j for j in labels if j.causes] or labels
@@ -66,7 +67,7 @@ def weigh(
     chosen = _simplest(named, chosen, _close(chosen, least, most))
     unexplained = max(chosen.evidence - least, 0.0)
     rest = unexplained / max(most - least, 1.0)
-    left = chosen.fitted["total"] / max(gaps["fitted"]["total"], 1e-9)
+    left = float(np.sqrt(max(chosen.fitted["total"] ** 2 - shaken**2, 0.0))) / max(gaps["fitted"]["total"], 1e-9)
     excess = chosen.fit.chi**2 - expected
     slow = [
         min(s.share / share, s.size / size) for s, share, size in zip(chosen.slow, SLOW_LEFT, SLOW_SIZE, strict=True)

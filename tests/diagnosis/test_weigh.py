@@ -85,6 +85,17 @@ def test_a_relative_leaves_what_is_slow(slow, word):
     assert verdict(hypothesis(5200.0, "motor_friction", slow=slow))[0] == word
 
 
+def test_what_noise_of_the_current_makes_is_no_sign():
+    """A gap that the noise of the logged current alone leaves is left by the truth too."""
+    lost = hypothesis(5200.0, "motor_friction", gap=0.045, chi=1.3)
+
+    def word(shaken):
+        return weigh([lost], 5000.0, 60000.0, 0.03, GAPS, expected=0.74, shaken=shaken).verdict
+
+    assert word(0.0) == "outside_catalogue"
+    assert word(0.044) == "effect"
+
+
 def test_a_crowd_is_underdetermined():
     """Five causes that explain the log alike: it does not excite what tells them apart."""
     names = ("torque_constant", "motor_friction", "motor_viscous_friction", "torque_saturation", "pump_torque_loss")
