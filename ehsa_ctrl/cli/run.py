@@ -40,8 +40,14 @@ def command(
     ] = None,
     jobs: Annotated[int, typer.Option(help="Processes to use.", min=1)] = 1,
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for results.json, report.html and figures.")
-    ] = Path("results"),
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for results.json, report.html and figures; by default results, or results-2 and so on where "
+            "there is a result already.",
+        ),
+    ] = None,
     as_json: Json = False,
     force: Force = False,
     update_baselines: Annotated[
@@ -85,7 +91,7 @@ def command(
         twice = [stem for stem in stems if stems.count(stem) > 1]
         if twice:
             raise InputError(f"{kind} {twice[0]!r} is given twice; files of the result are named by it")
-    prepare_folder(out, "results.json", force=force)
+    out = prepare_folder(out or _next_results(force), "results.json", force=force)
     _remove_old(out)
     todo = [(name, other) for name in names for other in chosen]
     try:
@@ -157,6 +163,15 @@ def _run_all(
         for result in results:
             progress.update(task, advance=1, description=result.scenario.name)
             yield result
+
+
+def _next_results(force: bool) -> Path:
+    """The folder for who names none: nothing that is there is replaced unasked, and nobody is refused."""
+    folder, number = Path("results"), 1
+    while not force and (folder / "results.json").exists():
+        number += 1
+        folder = Path(f"results-{number}")
+    return folder
 
 
 def _remove_old(out: Path) -> None:

@@ -188,7 +188,9 @@ def _judged(
         regimes=_regimes(where, options),
         by_signal={
             name: {"gap": float(np.sqrt(left[frozenset()][i]))}
-            | {p: float(part[i] / max(left[frozenset()][i], 1e-300)) for p, part in parts.items() if part.any()}
+            | {p: float(part[i] / left[frozenset()][i]) for p, part in parts.items() if part.any()}
+            if left[frozenset()][i] > 0.0
+            else {"gap": 0.0}
             for i, name in enumerate(gap.names)
         },
         explained=max(1.0 - float(left[best].sum()) / gap.whole, 0.0) if best else 0.0,

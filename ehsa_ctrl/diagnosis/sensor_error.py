@@ -93,7 +93,8 @@ def _fit_sensor(channel: str, shown: np.ndarray, true: np.ndarray, dt: float) ->
         if lag:
             seen = first_order(true, lag, dt)
         columns = np.column_stack([seen, np.ones_like(seen)]) if channel != "position" else seen[:, None]
-        a = np.linalg.solve(columns.T @ columns, columns.T @ shown)
+        # A run in which nothing moves says nothing of a scale.
+        a = np.linalg.lstsq(columns, shown, rcond=None)[0]
         left = float(np.mean((shown - columns @ a) ** 2))
         # A delay has to be worth its number.
         if left < (1.0 - (0.02 if delay or lag else 0.0)) * best[0] and a[0] > 0.05:

@@ -77,7 +77,9 @@ def _letter(twin: Twin, name: str, relative: float, typical: float = 0.0) -> Fre
     value = twin.plant[name]
     kinds = {kind.name: kind for kind in twin.plant.structure.equations.parameters}
     lower = kinds[name].lower
-    scale = WEARS.get(name, relative * abs(value) if value else typical)
+    scale = WEARS.get(name, relative * abs(value))
+    # A value that is next to nothing is as far from what it should be as nothing is.
+    scale = typical if scale < 0.1 * typical else scale
     if kinds[name].lower_open and lower == 0.0:
         lower = 0.02 * value
     return Free(name, value, scale, lower, kinds[name].upper)

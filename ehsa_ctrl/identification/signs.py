@@ -44,7 +44,8 @@ def swapped(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
             (
                 f"{first} and {second} run against {' and '.join(along) or 'the drive'} (correlation with the replay "
                 f"{ways[first]:.2f} and {ways[second]:.2f}): they are exchanged; write {first} = {{ column = "
-                f'"{two}" }} and {second} = {{ column = "{one}" }} in the plant\'s [log] table'
+                f'"{two}"{_scaled(plant, second)} }} and {second} = {{ column = "{one}"{_scaled(plant, first)} }} '
+                "in the plant's [log] table"
             ),
         )
         against = [channel for channel in against if channel not in pressures]
@@ -78,6 +79,13 @@ def directions(plant: Plant, log: Log) -> dict[str, float]:
 
 def _column(plant: Plant, channel: str) -> str:
     return plant.log[channel].column if channel in plant.log else channel
+
+
+def _scaled(plant: Plant, channel: str) -> str:
+    """The rest of a channel's mapping, which goes with its column."""
+    mapped = plant.log.get(channel)
+    scale = "" if mapped is None or mapped.scale == 1.0 else f", scale = {mapped.scale:g}"
+    return scale + ("" if mapped is None or mapped.offset == 0.0 else f", offset = {mapped.offset:g}")
 
 
 def _turn(plant: Plant, channel: str, why: str) -> str:

@@ -65,6 +65,18 @@ def test_what_is_untested_is_said(run, scenario, tmp_path):
     assert json.loads((tmp_path / "results" / "results.json").read_text())["scenarios"][0]["verdict"] == "untested"
 
 
+def test_who_names_no_folder_is_not_refused_and_loses_nothing(run, scenario, tmp_path):
+    """A second run writes beside the first."""
+    scenario("")
+    assert run("run", "short")[0] == run("run", "short")[0] == 0
+
+    assert (tmp_path / "results" / "results.json").is_file()
+    assert (tmp_path / "results-2" / "results.json").is_file()
+    status, _, err = run("run", "short", "--out", "results")
+    assert status == 2
+    assert "there is a result already" in err
+
+
 def test_a_baseline_is_recorded_kept_and_left(run, scenario, tmp_path):
     """Recorded with a reason; another plant leaves it with status 1, a sentence and a figure; then recorded anew."""
     assert run("run", "short", "--update-baselines", "--reason", "first look")[0] == 0

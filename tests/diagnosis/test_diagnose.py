@@ -110,3 +110,23 @@ def test_other_mistakes_are_sentences():
         ehsa_ctrl.diagnose(load_plant("emps"), log)
     with pytest.raises(InputError, match="has no current"):
         ehsa_ctrl.diagnose(plant, without)
+
+
+def test_held_out_data_without_the_gap_is_said_to_be_so():
+    """Where the last third shows nothing of it, the sentence speaks of the whole log instead of a share of nothing."""
+    from types import SimpleNamespace
+
+    from ehsa_ctrl.diagnosis.diagnosis import verdict_sentence
+
+    def sentence(held):
+        gaps = {"nominal": {"p1": held, "total": held}, "with_effects": {"p1": 0.002, "total": 0.002}}
+        return verdict_sentence(
+            SimpleNamespace(
+                whole={"p1": 0.119, "total": 0.1}, threshold=0.03, verdict="effect", gap=gaps, where=(),
+                effects=[SimpleNamespace(name="anti_cavitation", ambiguous_with=())],
+                whole_with_effects={"p1": 0.004, "total": 0.003},
+            )
+        )  # fmt: skip
+
+    assert "over the whole log it goes from 11.9 to 0.4 %" in sentence(0.0016)
+    assert "closes 98 % of the gap on held-out data" in sentence(0.1)

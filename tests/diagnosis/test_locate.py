@@ -166,3 +166,15 @@ def test_the_linear_model_lacks_friction(linear):
     shares = dict(found(linear, log).shares)
 
     assert shares["torque"] + shares["force"] > 0.7
+
+
+def test_a_run_that_stands_still_tells_no_scale():
+    """A log in the wrong unit may leave the plant at rest: no sensor explains that, and nothing fails."""
+    from ehsa_ctrl.diagnosis.sensor_error import _fit_sensor
+
+    shown = np.sin(np.arange(500) * 0.01)
+
+    left, sensor = _fit_sensor("speed", shown, np.zeros(500), 0.004)
+
+    assert left == np.inf
+    assert (sensor.scale, sensor.bias) == (1.0, 0.0)

@@ -66,6 +66,18 @@ def test_a_setting_of_a_sensor_is_a_sensor_of_the_plant(rig):
         np.testing.assert_array_equal(values, tried[channel])
 
 
+@pytest.mark.parametrize("stiffness", [0.0, 5.0, 50.0])
+def test_a_spring_next_to_none_is_asked_as_none_is(plant, stiffness):
+    """50 for 50 kN/m: a tenth of itself would be no step that anything feels."""
+    from ehsa_ctrl.diagnosis.suspects import suspects
+
+    believed = plant.set(K_S=stiffness)
+    log = record(replace(believed, sensors={"current": Sensor("current", "A"), **plant.sensors}))
+    spring = next(s for s in suspects(Twin(with_every_effect(believed), log)) if s.id == "load_spring")
+
+    assert spring.free[0].scale == 2e3
+
+
 def test_a_start_in_motion_is_as_the_believed_sensors_give_it(rig):
     """What a setting believes of a sensor moves the state that was read from it, and nothing else does."""
     log = record(rig)
