@@ -43,8 +43,9 @@ FAR = 1.5
 class Slow:
     """What a hypothesis leaves of the residuals' means over blocks, in which noise is small.
 
-    Position is left out, which adds up whatever noise and missed slips do. share: RMS over the other channels, of that
-    of the nominal model. size: RMS of the worst channel, in the metric's units.
+    Position is left out, which adds up whatever noise and missed slips do, and the load cell, which no gap counts.
+    share: RMS over the other channels, of that of the nominal model. size: RMS of the worst channel, in the metric's
+    units.
     """
 
     share: float = 0.0
@@ -146,7 +147,7 @@ class Judge:
             return Slow(1.0, np.inf) if r is None else Slow()
         bench, shaken = self.search.bench, self.shaken[stretch].slow
         noise = bench.metric.noise_squares / bench.block
-        counted = [i for i, name in enumerate(bench.metric.scale) if name != "position"]
+        counted = [i for i, name in enumerate(bench.metric.scale) if name not in ("position", "force")]
         left = np.maximum(self._squares(r) - noise - shaken, 0.0)[counted]
         before = np.maximum(self._squares(nominal) - noise, 0.0)[counted]
         share = float(np.sqrt(np.sum(left) / max(np.sum(before), 1e-12)))
