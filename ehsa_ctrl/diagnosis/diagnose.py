@@ -26,6 +26,7 @@ from .improved import improved
 from .judge import ID_OF, Judge, Judged, Key, by_label
 from .locate import Location, locate
 from .next_experiment import Experiment, next_experiment
+from .ripple import with_angle
 from .same import same_in_principle
 from .search import Search
 from .signals import largest, noise_of
@@ -88,23 +89,28 @@ def diagnose(
     findings = _checked(plant, [log] if validate is None else [log, validate], check)
     noise = noise_of(log)
     twin = with_every_effect(plant)
-    bare = whole(plant, twin, log, noise)
+    turned, kept = log, validate
+    if twin["T_c"]:
+        turned, kept, findings = *_turned(plant, log, validate), (*findings, FOLLOWED)
+    bare = whole(plant, twin, turned, noise)
     gaps = bare.gap({})
     common: dict[str, Any] = {
         "plant": plant, "log": log, "threshold": threshold, "whole": gaps, "noise_sd": noise, "findings": findings,
         "provenance": versions(),
     }  # fmt: skip
-    trainlog, held = _split(plant, twin, log, validate, noise)
     if largest(gaps) < threshold:
+        _, held = _split(plant, twin, turned, kept, noise)
         nominal = held.gap({})
         return Diagnosis(
             verdict="no_gap", where=(), effects=(), gap=dict.fromkeys(MODELS, nominal),
             held_out=held.words, held_from=_held_from(held, log), values={}, simulated=_runs(bare, {"nominal": {}}),
             seconds=time.monotonic() - began, runs=2, **common,
         )  # fmt: skip
+    turned, kept = _turned(plant, log, validate)
+    trainlog, held = _split(plant, twin, turned, kept, noise)
     bristles = with_every_effect(plant, "lugre") if plant.model == "nonlinear" else None
     held = replace(held, twin=replace(held.twin, bristles=bristles))
-    bare = replace(bare, twin=replace(bare.twin, bristles=bristles))
+    bare = replace(bare, twin=replace(bare.twin, log=turned, bristles=bristles))
     train = Twin(twin, trainlog, bare.twin.start, bristles)
     fitted = Stretch(train, 0, noise, "where it was fitted")
     metric = Metric.of(train, noise)
@@ -125,6 +131,12 @@ def diagnose(
     weighed = weigh(judged, judge.floor, judge.most, threshold, believed, expected, shaken.gap)
     location = locate(plant, log, noise)
     return _written(plant, weighed, search, judge, held, bare, free, location, common, began)
+
+
+def _turned(plant: Plant, log: Log, validate: Log | None) -> tuple[Log, Log | None]:
+    """Both logs with the shaft's angle, in one phase of a ripple."""
+    turned = with_angle(plant, log)
+    return turned, None if validate is None else with_angle(plant, validate, turned)
 
 
 def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> tuple[str, ...]:
@@ -212,7 +224,7 @@ def _written(
     verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
     following = _next(weighed, search, common["noise_sd"])
     changed = {n: v for n, v in chosen.fit.values.items() if v != _believed(judge, n)}
-    if named and ("torque_ripple", None) in chosen.causes:
+    if named and ("torque_ripple", None) in chosen.causes and FOLLOWED not in common["findings"]:
         common = {**common, "findings": (*common["findings"], FOLLOWED)}
     return Diagnosis(
         verdict=verdict,

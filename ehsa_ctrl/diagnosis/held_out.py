@@ -12,7 +12,7 @@ from ..identification.start import RUN_IN, find_start
 from ..identification.window import REST, estimate_states
 from ..plant.plant import Plant
 from .fit import Metric
-from .ripple import ANGLE, with_angle
+from .ripple import angle_of
 from .signals import gap, scored, signal_noise
 from .twin import Twin
 
@@ -66,7 +66,6 @@ class Stretch:
 
 def whole(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> Stretch:
     """A whole log from its own start: at rest where it begins so, else from its first samples."""
-    log = with_angle(plant, log)
     found = find_start(plant, log)
     names = [state.name for state in plant.structure.equations.states]
     start = None if np.array_equal(found.state, plant.rest) else dict(zip(names, found.state.tolist(), strict=True))
@@ -76,7 +75,6 @@ def whole(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> St
 
 def last_part(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> tuple[Log, Stretch]:
     """What is left to fit with, and the last third, begun in the state that the second before it shows."""
-    log = with_angle(plant, log)
     edge = int(round(len(log) * (1.0 - KEPT_BACK)))
     back = max(edge - max(int(round(RUN_IN / log.sample_time)), 1), 0)
     estimate = estimate_states(plant, log)
@@ -88,8 +86,8 @@ def last_part(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -
         if abs(estimate.values[begin, column]) < REST * estimate.sd[begin, column]:
             start[contact.velocity] = 0.0
     start["t_run"] = float(log.time[begin] - log.time[0])
-    if ANGLE in log.channels:
-        start["theta"] = float(log[ANGLE][begin])
+    if "speed" in log.channels:
+        start["theta"] = float(angle_of(log)[begin])
     piece = log.rows(begin, len(log))
     words = f"the last third of {log.path.name if log.path else 'the log'}, from {log.time[edge]:g} s on"
     return log.rows(0, edge), Stretch(Twin(twin, piece, start), edge - begin, noise, words)

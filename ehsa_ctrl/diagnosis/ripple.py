@@ -13,8 +13,11 @@ from ..plant.plant import Plant
 ORDERS = np.arange(1.0, 49.0)
 #: Below this speed [rad/s] dry friction is more than a sign.
 SLOW = 3.0
-#: Length of a window in which a ripple's phase is read [s]; a window needs so many samples in motion.
-WINDOW, ENOUGH = 2.0, 100
+#: Samples in motion that a log needs.
+ENOUGH = 100
+#: Length of a window in which a ripple's phase is read [s], and the part of it that has to be in motion. At twice the
+#: length the walk of the integral is seen too coarsely, at half of it the noise of each phase is as large.
+WINDOW, SEEN = 1.0, 0.3
 #: The strongest order stands out if it explains this much more than the next one.
 PLAIN = 2.0
 #: The channel with the shaft's angle [rad] that a log is given for this.
@@ -31,34 +34,59 @@ def strongest_orders(plant: Plant, log: Log, count: int = 3) -> list[tuple[float
     return [row for _, row in _ranked(plant, log)[:count]]
 
 
-def with_angle(plant: Plant, log: Log) -> Log:
-    """The log with the shaft's angle since its start as a channel, the integral of the measured speed.
+def with_angle(plant: Plant, log: Log, like: Log | None = None) -> Log:
+    """The log with the shaft's angle as a channel: the integral of the measured speed, zero where the log begins.
 
     The noise of a speed sensor walks away in that integral, some 0.1 rad in 20 s, which is much for a ripple of many
     periods a turn. Where one order stands out in the torque balance, the angle is what keeps its phase.
+
+    Nobody knows how the shaft stood when a log began. Where the plant has a ripple already, the angle begins so that
+    this log's ripple is in that one's phase; and with a log that it should be like, so that both are in one phase.
     """
-    if "speed" not in log.channels or ANGLE in log.channels:
+    if "speed" not in log.channels:
         return log
-    log = replace(log, channels={**log.channels, ANGLE: _integral(log)})
+    log = _turning(log)
     ranked = _ranked(plant, log)
-    if not ranked or ranked[0][0] < PLAIN * ranked[1][0]:
+    if not ranked:
         return log
-    order = ranked[0][1][0]
+    order = ranked[0][1][0] if ranked[0][0] >= PLAIN * ranked[1][0] else 0.0
+    believed = plant.parameters["T_c"].value if "T_c" in plant.parameters else 0.0
+    if believed:
+        order = plant["n_c"]
+    if order == 0.0:
+        return log
     moves, lacks = _lacking(plant, log)
-    waves = np.column_stack([over_samples(log, order, 0.0), over_samples(log, order, 0.5 * np.pi)])
     length = max(int(round(WINDOW / log.sample_time)), 1)
     times, phases = [], []
     for first in range(0, max(len(lacks) - length // 2, 1), max(length // 2, 1)):
         part = slice(first, first + length)
-        if np.count_nonzero(moves[part]) < ENOUGH:
+        if np.count_nonzero(moves[part]) < SEEN * length:
             continue
-        a, b = np.linalg.lstsq(waves[part][moves[part]], lacks[part][moves[part]], rcond=None)[0]
         times.append(log.time[0] + (first + 0.5 * min(length, len(lacks) - first)) * log.sample_time)
-        phases.append(np.arctan2(b, a))
+        phases.append(_phase(log, order, part.start + np.flatnonzero(moves[part]), lacks))
     if len(times) < 2:
         return log
     drift = np.interp(log.time, times, np.unwrap(phases))
-    return replace(log, channels={**log.channels, ANGLE: log[ANGLE] + (drift - drift[0]) / order})
+    log = _ahead(log, (drift - drift[0]) / order)
+    wanted = plant["phi_c"] * np.sign(believed) if believed else None
+    if wanted is None and like is not None and ANGLE in like.channels:
+        there, lacking = _lacking(plant, like)
+        wanted = _phase(like, order, np.flatnonzero(there), lacking) if there.any() else None
+    if wanted is None:
+        return log
+    return _ahead(log, (_phase(log, order, np.flatnonzero(moves), lacks) - wanted) / order)
+
+
+def _ahead(log: Log, angle: np.ndarray | float) -> Log:
+    """The log with a shaft that stands so much further [rad]."""
+    return replace(log, channels={**log.channels, ANGLE: log[ANGLE] + angle})
+
+
+def _phase(log: Log, order: float, samples: np.ndarray, lacks: np.ndarray) -> float:
+    """Phase [rad] of the ripple of this order in those samples."""
+    waves = np.column_stack([over_samples(log, order, 0.0), over_samples(log, order, 0.5 * np.pi)])[samples]
+    a, b = np.linalg.lstsq(waves, lacks[samples], rcond=None)[0]
+    return float(np.arctan2(b, a))
 
 
 def over_samples(log: Log, order: float, phase: float) -> np.ndarray:
@@ -71,9 +99,16 @@ def over_samples(log: Log, order: float, phase: float) -> np.ndarray:
     return np.asarray(np.sin(order * middle + phase) * np.sinc(order * turned / (2.0 * np.pi)))
 
 
-def _integral(log: Log) -> np.ndarray:
+def angle_of(log: Log) -> np.ndarray:
+    """The shaft's angle (N,) [rad] that a log has been given, or the integral of its measured speed."""
+    if ANGLE in log.channels:
+        return log[ANGLE]
     omega = log["speed"]
     return np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1])) * log.sample_time])
+
+
+def _turning(log: Log) -> Log:
+    return replace(log, channels={**log.channels, ANGLE: angle_of(log)})
 
 
 def _lacking(plant: Plant, log: Log) -> tuple[np.ndarray, np.ndarray]:
@@ -97,8 +132,7 @@ def _lacking(plant: Plant, log: Log) -> tuple[np.ndarray, np.ndarray]:
 
 def _ranked(plant: Plant, log: Log) -> list[tuple[float, tuple[float, float, float]]]:
     """What each order explains [(N m)2, summed], and (order, amplitude, phase), the best first."""
-    if ANGLE not in log.channels:
-        log = replace(log, channels={**log.channels, ANGLE: _integral(log)})
+    log = _turning(log)
     moves, lacks = _lacking(plant, log)
     if np.count_nonzero(moves) < ENOUGH:
         return []

@@ -94,10 +94,10 @@ class Twin:
             rows = np.tile(plant.vector, (len(members), 1))
             for row, i in zip(rows, members, strict=True):
                 for name, value in settings[i].items():
-                    if name == "T_c" and ANGLE in self.log.channels:
-                        continue
                     if "." not in name and name != BRISTLES and (bristly or name != DAMPING):
                         row[names.index(name)] = value
+                if ANGLE in self.log.channels:
+                    row[names.index("T_c")] = 0.0
                 if bristly:
                     row[names.index("sigma_0_FR")] = 1.0 / settings[i][BRISTLES]
                     # Bristles that are as damped as the rod's mass on them lets them be.
@@ -159,9 +159,12 @@ class Twin:
         if any(values.get(f"{word}.current") for word in ("delay", "filter")):
             believed = self._believed("current", values)
             drive = undone(believed, self.log["current"], self.log.sample_time, held=True)
-        if values.get("T_c") and ANGLE in self.log.channels:
-            wave = over_samples(self.log, values["n_c"], values["phi_c"])
-            drive = drive + values["T_c"] / values.get("K_T", self.plant["K_T"]) * np.append(wave, 0.0)
+        if ANGLE not in self.log.channels:
+            return drive
+        amplitude, order, phase, K_T = (values.get(name, self.plant[name]) for name in ("T_c", "n_c", "phi_c", "K_T"))
+        if amplitude:
+            wave = over_samples(self.log, order, phase)
+            drive = drive + amplitude / K_T * np.append(wave, 0.0)
         return drive
 
     def _sensed(self, states: np.ndarray, force: np.ndarray, values: Mapping[str, float]) -> dict[str, np.ndarray]:

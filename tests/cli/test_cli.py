@@ -116,13 +116,14 @@ def test_a_users_scenario_folder_is_what_run_takes(run, tmp_path):
 
 def test_a_result_is_replaced_only_with_force(run, tmp_path):
     """A second run into the same folder is refused; nothing has changed there."""
-    assert run("run", "force_step")[0] == 0
-    before = (tmp_path / "results" / "results.json").read_bytes()
-    status, _, err = run("run", "slow_sine")
+    assert run("run", "force_step", "--out", "mine")[0] == 0
+    before = (tmp_path / "mine" / "results.json").read_bytes()
+    status, _, err = run("run", "slow_sine", "--out", "mine")
 
     assert status == 2 and "--force" in err
-    assert (tmp_path / "results" / "results.json").read_bytes() == before
-    assert run("run", "slow_sine", "--force")[0] == 0
+    assert (tmp_path / "mine" / "results.json").read_bytes() == before
+    assert run("run", "slow_sine", "--out", "mine", "--force")[0] == 0
+    assert (tmp_path / "mine" / "results.json").read_bytes() != before
 
 
 def test_simulate_writes_a_log_in_the_format(run, tmp_path):

@@ -77,6 +77,47 @@ def test_a_run_with_a_wrong_number_keeps_the_ripple_in_phase(plant):
     assert error(log, {**RIPPLE, **wrong}) > 5.0 * least
 
 
+def test_a_ripple_that_the_plant_believes_is_followed_too(plant):
+    """A run that is given the ripple and a run of a plant that has it are one run."""
+    rig = plant.with_effects("torque_ripple", **RIPPLE)
+    log = with_angle(plant, logged(rig, 1.6))
+
+    given = Twin(with_every_effect(plant), log).run([RIPPLE])[0]
+    believed = Twin(with_every_effect(rig), log).run([{}])[0]
+
+    for channel, signal in given.items():
+        np.testing.assert_array_equal(believed[channel], signal, err_msg=channel)
+
+
+def test_a_plant_that_has_the_ripple_has_no_gap(plant):
+    """The improved plant is believed: what followed the measured angle in the fit follows it in the check, however
+    the shaft stood when the log began."""
+    rig = plant.with_effects("torque_ripple", T_c=0.3, n_c=4.0, phi_c=-2.0)
+    time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=12.0, seed=2)
+    log, _ = ehsa_ctrl.record(rig, time, current, seed=3, centre=True)
+
+    found = ehsa_ctrl.diagnose(rig.set(phi_c=0.7), log)
+
+    assert found.verdict == "no_gap"
+    assert any("measured angle" in sentence for sentence in found.findings)
+
+
+@pytest.mark.slow
+def test_a_ripple_is_found_with_a_log_of_its_own_to_check(plant):
+    """Each log is followed by its own angle; how the shaft stood when each began nobody knows."""
+    logs = []
+    for seed, phase in ((2, -2.0), (5, 0.5)):
+        rig = plant.with_effects("torque_ripple", T_c=0.5, n_c=4.0, phi_c=phase)
+        time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=12.0, seed=seed)
+        logs.append(ehsa_ctrl.record(rig, time, current, seed=seed + 1, centre=True)[0])
+
+    found = ehsa_ctrl.diagnose(plant, logs[0], validate=logs[1])
+
+    assert [cause.id for cause in found.effects] == ["torque_ripple"]
+    assert found.effects[0].parameters["T_c"].value == pytest.approx(0.5, rel=0.05)
+    assert found.gap["with_effects"]["total"] < 0.3 * found.gap["nominal"]["total"]
+
+
 @pytest.mark.slow
 def test_a_ripple_is_named_with_its_size(plant):
     """Of four periods a turn and most of the shaft's Coulomb friction, under noise: free runs lose its phase within a
