@@ -1,12 +1,14 @@
 """Control design on an electro-hydrostatic actuator, from the paper's model to a checked closed loop.
 
 Imports: cli -> report -> scenario -> simulation -> plant -> physics -> core, and beside it scenario -> design -> core.
-Names are loaded on first use, so that `import ehsa_ctrl` is fast.
+Names are loaded on first use, so that `import ehsa_ctrl` is fast. Where a function of these expects a plant, a log, a
+linear model or a controller, a name or a path will do; see `arguments`.
 """
 
 from __future__ import annotations
 
 import importlib
+import types
 from typing import Any
 
 __version__ = "0.1.0"
@@ -33,6 +35,7 @@ _WHERE = {
     "SteppedRun": "simulation.stepped",
     "export_fmu": "simulation.fmu.export",
     "record": "simulation.bench",
+    "Log": "core.log",
     "read_log": "core.log",
     "read_plant_log": "identification.record",
     "check_log": "identification.checks",
@@ -72,7 +75,14 @@ __all__ = sorted([*_WHERE, "__version__"])
 def __getattr__(name: str) -> Any:
     if name not in _WHERE:
         raise AttributeError(f"module 'ehsa_ctrl' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"ehsa_ctrl.{_WHERE[name]}"), name)
+    thing = getattr(importlib.import_module(f"ehsa_ctrl.{_WHERE[name]}"), name)
+    if isinstance(thing, types.FunctionType):
+        from .arguments import accepting
+
+        thing = accepting(thing)
+    # Kept: asked for again, a name is the same thing.
+    globals()[name] = thing
+    return thing
 
 
 def __dir__() -> list[str]:

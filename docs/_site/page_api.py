@@ -15,7 +15,7 @@ API = {
         "shortest_time", "SteppedRun", "export_fmu",
     )),
     "logs": ("Logs and identification", "From a log to parameters with their uncertainty.", (
-        "read_log", "read_plant_log", "check_log", "Preparation", "replay", "fit_percent", "identify", "write_plant",
+        "Log", "read_log", "read_plant_log", "check_log", "Preparation", "replay", "fit_percent", "identify", "write_plant",
         "profile", "forecast", "design_experiment",
     )),
     "control": ("Controllers and their analysis", "Designed on linear models, in the frequency domain.", (
@@ -30,10 +30,16 @@ API = {
     "errors": ("Errors", "What is raised, and when.", ("EhsaError", "InputError", "SimulationError")),
 }  # fmt: skip
 
+WHERE = (
+    "All of these are names of `ehsa_ctrl` itself: `import ehsa_ctrl as e`. Where they expect a plant, a log, a linear "
+    'model, a controller or a scenario, its name or path does it too: `e.simulate("ehsa", current)`. What does not '
+    "fit is an `InputError` of one sentence."
+)
+
 #: What functions give back, shown below the functions of a page.
 RESULTS = {
     "simulation": ("simulation.trajectory.Trajectory",),
-    "logs": ("core.log.Log", "identification.identification.Identification", "identification.uncertainty.Estimate"),
+    "logs": ("identification.identification.Identification", "identification.uncertainty.Estimate"),
     "control": ("design.controller.SampledController",),
     "scenarios": ("scenario.result.ScenarioResult", "simulation.closed_loop.ClosedLoop"),
     "diagnosis": ("diagnosis.diagnosis.Cause",),
@@ -56,7 +62,7 @@ def api_names() -> dict[str, list[str]]:
 def api(page: str) -> str:
     """Directives for mkdocstrings, one a name."""
     title, about, _ = API[page]
-    lines = [f"# {title}", "", about, "", "All of these are names of `ehsa_ctrl` itself: `import ehsa_ctrl as e`."]
+    lines = [f"# {title}", "", about, "", WHERE]
     for name in api_names()[page]:
         module = ehsa_ctrl._WHERE[name]
         if module == "core.catalogue":

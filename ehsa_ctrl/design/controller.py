@@ -96,5 +96,10 @@ class SampledController:
         around = f", with {', '.join(stages)}" if stages else ""
         return f"{self.name}: {self.law}, |current| <= {self.current_limit:g} A, every {self.sample_time:g} s{around}"
 
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
 
 assert len(MEASURED) == 5  # the supervision's memory has a place for each

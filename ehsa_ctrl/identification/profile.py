@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
@@ -16,6 +17,9 @@ from ..core.errors import InputError, choices
 from .estimator import fit
 from .free import with_values
 from .identification import Identification
+
+if TYPE_CHECKING:
+    import pandas
 
 #: Where the parameter is held, in standard deviations from its estimate.
 STEPS = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
@@ -38,6 +42,19 @@ class Profile:
     def __str__(self) -> str:
         low, high = self.interval
         return f"{self.name}: 95 % interval by profile {low:.5g} to {high:.5g} {self.unit}"
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a value of the parameter that was held: how much larger the cost is there."""
+        import pandas
+
+        return pandas.DataFrame({"value": self.values, "rise": self.rise})
 
 
 def profile(found: Identification, name: str) -> Profile:

@@ -136,10 +136,12 @@ class Plant:
             if p.source == "given" and not p.lower <= p.value <= p.upper
         )
 
-    def set(self, **values: float) -> Plant:
-        """The same plant with other values (SI units), e.g. plant.set(K_S=50e3, K_T=1.1).
+    def set(self, **values: float | str) -> Plant:
+        """The same plant with other values, e.g. plant.set(K_S=50e3, K_T=1.1) or plant.set(K_S="50 N/mm").
 
-        Raises InputError for an unknown letter or a value that is physically impossible.
+        Numbers are in SI units; a text has its unit.
+
+        Raises InputError for an unknown letter, a unit that does not fit or a value that is physically impossible.
         """
         kinds = {kind.name: kind for kind in self.structure.equations.parameters}
         changed = dict(self.parameters)
@@ -149,6 +151,10 @@ class Plant:
                     f"the {self.model} model of {self.name} has no parameter {name!r}; {choices(name, kinds)}"
                 )
             kind = kinds[name]
+            try:
+                value = _number(value, kind.unit)
+            except InputError as error:
+                raise InputError(f"{name}: {error}") from None
             check_range(name, value, kind.unit, kind.lower, kind.upper, lower_open=kind.lower_open)
             changed[name] = changed[name].given(value)
         return replace(self, parameters=changed)
@@ -309,7 +315,12 @@ def _number(given: str | float, unit: str) -> float:
             return float(given)
         except ValueError:
             return parse(given, unit)
-    return float(given)
+    try:
+        return float(given)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"is a {type(given).__name__}; expected a number in {unit}, or a text with its unit, as '3 {unit}'"
+        ) from None
 
 
 def _parameters(path: Path, file: PlantFile, part: ModelFile, model: str, structure: Structure) -> dict[str, Parameter]:

@@ -135,6 +135,11 @@ class MonteCarlo:
 
     __repr__ = __str__
 
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
 
 def monte_carlo(
     scenario: str | Path | Scenario,
@@ -142,8 +147,8 @@ def monte_carlo(
     runs: int = 1000,
     seed: int = 0,
     controller: str | Path | Controller | None = None,
-    plant: str | Path | None = None,
-    design: str | Path | None = None,
+    plant: str | Path | Plant | None = None,
+    design: str | Path | Plant | None = None,
     identification: str | Path | None = None,
     jobs: int = 1,
     backend: str | None = None,

@@ -16,7 +16,7 @@ from ..design.analysis.loop import analyse_loop
 from ..design.controller import SampledController
 from ..design.load import load_controller
 from ..plant.linear import three_state
-from ..plant.plant import Plant, load_plant
+from ..plant.plant import Model, Plant, load_plant, with_settings
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.sensors import Sensors
 from .assumed import over_assumed
@@ -98,16 +98,16 @@ def prepare(
     scenario: str | Path | Scenario,
     *,
     controller: str | Path | Controller | None = None,
-    plant: str | Path | None = None,
-    design: str | Path | None = None,
+    plant: str | Path | Plant | None = None,
+    design: str | Path | Plant | None = None,
 ) -> Case:
     """Load a scenario and what it refers to and design its controller; arguments and errors as in `run`."""
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     definition, beside = loaded.definition, loaded.path
     where = loaded.path or loaded.name
     try:
-        checked = plants.find(plant) if plant else plants.find(definition.plant, beside=beside)
-        designed = plants.find(design) if design else checked
+        checked = _plant_file(plant) or plants.find(definition.plant, beside=beside)
+        designed = _plant_file(design) or checked
         law: Path | Controller
         if controller is None or isinstance(controller, str | Path):
             law = controllers.find(controller) if controller else controllers.find(definition.controller, beside=beside)
@@ -115,11 +115,14 @@ def prepare(
             law = controller
         else:
             raise InputError(
-                f"controller = {controller!r}: expected a name, a path, or a controller as load_controller gives it"
+                f"controller is a {type(controller).__name__}; expected a name, a path, or a controller as "
+                "load_controller gives it"
             )
-        model = three_state(load_plant(designed, model="linear"))
-        linear = load_plant(designed, model="linear", settings=_known_to_linear(definition, designed))
-        nonlinear = load_plant(checked, model="nonlinear", settings=definition.all_settings)
+        base = _of_model("design", design, "linear") or load_plant(designed, model="linear")
+        model = three_state(base)
+        linear = with_settings(base, _known_to_linear(definition, base))
+        believed = _of_model("plant", plant, "nonlinear") or load_plant(checked, model="nonlinear")
+        nonlinear = with_settings(believed, definition.all_settings)
         chosen: Controller = load_controller(law, model) if isinstance(law, Path) else law
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
@@ -134,8 +137,8 @@ def run(
     scenario: str | Path | Scenario,
     *,
     controller: str | Path | Controller | None = None,
-    plant: str | Path | None = None,
-    design: str | Path | None = None,
+    plant: str | Path | Plant | None = None,
+    design: str | Path | Plant | None = None,
     assumed: bool | None = False,
 ) -> ScenarioResult:
     """Run a scenario: linear prediction, nonlinear check, comparison, judgement.
@@ -148,6 +151,8 @@ def run(
     scenario: a name, a path, or a loaded scenario. What it refers to is looked for beside its own file first.
     controller, plant: instead of those that the scenario names. A controller that is designed already, from
         `load_controller` or a user's own, is run as it is and held against no baseline.
+        A plant that was loaded, changed or identified is taken as it is, with the scenario's load and settings on top;
+        the linear set of its file is the one to design on.
     design: the plant whose linear set the controller is designed on and the prediction is made with, if that is
         another one than the plant it is checked on: the rig's identified model on the plant that one takes for true.
     assumed: also run it with each assumed parameter at both ends of its believed range; None: if that is quick, which
@@ -189,9 +194,27 @@ def _sensors(plant: Plant, measuring: Measuring) -> Sensors:
     return Sensors.of(replace(plant, sensors={**plant.sensors, **changed}), seed=measuring.seed, noise=measuring.noise)
 
 
-def _known_to_linear(definition: ScenarioFile, name: str | Path) -> dict[str, str]:
+def _plant_file(plant: str | Path | Plant | None) -> Path | None:
+    """The file of a plant that is given by name, by path or as it is; None where there is none."""
+    if isinstance(plant, Plant):
+        return plant.path
+    return plants.find(plant) if plant else None
+
+
+def _of_model(word: str, plant: str | Path | Plant | None, model: Model) -> Plant | None:
+    """A plant that was loaded already. Raises InputError for its other set of parameters."""
+    if not isinstance(plant, Plant):
+        return None
+    if plant.model != model:
+        raise InputError(
+            f"{word} is the {plant.model} model of {plant.name}; expected the {model} one, "
+            f'load_plant("{plant.name}", model="{model}")'
+        )
+    return plant
+
+
+def _known_to_linear(definition: ScenarioFile, plant: Plant) -> dict[str, str]:
     """The settings that the linear set has as well: a scenario may change A_FR, which only the nonlinear one knows."""
-    plant = load_plant(name, model="linear")
     return {
         key: value
         for key, value in definition.all_settings.items()

@@ -7,7 +7,9 @@ from pathlib import Path
 
 from ..core.catalogue import scenarios
 from ..core.definition import read_toml, validate
+from ..core.unit import factor
 from .definition import ScenarioFile
+from .metrics import METRICS
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,29 @@ class Scenario:
     @property
     def title(self) -> str:
         return self.definition.title
+
+    def __str__(self) -> str:
+        said = self.definition
+        settings = ", ".join(f"{key} = {value}" for key, value in said.all_settings.items())
+        lines = [
+            f"{self.name}: {said.title}",
+            f"  {said.controller} on {said.plant}, {said.duration:g} s of {said.reference.kind}",
+            *([f"  believed of the plant: {settings}"] if settings else []),
+        ]
+        for name, bound in said.limits.items():
+            metric = METRICS[name]
+            ends = {"at least": bound.min, "at most": bound.max}
+            scale, unit = factor(metric.shown, metric.unit), "" if metric.shown == "1" else f" {metric.shown}"
+            words = [f"{word} {end / scale:.6g}{unit}" for word, end in ends.items() if end is not None]
+            lines.append(f"  {name} {' and '.join(words)}")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def load_scenario(name: str | Path) -> Scenario:

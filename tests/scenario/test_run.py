@@ -63,8 +63,8 @@ def test_a_controller_that_is_designed_already_is_run_as_it_is(project):
 
 
 def test_what_is_no_controller_is_refused(project):
-    """In a sentence that names the scenario."""
-    with pytest.raises(InputError, match=r"short\.toml: controller = 5: expected a name, a path, or a controller"):
+    """In a sentence that says what is one."""
+    with pytest.raises(InputError, match=r"run: controller is 5; expected a controller: its name, the path"):
         run(project(), controller=5)
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.log import CHANNELS
 from ...core.protocol import MEASURED, REFERENCE, Controller
 from .closed import INPUTS, OUTPUTS, closed_loop, closed_matrix, law_of
 from .frequency import discrete_response
@@ -18,12 +19,20 @@ from .sampled import sampled, sampled_plant, scaled
 
 if TYPE_CHECKING:
     import control
+    import pandas
     from matplotlib.figure import Figure
 
 #: A closed loop with a pole nearer than this to the unit circle, or outside, is not stable.
 BRINK = 1e-9
 #: A lasting answer to a force below this share of the largest one is rounding: integral action leaves none.
 NOTHING = 1e-9
+#: What a table of a loop shows, with its unit.
+FIGURES = {
+    "stable": "", "crossover": "rad/s", "phase_margin": "deg", "gain_margin": "", "gain_reduction": "",
+    "gain_frequency": "rad/s", "delay_margin": "s", "Ms": "", "Mt": "", "disk_margin": "", "disk_frequency": "rad/s",
+    "Mks": "A/m", "current_noise": "A", "compliance": "m/N", "static_compliance": "m/N", "sample_time": "s",
+    "delay": "s",
+}  # fmt: skip
 #: Longest delay margin, in samples, that is computed from the closed loop's poles; beyond, its frequency value is kept.
 LONGEST = 60
 
@@ -99,6 +108,14 @@ class LoopAnalysis:
             "static_compliance", "Mks", "sample_time", "delay",
         )  # fmt: skip
         return {"controller": self.controller, **{name: getattr(self, name) for name in names}}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a figure: value, SI unit (phase in deg)."""
+        import pandas
+
+        rows = {name: (getattr(self, name), unit) for name, unit in FIGURES.items()}
+        rows |= {f"noise_gain {name}": (gain, f"A/({CHANNELS[name].unit})") for name, gain in self.noise_gain.items()}
+        return pandas.DataFrame.from_dict(rows, orient="index", columns=["value", "unit"]).rename_axis("figure")
 
     def __str__(self) -> str:
         late = f", {1e3 * self.delay:.3g} ms late" if self.delay else ""

@@ -156,6 +156,8 @@ class RobustMargins:
             lines.append(f"  {name.replace('_', ' '):<13} {value:8.3g} {unit:<4} {worst.label}")
         return "\n".join(lines)
 
+    __repr__ = __str__
+
     def _repr_html_(self) -> str:
         rows = "".join(
             f"<tr><td>{escape(name.replace('_', ' '))}</td><td>{worst.value:.3g} {JUDGED[name][0]}</td>"

@@ -83,6 +83,8 @@ class Review:
                 lines.append(f"  {'':<{wide}}  -> {finding.fix}")
         return "\n".join(lines)
 
+    __repr__ = __str__
+
     def _repr_html_(self) -> str:
         rows = "".join(
             f"<tr><td>{escape(f.test)}</td><td>{escape(f.result)}</td><td>{f.verdict}</td>"
