@@ -27,6 +27,9 @@ API = {
     "diagnosis": ("Diagnosis", "Where rig and simulation differ, and why.", (
         "diagnose", "Diagnosis", "diagnose_many", "what_changed",
     )),
+    "pages": ("Pages", "What one shows to others.", (
+        "write_report",
+    )),
     "errors": ("Errors", "What is raised, and when.", ("EhsaError", "InputError", "SimulationError")),
 }  # fmt: skip
 

@@ -40,6 +40,7 @@ def command(
                 "file": section.folder / section.kind.name,
                 "title": section.title,
                 "good": not section.doubtful,
+                "failed": section.failed,
                 "sentences": [words for words, _ in section.result.sentences],
             }
             for section in sections
@@ -47,6 +48,6 @@ def command(
         print(to_json({"page": page, "results": results, "left_out": wrong}))
         return
     for section in sections:
-        mark = "look" if section.doubtful else "ok  "
+        mark = "FAIL" if section.failed else "look" if section.doubtful else "ok  "
         print(f"{mark}  {section.folder / section.kind.name}: {section.title}")
     print(f"written to {page}")

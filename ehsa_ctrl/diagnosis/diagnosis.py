@@ -170,6 +170,9 @@ class Diagnosis:
         return {
             "verdict": self.verdict,
             "sentence": self.sentence,
+            "log": str(self.log.path) if self.log.path is not None else None,
+            "plant": self.plant.name,
+            "model": self.plant.model,
             "where": [{"place": place, "share": share} for place, share in self.where],
             "effects": [cause.to_dict() for cause in self.effects],
             "gap": {model: dict(gaps) for model, gaps in self.gap.items()},

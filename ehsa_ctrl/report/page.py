@@ -15,7 +15,7 @@ from ..core.errors import InputError
 from ..core.unit import factor
 from ..design.analysis.loop import LoopAnalysis
 from ..scenario.metrics import METRICS
-from ..scenario.result import Judgement, ScenarioResult, gap
+from ..scenario.result import Judgement, ScenarioResult, few, gap
 from .document import anchors, embedded, merged_versions, write_document
 from .figures import loop_figure, scenario_figure
 from .grounds import assumed_of, hashes
@@ -59,6 +59,7 @@ def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str)
         columns=[name for name in SHOWN if any(_exists(result, name) for result in results)],
         metrics=METRICS,
         shown=shown,
+        few=few,
         said=lambda result: SAID[result.verdict][0],
         mood=lambda result: SAID[result.verdict][1],
         beside=beside,

@@ -56,6 +56,10 @@ class Section:
         return self.result.state is not True
 
     @property
+    def failed(self) -> bool:
+        return self.result.state is False
+
+    @property
     def pictures(self) -> list[Picture]:
         said = " ".join(words for words, _ in self.result.sentences)
         found = []

@@ -74,6 +74,16 @@ class Judgement:
         return f"{self.metric} {value} ({' and '.join(bounds)})"
 
 
+#: Reasons that a sentence names; of more it says how many.
+NAMED = 3
+
+
+def few(reasons: Sequence[str]) -> str:
+    """Reasons in a sentence: the first ones, and how many more there are."""
+    left = len(reasons) - NAMED
+    return "; ".join(reasons) if left <= 1 else "; ".join([*reasons[:NAMED], f"and {left} more"])
+
+
 def failures_of(judgements: Sequence[Judgement], run: Trajectory, expected_trips: Sequence[str]) -> tuple[str, ...]:
     """Limits of the scenario that were not kept, limits of the plant passed unexpectedly, and expected ones that were
     not passed, in sentences."""
@@ -217,7 +227,7 @@ class ScenarioResult:
         return baseline_figure(self)
 
     def __str__(self) -> str:
-        verdict = "passed" if self.passed else "FAILED: " + "; ".join(self.failures)
+        verdict = "passed" if self.passed else "FAILED: " + few(self.failures)
         table = self.to_pandas().to_string(float_format=lambda value: f"{value:.4g}")
         return f"{self.scenario.name} with {self.controller.name}: {verdict}\n{table}"
 

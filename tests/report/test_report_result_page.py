@@ -11,7 +11,7 @@ from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.diagnosis.batch import Batch, Row
 from ehsa_ctrl.report.grounds import grounds, hashes
 from ehsa_ctrl.report.kinds import kinds
-from ehsa_ctrl.report.kinds._result import Table
+from ehsa_ctrl.report.kinds._result import DOUBT, Result, Table
 from ehsa_ctrl.report.result_page import results_in, write_overview, write_result_page
 
 from .diagnoses import diagnosis
@@ -135,11 +135,35 @@ def test_verdicts_come_before_everything(overview, harsh):
     """What is to be looked at stands above the first figure and table, of every result."""
     top = overview[: min(overview.index("<table"), overview.index("<svg"))]
 
-    assert "10 results" in top
     assert "Passed a limit of the plant: pump speed reached 5000 rpm." in top
-    assert "96 of 100 runs pass" not in top and "Interrupted: there are fewer runs" in top
-    assert "NOT STABLE" in top
-    assert harsh.failures[0] in top.replace("&gt;", ">")
+    assert "96 of 100 runs pass" in top and "Interrupted: there are fewer runs" in top
+    assert "<h1>10 results, 4 failed, " in top and "NOT STABLE" in top
+    assert '<span class="doubt">△</span> <a href="#simulation-' in top
+    assert f"{'; '.join(harsh.failures[:3])}; and {len(harsh.failures) - 3} more." in top.replace("&gt;", ">")
+    for failure in harsh.failures:
+        assert failure in overview.replace("&gt;", ">")
+
+
+def test_headings_say_what_a_result_is(overview):
+    """Log, plant and scenario, and not the name of a folder."""
+    headings = re.findall(r"<h2 [^>]*>(.*?)</h2>", overview)
+
+    assert "Diagnosis of log &lt;script&gt;alert(1).csv on ehsa" in headings
+    assert any(each.startswith("Identification of ehsa from noise ") for each in headings)
+    assert "Diagnosis of 3 logs of ehsa" in headings and "Design for ehsa: pid" in headings
+    assert any(each.endswith("scenarios passed: gentle and harsh") for each in headings)
+
+
+def test_a_result_among_others_says_what_it_is_first():
+    """The verdict, then what one should look at; much of that is counted."""
+    sentences = [("The cause is known.", True), *((f"Doubt {k}.", DOUBT) for k in range(6))]
+
+    lead = Result("a title", sentences).lead
+
+    assert lead == ["The cause is known.", "Doubt 0.", "Doubt 1.", "Doubt 2.", "And 3 more."]
+    assert Result("a title", sentences[:1]).lead == ["The cause is known."]
+    assert Result("a title", sentences[:5]).lead[-1] == "Doubt 3."
+    assert (Result("", sentences).banner, Result("", [("no", False)]).banner) == (" look", " fail")
 
 
 @pytest.mark.parametrize("name", sorted(name for name, kind in kinds().items() if not kind.own))

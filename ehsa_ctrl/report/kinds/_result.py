@@ -15,16 +15,20 @@ from ..number import NOTHING, number
 NUMBER = re.compile(r"\(?[-−]?(\d|∞)|–?$")
 #: Neither wrong nor quite right: one should look at it.
 DOUBT: Literal["doubt"] = "doubt"
+#: Of what one should look at, so much is said of a result among others.
+LED = 3
 #: A sentence, and whether all is well with it; None for one that says nothing of that.
 Sentence = tuple[str, bool | Literal["doubt"] | None]
-#: Marks and classes of colour, told apart without colour too.
-LOOKS = {True: ("✓", "good"), False: ("✗", "bad"), DOUBT: ("△", "bad")}
+#: Marks and classes of colour, told apart without colour too: fine, failed, a warning.
+LOOKS = {True: ("✓", "good"), False: ("✗", "bad"), DOUBT: ("△", "doubt")}
+#: The banner's class, by the state of what it is about.
+BANNERS: dict[bool | str, str] = {True: "", False: " fail", DOUBT: " look"}
 
 
 class Table(NamedTuple):
     """A table of words and numbers that are written already.
 
-    A cell that begins with ✓ is shown as good, one that begins with ✗ or △ as bad.
+    A cell that begins with ✓ is shown as good, one that begins with ✗ as bad, with △ as something to look at.
     """
 
     caption: str
@@ -75,10 +79,17 @@ class Result:
         return DOUBT if DOUBT in states else True
 
     @property
+    def banner(self) -> str:
+        """Class of the banner that says it."""
+        return BANNERS[self.state]
+
+    @property
     def lead(self) -> list[str]:
-        """What is said of it among others: all that one should look at, else the first sentence."""
-        doubtful = [words for words, good in self.sentences if good in (False, DOUBT)]
-        return doubtful or [words for words, _ in self.sentences][:1]
+        """What is said of it among others: the first sentence, and what one should look at; of much, how much more."""
+        first = [words for words, _ in self.sentences][:1]
+        doubtful = [words for words, good in self.sentences[1:] if good in (False, DOUBT)]
+        left = len(doubtful) - LED
+        return [*first, *doubtful] if left <= 1 else [*first, *doubtful[:LED], f"And {left} more."]
 
     def mark(self, state: bool | str) -> tuple[str, str]:
         """The mark of a sentence or of the whole, and its class."""

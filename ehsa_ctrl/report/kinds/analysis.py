@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ._margins import MARGINS, margin, margins_table
-from ._result import Drawing, Kind, Result, Sentence, Table, written
+from ._result import Drawing, Kind, Result, Sentence, Table, listed, written
 
 MARKS = {"good": "✓ good", "fault": "✗ fault"}
 
@@ -24,12 +24,18 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
             Drawing(f"robustness{end}", f"{name} on many plants"),
         ]
     return Result(
-        title=f"{content['plant']}: {content['model']} model" + (f" and {len(loops)} loops" if len(loops) > 1 else ""),
+        title=f"Analysis of {content['plant']}, {content['model']} model" + _with(loops),
         sentences=_sentences(content, loops, robust, reviews),
         tables=[*_tables(content, loops, robust), *map(_review, reviews)],
         drawings=drawings,
         facts=[("plant", str(content["plant"])), ("model", str(content["model"]))],
     )
+
+
+def _with(loops: list[Any]) -> str:
+    """The controllers of the loops, for the title."""
+    names = [str(loop["controller"]) for loop in loops]
+    return f", with {listed(names[:4])}" + (" and more" if len(names) > 4 else "") if names else ""
 
 
 def _sentences(content: Mapping[str, Any], loops: list[Any], robust: list[Any], reviews: list[Any]) -> list[Sentence]:

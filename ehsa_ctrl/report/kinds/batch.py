@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ._result import Kind, Result, Sentence, Table, percent, written
+from ._result import DOUBT, Kind, Result, Sentence, Table, percent, written
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Result:
@@ -18,7 +18,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
         (f"{Path(row['file']).name} could not be diagnosed: {row['error'].rstrip('.')}.", False) for row in failed
     ]
     if content["interrupted"]:
-        sentences.append(("Interrupted: not all logs are done.", False))
+        sentences.append(("Interrupted: not all logs are done.", DOUBT))
     rows = [
         [Path(row["file"]).name, row["verdict"].replace("_", " ") or "✗ failed", " or ".join(row["set"]), row["place"],
          written(row["probability"], 1.0, 2) if row["cause"] else "", percent(row["gap_before"], 2),
@@ -27,7 +27,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     ]  # fmt: skip
     head = ["log", "verdict", "cause", "place", "probability", "gap", "after", "s"]
     return Result(
-        title=f"{len(logs)} logs of {content['plant']}",
+        title=f"Diagnosis of {len(logs)} logs of {content['plant']}",
         sentences=sentences,
         tables=[Table("Gap of all signals on held-out data, as believed and with the causes", head, rows)],
         facts=[("plant", str(content["plant"])), ("a gap matters from", f"{percent(content['threshold'])} on")],

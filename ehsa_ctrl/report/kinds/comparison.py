@@ -24,9 +24,9 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
             f"{name} model: the fit is from {written(known[worst])} % ({worst}) to {written(known[best])} % ({best})."
         )
         sentences.append((words, True if known[worst] > 0.0 else DOUBT))
-    sentences += [(f"Doubtful in the log: {_words(finding)}.", False) for finding in content["findings"]]
+    sentences += [(f"Doubtful in the log: {_words(finding)}.", DOUBT) for finding in content["findings"]]
     return Result(
-        title=f"{content['plant']} beside {Path(str(content['log'])).name}",
+        title=f"Comparison of {Path(str(content['log'])).name} with {content['plant']}",
         sentences=sentences,
         tables=[fit_table("Fit in free run, %", {name: model["fit_percent"] for name, model in models.items()})],
         drawings=[Drawing("compare", "Measured and simulated", "Free runs, driven by the logged drive alone.")],

@@ -30,7 +30,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     ]
     settings = ", ".join(f"{key} = {value}" for key, value in content["settings"].items())
     return Result(
-        title=f"{content['kind']} for {content['plant']}",
+        title=f"Design for {content['plant']}: {content['kind']}",
         sentences=sentences,
         tables=[margins_table("Margins, broken at the current", [loop])],
         drawings=[

@@ -5,27 +5,29 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ...diagnosis.diagnosis import MODELS
 from ...diagnosis.signals import SIGNALS
 from ..closed_loop import closed_table
 from ..number import uncertain, unit
-from ._result import Drawing, Kind, Result, Sentence, Table, listed, percent, written
+from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, listed, percent, written
 
-#: Verdicts with which one can go on.
-GOOD = ("no_gap", "effect")
+#: Whether one can go on with a verdict.
+STATES: dict[str, bool | Literal["doubt"]] = {
+    "no_gap": True, "effect": True, "ambiguous": DOUBT, "underdetermined": DOUBT
+}  # fmt: skip
 #: What JSON has null for.
 INFINITE = float("inf")
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Result:
-    sentences: list[Sentence] = [(content["sentence"], content["verdict"] in GOOD)]
+    sentences: list[Sentence] = [(content["sentence"], STATES.get(content["verdict"], False))]
     if "change" in content:
         sentences.insert(0, (content["change"], None))
     if content["next_experiment"]:
         sentences.append((f"Next: {content['next_experiment']}", None))
-    sentences += [(f"Doubtful in the log: {str(words).rstrip('.')}.", False) for words in content["findings"]]
+    sentences += [(f"Doubtful in the log: {str(words).rstrip('.')}.", DOUBT) for words in content["findings"]]
     tables = [_causes(content)] if content["effects"] else []
     tables.append(_gaps(content))
     closed = folder / "closed_loop.json"
@@ -41,7 +43,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
             said = "; ".join(reasons) if reasons else "keeps the limits"
             sentences.append((f"{name} on the {word} plant: {said}.", not reasons))
     return Result(
-        title=f"Diagnosis in {folder.name}",
+        title=f"Diagnosis of {_log(content)}",
         sentences=sentences,
         tables=tables,
         drawings=[
@@ -60,6 +62,14 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
         ],
         versions=content["provenance"],
     )
+
+
+def _log(content: Mapping[str, Any]) -> str:
+    """Log and plant, as far as the file says them."""
+    files = [Path(name) for name in (content.get("rests_on") or {}).get("files", {})]
+    log = Path(content["log"]).name if content.get("log") else next((f.name for f in files if f.suffix != ".toml"), "")
+    plant = content.get("plant") or next((file.stem for file in files if file.suffix == ".toml"), "")
+    return f"{log or 'a log'}{f' on {plant}' if plant else ''}"
 
 
 def _causes(content: Mapping[str, Any]) -> Table:

@@ -9,7 +9,7 @@ from typing import Any
 from ...core.unit import factor
 from ...simulation.limits import SHOWN
 from ..number import unit
-from ._result import Drawing, Kind, Result, Sentence, Table, listed, percent, settings_of, written
+from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, listed, percent, settings_of, written
 
 #: Of the candidates, so many are listed.
 LISTED = 12
@@ -24,7 +24,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     sentences: list[Sentence] = [
         (f"{content['input']}, for {written(content['duration'])} s.", None),
         (f"{determined}{'; not ' + listed(poor) if poor else ''}. The worst is {worst}: "
-         f"{percent(parameters[worst]['relative_sd'])} expected.", not poor),
+         f"{percent(parameters[worst]['relative_sd'])} expected.", True if not poor else DOUBT),
         (f"It stays within the plant's limits; nearest is {nearest.replace('_', ' ')}, "
          f"{percent(content['limits'][nearest]['worst_share'], 2)} of the way even if parameters are "
          f"{percent(content['variations']['spread'], 2)} off.", True),

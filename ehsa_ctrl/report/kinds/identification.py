@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..number import uncertain, unit
-from ._result import Drawing, Kind, Result, Sentence, Table, fit_table, listed, percent, settings_of, written
+from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, fit_table, listed, percent, settings_of, written
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Result:
@@ -25,7 +25,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
             Drawing(f"residuals{end}", f"Residuals, {model} model"),
         ]
     return Result(
-        title=f"{content['plant']} identified",
+        title=f"Identification of {content['plant']} from {_logs(content)}",
         sentences=sentences,
         tables=tables,
         drawings=drawings,
@@ -39,20 +39,26 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     )
 
 
+def _logs(content: Mapping[str, Any]) -> str:
+    """Names of the logs that were used; of many their number."""
+    names = [Path(str(log)).name for log in content["logs"]["train"]]
+    return listed(names) if 0 < len(names) < 4 else f"{len(names)} logs"
+
+
 def _sentences(model: str, each: Mapping[str, Any]) -> list[Sentence]:
     parameters = each["parameters"]
     poor = [name for name, p in parameters.items() if not p["identifiable"]]
     words = f"{model} model: {len(parameters) - len(poor)} of {len(parameters)} parameters well determined"
-    found: list[Sentence] = [(f"{words}{'; not ' + listed(poor) if poor else ''}.", not poor)]
+    found: list[Sentence] = [(f"{words}{'; not ' + listed(poor) if poor else ''}.", True if not poor else DOUBT)]
     fits = each["fit_percent"]
     held = {name: fit for name, fit in (fits.get("validate") or fits["train"]).items() if fit is not None}
     if held:
         worst = min(held, key=lambda name: held[name])
         where = "a held-out log" if fits.get("validate") else "the logs used, none was held out"
         found.append((f"The worst fit on {where} is {written(held[worst])} % ({worst}).", held[worst] > 0.0))
-    found += [(f"{words.rstrip('.')}.", False) for words in each["warnings"]]
+    found += [(f"{words.rstrip('.')}.", DOUBT) for words in each["warnings"]]
     if each["interrupted"]:
-        found.append(("The search was interrupted: this is the best that it had.", False))
+        found.append(("The search was interrupted: this is the best that it had.", DOUBT))
     return found
 
 

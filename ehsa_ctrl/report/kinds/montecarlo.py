@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ._result import Drawing, Kind, Result, Sentence, Table, percent, written
+from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, percent, written
 
 #: Of the parameters that decide, so many are listed.
 LISTED = 12
@@ -23,7 +23,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
         words = "What decides: where the drawn parameters lie in runs that pass and in runs that fail."
         drawings.append(Drawing(stem, f"{each['scenario']} with {each['controller']}", words))
     return Result(
-        title=f"{names} on many plants",
+        title=f"Monte Carlo: {names} on many plants",
         sentences=sentences,
         tables=[table for each in campaigns for table in _tables(each)],
         drawings=drawings,
@@ -46,7 +46,7 @@ def _sentences(each: Mapping[str, Any]) -> list[Sentence]:
     if decisive:
         found.append((f"What decides: {', '.join(decisive)}, the strongest first.", None))
     if each["interrupted"]:
-        found.append(("Interrupted: there are fewer runs than were asked for.", False))
+        found.append(("Interrupted: there are fewer runs than were asked for.", DOUBT))
     return found
 
 

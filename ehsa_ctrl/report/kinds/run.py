@@ -8,6 +8,7 @@ from typing import Any
 
 from ...core.unit import factor
 from ...scenario.metrics import METRICS
+from ...scenario.result import NAMED, few
 from ..number import unit
 from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, listed, written
 
@@ -26,13 +27,17 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     ]
     head = [f"{name}, {unit(METRICS[name].shown)}".rstrip(", ") for name in SHOWN]
     tables = [Table("On the nonlinear plant", ["scenario", "controller", "verdict", *head], rows)]
+    many = [run for run in runs if len(run["failures"]) > NAMED]
+    if many:
+        reasons = [[run["scenario"], run["controller"], f"✗ {words}"] for run in many for words in run["failures"]]
+        tables.append(Table("What failed, all of it", ["scenario", "controller", "limit or recorded run"], reasons))
     swings = [_swing(run, each) for run in runs for each in run.get("assumed_ranges") or ()]
     if swings:
         caption = "Whether limits are kept at the ends of the range in which a parameter is only assumed"
         head = ["scenario", "controller", "parameter", "at", "limits"]
         tables.append(Table(caption, head, [row for rows in swings for row in rows]))
     return Result(
-        title=f"{good} of {len(runs)} passed: {listed(names[:4])}" + (" and more" if len(names) > 4 else ""),
+        title=f"{good} of {len(runs)} scenarios passed: {listed(names[:4])}" + (" and more" if len(names) > 4 else ""),
         sentences=_sentences(runs, good),
         tables=tables,
         drawings=[
@@ -48,7 +53,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
 
 def _sentences(runs: list[Mapping[str, Any]], good: int) -> list[Sentence]:
     failed = [run for run in runs if not run["passed"]]
-    found: list[Sentence] = [(f"{_name(run)} failed: {'; '.join(run['failures'])}.", False) for run in failed]
+    found: list[Sentence] = [(f"{_name(run)} failed: {few(run['failures'])}.", False) for run in failed]
     if not failed:
         found.append(("Every scenario kept its limits on the nonlinear plant.", True))
     flips = [

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ._result import Drawing, Kind, Result, Sentence, settings_of, written
+from ._result import DOUBT, Drawing, Kind, Result, Sentence, settings_of, written
 
 #: A pressure level that moved by more than this [Pa] is said.
 DRIFT = 1e5
@@ -19,7 +19,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     if stopped:
         ran = (f"Ended after {written(seconds)} s, before its input: {stopped.rstrip('.')}.", False)
     sentences = [ran]
-    sentences += [(f"Passed a limit of the plant: {words}.", False) for words in passed]
+    sentences += [(f"Passed a limit of the plant: {words}.", DOUBT) for words in passed]
     if not passed:
         sentences.append(("Passed no limit of the plant.", True))
     drift = content["pressure_level_drift"]
@@ -28,7 +28,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
             (f"The pressure level moved by {written(drift, 1e5, 2)} bar: the model conserves volume.", None)
         )
     return Result(
-        title=f"{content['plant']} on the virtual bench" + (f": {content['input']}" if content.get("input") else ""),
+        title=f"Simulation of {content['plant']}" + (f" with {content['input']}" if content.get("input") else ""),
         sentences=sentences,
         drawings=[Drawing("simulation", "The run", "Grey bars: shaft or rod sticks.")],
         facts=[
