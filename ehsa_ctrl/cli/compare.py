@@ -146,12 +146,11 @@ def load_models(plant: str, model: str, settings: dict[str, str]) -> list[Plant]
 
 def table(replays: list[Replay]) -> str:
     """Fit in percent, a row a channel, a column a model."""
+    from ..identification.replay import fit_cell
+
     lines = ["fit, %     " + "".join(f"{run.plant.model:>12}" for run in replays)]
     for channel in replays[0].fit_percent:
-        cells = "".join(
-            f"{'-' if percent != percent else f'{percent:.2f}':>12}"
-            for percent in (run.fit_percent[channel] for run in replays)
-        )
+        cells = "".join(f"{fit_cell(run.fit_percent[channel]):>12}" for run in replays)
         lines.append(f"{channel:<11}{cells}")
     return "\n".join(lines)
 
@@ -173,11 +172,9 @@ def _write(
     cannot_tell: Iterable[str],
     steps: Iterable[Step],
 ) -> None:
-    import sys
-
     from ..report.comparison_page import write_comparison_page
     from ..report.figures import replay_figure, save
-    from .output import to_json
+    from .output import command_line, to_json
 
     (out / "comparison.json").write_text(to_json(result) + "\n")
     frame = replays[0].to_pandas().rename(columns=lambda name: _column(name, replays[0].plant.model))
@@ -189,7 +186,7 @@ def _write(
     write_comparison_page(
         replays,
         out,
-        command="ehsa-ctrl " + " ".join(sys.argv[1:]),
+        command=command_line(),
         findings=findings,
         untold=cannot_tell,
         steps=steps,

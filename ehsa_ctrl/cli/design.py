@@ -32,10 +32,10 @@ def command(
     disk_margin: Annotated[str, typer.Option(help="Least disk margin, 0.7.")] = "",
     noise_gain: Annotated[str, typer.Option(help="Most current per position noise, '8000 A/m'.")] = "",
     weight: Annotated[
-        list[str], typer.Option(metavar="KEY=VALUE", help="Of [weights]: position='0.5 mm'. Repeatable.")
+        list[str], typer.Option(metavar="KEY=VALUE", help="Of \\[weights]: position='0.5 mm'. Repeatable.")
     ] = [],  # noqa: B006 - typer reads the default, nobody changes it
     limit: Annotated[
-        list[str], typer.Option(metavar="KEY=VALUE", help="Of [limits]: pressure='150 bar'. Repeatable.")
+        list[str], typer.Option(metavar="KEY=VALUE", help="Of \\[limits]: pressure='150 bar'. Repeatable.")
     ] = [],  # noqa: B006
     spec: Annotated[
         list[str], typer.Option(metavar="KEY=VALUE", help="Any key of the TOML: tuning.minimise=IE. Repeatable.")
@@ -69,7 +69,7 @@ def command(
     from ..design.tuning.specification import begin
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
-    from .output import prepare_folder, rests_on, to_json
+    from .output import prepare_folder, rests_on, to_json, warn_unbelieved
 
     if output is not None and output.suffix != ".toml":
         raise InputError(f"-o {output}: expected a file that ends in .toml")
@@ -95,6 +95,7 @@ def command(
     content.pop("note")
     believed = read_pairs(settings)
     loaded = load_plant(plant, model="linear", settings=believed)
+    warn_unbelieved([loaded])
     system = three_state(loaded)
     found = design(name, chosen, content, system, figures=figures, asked=asked)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]

@@ -251,8 +251,6 @@ def _write(
     out: Path, found: list[Identification], answer: dict[str, Any], linear: str, drifts: list[tuple[Drift, ...]]
 ) -> Path:
     """Plant, JSON, table, figures and page; returns the plant's path."""
-    import sys
-
     from ..identification.sliding import sliding_linear
     from ..identification.write import write_plant
     from ..report.figures import (
@@ -263,7 +261,7 @@ def _write(
         save,
     )
     from ..report.identification_page import write_identification_page
-    from .output import to_json
+    from .output import command_line, to_json
 
     plants = [each.plant for each in found]
     if linear == "sliding":
@@ -279,16 +277,18 @@ def _write(
             save(correlation_figure(each), out / f"correlation{suffix}")
         if each.residual_tests:
             save(residuals_figure(each), out / f"residuals{suffix}")
-    write_identification_page(found, out, command="ehsa-ctrl " + " ".join(sys.argv[1:]), drifts=drifts)
+    write_identification_page(found, out, command=command_line(), drifts=drifts)
     return written
 
 
 def _models_table(found: list[Identification]) -> str:
     """Fit in free run, a row a channel and a log's use, a column a model."""
+    from ..identification.replay import fit_cell
+
     lines = ["fit in free run, %     " + "".join(f"{each.plant.model:>12}" for each in found)]
     for word in ("train", "validation"):
         reaches = [getattr(each, word) for each in found]
         for channel in reaches[0].fit_percent:
-            cells = "".join(f"{reach.fit_percent[channel]:>12.2f}" for reach in reaches)
+            cells = "".join(f"{fit_cell(reach.fit_percent[channel]):>12}" for reach in reaches)
             lines.append(f"  {'used' if word == 'train' else 'held out':<9}{channel:<12}{cells}")
     return "\n".join(lines)

@@ -30,6 +30,7 @@ from . import (
     run,
     simulate,
 )
+from .output import remove_empty
 
 EPILOG = """\
 Exit status: 0 done; 1 ran, but a scenario's limit failed; 2 the input was wrong, said in one sentence; 130 interrupted.
@@ -93,6 +94,9 @@ def main() -> None:
         context = getattr(error, "ctx", None)
         command = context.command_path if context is not None else "ehsa-ctrl"
         sentence = " ".join(error.format_message().split()).rstrip(".")
+        if not sentence:
+            # A group of commands that was called alone has printed its help.
+            sentence = "say which: " + ", ".join(getattr(getattr(context, "command", None), "commands", ()))
         print(f"{command}: {sentence}; see {command} --help", file=sys.stderr)
         status = 2
     except MemoryError as error:
@@ -107,6 +111,8 @@ def main() -> None:
     except SystemExit as stopped:
         # rich leaves with 1 where nobody reads on; to us that is a limit that failed.
         status = stopped.code if isinstance(stopped.code, int) and stopped.code != 1 else 0
+    if status:
+        remove_empty()
     if not _flushed():
         status = 0
     sys.exit(status or 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,17 +15,30 @@ if TYPE_CHECKING:
     from ..plant.plant import Plant
 
 
+#: Folders that were made for results, the innermost first.
+_made: list[Path] = []
+
+
 def prepare_folder(folder: Path, result: str, *, force: bool) -> Path:
     """Create the folder for a result. Raises InputError if it holds `result` already, unless force is set."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give a folder")
     if (folder / result).exists() and not force:
         raise InputError(f"{folder / result}: there is a result already; choose another folder or say --force")
+    _made.extend(place for place in (folder, *folder.parents) if not place.exists())
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: can't be created ({error.strerror})") from None
     return folder
+
+
+def remove_empty() -> None:
+    """Remove the folders that were made for a result that did not come: an input that was wrong leaves nothing."""
+    while _made:
+        # What is not empty, or not there, stays so.
+        with suppress(OSError):
+            _made.pop(0).rmdir()
 
 
 def write_text(path: Path, text: str) -> Path:
@@ -56,12 +70,17 @@ def plain(value: Any) -> Any:
 
 def rests_on(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:
     """What a result's JSON says under `rests_on`: assumed parameters, hashes of files, the command line."""
+    from ..report.grounds import grounds
+
+    return {**grounds(plants, files), "command": command_line()}
+
+
+def command_line() -> str:
+    """The call as it can be repeated in a shell: arguments with spaces in quotes."""
     import shlex
     import sys
 
-    from ..report.grounds import grounds
-
-    return {**grounds(plants, files), "command": shlex.join(["ehsa-ctrl", *sys.argv[1:]])}
+    return shlex.join(["ehsa-ctrl", *sys.argv[1:]])
 
 
 def to_json(value: Any) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -15,7 +16,9 @@ class _Notice(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         from rich.console import Console
 
-        Console(stderr=True, highlight=False).print(record.getMessage(), style="dim")
+        # A structure's own words are Python; of the plant at hand nobody needs them.
+        text = re.sub(r"for (\w+ )?Structure\(.*\)", "for a plant of this structure", record.getMessage())
+        Console(stderr=True, highlight=False, markup=False).print(text, style="dim")
 
 
 @contextmanager

@@ -210,6 +210,7 @@ def _write_report(results: list[ScenarioResult], out: Path) -> list[str]:
     """Figures and page; returns the names of the files."""
     from ..report.figures import loop_figure, save
     from ..report.page import write_page
+    from .output import command_line
 
     figures = {f"{result.scenario.name}-{result.controller.name}": result.plot for result in results}
     figures |= {
@@ -223,7 +224,7 @@ def _write_report(results: list[ScenarioResult], out: Path) -> list[str]:
     for name, loop in loops.items():
         save(loop_figure(loop), out / f"loop-{name}")
     names = [*figures, *(f"loop-{name}" for name in loops)]
-    write_page(results, out, command="ehsa-ctrl " + " ".join(sys.argv[1:]))
+    write_page(results, out, command=command_line())
     return ["report.html", *sorted(path.name for path in out.iterdir() if path.stem in names)]
 
 

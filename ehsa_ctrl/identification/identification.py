@@ -16,7 +16,7 @@ from ..simulation.trajectory import versions
 from .balances import BalanceEstimate
 from .checks import Finding
 from .estimator import Fit
-from .replay import Replay
+from .replay import Replay, fit_cell
 from .uncertainty import Estimate, Uncertainty, consistent
 from .whiteness import Correlation
 from .window import sensor_sd
@@ -312,7 +312,7 @@ class Identification:
         how = "free run" if self.window is None else f"windows of {self.window:.3g} s"
         if self.method == "balances" and self.balances is not None:
             how = f"balances, {self.balances.method}"
-        yield f"{self.plant.name} ({self.plant.model}) identified from {used}, {how}, {self.seconds:.1f} s"
+        yield f"{self.plant.name} ({self.plant.model}) identified from {used}, {how}; computed in {self.seconds:.1f} s"
         if self.interrupted:
             yield "  interrupted: this is the best so far, not the minimum"
         yield f"  {'':<12} {'value':>11} {'sd':>9} {'':>8} {'start':>11} {'unit':<10}"
@@ -337,11 +337,11 @@ class Identification:
                 + (", and so are the channels' weights" if self.fit.weighted else "")
             )
         yield from (f"  warning: {sentence}" for sentence in self.warnings)
-        yield "  fit in free run, %   " + "".join(f"{channel:>10}" for channel in self.train.fit_percent)
+        yield "  fit in free run, %   " + "".join(f"{channel:>11}" for channel in self.train.fit_percent)
         for name, reach in (("used", self.train), ("held out", self.validation)):
             if reach.after:
                 for word, fits in (("before", reach.fit_percent_before), ("after", reach.fit_percent)):
-                    yield f"    {name + ', ' + word:<19}" + "".join(f"{_cell(value):>10}" for value in fits.values())
+                    yield f"    {name + ', ' + word:<19}" + "".join(f"{fit_cell(value):>11}" for value in fits.values())
         failed = [test for test in self.residual_tests if not test.passed]
         if failed:
             told = ", ".join(f"{test.channel} with {test.against} ({test.largest:.2g})" for test in failed[:4])
@@ -374,7 +374,3 @@ class Identification:
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(str(self))}</pre>"
-
-
-def _cell(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.2f}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -89,7 +90,7 @@ class Replay:
             f"{len(log)} samples, {log.time[-1] - log.time[0]:g} s",
             f"  starts {self.start}",
         ]
-        lines += [f"  {channel:<10} {percent:>8.2f} % fit" for channel, percent in self.fit_percent.items()]
+        lines += [f"  {channel:<10} {fit_cell(percent):>9} % fit" for channel, percent in self.fit_percent.items()]
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
 
     __repr__ = __str__
@@ -98,6 +99,13 @@ class Replay:
         import html
 
         return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def fit_cell(percent: float) -> str:
+    """A fit in percent as a table has it, in at most 10 letters: a run far off has fits of many digits."""
+    if math.isnan(percent):
+        return "-"
+    return f"{percent:.2f}" if abs(percent) < 1e6 else f"{percent:.2e}"
 
 
 def replay(plant: Plant, log: Log, *, before: Log | None = None) -> Replay:

@@ -32,9 +32,11 @@ def _linear_part(plant: Plant) -> tuple[dict[str, float], str]:
     laws = (structure.shaft_friction, structure.rod_friction)
     plain = laws == ("viscous", "viscous") and not structure.effects
     if structure.chambers != "constant" or not (plain or plant.model == "linear"):
+        words = [f"{word} friction at the {place}" for word, place in zip(laws, ("shaft", "rod"), strict=True)]
+        words += [f"chambers {structure.chambers!r}", *(f"the effect {name}" for name in structure.effects)]
         raise InputError(
             f"(6) and (7) are written for viscous friction and constant volumes; the {plant.model} model of "
-            f"{plant.name} has {structure}: load the plant with model='linear', or use linearise()"
+            f"{plant.name} has {', '.join(words)}: load the plant with model='linear', or use linearise()"
         )
     return {"B_FM": 0.0, "B_FR": 0.0, **plant.values}, "" if plain else ", what is linear of it"
 
