@@ -8,7 +8,9 @@ from typing import Any
 
 from ..core.parameter import Parameter
 from ..physics.effects import EFFECTS
+from ..physics.effects._effect import EffectParameter
 from ..plant.plant import SENSOR_WORDS, Plant
+from ..plant.structure import Structure
 from .suspects import Suspect
 from .twin import BRISTLES, DAMPING, DRY, HARD
 
@@ -18,30 +20,43 @@ def improved(
 ) -> Plant:
     """A plant that runs as the twin does at these values.
 
-    values: letters and sensor words, those of nominal parameters too. sd: of those that were found.
+    values: letters and sensor words, those of nominal parameters too. sd: of those that were found. What an effect
+        needs beside these keeps the source of its typical value: only what was fitted is called identified.
     """
     wired = [s.id for s in suspects if EFFECTS[s.id].wired and EFFECTS[s.id].parameters]
     wired = [name for name in dict.fromkeys(wired) if any(p.name in values for p in EFFECTS[name].parameters)]
     structure = plant.structure
-    letters: dict[str, float] = {}
+    found = dict(values)
+    deviations = dict(sd)
+    kept: dict[str, Parameter] = {}
     if values.get(BRISTLES, 0.0) > HARD:
         structure = replace(structure, rod_friction="lugre")
-        usual = (plant["M"] / values[BRISTLES]) ** 0.5
-        letters |= {"sigma_0_FR": 1.0 / values[BRISTLES], DAMPING: values.get(DAMPING, usual)}
+        softness = values[BRISTLES]
+        found["sigma_0_FR"] = 1.0 / softness
+        if BRISTLES in sd:
+            deviations["sigma_0_FR"] = sd[BRISTLES] / softness**2
+        if DAMPING not in values:
+            usual = (plant["M"] / softness) ** 0.5
+            kept[DAMPING] = Parameter(DAMPING, usual, "N s/m", "assumed", note="root of M times sigma_0, not fitted")
     for contact, word in (("FM", "shaft_friction"), ("FR", "rod_friction")):
         dry = [name for name in DRY if name.endswith(contact) and name not in plant.parameters]
         if any(name in values and values[name] != DRY[name] for name in dry):
             changes: dict[str, Any] = {word: "stribeck"}
             structure = replace(structure, **changes)
-            letters |= {name: values.get(name, DRY[name]) for name in dry}
+            note = "of a friction that the plant lacked, not fitted"
+            kept |= {n: Parameter(n, DRY[n], "", "assumed", note=note) for n in dry if n not in values}
     structure = replace(structure, effects=(*structure.effects, *(n for n in wired if n not in structure.effects)))
-    neutral = {p.name: p.neutral for name in wired for p in EFFECTS[name].parameters}
-    changed = plant.with_structure(structure, **{**neutral, **letters})
-    changed = changed.set(**{n: v for n, v in values.items() if n in changed.parameters and n not in letters})
+    for name in wired:
+        kept |= {p.name: _typical(name, p) for p in EFFECTS[name].parameters if p.name not in plant.parameters}
+    given = {n: p.value for n, p in kept.items()} | {n: v for n, v in found.items() if _is_letter(structure, n)}
+    changed = plant.with_structure(structure, **given)
     parameters = dict(changed.parameters)
-    for name in {*values, *letters, *neutral} & set(parameters):
-        note = "found by a diagnosis" if name in sd else "refitted with a diagnosis"
-        parameters[name] = replace(parameters[name], source="identified", sd=sd.get(name), note=note)
+    for name in given:
+        if name in found:
+            note = "found by a diagnosis" if name in deviations else "refitted with a diagnosis"
+            parameters[name] = replace(parameters[name], source="identified", sd=deviations.get(name), note=note)
+        else:
+            parameters[name] = replace(parameters[name], source=kept[name].source, note=kept[name].note)
     sensors = dict(changed.sensors)
     for name, value in values.items():
         word, dot, channel = name.partition(".")
@@ -54,3 +69,16 @@ def improved(
         new: dict[str, Any] = {word: total, "stated": (*sensor.stated, stated)}
         sensors[channel] = replace(sensor, **new)
     return replace(changed, parameters=parameters, sensors=sensors)
+
+
+def _is_letter(structure: Structure, name: str) -> bool:
+    return name in structure.equations.parameter_names
+
+
+def _typical(effect: str, parameter: EffectParameter) -> Parameter:
+    """A number that an effect needs and no log was asked for."""
+    note = f"typical of {effect}, not fitted"
+    if parameter.neutral != parameter.typical:
+        note = f"{effect} without this part, not fitted"
+    source = parameter.source if parameter.neutral == parameter.typical else "assumed"
+    return Parameter(parameter.name, parameter.neutral, parameter.unit, source, note=note)

@@ -1,0 +1,74 @@
+"""The corrected plant says of each number where it comes from: only what was fitted is called identified."""
+
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.diagnosis.improved import improved
+from ehsa_ctrl.diagnosis.suspects import Suspect
+from ehsa_ctrl.physics.effects import EFFECTS
+
+
+@pytest.fixture(scope="module")
+def plant():
+    return ehsa_ctrl.load_plant("ehsa")
+
+
+def suspect(name):
+    return (Suspect(name, EFFECTS[name].place, (), ()),)
+
+
+def test_typical_numbers_of_an_effect_are_not_identified(plant, tmp_path):
+    """A check valve's opening was fitted; how much it lets through was not. The file says so, and is read again."""
+    better = improved(plant, suspect("anti_cavitation"), {"P_open": -1e4, "K_L": 5e-13}, {"P_open": 900.0})
+    again = ehsa_ctrl.load_plant(ehsa_ctrl.write_plant(tmp_path / "better.toml", better))
+
+    for each in (better, again):
+        assert each["P_open"] == -1e4 and each.parameters["P_open"].sd == 900.0
+        assert each.parameters["P_open"].source == each.parameters["K_L"].source == "identified"
+        assert each.parameters["P_open"].note == "found by a diagnosis"
+        assert each.parameters["K_L"].note == "refitted with a diagnosis"
+        for name in ("K_check", "P_lam"):
+            assert each.parameters[name].source == "assumed" and each.parameters[name].sd is None
+            assert each.parameters[name].note == "typical of anti_cavitation, not fitted"
+            assert each[name] == next(p.typical for p in EFFECTS["anti_cavitation"].parameters if p.name == name)
+    untouched = [name for name in plant.parameters if name != "K_L"]
+    assert all(better.parameters[name] == plant.parameters[name] for name in untouched)
+
+
+@pytest.mark.parametrize("name", sorted(n for n, e in EFFECTS.items() if e.wired and e.parameters))
+def test_of_every_effect_only_its_size_is_identified(plant, name):
+    """Fitted was the size alone; everything else keeps the value at which the search held it."""
+    first, *others = EFFECTS[name].parameters
+    size = first.typical if first.typical not in (first.neutral, float("inf")) else 0.5 * (first.neutral or 1.0)
+    better = improved(plant, suspect(name), {first.name: size}, {first.name: 0.1 * abs(size)})
+
+    assert better.structure.effects == (*plant.structure.effects, name)
+    assert better.parameters[first.name].source == "identified" and better[first.name] == size
+    for parameter in others:
+        assert better.parameters[parameter.name].source != "identified"
+        assert "not fitted" in better.parameters[parameter.name].note
+        assert better[parameter.name] == parameter.neutral
+
+
+def test_what_a_plant_has_of_an_effect_stays(plant):
+    """A valve whose flow the modeller knows keeps it when the diagnosis moves its opening."""
+    known = plant.with_effects("anti_cavitation", K_check=5e-6, P_open=-2e4)
+    better = improved(known, suspect("anti_cavitation"), {"P_open": -1e4}, {})
+
+    assert better["K_check"] == 5e-6 and better.parameters["K_check"] == known.parameters["K_check"]
+    assert better["P_open"] == -1e4 and better.parameters["P_open"].source == "identified"
+
+
+def test_bristles_are_found_by_their_softness(plant):
+    """Stiffness is its inverse, with the same relative deviation; a damping that was not fitted is assumed."""
+    values, sd = {"softness_FR": 2e-8, "C_FR": 150.0}, {"softness_FR": 2e-9, "C_FR": 10.0}
+    better = improved(plant, suspect("presliding"), values, sd)
+    damped = improved(plant, suspect("presliding"), values | {"sigma_1_FR": 4e3}, sd | {"sigma_1_FR": 300.0})
+
+    assert better.structure.rod_friction == "lugre"
+    assert better["sigma_0_FR"] == pytest.approx(5e7)
+    assert better.parameters["sigma_0_FR"].sd == pytest.approx(5e6)
+    assert better["sigma_1_FR"] == pytest.approx((plant["M"] * 5e7) ** 0.5)
+    assert better.parameters["sigma_1_FR"].source == "assumed"
+    assert damped["sigma_1_FR"] == 4e3 and damped.parameters["sigma_1_FR"].source == "identified"
+    assert "softness_FR" not in better.parameters
