@@ -15,8 +15,8 @@ API = {
         "shortest_time", "SteppedRun", "export_fmu",
     )),
     "logs": ("Logs and identification", "From a log to parameters with their uncertainty.", (
-        "Log", "read_log", "read_plant_log", "check_log", "Preparation", "replay", "fit_percent", "identify", "write_plant",
-        "profile", "forecast", "design_experiment",
+        "Log", "read_log", "read_plant_log", "check_log", "Preparation", "replay", "fit_percent", "identify",
+        "write_plant", "profile", "forecast", "design_experiment",
     )),
     "control": ("Controllers and their analysis", "Designed on linear models, in the frequency domain.", (
         "controllers", "load_controller", "analyse", "analyse_loop", "robust_margins", "review", "Known",

@@ -5,14 +5,19 @@ from __future__ import annotations
 from ..core.errors import InputError
 from .plant import Plant
 
+#: Unit of each number, as a controller's [feedforward] has it.
+UNITS = {
+    "inertia": "A s2/m", "viscous": "A s/m", "stiffness": "A/m", "preload": "A", "coulomb": "A", "static": "A",
+    "load": "A/N", "stribeck": "m/s",
+}  # fmt: skip
+
 
 def motion_current(plant: Plant) -> dict[str, float]:
     """Numbers of I = inertia a + viscous v + stiffness x + preload + sign(v) (coulomb .. static) for a plant.
 
     From (9) and (10) with a stiff circuit, v = (D / A) omega: masses, viscous friction and load are reflected to the
-    shaft and divided by K_T; leakage and the oil's compression are left out. Units as in a controller's
-    [feedforward]: A s2/m, A s/m, A/m, A, A, A, A/N for `load`, and m/s for the speed at which static friction has
-    faded, the smaller of both contacts'.
+    shaft and divided by K_T; leakage and the oil's compression are left out. Units are those of
+    UNITS; `stribeck` is the speed at which static friction has faded, the smaller of both contacts'.
 
     Raises InputError for a system other than the EHSA.
     """
