@@ -69,7 +69,7 @@ def command(
     from ..design.tuning.specification import begin
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
-    from .output import prepare_folder, rests_on, to_json, warn_unbelieved
+    from .output import prepare_folder, rests_on, to_json, warn_unbelieved, write_text
 
     if output is not None and output.suffix != ".toml":
         raise InputError(f"-o {output}: expected a file that ends in .toml")
@@ -114,8 +114,7 @@ def command(
         "loop": found.loop.to_dict(),
     }
     if output is not None:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        output.write_text(text, encoding="utf-8")
+        write_text(output, text)
     if folder is not None:
         from ..design.analysis.step import step_response
         from ..report.figures import loop_figure, nyquist_figure, save, step_figure

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import difflib
 import textwrap
 import tomllib
 from collections.abc import Mapping
@@ -17,6 +18,8 @@ from ..kinds import CONTROLLER_KINDS, ControllerKind
 
 #: Tables of which a definition has one: asking for a key of one takes the others out.
 ALTERNATIVES = ("design", "tuning", "gains")
+#: Options of the command line that ask for the keys of one table.
+OPTIONS = {"weights": "--weight", "limits": "--limit"}
 
 
 def begin(kind: str, base: str | None = None) -> tuple[ControllerKind, dict[str, Any]]:
@@ -63,8 +66,23 @@ def resolve(key: str, form: type[BaseModel]) -> str:
     if len(meant) > 1:
         raise InputError(f"--spec {key}: may be {' or '.join(meant)}; write it out")
     if not meant:
-        raise InputError(f"--spec {key}: this kind of controller has no such key; {choices(key, known)}")
+        raise InputError(_unknown(key, known))
     return meant[0]
+
+
+def _unknown(key: str, known: list[str]) -> str:
+    """A sentence for a key that the form does not have: of a table its own keys, else the tables."""
+    table, dot, word = key.partition(".")
+    option = f"{OPTIONS[table]} {word}" if dot and table in OPTIONS else f"--spec {key}"
+    within = [name.removeprefix(f"{table}.") for name in known if name.startswith(f"{table}.")]
+    if dot and within:
+        return f"{option}: this kind of controller has no such key in [{table}]; {choices(word, within)}"
+    if table in OPTIONS:
+        return f"{option}: this kind of controller has no [{table}]; leave it out"
+    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    tables = dict.fromkeys(f"{name.partition('.')[0]}.*" if "." in name else name for name in sorted(known))
+    meant = f"did you mean {near[0]!r}? " if near else ""
+    return f"{option}: this kind of controller has no such key; {meant}known: {', '.join(tables)}"
 
 
 def put(content: dict[str, Any], kind: ControllerKind, asked: Mapping[str, str]) -> dict[str, Any]:

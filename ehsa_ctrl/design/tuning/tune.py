@@ -34,6 +34,9 @@ from .search import TOLERANCE, Search
 if TYPE_CHECKING:
     import control
 
+#: Figures of a loop are compared between this and its inverse.
+SMALLEST = 1e-12
+
 
 class Tuning(Definition):
     """A controller's [tuning]: what is minimised, and what the loop, broken at the current, must keep.
@@ -160,7 +163,9 @@ def excess(found: Sequence[LoopAnalysis], bounds: Bounds) -> dict[str, float]:
 
 def _worst(found: Sequence[LoopAnalysis], name: str) -> float:
     values = [one.noise_gain["position"] if name == "noise_gain" else getattr(one, name) for one in found]
-    values = [max(float(value), 1e-12) if np.isfinite(value) else np.inf for value in values]
+    # What a loop does not have (no crossover, not stable) is the worst that can be.
+    worst = SMALLEST if name in LEAST else 1.0 / SMALLEST
+    values = [worst if np.isnan(value) else float(np.clip(value, SMALLEST, 1.0 / SMALLEST)) for value in values]
     return min(values) if name in LEAST else max(values)
 
 
