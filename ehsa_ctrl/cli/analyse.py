@@ -78,7 +78,7 @@ def command(
     from ..design.review import review as look_through
     from ..plant.conditions import conditions
     from ..plant.plant import load_plant
-    from .output import prepare_folder, rests_on, to_json
+    from .output import prepare_folder, rests_on, to_json, warn_unbelieved
 
     if model not in ("linear", "nonlinear"):
         raise InputError(f"--model {model!r}: expected linear or nonlinear")
@@ -97,6 +97,7 @@ def command(
     folder = prepare_folder(out, "analysis.json", force=force) if out is not None else None
     believed = read_pairs(settings)
     loaded = load_plant(plant, model=model, settings=believed)  # type: ignore[arg-type]
+    warn_unbelieved([loaded])
     system = conditions(positions=[at[0].position], velocities=[at[0].velocity])[0].model(loaded)
     analysis = analyse(system)
     known = _known(plant, loaded, believed)

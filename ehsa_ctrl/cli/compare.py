@@ -58,9 +58,10 @@ def command(
     --set load.stiffness=50e3 --from 2 --to 12 --zero p1,p2 --out results/compare
     """
     from ..identification.checks import check_log
-    from ..identification.record import read_plant_log, untold
+    from ..identification.record import untold
     from ..identification.replay import replay
     from .output import prepare_folder, rests_on, to_json, warn, warn_unbelieved
+    from .prepared import read_prepared
     from .progress import compiling
 
     believed = load_models(plant, model, read_pairs(settings))
@@ -69,9 +70,8 @@ def command(
         prepare_folder(out, "comparison.json", force=force)
     last = believed[-1]
     preparation = read_preparation(start, stop, zero, rest, resample, align)
-    raw = read_plant_log(log, last, uniform=resample is None)
     with compiling():
-        ready, steps = preparation.apply(raw, last)
+        raw, ready, steps = read_prepared(log, last, preparation)
         findings = check_log(raw if resample is None else ready, last)
         replays = [replay(each, ready) for each in believed]
     if all(run.stopped for run in replays):
@@ -107,7 +107,8 @@ def command(
         return
     print(f"{last.name} beside {log.name}: {len(ready)} samples from {ready.time[0]:g} to {ready.time[-1]:g} s")
     for step in steps:
-        print(f"  {step}")
+        if step.kind != "read":
+            print(f"  {step}")
     print(table(replays))
     for run in replays:
         print(f"{run.plant.model} starts {run.start}")

@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from .complete import controllers, models, plants, scenarios
-from .options import Force, Json, Out, Settings, read_pairs
+from .options import (
+    Align,
+    First,
+    Force,
+    Json,
+    Last,
+    Out,
+    Resample,
+    Rest,
+    Settings,
+    Zero,
+    read_pairs,
+    read_preparation,
+)
 
 if TYPE_CHECKING:
+    from ..core.log import Log
     from ..diagnosis.changed import Change
     from ..diagnosis.diagnosis import Diagnosis
     from ..diagnosis.next_experiment import Experiment
+    from ..identification.preparation import Preparation
     from ..plant.plant import Plant
     from .closed_loop import Closed
 
@@ -45,6 +60,12 @@ def command(
     ] = False,
     settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
     threshold: Annotated[float, typer.Option(help="A gap of a signal from which on it matters.")] = 0.03,
+    start: First = None,
+    stop: Last = None,
+    zero: Zero = "",
+    rest: Rest = "",
+    resample: Resample = None,
+    align: Align = "",
     jobs: Annotated[int | None, typer.Option(help="Cores or workers to use; all by default.")] = None,
     backend: Annotated[
         str, typer.Option(help="For several logs: loky or threading on this machine; dask or ray on a cluster.")
@@ -61,14 +82,19 @@ def command(
 
     Several logs get a folder each and a summary; interrupt that and call it again: it goes on where it was.
 
+    --from and --to are for the log, or each of several; a log of --validate or --before is used whole. A channel whose
+    zero or delay is put right beforehand can't be found to have a wrong one.
+
     Examples: ehsa-ctrl diagnose log.csv --plant ehsa --out results/diagnosis · ehsa-ctrl diagnose log.csv --plant
     my/rig.toml --validate other.csv --set load.stiffness=50e3 --threshold 0.05 · ehsa-ctrl diagnose logs/*.csv --plant
-    ehsa --out results/logs · ehsa-ctrl diagnose today.csv --before last_year.csv --plant ehsa · ehsa-ctrl diagnose
+    ehsa --out results/logs · ehsa-ctrl diagnose rig.csv --plant my/rig.toml --from 2 --to 26 --resample 250 --zero
+    p1,p2 · ehsa-ctrl diagnose today.csv --before last_year.csv --plant ehsa · ehsa-ctrl diagnose
     log.csv --plant ehsa --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3
     """
     from ..core.errors import InputError
     from ..plant.plant import load_plant
     from .output import prepare_folder, to_json, warn_unbelieved
+    from .prepared import sentences
 
     if model not in ("linear", "nonlinear"):
         raise InputError(f"--model {model!r}: expected linear or nonlinear")
@@ -81,28 +107,33 @@ def command(
     for option, asked in (("--replay", replay), ("--controller", controller is not None)):
         if asked and scenario is None:
             raise InputError(f"{option} needs a scenario; name it with --scenario")
+    if replay and (start is not None or stop is not None):
+        raise InputError("--replay holds the log against the scenario from its first second; leave --from and --to out")
+    preparation = read_preparation(start, stop, zero, rest, resample, align)
     believed = load_plant(plant, model=model, settings=read_pairs(settings))  # type: ignore[arg-type]
     warn_unbelieved([believed])
     if len(logs) > 1:
         from .diagnose_batch import diagnose_batch
 
         diagnose_batch(
-            believed, logs, threshold=threshold, jobs=-1 if jobs is None else jobs, backend=backend, address=address,
-            check=not unchecked, out=out, force=force, as_json=as_json, write=_write,
+            believed, logs, preparation, threshold=threshold, jobs=-1 if jobs is None else jobs, backend=backend,
+            address=address, check=not unchecked, out=out, force=force, as_json=as_json, write=_write,
         )  # fmt: skip
         return
     if out is not None:
         prepare_folder(out, "diagnosis.json", force=force)
-    found, change, closed = _found(
-        believed, logs[0], validate, before, scenario, controller, replay=replay, threshold=threshold, jobs=jobs,
-        check=not unchecked,
+    found, change, closed, steps = _found(
+        believed, logs[0], validate, before, scenario, controller, preparation, replay=replay, threshold=threshold,
+        jobs=jobs, check=not unchecked,
     )  # fmt: skip
     if out is not None:
-        _write(out, found, change, closed, (logs[0], validate, before))
+        _write(out, found, change, closed, (logs[0], validate, before), steps)
     if as_json:
         more = {"closed_loop": closed.to_dict()} if closed is not None else {}
-        print(to_json({**(found if change is None else change).to_dict(), **more}))
+        print(to_json({**(found if change is None else change).to_dict(), **more, "preparation": steps}))
         return
+    for sentence in sentences(steps, read=False):
+        print(sentence)
     print(found if change is None else change)
     if closed is not None:
         _print_closed(closed)
@@ -119,23 +150,34 @@ def _found(
     before: Path | None,
     scenario: str | None,
     controller: str | None,
+    preparation: Preparation,
     *,
     replay: bool,
     threshold: float,
     jobs: int | None,
     check: bool,
-) -> tuple[Diagnosis, Change | None, Closed | None]:
-    """The diagnosis of one log, what changed since an earlier one, and what that does to a closed loop."""
+) -> tuple[Diagnosis, Change | None, Closed | None, list[dict[str, Any]]]:
+    """The diagnosis of one log, what changed since an earlier one, what that does to a closed loop, and what was done
+    to the logs."""
     from ..diagnosis.changed import what_changed
     from ..diagnosis.diagnose import diagnose
-    from ..identification.record import read_plant_log, untold
+    from ..identification.record import untold
     from .closed_loop import case_of, check_replay, close
     from .output import warn
+    from .prepared import read_prepared, whole
     from .progress import compiling, counting
 
-    measured = read_plant_log(log, believed)
-    second = read_plant_log(validate, believed) if validate is not None else None
-    earlier = read_plant_log(before, believed) if before is not None else None
+    steps: list[dict[str, Any]] = []
+
+    def ready(path: Path, how: Preparation) -> Log:
+        with compiling():
+            read = read_prepared(path, believed, how)
+        steps.extend(read.cautioned())
+        return read.log
+
+    measured = ready(log, preparation)
+    second = ready(validate, whole(preparation)) if validate is not None else None
+    earlier = ready(before, whole(preparation)) if before is not None else None
     # What is wrong with the scenario is said before the long work and not after it.
     case = case_of(scenario, controller, believed) if scenario is not None else None
     if case is not None and replay:
@@ -155,7 +197,7 @@ def _found(
         closed = close(case, found, replay=replay, words=words) if case is not None else None
     for sentence in dict.fromkeys([*(change.before.findings if change is not None else ()), *found.findings]):
         warn(sentence)
-    return found, change, closed
+    return found, change, closed, steps
 
 
 def _print_closed(closed: Closed) -> None:
@@ -208,10 +250,11 @@ def _write(
     change: Change | None = None,
     closed: Closed | None = None,
     files: Sequence[Path | None] = (),
+    steps: Sequence[Mapping[str, Any]] = (),
 ) -> None:
     """JSON, the improved plant, a table of causes and one of signals, figures and page.
 
-    files: logs that hashes are given of; those of the diagnosis alone by default.
+    files: logs that hashes are given of; those of the diagnosis alone by default. steps: what was done to them.
     """
     import sys
 
@@ -220,6 +263,7 @@ def _write(
     from ..report.diagnosis_signals import signals_table
     from ..report.figures import closed_figure, save
     from .output import rests_on, to_json
+    from .prepared import sentences
 
     for name in ("before.json", "closed_loop.json", "closed_loop.png", "closed_loop.svg"):
         (out / name).unlink(missing_ok=True)
@@ -227,6 +271,7 @@ def _write(
     read = [file for file in files or (found.log.path,) if file is not None]
     answer = {
         **(found if change is None else change).to_dict(),
+        "preparation": list(steps),
         "rests_on": rests_on([found.plant if change is None else change.before.plant], read),
     }
     (out / "diagnosis.json").write_text(to_json(answer) + "\n")
@@ -254,4 +299,5 @@ def _write(
         closed=closed.to_dict() if closed is not None else None,
         closed_loop=loop_figure,
         files=read,
+        steps=sentences(steps),
     )

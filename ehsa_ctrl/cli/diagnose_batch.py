@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -13,14 +13,17 @@ from ..core.errors import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from ..core.log import Log
     from ..diagnosis.batch import Batch
     from ..diagnosis.diagnosis import Diagnosis
+    from ..identification.preparation import Preparation
     from ..plant.plant import Plant
 
 
 def diagnose_batch(
     believed: Plant,
     logs: Sequence[Path],
+    preparation: Preparation,
     *,
     threshold: float,
     jobs: int,
@@ -30,13 +33,16 @@ def diagnose_batch(
     out: Path | None,
     force: bool,
     as_json: bool,
-    write: Callable[[Path, Diagnosis], None],
+    write: Callable[..., None],
 ) -> None:
     """Diagnose the logs, write OUT/STEM for each as it comes and OUT/summary.csv and .json at the end, print a table.
 
-    write: puts the files of one diagnosis into a folder.
+    write: puts the files of one diagnosis into a folder; is given the folder, the diagnosis and, as `steps`, what was
+        done to its log. A log that can't be read is a row that says so; one that can't be prepared as asked ends it all
+        before any work.
 
-    Raises InputError: two logs of one name, an output folder of other diagnoses. Exits 2 if no log could be diagnosed.
+    Raises InputError: two logs of one name, an output folder of other diagnoses, a log that can't be prepared so. Exits
+    2 if no log could be diagnosed.
     """
     from ..diagnosis.batch import diagnose_many
     from .output import prepare_folder, rests_on, to_json
@@ -53,19 +59,23 @@ def diagnose_batch(
         if force:
             file.unlink(missing_ok=True)
 
+    with compiling():
+        ready, steps = _prepared(believed, logs, preparation)
+
     def keep(name: str, found: Diagnosis) -> None:
         if out is not None:
-            write(prepare_folder(out / Path(name).stem, "", force=True), found)
+            write(prepare_folder(out / Path(name).stem, "", force=True), found, steps=steps[name])
 
     with compiling(), counting() as watch:
         batch = diagnose_many(
-            believed, logs, threshold=threshold, check=check, jobs=jobs, backend=backend, address=address, file=file,
+            believed, ready, threshold=threshold, check=check, jobs=jobs, backend=backend, address=address, file=file,
             watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
         )  # fmt: skip
     if out is not None:
         from ..report.result_page import write_result_page
 
-        summary = {**batch.to_dict(), "rests_on": rests_on([believed], logs)}
+        done = [step for name in map(str, logs) for step in steps.get(name, ())]
+        summary = {**batch.to_dict(), "preparation": done, "rests_on": rests_on([believed], logs)}
         (out / "summary.json").write_text(to_json(summary) + "\n")
         batch.to_pandas().to_csv(out / "summary.csv", float_format="%.7g")
         write_result_page(out, "summary.json")
@@ -78,6 +88,31 @@ def diagnose_batch(
         raise KeyboardInterrupt(kept)
     if len(batch.failed) == len(batch.rows):
         raise typer.Exit(2)
+
+
+def _prepared(
+    believed: Plant, logs: Sequence[Path], how: Preparation
+) -> tuple[list[Path | Log], dict[str, list[dict[str, Any]]]]:
+    """The logs as they are used, and what was done to each; one that can't be read is left as a path."""
+    from ..identification.record import read_plant_log
+    from .prepared import prepared
+
+    ready: list[Path | Log] = []
+    steps: dict[str, list[dict[str, Any]]] = {}
+    for path in logs:
+        try:
+            raw = read_plant_log(path, believed, uniform=how.resample is None)
+        except InputError:
+            ready.append(path)
+            continue
+        try:
+            read = prepared(raw, believed, how)
+        except InputError as error:
+            where = "" if str(error).startswith(str(path)) else f"{path}: "
+            raise InputError(f"{where}{error}") from None
+        ready.append(read.log)
+        steps[str(path)] = read.cautioned()
+    return ready, steps
 
 
 def _print(batch: Batch, out: Path | None) -> None:

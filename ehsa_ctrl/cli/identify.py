@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from ..core.log import Log
     from ..identification.assumed import Drift
     from ..identification.identification import Identification
-    from ..identification.preparation import Preparation, Step
+    from ..identification.preparation import Preparation
     from ..plant.plant import Plant
 
 
@@ -131,6 +130,7 @@ def command(
                 _one(
                     believed, logs, validate, preparation, watch,
                     names(free), names(fix), bounds, prior, method, window, starts, seed, names(profiles),
+                    believed is models[0],
                 )
             )  # fmt: skip
     answer = {**results[-1][1], "plant": plant, "settings": read_pairs(settings)}
@@ -197,24 +197,26 @@ def _one(
     starts: int,
     seed: int,
     profiles: tuple[str, ...],
+    tell: bool,
 ) -> tuple[Identification, dict[str, Any]]:
     """Identify one model; the result and what goes into the JSON."""
     from ..identification.free import read_quantity
     from ..identification.identify import identify
     from ..identification.profile import profile
     from ..identification.record import untold
+    from .prepared import read_prepared, whole
 
     steps: list[dict[str, Any]] = []
     missing: list[str] = []
 
     def ready(path: Path, how: Preparation) -> Log:
-        log, done = _read(path, believed, how)
-        steps.extend({"log": str(path), **step.to_dict()} for step in done)
-        missing.extend(sentence for sentence in untold(log, believed) if sentence not in missing)
-        return log
+        read = read_prepared(path, believed, how, tell=tell)
+        steps.extend(read.stated)
+        missing.extend(sentence for sentence in untold(read.log, believed) if sentence not in missing)
+        return read.log
 
     used = [ready(path, preparation) for path in logs]
-    held_out = [ready(path, replace(preparation, from_=None, to=None)) for path in validate]
+    held_out = [ready(path, whole(preparation)) for path in validate]
     limits = {}
     for text in bounds:
         key, _, pair = text.partition("=")
@@ -237,14 +239,6 @@ def _one(
             line.name: {"values": line.values, "rise": line.rise, "interval_95": list(line.interval)} for line in lines
         }
     return found, answer
-
-
-def _read(path: Path, believed: Plant, how: Preparation) -> tuple[Log, tuple[Step, ...]]:
-    from ..identification.record import read_plant_log
-
-    raw = read_plant_log(path, believed, uniform=how.resample is None)
-    log, steps = how.apply(raw, believed)
-    return replace(log, path=path, missing=raw.missing), steps
 
 
 def _write(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,6 +26,10 @@ Settings = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write the result's files to this folder.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace a result that is already in the folder.")]
+
+#: What the options do with the channels that they name, for who gives more than names.
+ZEROED = "each is shifted to what the plant has at rest (P_0, x_0), and --rest 0:0.5 says where that rest is"
+ALIGNED = "each is moved by its delay against the simulation"
 
 #: A pair for each option that takes them, as a message shows it.
 EXAMPLES = {
@@ -54,7 +59,20 @@ def read_preparation(
     """What the six options above ask for. Raises InputError for a rest that is not two times."""
     from ..identification.preparation import Preparation
 
-    return Preparation(first, last, names(zero), _read_rest(rest), resample, names(align))
+    channels = (_channels(zero, "--zero", ZEROED), _channels(align, "--align", ALIGNED))
+    return Preparation(first, last, channels[0], _read_rest(rest), resample, channels[1])
+
+
+def _channels(text: str, option: str, does: str) -> tuple[str, ...]:
+    """Names of channels. Raises InputError for what can't be one."""
+    found = names(text)
+    for name in found:
+        if not re.fullmatch(r"[A-Za-z]\w*", name):
+            raise InputError(
+                f"{option} {text!r}: {name!r} is no name of a channel; expected names separated by commas and nothing "
+                f"else, as in {option} p1,p2: {does}"
+            )
+    return found
 
 
 def _read_rest(text: str) -> tuple[float, float] | None:

@@ -93,6 +93,13 @@ def warn_unbelieved(plants: Iterable[Plant]) -> None:
         warn(sentence)
 
 
+def note(sentence: str) -> None:
+    """Something that was assumed and is probably right, on standard error."""
+    import sys
+
+    print(f"ehsa-ctrl: note: {sentence}", file=sys.stderr)
+
+
 def warn(sentence: str) -> None:
     """A warning on standard error; the command goes on."""
     import sys

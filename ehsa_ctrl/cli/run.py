@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.errors import InputError, SimulationError
-from .complete import plants, several_controllers
+from .complete import letters, plants, several_controllers
 from .complete import scenarios as scenario_names
-from .options import Force, Json
+from .options import Force, Json, read_pairs
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -38,6 +38,17 @@ def command(
             help="Design on this plant's linear set; by default on that of the plant checked.", autocompletion=plants
         ),
     ] = None,
+    settings: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Believe another value of the plant that is checked on, in this run: K_T=1.1, load.stiffness=50e3. "
+            "A load acts in the linear prediction too; the design stays on the linear set as its file has it. "
+            "Repeatable.",
+            autocompletion=letters,
+        ),
+    ] = [],  # noqa: B006 - typer reads the default, nobody changes it
     jobs: Annotated[int, typer.Option(help="Processes to use.", min=1)] = 1,
     out: Annotated[
         Path | None,
@@ -67,17 +78,21 @@ def command(
 
     Examples: ehsa-ctrl run · ehsa-ctrl run steps_spring --out results/steps ·
     ehsa-ctrl run my/scenario.toml --controller pid_position,my/pid.toml · ehsa-ctrl run --plant results/rig.toml ·
+    ehsa-ctrl run steps_spring --set K_T=1.05 --set load.stiffness=80e3 ·
     ehsa-ctrl run --update-baselines --reason "softer spring in the rig"
     """
     from ..core.catalogue import scenarios as catalogue
     from .output import prepare_folder, rests_on, to_json, warn
     from .progress import compiling
 
-    if update_baselines and (plant or design):
-        raise InputError("--update-baselines records the scenario's own plant; leave --plant and --design out")
+    if update_baselines and (plant or design or settings):
+        raise InputError(
+            "--update-baselines records the scenario's own plant; leave --plant and --design out, and --set"
+        )
     if update_baselines and not reason.strip() and not sys.stdin.isatty():
         raise InputError("--update-baselines changes what counts as right: say why with --reason TEXT")
 
+    believed = read_pairs(settings)
     names = scenarios or _all(catalogue.folders)
     chosen: list[str | None] = [None]
     if controller is not None:
@@ -96,7 +111,7 @@ def command(
     todo = [(name, other) for name in names for other in chosen]
     try:
         with compiling():
-            results = list(_run_all(todo, plant, design, jobs, assumed))
+            results = list(_run_all(todo, plant, design, jobs, assumed, believed))
     except KeyboardInterrupt:
         raise KeyboardInterrupt("results are written when all scenarios are done; nothing is kept") from None
     for sentence in dict.fromkeys(sentence for result in results for sentence in result.plant.unbelieved):
@@ -132,18 +147,28 @@ def _all(folders: tuple[Path, ...]) -> list[str]:
 
 
 def _one(
-    name: str, controller: str | None, plant: str | None, design: str | None, assumed: bool | None
+    name: str,
+    controller: str | None,
+    plant: str | None,
+    design: str | None,
+    assumed: bool | None,
+    settings: dict[str, str],
 ) -> ScenarioResult:
     from ..scenario.run import run
 
     try:
-        return run(name, controller=controller, plant=plant, design=design, assumed=assumed)
+        return run(name, controller=controller, plant=plant, design=design, assumed=assumed, settings=settings)
     except SimulationError as error:
         raise SimulationError(f"scenario {name}: {error}") from None
 
 
 def _run_all(
-    todo: list[tuple[str, str | None]], plant: str | None, design: str | None, jobs: int, assumed: bool | None
+    todo: list[tuple[str, str | None]],
+    plant: str | None,
+    design: str | None,
+    jobs: int,
+    assumed: bool | None,
+    settings: dict[str, str],
 ) -> Iterator[ScenarioResult]:
     """Run every pair of scenario and controller, with a bar on standard error where that is a terminal."""
     from joblib import Parallel, delayed
@@ -155,10 +180,10 @@ def _run_all(
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("scenarios", total=len(todo))
         if jobs == 1 or len(todo) == 1:
-            results = (_one(name, controller, plant, design, assumed) for name, controller in todo)
+            results = (_one(name, controller, plant, design, assumed, settings) for name, controller in todo)
         else:
             results = Parallel(n_jobs=jobs, return_as="generator")(
-                delayed(_one)(*pair, plant, design, assumed) for pair in todo
+                delayed(_one)(*pair, plant, design, assumed, settings) for pair in todo
             )
         for result in results:
             progress.update(task, advance=1, description=result.scenario.name)

@@ -43,6 +43,7 @@ def command(
     from ..simulation.bench import record
     from ..simulation.excitation import excitation as make
     from .output import prepare_folder, rests_on, to_json, warn_unbelieved
+    from .prepared import say_notes
     from .progress import compiling
 
     if model not in ("linear", "nonlinear"):
@@ -53,6 +54,7 @@ def command(
     warn_unbelieved([loaded])
     if input_file is not None:
         given = read_log(input_file, ["current"])
+        say_notes(given)
         time, current = given.time, given["current"]
     else:
         time, current = make(

@@ -74,6 +74,7 @@ class Log:
     channels: name -> (N,) values in SI units; names as in CHANNELS.
     path: where it came from, if from a file.
     missing: channels that were looked for and are not there.
+    notes: what was assumed in reading it, in sentences.
     before: what was recorded before this piece, if it was cut out of a longer log.
     """
 
@@ -82,6 +83,7 @@ class Log:
     path: Path | None = field(default=None, compare=False)
     missing: tuple[str, ...] = ()
     before: Log | None = field(default=None, compare=False, repr=False)
+    notes: tuple[str, ...] = field(default=(), compare=False)
 
     def __getitem__(self, channel: str) -> np.ndarray:
         if channel not in self.channels:
@@ -103,7 +105,8 @@ class Log:
         for name, values in self.channels.items():
             unit = CHANNELS[name].unit if name in CHANNELS else ""
             lines.append(f"  {name:<16} {values.min():>12.5g} to {values.max():>12.5g} {unit}".rstrip())
-        return "\n".join([*lines, *([f"  missing: {', '.join(self.missing)}"] if self.missing else [])])
+        missing = [f"  missing: {', '.join(self.missing)}"] if self.missing else []
+        return "\n".join([*lines, *missing, *(f"  {note}" for note in self.notes)])
 
     __repr__ = __str__
 
@@ -135,7 +138,7 @@ class Log:
 
     def _slice(self, first: int, last: int, before: Log | None) -> Log:
         channels = {name: values[first:last] for name, values in self.channels.items()}
-        return Log(self.time[first:last], channels, self.path, self.missing, before)
+        return replace(self, time=self.time[first:last], channels=channels, before=before)
 
     def to_pandas(self) -> pandas.DataFrame:
         import pandas
@@ -185,8 +188,14 @@ def read_log(
     columns: Mapping[str, Column] | None = None,
     shortest: int = 2,
     uniform: bool = True,
+    wanted: Sequence[str] = (),
 ) -> Log:
     """Read a log by the ending of its file: .csv (header row), .parquet, .mat; with time t and uniform sampling.
+
+    A CSV may have commas, semicolons, tabs or blanks between its columns, points or commas in its numbers, comment
+    rows (# or %), a row of units below its header, and be in UTF-8, UTF-16 or Latin-1; `notes` of the log says what was
+    assumed. What can be read in two ways is refused. A column that a row of units names is converted to SI units where
+    its mapping gives no scale.
 
     Parameters
     ----------
@@ -194,18 +203,19 @@ def read_log(
     columns: channel -> column of the file that holds it, "t" too. Channels that are not named here are found under
         their own name. A file that has none of these columns is taken for one in the tool's own format.
     uniform: False also takes time that jitters, but no gap of more than LONGEST_STEP usual steps.
+    wanted: channels of interest beside the required ones: what is said of columns that are not mapped is about these.
 
     Raises
     ------
-    InputError: no such file, no table, a required column missing, a value that is no finite number, time that does
-        not advance or has a gap, fewer than `shortest` rows; one sentence that names file, column and row (the
-        header of a CSV is row 1).
+    InputError: no such file, no table, a form that can be read in two ways, a required column missing, a value that is
+        no finite number, a unit that is not known or not that of the mapping, time that does not advance or has a gap,
+        fewer than `shortest` rows; one sentence that names file, column and row (the first line of a CSV is row 1).
     """
     # Plants know this module for their [log]; pandas is loaded only where a file is read.
     from .table import read_table
 
     path = Path(path)
-    log = _log(path, read_table(path), required, columns, shortest, uniform)
+    log = _log(path, read_table(path), required, columns, shortest, uniform, wanted)
     return replace(log, path=path)
 
 
@@ -216,41 +226,48 @@ def _log(
     columns: Mapping[str, Column] | None,
     shortest: int = 2,
     uniform: bool = True,
+    wanted: Sequence[str] = (),
 ) -> Log:
-    places = _places(table, dict(columns or {}))
+    from .mapped import places_of, scale_of, suggested
+
+    places = places_of(table, dict(columns or {}))
+    lines = suggested(table, places, ("t", *required, *wanted))
+    write = f"after a look at units and signs write {lines} under [log] in the plant's TOML" if lines else ""
     for channel in ("t", *required):
         if channel not in places:
-            wanted = (columns or {}).get(channel, Column(channel)).column
-            why = "" if wanted == channel else f", where the plant's [log] looks for {channel}"
-            raise InputError(f"{path}: has no column {wanted!r}{why}; {choices(wanted, table.names)}")
+            column = (columns or {}).get(channel, Column(channel)).column
+            why = "" if column == channel else f", where the plant's [log] looks for {channel}"
+            hint = f"; {write}" if write else ""
+            raise InputError(f"{path}: has no column {column!r}{why}; {choices(column, table.names)}{hint}")
     if len(table.frame) < shortest:
         raise InputError(f"{path}: has {len(table.frame)} rows of data; expected at least {shortest}")
-    values = {channel: at.scale * table.numbers(at.column) + at.offset for channel, at in places.items()}
+    scales = {channel: scale_of(path, channel, at, table) for channel, at in places.items()}
+    values = {channel: scales[channel] * table.numbers(at.column) + at.offset for channel, at in places.items()}
     time = values.pop("t")
-    check_time(path, time, uniform=uniform, first_row=table.first_row)
-    return Log(time, values)
+    check_time(path, time, uniform=uniform, lines=table.lines)
+    notes, name = list(table.notes), Path(path).name
+    converted = [f"{c} from {table.units[at.column]}" for c, at in places.items() if scales[c] != at.scale]
+    if converted:
+        notes.append(f"{name}: converted as its row of units says: {', '.join(converted)}")
+    if write:
+        notes.append(f"{name}: has columns that look like channels and are not read; {write}")
+    return Log(time, values, notes=tuple(notes))
 
 
-def _places(table: Table, mapped: Mapping[str, Column]) -> dict[str, Column]:
-    """Where each channel stands in this file, those that don't left out."""
-    for channel in mapped:
-        if channel not in CHANNELS:
-            raise InputError(f"[log] {channel}: is no channel; {choices(channel, CHANNELS)}")
-    names = table.names
-    own_format = not any(at.column in names for at in mapped.values())
-    places = {}
-    for channel in CHANNELS:
-        at = Column(channel) if own_format else mapped.get(channel, Column(channel))
-        if at.column in names:
-            places[channel] = at
-    return places
-
-
-def check_time(path: Path | str, time: np.ndarray, *, uniform: bool = True, first_row: int = 2) -> None:
+def check_time(
+    path: Path | str,
+    time: np.ndarray,
+    *,
+    uniform: bool = True,
+    first_row: int = 2,
+    lines: np.ndarray | None = None,
+) -> None:
     """Raise InputError unless time advances in equal steps; names the row of the first that does not.
 
-    With uniform=False it may jitter, but neither stand still nor have a gap.
+    With uniform=False it may jitter, but neither stand still nor have a gap. lines: numbers of the rows, where they do
+    not simply count up from first_row.
     """
+    numbers = first_row + np.arange(time.size) if lines is None else lines
     step = np.diff(time)
     usual = float(np.median(step))
     if usual <= 0:
@@ -259,7 +276,7 @@ def check_time(path: Path | str, time: np.ndarray, *, uniform: bool = True, firs
     if back.size:
         row = int(back[0])
         raise InputError(
-            f"{path}: column 't', row {row + 1 + first_row}: {time[row + 1]:g} s comes after {time[row]:g} s; time "
+            f"{path}: column 't', row {numbers[row + 1]}: {time[row + 1]:g} s comes after {time[row]:g} s; time "
             "must grow from row to row"
         )
     longest = 1.0 + 2 * TIME_TOLERANCE if uniform else LONGEST_STEP
@@ -267,20 +284,20 @@ def check_time(path: Path | str, time: np.ndarray, *, uniform: bool = True, firs
     if uniform and off.size > 0.02 * step.size and np.max(step) <= LONGEST_STEP * usual and off.size > 2:
         raise InputError(
             f"{path}: column 't' jitters: {off.size} of {step.size} steps differ by more than "
-            f"{200 * TIME_TOLERANCE:.0f} % from {usual:g} s, the first in row {int(off[0]) + 1 + first_row}; resample "
+            f"{200 * TIME_TOLERANCE:.0f} % from {usual:g} s, the first in row {numbers[off[0] + 1]}; resample "
             f"it to a rate, for instance {1 / usual:.4g} Hz"
         )
     if off.size:
         row = int(off[0])
         what = "a gap" if step[row] > 1.5 * usual else "a step"
         raise InputError(
-            f"{path}: column 't', row {row + 1 + first_row}: {what} of {step[row]:g} s after {time[row]:g} s, where "
+            f"{path}: column 't', row {numbers[row + 1]}: {what} of {step[row]:g} s after {time[row]:g} s, where "
             f"the other rows are {usual:g} s apart; expected uniform sampling"
         )
     grid = time[0] + (time[-1] - time[0]) * np.arange(time.size) / (time.size - 1)
     drift = np.flatnonzero(np.abs(time - grid) > 0.5 * usual)
     if uniform and drift.size:
         raise InputError(
-            f"{path}: column 't', row {int(drift[0]) + first_row}: the sample time changes within the log; resample it "
+            f"{path}: column 't', row {numbers[drift[0]]}: the sample time changes within the log; resample it "
             f"to one rate, for instance {1 / usual:.4g} Hz"
         )

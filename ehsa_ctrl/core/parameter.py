@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 
 from .errors import InputError
+
+#: A value this many times the file's own, or that part of it, is probably meant in another unit.
+FAR = 1e3
 
 SOURCES = ("datasheet", "identified", "literature", "assumed", "derived")
 
@@ -24,6 +27,7 @@ class Parameter:
     lower, upper: the range in which the value is believed, not a physical limit.
     note: reference or reason.
     written: the value as it stands in the file, with the unit used there.
+    stated: the parameter as the plant's file has it, where another value was set since.
     """
 
     name: str
@@ -35,10 +39,31 @@ class Parameter:
     upper: float = inf
     note: str = ""
     written: str = ""
+    stated: Parameter | None = field(default=None, compare=False, repr=False)
 
     def given(self, value: float) -> Parameter:
         """The same parameter with a value set for one run; what was known of the old value's error goes with it."""
-        return replace(self, value=value, source="given", sd=None, written=f"{value:g} {self.unit}")
+        return replace(
+            self, value=value, source="given", sd=None, written=f"{value:g} {self.unit}", stated=self.stated or self
+        )
+
+    @property
+    def far(self) -> str:
+        """A sentence where a value that was set is more than FAR times the file's, or less than a FAR-th; else empty.
+
+        Zero is how a thing is switched off and on, and says nothing of a unit.
+        """
+        if self.stated is None or not self.value or not self.stated.value:
+            return ""
+        ratio = abs(self.value / self.stated.value)
+        if 1.0 / FAR <= ratio <= FAR or not isfinite(ratio) or ratio == 0.0:
+            return ""
+        number, _, own = (self.stated.written or f"{self.stated.value:g} {self.unit}").partition(" ")
+        times = f"{ratio:.3g} times" if ratio > 1.0 else f"1/{1.0 / ratio:.3g} of"
+        hint = f"; a number without a unit is in {self.unit}, write {self.name}='{self.value:g} {own}' if that is meant"
+        return f"{self.name} = {self.value:g} {self.unit} is {times} the file's {number} {own}" + (
+            hint if own and own != self.unit else ""
+        )
 
 
 def check_range(where: str, value: float, unit: str, lower: float, upper: float, *, lower_open: bool = False) -> None:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import csv
-import itertools
+import io
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas
 
+from .dialect import read_dialect
 from .errors import InputError
 
 
@@ -20,14 +21,21 @@ from .errors import InputError
 class Table:
     """Columns of equal length as they stand in a file.
 
-    first_row: number that a person gives the first row of data (in a CSV the header is row 1).
-    written: column, number of the row -> what stands there, for sentences.
+    lines: number that a person gives each row of data (in a CSV its line; the header is 1).
+    written: column, that number -> what stands there, for sentences.
+    decimal: how that is written.
+    units: of the columns that a row of units names. units_row: its number.
+    notes: what was assumed in reading, in sentences.
     """
 
     path: Path
     frame: pandas.DataFrame
-    first_row: int
+    lines: np.ndarray
     written: Callable[[str, int], str]
+    decimal: str = "."
+    units: Mapping[str, str] = field(default_factory=dict)
+    units_row: int = 0
+    notes: tuple[str, ...] = ()
 
     @property
     def names(self) -> list[str]:
@@ -41,13 +49,13 @@ class Table:
         values = pandas.to_numeric(series, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            row = int(bad[0]) + self.first_row
+            row = int(self.lines[bad[0]])
             text = self.written(column, row)
             if not text:
                 raise InputError(
                     f"{self.path}: column {column!r}, row {row}: the cell is empty; every row needs a number"
                 )
-            comma = re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text)
+            comma = self.decimal == "." and re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text)
             hint = f"; write decimals with a point, {text.strip().replace(',', '.')}" if comma else ""
             raise InputError(f"{self.path}: column {column!r}, row {row}: {text!r} is no finite number{hint}")
         return values
@@ -86,58 +94,64 @@ def table_of(frame: pandas.DataFrame, *, time: str = "") -> Table:
 
 def _csv(path: Path) -> Table:
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = csv.reader(file, skipinitialspace=True)
-            header, first = next(rows, []), next(rows, [])
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: is no CSV table with a header row ({_reason(error)})") from None
-    if not header:
-        raise InputError(f"{path}: is no CSV table with a header row (row 1 is empty)")
-    if any("\0" in name for name in header):
-        raise InputError(f"{path}: is no CSV table with a header row (it holds bytes that are no text)")
-    for sign, word in ((";", "semicolons"), ("\t", "tabs")):
-        if len(header) == 1 and sign in header[0]:
-            raise InputError(
-                f"{path}: its columns are separated by {word}; expected commas between columns and points for "
-                "decimals: save it so"
-            )
-    twice = [name for name in header if header.count(name) > 1]
-    if twice:
-        raise InputError(f"{path}: row 1 names the column {twice[0]!r} more than once; each name may stand once")
-    if first and len(first) != len(header):
-        raise _ragged(path, 2, len(first), len(header))
-    try:
-        # Blank lines are kept, so that a row's number is that of the file's line.
+        dialect = read_dialect(path)
+        header = list(dialect.names)
+        if dialect.rows and len(dialect.cells(0)) != len(header):
+            raise _ragged(path, dialect.numbers[0], len(dialect.cells(0)), len(header), dialect.separator)
+        # Blank lines are kept, so that a row's number is that of the file's line. Columns are numbered for pandas,
+        # which would take one cell more in each row for an index.
+        mark = " " if dialect.separator == r"\s+" else dialect.separator
+        text = "\n".join([mark.join(map(str, range(len(header)))), *dialect.rows])
         frame = pandas.read_csv(
-            path, skipinitialspace=True, low_memory=False, skip_blank_lines=False, encoding="utf-8-sig"
-        )
+            io.StringIO(text), sep=dialect.separator, decimal=dialect.decimal, skipinitialspace=True, low_memory=False,
+            skip_blank_lines=False,
+        )  # fmt: skip
     except pandas.errors.ParserError as error:
         found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
         if found:
-            raise _ragged(path, int(found[2]), int(found[3]), int(found[1])) from None
+            raise _ragged(
+                path, dialect.numbers[int(found[2]) - 2], int(found[3]), int(found[1]), dialect.separator
+            ) from None
         raise InputError(f"{path}: is no CSV table with a header row ({_reason(error)})") from None
-    except (OSError, ValueError) as error:
+    except csv.Error as error:
         raise InputError(f"{path}: is no CSV table with a header row ({_reason(error)})") from None
     filled = np.flatnonzero(frame.notna().any(axis=1))
     frame = frame.iloc[: filled[-1] + 1 if filled.size else 0]
+    lines = np.array(dialect.numbers[: len(frame)], dtype=int)
+    # A column without name and numbers is what a separator at the end of each row leaves.
+    kept = [i for i, name in enumerate(header) if name or frame[str(i)].notna().any()]
+    frame, names = frame[[str(i) for i in kept]], [header[i] for i in kept]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(
+            f"{path}: row {dialect.header_row} names the column {twice[0]!r} more than once; each name may stand once"
+        )
+    frame.columns = pandas.Index(names)
+    if dialect.decimal == ",":
+        # One cell that is no number leaves its whole column as text.
+        frame = frame.apply(lambda c: c if c.dtype.kind in "iufb" else c.str.replace(",", ".", regex=False))
 
     def written(column: str, row: int) -> str:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            (cells,) = itertools.islice(csv.reader(file, skipinitialspace=True), row - 1, row)
-        if not cells:
+        cells = dialect.cells(dialect.numbers.index(row))
+        if not cells or cells == [""]:
             raise InputError(f"{path}: row {row} is empty; every row needs {len(header)} numbers")
         if len(cells) != len(header):
-            raise _ragged(path, row, len(cells), len(header))
+            raise _ragged(path, row, len(cells), len(header), dialect.separator)
         return cells[header.index(column)]
 
-    frame.columns = header
-    return Table(path, frame, 2, written)
+    units = {name: unit for name, unit in zip(header, dialect.units, strict=False) if name and unit}
+    notes = (dialect.note,) if dialect.note else ()
+    return Table(path, frame, lines, written, dialect.decimal, units, dialect.units_row, notes)
 
 
-def _ragged(path: Path, row: int, got: int, expected: int) -> InputError:
-    comma = ", or decimals written with a comma instead of a point" if got > expected else ""
-    missing = "a cell too many" if got > expected else "a cell is missing"
-    return InputError(f"{path}: row {row} has {got} cells where the header has {expected}: {missing}{comma}")
+def _ragged(path: Path, row: int, got: int, expected: int, separator: str) -> InputError:
+    """A row of another length than the header, with what is usually the reason."""
+    reason = "a cell is missing"
+    if got > expected:
+        reason = "a cell too many"
+        if separator == ",":
+            reason += ", or decimals written with a comma: save it with points, or with ';' between columns"
+    return InputError(f"{path}: row {row} has {got} cells where the header has {expected}: {reason}")
 
 
 def _parquet(path: Path) -> Table:
@@ -195,7 +209,7 @@ def _from_frame(path: Path, frame: pandas.DataFrame) -> Table:
         value = frame[column].iloc[row - 1]
         return "" if value is None else str(value)
 
-    return Table(path, frame, 1, written)
+    return Table(path, frame, np.arange(1, len(frame) + 1), written)
 
 
 def _reason(error: Exception) -> str:

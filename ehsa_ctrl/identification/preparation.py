@@ -62,7 +62,7 @@ class Preparation:
     align: tuple[str, ...] = ()
 
     def apply(self, log: Log, plant: Plant) -> tuple[Log, tuple[Step, ...]]:
-        """The prepared log and what was done, in this order: resample, zero, align, segment.
+        """The prepared log and what was done, in this order: resample, zero, align, segment; how it was read first.
 
         The rest that gives the zeros may lie before the segment; delays are those of the segment.
 
@@ -70,7 +70,7 @@ class Preparation:
         ------
         InputError: a channel that is not there or can't be treated so, no rest, a segment that holds too little.
         """
-        steps: list[Step] = []
+        steps = [Step("read", note) for note in log.notes]
         if self.resample is not None:
             log, step = resample(log, plant, self.resample)
             steps.append(step)
@@ -116,7 +116,7 @@ def resample(log: Log, plant: Plant, rate: float) -> tuple[Log, Step]:
     before = None if log.before is None else resample(log.before, plant, rate)[0]
     words = f"resampled from {1 / usual:.4g} to {rate:g} Hz, {count} samples"
     figures = {"rate": rate, "rate_before": 1 / usual, "samples": count}
-    return Log(time, channels, log.path, log.missing, before), Step("resample", words, figures)
+    return replace(log, time=time, channels=channels, before=before), Step("resample", words, figures)
 
 
 def _averaged(time: np.ndarray, held: np.ndarray, new: np.ndarray, usual: float) -> np.ndarray:
@@ -210,7 +210,7 @@ def find_rest(log: Log, plant: Plant) -> tuple[float, float]:
     if count * log.sample_time < SHORTEST_REST or count < 5:
         raise InputError(
             f"{log.path or 'the log'}: is not at rest for its first {SHORTEST_REST:g} s, so that no zero can be taken "
-            "there; give the rest by its time, from and to"
+            "there; give the rest by its time, from and to (--rest S:S)"
         )
     return float(log.time[0]), float(log.time[count - 1])
 

@@ -34,13 +34,15 @@ def read_plant_log(path: str | Path, plant: Plant, *, shortest: int = SHORTEST, 
     InputError: as `read_log`; no output at all; a sample time that only another unit of time explains.
     """
     system = plant.structure.system
-    log = read_log(path, list(system.drives.values()), columns=plant.log, shortest=shortest, uniform=uniform)
     wanted = [*system.outputs, *(["force"] if system.cell else [])]
+    drives = list(system.drives.values())
+    log = read_log(path, drives, columns=plant.log, shortest=shortest, uniform=uniform, wanted=wanted)
     missing = tuple(channel for channel in wanted if channel not in log.channels)
     if not any(channel in log.channels for channel in system.outputs):
+        unread = "".join(f"; {note.partition(': ')[2]}" for note in log.notes if "[log]" in note)
         raise InputError(
             f"{path}: has none of the channels {', '.join(system.outputs)} that show what {plant.name} did; name their "
-            "columns so, or map them in the plant's [log] table"
+            f"columns so, or map them in the plant's [log] table{unread}"
         )
     wrong = wrong_time_unit(log, plant)
     if wrong:

@@ -128,12 +128,14 @@ class Plant:
 
     @property
     def unbelieved(self) -> tuple[str, ...]:
-        """Sentences on values that were set for one run and lie outside the range in which the file believes them."""
+        """Sentences on values that were set for one run and lie outside the range in which the file believes them, or
+        so far from the file's own that another unit must be meant."""
         return tuple(
-            f"{p.name} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the range in which "
+            p.far
+            or f"{p.name} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the range in which "
             f"{self.name} believes it"
             for p in self.parameters.values()
-            if p.source == "given" and not p.lower <= p.value <= p.upper
+            if p.source == "given" and (p.far or not p.lower <= p.value <= p.upper)
         )
 
     def set(self, **values: float | str) -> Plant:

@@ -78,6 +78,7 @@ def write_diagnosis_page(
     closed: Mapping[str, Any] | None = None,
     closed_loop: Figure | None = None,
     files: Iterable[str | Path | None] = (),
+    steps: Iterable[str] = (),
 ) -> Path:
     """Write `diagnosis.html` to the folder and return its path; the same diagnosis gives the same bytes.
 
@@ -87,6 +88,7 @@ def write_diagnosis_page(
     change: what changed since an earlier log, if this is the diagnosis of the later one.
     closed, closed_loop: a scenario on the plants before and after, as closed_loop.json has it, and its figure.
     files: of which hashes are given; the log's by default.
+    steps: what was done to the logs before they were used, in sentences.
     """
     mark, heading, good = VERDICTS[diagnosis.verdict]
     if change is not None:
@@ -123,6 +125,7 @@ def write_diagnosis_page(
         reached=_reached(diagnosis),
         noise=rows.noise(diagnosis),
         facts=rows.facts(diagnosis),
+        steps=list(steps),
         files=hashes([*(list(files) or [diagnosis.log.path]), diagnosis.plant.path]),
         versions=diagnosis.provenance,
         assumed=assumed_of([diagnosis.plant]),

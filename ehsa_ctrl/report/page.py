@@ -177,6 +177,7 @@ class Run:
         """What was run, whatever the controller."""
         definition = self.result.scenario.definition
         believed = ", ".join(f"{key} = {value}" for key, value in definition.all_settings.items())
+        given = ", ".join(f"{key} = {value}" for key, value in self.result.settings.items())
         forces = ", ".join(
             f"{quantity(step.force, 'N')} from {quantity(step.start, 's')}"
             + (f" for {quantity(step.duration, 's')}" if step.duration != float("inf") else " to the end")
@@ -188,6 +189,7 @@ class Run:
         return [
             ("plant", f"{plant.name}: {plant.title}"),
             ("set in this scenario", believed or "nothing; the plant as its file has it"),
+            *([("set for this run alone", given)] if given else []),
             ("force on the rod", forces or "none"),
             ("faults", faults or "none"),
             ("duration", quantity(definition.duration, "s")),

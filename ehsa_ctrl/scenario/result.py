@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -112,6 +112,7 @@ class ScenarioResult:
     baseline: the recorded run that it is held against; None where there is none, or where another plant was checked.
     swings: the scenario over the believed range of each assumed parameter; None where that was not asked for.
     files: scenario, controller and plants, as far as they were read from files.
+    settings: what was set of the plant for this run alone.
     """
 
     scenario: Scenario
@@ -126,6 +127,7 @@ class ScenarioResult:
     baseline: Baseline | None = None
     swings: tuple[Swing, ...] | None = None
     files: tuple[Path, ...] = ()
+    settings: Mapping[str, str | float] = field(default_factory=dict)
 
     @property
     def expected_trips(self) -> tuple[str, ...]:
@@ -171,6 +173,7 @@ class ScenarioResult:
             "title": self.scenario.title,
             "why": self.scenario.definition.why,
             "controller": self.controller.name,
+            "settings": dict(self.settings),
             "passed": self.passed,
             "verdict": self.verdict,
             "failures": list(self.failures),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time as clock
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from ..core.protocol import MEASURED, Controller
 from ..design.analysis.loop import analyse_loop
 from ..design.controller import SampledController
 from ..design.load import load_controller
+from ..plant.file import LOAD_LETTERS
 from ..plant.linear import three_state
 from ..plant.plant import Model, Plant, load_plant, with_settings
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
@@ -40,7 +42,7 @@ class Case:
     scenario, controller: what will be run.
     model: linear model on which the controller was designed.
     linear, nonlinear: plants as they are believed in this scenario, for the prediction and the check.
-    files: where all this was read from.
+    files: where all this was read from. settings: what was set for one run, on top of the scenario's own.
     """
 
     scenario: Scenario
@@ -49,6 +51,7 @@ class Case:
     linear: Plant
     nonlinear: Plant
     files: tuple[Path, ...] = ()
+    settings: Mapping[str, str | float] = field(default_factory=dict)
 
     def loop(self, plant: Plant, seed: int | None = None) -> ClosedLoop:
         """Run the scenario on a plant, with the scenario's own seed of the sensors' noise or another one.
@@ -100,6 +103,7 @@ def prepare(
     controller: str | Path | Controller | None = None,
     plant: str | Path | Plant | None = None,
     design: str | Path | Plant | None = None,
+    settings: Mapping[str, str | float] | None = None,
 ) -> Case:
     """Load a scenario and what it refers to and design its controller; arguments and errors as in `run`."""
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
@@ -128,9 +132,13 @@ def prepare(
         raise InputError(f"{where}: {error}") from None
     if definition.supervision is not None and isinstance(chosen, SampledController):
         chosen = replace(chosen, supervision=definition.supervision.of(linear))
+    given = dict(settings or {})
+    # The load is the scenario's and acts in both runs; the rest is what the plant checked on is believed to be.
+    nonlinear = with_settings(nonlinear, given)
+    linear = with_settings(linear, {key: value for key, value in given.items() if _is_load(key)})
     files = [loaded.path, law if isinstance(law, Path) else None, checked, designed]
     known = tuple(dict.fromkeys(Path(file) for file in files if file is not None))
-    return Case(loaded, chosen, model, linear, nonlinear, known)
+    return Case(loaded, chosen, model, linear, nonlinear, known, given)
 
 
 def run(
@@ -140,6 +148,7 @@ def run(
     plant: str | Path | Plant | None = None,
     design: str | Path | Plant | None = None,
     assumed: bool | None = False,
+    settings: Mapping[str, str | float] | None = None,
 ) -> ScenarioResult:
     """Run a scenario: linear prediction, nonlinear check, comparison, judgement.
 
@@ -157,6 +166,9 @@ def run(
         another one than the plant it is checked on: the rig's identified model on the plant that one takes for true.
     assumed: also run it with each assumed parameter at both ends of its believed range; None: if that is quick, which
         it is with a compiled controller.
+    settings: what the plant that is checked on is believed to be in this run, as for `load_plant`, on top of the
+        scenario's own: {"K_T": 1.1, "load.stiffness": "50 N/mm"}. The load acts in the prediction too; the controller
+        and the rest of the prediction stay with the linear set. There is no recorded run of such a plant.
 
     Raises
     ------
@@ -164,7 +176,7 @@ def run(
     SimulationError: a run could not be finished though no limit of the plant was passed.
     """
     begun = clock.perf_counter()
-    case = prepare(scenario, controller=controller, plant=plant, design=design)
+    case = prepare(scenario, controller=controller, plant=plant, design=design, settings=settings)
     loops = [case.loop(believed) for believed in (case.linear, case.nonlinear)]
     loops = [loop.first(min(len(other.trajectory) for other in loops)) for loop in loops]
     predicted, outcome = (case.metrics(loop) for loop in loops)
@@ -179,11 +191,12 @@ def run(
         loop=analyse_loop(case.model, case.controller) if isinstance(case.controller, SampledController) else None,
         seconds=clock.perf_counter() - begun,
         files=case.files,
+        settings=case.settings,
     )
     if assumed or (assumed is None and case.controller.compiled is not None):
         result = replace(result, swings=over_assumed(case, kept=not result.other_failures))
     # Another plant than the scenario's, or a controller that no file describes, has no recorded run.
-    recorded = not plant and not design and (controller is None or isinstance(controller, str | Path))
+    recorded = not plant and not design and not settings and (controller is None or isinstance(controller, str | Path))
     path = baseline_path(result) if recorded else None
     return replace(result, baseline=read_baseline(path) if path and path.is_file() else None)
 
@@ -211,6 +224,11 @@ def _of_model(word: str, plant: str | Path | Plant | None, model: Model) -> Plan
             f'load_plant("{plant.name}", model="{model}")'
         )
     return plant
+
+
+def _is_load(key: str) -> bool:
+    """Whether a setting is of the load, by its word or its letter."""
+    return key.startswith("load.") or key in LOAD_LETTERS.values()
 
 
 def _known_to_linear(definition: ScenarioFile, plant: Plant) -> dict[str, str]:

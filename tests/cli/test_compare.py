@@ -123,6 +123,10 @@ def test_a_wrong_mapping_is_one_sentence(run, log, tmp_path, line, says):
         (("log.csv", "--model", "cubic"), "expected linear, nonlinear or both"),
         (("log.csv", "--from", "9"), "the log runs from 0 to 4 s"),
         (("log.csv", "--zero", "p3"), "no zero of 'p3'"),
+        (("log.csv", "--zero", "p1=0"), "--zero 'p1=0': 'p1=0' is no name of a channel; expected names separated"),
+        (("log.csv", "--zero", "p1 p2"), "as in --zero p1,p2: each is shifted to what the plant has at rest"),
+        (("log.csv", "--zero", "0:0.5"), "and --rest 0:0.5 says where that rest is"),
+        (("log.csv", "--align", "speed=3"), "as in --align p1,p2: each is moved by its delay"),
         (("log.csv", "--rest", "abc"), "--rest 'abc': expected two times"),
         (("log.csv", "--resample", "-1"), "the rate must be a number greater than 0"),
         (("log.csv", "--align", "current"), "no alignment of 'current'"),
@@ -134,3 +138,58 @@ def test_a_wrong_call_is_one_sentence(run, log, arguments, says):
 
     assert status == 2
     assert says in err and err.count("\n") == 1
+
+
+def test_a_log_of_another_program_gives_the_same_fit(run, log, tmp_path):
+    """Semicolons, decimal commas, a row of units, Latin-1: said on standard error and in the JSON, the fit the same."""
+    plain = json.loads(run("compare", "log.csv", "--plant", "ehsa", "--model", "nonlinear", "--json")[1])
+    table = log.to_pandas().round({"current": 5, "speed": 4, "p1": 1, "p2": 1, "position": 7})
+    table["p1"] /= 1e5
+    table["position"] *= 1e3
+    head, _, rest = table.to_csv(index=False, sep=";", decimal=",").partition("\n")
+    units = ";".join({"t": "s", "current": "A", "p1": "bar", "position": "mm"}.get(name, "-") for name in table)
+    (tmp_path / "other.csv").write_text(f"# Prüfstand\n{head}\n{units}\n{rest}", encoding="latin-1")
+    status, out, err = run("compare", "other.csv", "--plant", "ehsa", "--model", "nonlinear", "--json")
+    result = json.loads(out)
+
+    assert status == 0
+    for channel, fit in plain["models"]["nonlinear"]["fit_percent"].items():
+        assert result["models"]["nonlinear"]["fit_percent"][channel] == pytest.approx(fit, abs=1e-3)
+    assert [step["kind"] for step in result["preparation"]] == ["read", "read"]
+    assert "note: other.csv: read with ';' between columns, decimal commas, Latin-1 text" in err
+    assert "note: other.csv: converted as its row of units says: p1 from bar, position from mm" in err
+
+
+def test_columns_of_another_name_come_with_their_lines(run, log, tmp_path):
+    """One sentence that can be pasted into a TOML; what is only missing is mentioned and the log is used."""
+    log.to_pandas().rename(columns={"current": "I [A]", "p1": "p_1"}).to_csv(tmp_path / "other.csv", index=False)
+    status, _, err = run("compare", "other.csv", "--plant", "ehsa")
+    assert status == 2 and err.count("\n") == 1
+    assert 'write current = { column = "I [A]" }, p1 = { column = "p_1" } under [log] in the plant\'s TOML' in err
+
+    log.to_pandas().rename(columns={"p1": "p_1"}).to_csv(tmp_path / "other.csv", index=False)
+    status, _, err = run("compare", "other.csv", "--plant", "ehsa", "--model", "nonlinear")
+    assert status == 0 and 'write p1 = { column = "p_1" } under [log]' in err
+
+
+@pytest.mark.parametrize(
+    ("setting", "says"),
+    [
+        ("P_0=20", "P_0 = 20 Pa is 1/1e+05 of the file's 20 bar; a number without a unit is in Pa, write P_0='20 bar'"),
+        ("P_0=20 bar", ""),
+        ("K_T=5", "K_T = 5 N m/A lies outside 0.87 to 1.6 N m/A"),
+        ("K_L=4e-12", ""),
+        (
+            "A=15",
+            "A = 15 m2 is 9.82e+03 times the file's 15.2681 cm2; a number without a unit is in m2, write A='15 cm2'",
+        ),
+        ("load.stiffness=50e3", ""),
+        ("P_0=0", ""),
+    ],
+)
+def test_a_value_of_another_unit_is_warned_of(run, setting, says):
+    """A thousand times too small or large is a unit that was left out; from nothing to something is none."""
+    status, _, err = run("analyse", "ehsa", "--set", setting)
+
+    assert status == 0
+    assert says in err and ("warning" in err) == bool(says)

@@ -139,6 +139,14 @@ def test_a_log_that_is_not_of_this_loop_is_refused(scenario, plant):
     ("arguments", "says"),
     [
         (("no.csv",), "no.csv: no such file"),
+        (("log.csv", "--from", "9"), "log.csv: from 9 to 4 s there are 0 samples"),
+        (("log.csv", "--zero", "p3"), "no zero of 'p3'"),
+        (("p2", "--zero", "p1"), "p2: no such log; channels are separated by commas without blanks"),
+        (("log.csv", "--resample", "-1"), "the rate must be a number greater than 0"),
+        (("log.csv", "--align", "current"), "no alignment of 'current'"),
+        (("log.csv", "other.csv", "--from", "9"), "log.csv: from 9 to 4 s there are 0 samples"),
+        (("log.csv", "other.csv", "--zero", "p3"), "log.csv: no zero of 'p3'"),
+        (("log.csv", "--scenario", "moves", "--replay", "--to", "3"), "leave --from and --to out"),
         (("log.csv", "log.csv"), "log 'log' is given twice"),
         (("log.csv", "other.csv", "--before", "a.csv"), "--before goes with one log, not with 2"),
         (("log.csv", "other.csv", "--validate", "a.csv"), "--validate goes with one log, not with 2"),
@@ -195,6 +203,39 @@ def test_several_logs_get_a_folder_each(run, tmp_path, plant):
     assert again["logs"][0] == written["logs"][0]
     assert not page.exists()
     assert run("diagnose", "short.csv", "no.csv", "--plant", "ehsa", "--jobs", 1)[0] == 2
+
+
+@pytest.mark.slow
+def test_a_log_is_prepared_as_asked(run, tmp_path, plant):
+    """As for identify: segment of the log alone, zero of both; in the JSON, on the page, and for several logs. The
+    offset that --zero took off is no cause any more."""
+    _, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=6.0, seed=3)
+    drive = np.concatenate([np.zeros(100), current])
+    for name, seed in (("log.csv", 1), ("other.csv", 2)):
+        log, _ = ehsa_ctrl.record(plant, 0.004 * np.arange(drive.size), drive, seed=seed, centre=True)
+        Log(log.time, {**log.channels, "p1": log["p1"] + 1.5e5}).write(tmp_path / name)
+    call = ("--plant", "ehsa", "--to", "5.5", "--zero", "p1,p2", "--rest", "0:0.4")
+
+    status, out, _ = run("diagnose", "log.csv", "--validate", "other.csv", *call, "--out", "out", "--json")
+
+    found = json.loads(out)
+    done = [(step["log"], step["kind"]) for step in found["preparation"]]
+    assert status == 0 and found["verdict"] == "no_gap"
+    assert done == [("log.csv", "zero")] * 2 + [("log.csv", "segment")] + [("other.csv", "zero")] * 2
+    written = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert written["preparation"] == found["preparation"]
+    assert written["preparation"][0]["shift"] == pytest.approx(-1.5e5, rel=0.05)
+    page = (tmp_path / "out" / "diagnosis.html").read_text()
+    assert "Before it was used" in page and "log.csv: segment from 0 to 5.5 s" in page
+
+    status, _, err = run("diagnose", "log.csv", "no.csv", *call, "--resample", 200, "--threshold", 0.2, "--jobs", 1,
+                         "--out", "all")  # fmt: skip
+    rows = pandas.read_csv(tmp_path / "all" / "summary.csv").set_index("file")
+    steps = json.loads((tmp_path / "all" / "log" / "diagnosis.json").read_text())["preparation"]
+    assert status == 0 and "resampling makes a gap of its own" in err
+    assert rows.loc["log.csv", "verdict"] == "no_gap" and rows.loc["no.csv", "error"] == "no.csv: no such file"
+    assert [step["kind"] for step in steps] == ["resample", "zero", "zero", "segment", "caution"]
+    assert json.loads((tmp_path / "all" / "summary.json").read_text())["preparation"] == steps
 
 
 @pytest.mark.slow

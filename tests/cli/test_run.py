@@ -112,6 +112,34 @@ def test_baselines_are_not_changed_by_the_way(run, scenario, monkeypatch, argume
     assert status == 2 and says in err and "Traceback" not in err
 
 
+def test_a_setting_of_one_run_is_in_its_results(run, scenario, tmp_path):
+    """In the JSON and on the page; no baseline is held against it, and none is recorded of it."""
+    scenario("")
+    assert run("run", "short", "--set", "A_FR=1300", "--set", "load.stiffness=80 kN/m", "--no-assumed")[0] == 0
+    (found,) = json.loads((tmp_path / "results" / "results.json").read_text())["scenarios"]
+    assert found["settings"] == {"A_FR": "1300", "load.stiffness": "80 kN/m"}
+    assert "A_FR = 1300, load.stiffness = 80 kN/m" in (tmp_path / "results" / "report.html").read_text()
+
+    status, _, err = run("run", "short", "--set", "A_FR=1300", "--update-baselines", "--reason", "x")
+    assert status == 2 and "leave --plant and --design out, and --set" in err
+
+
+@pytest.mark.parametrize(
+    ("setting", "says"),
+    [
+        ("A_XX=3", "A_XX: the nonlinear model of ehsa has no such parameter"),
+        ("K_T", "--set 'K_T': expected KEY=VALUE"),
+        ("K_T=3 bar", "K_T: unit 'bar' does not fit"),
+        ("K_T=-1", "K_T = -1 N m/A: must be"),
+    ],
+)
+def test_a_wrong_setting_is_one_sentence(run, scenario, setting, says):
+    """Status 2, and not blamed on the scenario's file."""
+    status, _, err = run("run", "short", "--set", setting)
+
+    assert status == 2 and says in err and err.count("\n") == 1 and "short.toml" not in err
+
+
 def test_force_leaves_no_figure_of_another_controller(run, scenario, mine, tmp_path):
     """What the old result named as its own goes; a user's own file stays."""
     run("run", "short", "--controller", "pid_position,slow")

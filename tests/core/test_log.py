@@ -50,8 +50,6 @@ def test_every_channel_has_an_si_unit(channel):
         ("t,current\n0,1\n0.1\n0.2,1\n", r"row 3 has 1 cells where the header has 2: a cell is missing"),
         ("t,current\n0,1\n0.1,1,5\n0.2,1\n", r"row 3 has 3 cells where the header has 2.*comma"),
         ("t,current\n0,0,1,5\n0,1,1,6\n", r"row 2 has 4 cells where the header has 2.*comma"),
-        ("t;current\n0;1\n0,1;1\n", r"separated by semicolons"),
-        ("t\tcurrent\n0\t1\n0.1\t1\n", r"separated by tabs"),
         ("t,current,current\n0,1,1\n0.1,1,1\n", r"row 1 names the column 'current' more than once"),
         ("t,current\n0,1\n0.1,1\n0.2,1\n0.5,1\n0.6,1\n", r"column 't', row 5: a gap of 0.3 s after 0.2 s"),
         ("t,current\n0,1\n0,1\n0,1\n", r"does not advance"),

@@ -93,6 +93,15 @@ def test_the_reference_has_every_option_and_key():
                 assert f"| `{key}` |" in GENERATED[f"reference/{folder}.md"], (path.name, key)
 
 
+def test_the_commands_that_set_a_value_are_named():
+    """All that have --set, and no other."""
+    said = PAGES["how-to/own-plant.md"].partition("`--set` is an option of ")[2].partition(". ")[0]
+
+    assert re.findall(r"`([a-z]+)`", said.partition(".")[0]) == sorted(
+        name for name, command in COMMANDS.items() if any("--set" in p.opts for p in command.params)
+    )
+
+
 def test_the_api_has_every_public_name():
     """Each name of the package is on one page."""
     shown = [name for names in page_api.api_names().values() for name in names]
