@@ -25,6 +25,7 @@ def command(
     """
     from ..core import catalogue
     from ..scenario.check import check_definition
+    from .output import say
 
     if files:
         todo = [(path.stem, path) for path in files]
@@ -47,5 +48,7 @@ def command(
     else:
         for name, _ in todo:
             print(f"{'wrong' if name in mistakes else 'ok':<6}{name}")
+    for sentence in mistakes.values():
+        say(sentence)
     if mistakes:
-        raise InputError("\n".join(mistakes.values()))
+        raise typer.Exit(2)

@@ -256,13 +256,11 @@ def _write(
 
     files: logs that hashes are given of; those of the diagnosis alone by default. steps: what was done to them.
     """
-    import sys
-
     from ..identification.write import write_plant
     from ..report.diagnosis_page import diagnosis_figures, write_diagnosis_page
     from ..report.diagnosis_signals import signals_table
     from ..report.figures import closed_figure, save
-    from .output import rests_on, to_json
+    from .output import command_line, rests_on, to_json
     from .prepared import sentences
 
     for name in ("before.json", "closed_loop.json", "closed_loop.png", "closed_loop.svg"):
@@ -294,7 +292,7 @@ def _write(
     write_diagnosis_page(
         found,
         out,
-        command="ehsa-ctrl " + " ".join(sys.argv[1:]),
+        command=command_line(),
         change=change,
         closed=closed.to_dict() if closed is not None else None,
         closed_loop=loop_figure,

@@ -30,7 +30,7 @@ from . import (
     run,
     simulate,
 )
-from .output import remove_empty
+from .output import remove_empty, say
 
 EPILOG = """\
 Exit status: 0 done; 1 ran, but a scenario's limit failed; 2 the input was wrong, said in one sentence; 130 interrupted.
@@ -88,7 +88,7 @@ def main() -> None:
     try:
         status = app(prog_name="ehsa-ctrl", standalone_mode=False)
     except EhsaError as error:
-        print(f"ehsa-ctrl: {error}", file=sys.stderr)
+        say(str(error))
         status = 2
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)

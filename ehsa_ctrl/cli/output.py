@@ -93,6 +93,13 @@ def warn_unbelieved(plants: Iterable[Plant]) -> None:
         warn(sentence)
 
 
+def say(sentence: str) -> None:
+    """What is wrong, on standard error; one line, whatever the argument or the file name that it quotes."""
+    import sys
+
+    print("ehsa-ctrl:", " ".join(sentence.splitlines()), file=sys.stderr)
+
+
 def note(sentence: str) -> None:
     """Something that was assumed and is probably right, on standard error."""
     import sys

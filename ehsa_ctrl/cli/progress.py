@@ -62,7 +62,10 @@ def counting() -> Iterator[Callable[[str, int, int], None] | None]:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Say on standard error when an engine has to be compiled first, so that nobody wonders at a slow first run."""
+    """Say on standard error when an engine has to be compiled first, so that nobody wonders at a slow first run.
+
+    Ctrl-C in this work says that it is lost, where it is not said otherwise.
+    """
     logger = logging.getLogger("ehsa_ctrl.core.compiled")
     handler = _Notice()
     level = logger.level
@@ -70,6 +73,8 @@ def compiling() -> Iterator[None]:
     logger.setLevel(logging.INFO)
     try:
         yield
+    except KeyboardInterrupt as stopped:
+        raise KeyboardInterrupt(str(stopped) or "what was begun is not kept") from None
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)

@@ -1,12 +1,15 @@
 """How the command line ends where nobody reads on, and where it is interrupted."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
+
+import ehsa_ctrl
 
 CALL = [sys.executable, "-c", "from ehsa_ctrl.cli.main import main; main()"]
 
@@ -54,3 +57,41 @@ def test_an_interrupted_campaign_says_what_is_kept_and_goes_on(tmp_path):
     done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert len(file.read_text().splitlines()) == 401
+
+
+@pytest.mark.parametrize(
+    ("work", "call"),
+    [
+        ("ehsa_ctrl.scenario.run.run", ("run", "force_step", "--out", "there")),
+        ("ehsa_ctrl.identification.identify.identify", ("identify", "log.csv", "--plant", "ehsa", "--out", "there")),
+        ("ehsa_ctrl.diagnosis.diagnose.diagnose", ("diagnose", "log.csv", "--plant", "ehsa", "--out", "there")),
+        ("ehsa_ctrl.identification.replay.replay", ("compare", "log.csv", "--plant", "ehsa", "--json")),
+    ],
+)
+def test_an_interrupt_says_what_is_kept(run, monkeypatch, tmp_path, work, call):
+    """Ctrl-C in the long work: status 130, one sentence, nothing for a program to read and no empty folder."""
+    plant = ehsa_ctrl.load_plant("ehsa")
+    log, _ = ehsa_ctrl.record(plant, *ehsa_ctrl.excitation("noise", amplitude=3, duration=4), centre=True)
+    log.write(tmp_path / "log.csv")
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(work, interrupted)
+    status, out, err = run(*call)
+
+    assert status == 130 and out == ""
+    assert err.splitlines()[-1].startswith("ehsa-ctrl: interrupted; ") and "kept" in err
+    assert not (tmp_path / "there").exists()
+
+
+def test_no_color_is_kept(tmp_path):
+    """NO_COLOR takes colours away even where they are asked for."""
+    asked = os.environ | {"FORCE_COLOR": "1"}
+    colour = rb"\x1b\[(1;)?[349][0-7]m"
+    plain, coloured = (
+        subprocess.run([*CALL, "--help"], cwd=tmp_path, capture_output=True, env=asked | more, check=False).stdout
+        for more in ({"NO_COLOR": "1"}, {"NO_COLOR": ""})
+    )
+
+    assert re.search(colour, coloured) and not re.search(colour, plain)
