@@ -14,7 +14,7 @@ import numpy as np
 from belief import believe, parameter_errors, told
 from cause import Bench, Conditions, Effect
 from drive import Drive, usable
-from effects import IDS
+from effects import CONTRACT, IDS
 from effects import draw as draw_effect
 from gap import gap, largest, noise_of, of_samples
 from key import held_out, key, measured
@@ -123,7 +123,7 @@ def _attempt(rng: np.random.Generator, family: str, index: int, attempt: int) ->
 def _wanted(family: str, index: int, attempt: int, c: Conditions) -> list[tuple[Effect, float]]:
     """Effects to put in and the gap that each is to make alone, from half of the threshold to twelve times it."""
     rng = c.rng
-    ids = [id for id in IDS if c.K_S > 0.0 or id != "backlash"]
+    ids = [id for id in CONTRACT if c.K_S > 0.0 or id != "backlash"]
 
     def target(low: float = 0.5, high: float = 12.0) -> float:
         return THRESHOLD * float(np.exp(rng.uniform(np.log(low), np.log(high))))

@@ -10,8 +10,8 @@ from outside import PLACES as OUTSIDE_PLACES
 from sensing import draw_sensor
 from torque import draw_torque
 
-#: Ids of the contract, in its order; the index of scores and of the confusion matrix.
-IDS = (
+#: Ids of the contract, in its order. What is drawn at random, in pairs and beside parameter errors, is one of these.
+CONTRACT = (
     "torque_constant", "torque_saturation", "rotor_inertia", "motor_friction", "motor_viscous_friction",
     "torque_ripple", "pump_torque_loss", "current_offset", "drive_lag", "drive_delay", "pump_displacement",
     "internal_leakage", "orifice_leakage", "external_leakage", "bulk_modulus", "entrained_air",
@@ -20,11 +20,20 @@ IDS = (
     "presliding", "line_pressure_drop", "payload_mass", "constant_force", "load_spring", "spring_hardening",
     "backlash", "end_stop", "viscosity_warmup", "sensor_bias", "sensor_scale", "sensor_delay", "sensor_filter",
 )  # fmt: skip
+#: Ids beyond the contract, and the balance of each.
+BEYOND = {
+    "windage": "torque", "drive_dead_band": "drive", "pump_dead_zone": "flow", "filling_loss": "flow",
+    "pressure_dependent_displacement": "flow",
+}  # fmt: skip
+#: All ids: the index of scores and of the confusion matrix.
+IDS = (*CONTRACT, *BEYOND)
 _PLACES = (("torque", 7), ("drive", 10), ("flow", 20), ("force", 34), ("sensor", 38))
 
 
 def draw(id: str, c: Conditions) -> Effect:
-    """One effect of the contract with a law, a sign and, where it has one, a channel."""
+    """One effect with a law, a sign and, where it has one, a channel."""
+    if id in BEYOND:
+        return draw_torque(c, id) if BEYOND[id] in ("torque", "drive") else draw_flow(c, id)
     families = ((draw_torque, 10), (draw_flow, 20), (draw_rod, 27), (draw_load, 34), (draw_sensor, 38))
     family = next(f for f, end in families if IDS.index(id) < end)
     return family(c, id)
@@ -34,6 +43,8 @@ def place_of(id: str, law: str) -> list[str]:
     """Balances that the cause disturbs."""
     if id == OUTSIDE:
         return [OUTSIDE_PLACES[law]]
+    if id in BEYOND:
+        return [BEYOND[id]]
     if id == "viscosity_warmup":
         return ["torque", "force"]
     return [next(place for place, end in _PLACES if IDS.index(id) < end)]

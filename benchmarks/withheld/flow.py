@@ -64,4 +64,15 @@ def draw_flow(c: Conditions, id: str) -> Effect:
         case "unequal_areas":
             law, k = pick(c, "half a side", "front side")
             return put(id, law, "dA", 3e-4, 0.06, direction=sign(c), area_law=k)
+        case "pump_dead_zone":
+            return put(id, "dead zone", "pump_dead_zone", 0.5, 40.0, label="w_d")
+        case "filling_loss":
+            return put(id, "square of the speed", "filling_loss", 0.01, 0.4, label="k_f")
+        case "pressure_dependent_displacement":
+
+            def yields(b: Bench, s: float) -> Bench:
+                return b.rigged(displacement_pressure=s)
+
+            # The rig's number is per 10 bar.
+            return Effect(id, "straight", yields, 0.003, 0.3, lambda b: {"k_D": 1e-6 * b.rig.displacement_pressure})
     raise KeyError(id)

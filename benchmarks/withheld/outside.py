@@ -10,21 +10,19 @@ OUTSIDE = "outside_catalogue"
 
 #: Outside the catalogue: rig field -> range of sizes.
 _RIG = {
-    "flow_ripple": (0.01, 0.5), "displacement_pressure": (0.003, 0.3), "filling_loss": (0.01, 0.4),
-    "pump_dead_zone": (0.5, 40.0), "coupling_play": (0.01, 1.5), "windage": (1e-7, 1e-5), "hose": (3e-14, 2e-11),
+    "flow_ripple": (0.01, 0.5), "coupling_play": (0.01, 1.5), "hose": (3e-14, 2e-11),
     "leak_growth": (1e-12, 8e-11), "one_way_leak": (1e-12, 8e-11), "wander": (10.0, 600.0),
-    "drive_dead_band": (0.005, 0.5), "drive_step": (0.02, 0.8), "heat_droop": (0.005, 0.3), "memory": (0.03, 0.9),
+    "drive_step": (0.02, 0.8), "heat_droop": (0.005, 0.3), "memory": (0.03, 0.9),
     "jam": (10.0, 700.0), "brake": (0.03, 0.5),
 }  # fmt: skip
 _SENSORS = {"mains": (5e3, 4e5), "spikes": (5e3, 4e5), "bow": (2e-5, 3e-3), "dropouts": (0.002, 0.4)}
 #: Law -> balance that it disturbs.
 PLACES = {
-    **dict.fromkeys(("coupling_play", "windage", "heat_droop", "brake"), "torque"),
-    **dict.fromkeys(("drive_dead_band", "drive_step", "drive_slope"), "drive"),
+    **dict.fromkeys(("coupling_play", "heat_droop", "brake"), "torque"),
+    **dict.fromkeys(("drive_step", "drive_slope"), "drive"),
     **dict.fromkeys(("wander", "memory", "jam"), "force"),
     **dict.fromkeys(_SENSORS, "sensor"),
-    **dict.fromkeys(("flow_ripple", "displacement_pressure", "filling_loss", "pump_dead_zone", "hose"), "flow"),
-    **dict.fromkeys(("leak_growth", "one_way_leak"), "flow"),
+    **dict.fromkeys(("flow_ripple", "hose", "leak_growth", "one_way_leak"), "flow"),
 }
 #: All of them.
 LAWS = (*_RIG, "drive_slope", *_SENSORS)

@@ -86,22 +86,23 @@ class Rig(NamedTuple):
     warm_law: float = 0.0  # 0 exponential, 1 straight in time
     warm_time: float = 12.0
 
-    # Outside the catalogue.
-    flow_ripple: float = 0.0
-    flow_order: float = 1.0
     displacement_pressure: float = 0.0  # relative loss of displacement at 10 bar
     filling_loss: float = 0.0  # relative loss of displacement at 4500 rpm
     pump_dead_zone: float = 0.0  # rad/s
+    windage: float = 0.0  # N m s2
+    drive_dead_band: float = 0.0  # A
+
+    # Outside the catalogue.
+    flow_ripple: float = 0.0
+    flow_order: float = 1.0
     coupling: float = 0.0  # 1/k_c, rad/(N m); 0: rigid
     coupling_play: float = 0.0  # rad
-    windage: float = 0.0  # N m s2
     hose: float = 0.0  # m3/Pa that the walls give way, late
     hose_time: float = 0.3
     leak_growth: float = 0.0  # m3/(s Pa) at the end of 24 s
     one_way_leak: float = 0.0  # m3/(s Pa)
     wander: float = 0.0  # N, scale of an unseen force that wanders
     wander_seed: float = 0.0
-    drive_dead_band: float = 0.0  # A
     drive_step: float = 0.0  # A
     drive_slope: float = inf  # A/s
     heat_droop: float = 0.0

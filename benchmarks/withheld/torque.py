@@ -42,4 +42,8 @@ def draw_torque(c: Conditions, id: str) -> Effect:
             return put(id, law, "tau_I", 3e-4, 0.02, lag_law=k)
         case "drive_delay":
             return put(id, "constant", "T_d", 3e-4, 0.02)
+        case "windage":
+            return put(id, "square of the speed", "windage", 1e-7, 1e-5, label="k_w")
+        case "drive_dead_band":
+            return put(id, "dead zone", "drive_dead_band", 0.005, 0.5, label="I_db")
     raise KeyError(id)

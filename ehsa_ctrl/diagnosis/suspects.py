@@ -190,7 +190,8 @@ def _of_equation(twin: Twin, name: str) -> list[Suspect]:
     if name == "entrained_air":
         return [one((free("air_fraction", 0.003),), ((0.003,), (0.02,)))]
     scales = {"I_0": 0.02, "T_d": 1e-3, "tau_I": 1e-3, "K_e": 3e-14, "kappa": 0.03, "K_t": 1e-9, "c_f": 0.03,
-              "k_sat": 0.05, "dA": 0.005, "a_FR": 0.03, "width": 2e-4}  # fmt: skip
+              "k_sat": 0.05, "dA": 0.005, "a_FR": 0.03, "width": 2e-4, "I_db": 0.02, "k_w": 2e-7, "w_d": 0.5,
+              "k_D": 5e-9, "k_f": 0.01}  # fmt: skip
     first = effect.parameters[0]
     lower, upper = {"T_d": (0.0, 0.06), "tau_I": (0.0, 0.1)}.get(first.name, (first.lower, first.upper))
     frees = (Free(first.name, plant[first.name], scales[first.name], lower, upper),)

@@ -143,3 +143,51 @@ def test_closed_forms_of_the_drive(every):
     assert steady["omega"][-1] == pytest.approx(base["omega"][-1], rel=1e-6)
     assert np.max(np.abs(offset.states - base.states)[:, :5] / np.ptp(base.states[:, :5], axis=0)) < 1e-9
     np.testing.assert_allclose(steady["I_A"], 1.5 * (1 - np.exp(-steady.time / 0.02)), atol=1e-5)
+
+
+@pytest.mark.slow
+def test_a_dead_band_is_a_lower_current(every):
+    """Beyond the band a held current acts less by it, either way; within the band nothing does."""
+    free = every.set(K_S=0.0)
+    for sign in (1.0, -1.0):
+        banded = simulate(free.set(I_db=0.3), np.full(300, sign * 1.8))
+        base = simulate(free, np.full(300, sign * 1.5))
+        np.testing.assert_allclose(banded.states[:, :5], base.states[:, :5], rtol=1e-9, atol=1e-9)
+
+    assert not simulate(free.set(I_db=0.9), np.full(300, 0.89))["omega"].any()
+
+
+@pytest.mark.slow
+def test_a_lag_does_not_swallow_an_offset(every):
+    """With both, the run ends where the offset alone takes it."""
+    free = every.set(K_S=0.0, I_0=0.2)
+    both = simulate(free.set(tau_I=0.02), np.full(500, 1.3))
+
+    assert both["omega"][-1] == pytest.approx(simulate(free, np.full(500, 1.3))["omega"][-1], rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("letter", "size", "displaced", "drag"),
+    [
+        ("k_w", 3e-6, lambda omega, dP: 1.0, lambda omega: 3e-6 * omega**2),
+        ("w_d", 20.0, lambda omega, dP: (omega - 20.0) / omega, lambda omega: 0.0),
+        ("k_f", 0.3, lambda omega, dP: 1.0 - 0.3 * (omega / 471.2) ** 2, lambda omega: 0.0),
+        ("k_D", 2e-7, lambda omega, dP: 1.0 - 2e-7 * dP, lambda omega: 0.0),
+    ],
+)
+def test_steady_balances_hold_with_what_the_pump_loses(every, letter, size, displaced, drag):
+    """At a held current the flow balance and the torque balance close with the effect's term, and not without it."""
+    plant = every.set(K_S=0.0, **{letter: size})
+    end = simulate(plant, np.full(400, 1.6))
+    omega, v, dP = (float(end[name][-1]) for name in ("omega", "v", "dP"))
+    share = displaced(omega, dP)
+    # A dead zone loses flow alone; the shaft turns against the whole pressure.
+    felt = 1.0 if letter == "w_d" else share
+    flow = plant["A"] * v + plant["K_L"] * dP
+    torque = plant["K_T"] * 1.6 - plant["A_FM"] - plant["B_FM"] * omega
+
+    # The volumes still change a little with the stroke.
+    assert flow == pytest.approx(plant["D"] * omega * share, rel=3e-3)
+    assert torque == pytest.approx(plant["D"] * dP * felt + drag(omega), rel=3e-3)
+    assert abs(share - 1.0) > 0.02 or drag(omega) > 0.02 * torque

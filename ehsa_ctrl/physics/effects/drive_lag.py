@@ -5,9 +5,9 @@ from math import inf
 from ._effect import Effect, EffectParameter, EffectState
 
 
-def current(current: float, I_A: float, tau_I: float) -> float:
-    """The lagging current; the asked one at tau_I = 0."""
-    return I_A if tau_I > 0.0 else current
+def current(current: float, asked_current: float, I_A: float, tau_I: float) -> float:
+    """The lagging current, with what other effects of the drive add to it; the asked one at tau_I = 0."""
+    return I_A + (current - asked_current) if tau_I > 0.0 else current
 
 
 def current_rate(asked_current: float, I_A: float, tau_I: float) -> float:

@@ -1,0 +1,24 @@
+"""A drive that gives no current until it is asked for more than a band: dead time of its gate drivers, or a band that
+somebody has set against hum at standstill.
+
+I = sign(I) max(|I| - I_db, 0). In a steady motion it looks like Coulomb friction of K_T I_db on the shaft; where the
+motor brakes, current and speed have opposite signs and the two part.
+"""
+
+from ._effect import Effect, EffectParameter
+
+
+def current(current: float, I_db: float) -> float:
+    """What is left of the current outside +-I_db."""
+    return max(current - I_db, 0.0) + min(current + I_db, 0.0)
+
+
+effect = Effect(
+    name="drive_dead_band",
+    place="drive",
+    summary="no current while less than a band is asked for, and a band less of it beyond",
+    fingerprint="torque error of constant size that goes with the sign of the current, not of the speed",
+    changes={"current": current},
+    parameters=(EffectParameter("I_db", "A", "half the width of the band", 0.0, 0.05, 0.0, 5.0),),
+    source="dead zone, as in textbooks of control",
+)

@@ -1,0 +1,23 @@
+"""A pump that delivers nothing at the lowest speeds: what leaks through its gaps regardless of the pressure.
+
+Q_P = D sign(omega) max(|omega| - w_d, 0), as far as the displacement goes. The leakage term Q_L sign(.) of some pump
+models is the same with w_d = Q_L / D.
+"""
+
+from ._effect import Effect, EffectParameter
+
+
+def flow(Q_P: float, omega: float, D: float, w_d: float) -> float:
+    """Q_P less what the pump would deliver in the zone."""
+    return Q_P - D * min(max(omega, -w_d), w_d)
+
+
+effect = Effect(
+    name="pump_dead_zone",
+    place="flow",
+    summary="no flow while the shaft turns slower than a zone, and as much less beyond",
+    fingerprint="flow error of constant size with the sign of omega: lost motion at each reversal",
+    changes={"Q_P": flow},
+    parameters=(EffectParameter("w_d", "rad/s", "half the width of the zone", 0.0, 5.0, 0.0, 100.0),),
+    source="dead zone, as in textbooks of control",
+)
