@@ -14,7 +14,7 @@ from .diagnosis import Cause, Diagnosis
 from .fit import Bench, Metric, Nominal, refit
 from .held_out import whole
 from .improved import improved
-from .twin import with_every_effect
+from .twin import with_every_effect, without_dry_friction
 
 if TYPE_CHECKING:
     import pandas
@@ -139,7 +139,7 @@ def _refitted(first: Diagnosis) -> Plant:
     plant, log, noise = first.plant, first.log, first.noise_sd
     twin = whole(plant, with_every_effect(plant), log, noise).twin
     metric = Metric.of(twin, noise)
-    lumped = twin.plant["A_FM"] + twin.plant["A_FR"] == 0.0
+    lumped = without_dry_friction(twin.plant)
     nominal, columns = Nominal.of(twin, metric, first.threshold, lumped=lumped)
     found = refit(Bench(twin, metric, nominal), (), {}, columns, steps=8, fresh=2)
     return plant if found is None else improved(plant, (), found.values, {})

@@ -23,15 +23,15 @@ from .evidence import deviations
 from .fit import Bench, Metric, Nominal, Refit, refit
 from .held_out import Stretch, last_part, whole
 from .improved import improved
-from .judge import ID_OF, Judge, Judged, Key, by_label
+from .judge import Judge, Judged, Key, by_label, ids_of
 from .locate import Location, locate
 from .next_experiment import Experiment, next_experiment
-from .ripple import with_angle
+from .ripple import ripple_of, with_angle
 from .same import same_in_principle
 from .search import Search
 from .signals import largest, noise_of
 from .suspects import suspects
-from .twin import BRISTLES, HARD, Twin, with_every_effect
+from .twin import BRISTLES, HARD, Twin, with_every_effect, without_dry_friction
 from .weigh import Weighed, weigh
 
 #: A log shorter than this leaves too little to fit and to hold out [s].
@@ -77,20 +77,21 @@ def diagnose(
 
     Raises
     ------
-    InputError: the log is plainly wrong or too short, or the plant has no effects to look for.
+    InputError: the log is plainly wrong or too short, or the plant's rod is moved from outside.
     """
     began = time.monotonic()
     if not 0.0 < threshold < 1.0:
         raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
-    if plant.structure.system_name != "ehsa":
+    if plant.structure.system.prescribed:
         raise InputError(
-            f"{plant.name} is a system of its own ({plant.structure.system_name}); effects are known for the EHSA alone"
+            f"{plant.name}: its rod is moved from outside ({plant.structure.system_name}), and a diagnosis looks at rods "
+            "that run free; compare shows where log and simulation differ, identify refits the plant"
         )
     findings = _checked(plant, [log] if validate is None else [log, validate], check)
     noise = noise_of(log)
     twin = with_every_effect(plant)
     turned, kept = log, validate
-    if twin["T_c"]:
+    if ripple_of(plant):
         turned, kept, findings = *_turned(plant, log, validate), (*findings, FOLLOWED)
     bare = whole(plant, twin, turned, noise)
     gaps = bare.gap({})
@@ -108,13 +109,14 @@ def diagnose(
         )  # fmt: skip
     turned, kept = _turned(plant, log, validate)
     trainlog, held = _split(plant, twin, turned, kept, noise)
-    bristles = with_every_effect(plant, "lugre") if plant.model == "nonlinear" else None
+    yields = plant.model == "nonlinear" and plant.structure.system_name == "ehsa"
+    bristles = with_every_effect(plant, "lugre") if yields else None
     held = replace(held, twin=replace(held.twin, bristles=bristles))
     bare = replace(bare, twin=replace(bare.twin, log=turned, bristles=bristles))
     train = Twin(twin, trainlog, bare.twin.start, bristles)
     fitted = Stretch(train, 0, noise, "where it was fitted")
     metric = Metric.of(train, noise)
-    lumped = twin["A_FM"] + twin["A_FR"] == 0.0
+    lumped = without_dry_friction(twin)
     nominal_parameters, columns = Nominal.of(train, metric, threshold, lumped=lumped)
     bench = Bench(train, metric, nominal_parameters)
     search = Search(bench, suspects(train), columns, jobs=jobs or os.cpu_count() or 1, watch=watch)
@@ -143,8 +145,9 @@ def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> tuple[str, ...]:
     """Warnings on the logs; raises InputError for the first that is plainly wrong."""
     sentences = []
     for log in logs:
-        if "current" not in log.channels:
-            raise InputError(f"{log.path or 'the log'}: has no current, which drives the simulation")
+        drive = plant.structure.system.drive
+        if drive not in log.channels:
+            raise InputError(f"{log.path or 'the log'}: has no {drive}, which drives the simulation")
         findings = check_log(log, plant)
         if check:
             refuse(log, findings)
@@ -171,11 +174,14 @@ def _searched(search: Search, fitted: Stretch, held: Stretch, threshold: float, 
     """Singles, pairs, and sets of three where the first two leave much or much is known to be missing."""
     search.respond()
     search.singles()
-    search.grow(2)
-    if lumped:
-        search.missing()
-    if lumped or _left(search):
-        search.grow(3)
+    for size in (2, 3):
+        if lumped:
+            # So far from the nominal plant its derivatives say nothing of what is missing beside.
+            search.respond(search.best()[0].values)
+        if size == 2 or lumped or _left(search):
+            search.grow(size)
+        if size == 2 and lumped:
+            search.missing()
     return Judge(search, fitted, held, threshold, lumped=lumped)
 
 
@@ -294,7 +300,8 @@ def _bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[s
 
 def _next(weighed: Weighed, search: Search, noise: Mapping[str, float]) -> Experiment | None:
     """What would tell the chosen hypothesis from its rivals."""
-    if weighed.verdict not in ("ambiguous", "underdetermined"):
+    ours = search.bench.twin.plant.structure.system_name == "ehsa"
+    if weighed.verdict not in ("ambiguous", "underdetermined") or not ours:
         return None
     here = set(weighed.chosen.causes)
     others = {key for keys in weighed.rivals.values() for key in keys}
@@ -347,7 +354,7 @@ def _causes(
     absorbed = float(np.clip((nominal - refitted) / (nominal - final), 0.0, 1.0)) if nominal > final else 0.0
     flow = (
         plant["A"] * float(np.max(np.abs(np.diff(log["position"])))) / log.sample_time
-        if "position" in log.channels
+        if "position" in log.channels and "A" in plant.parameters
         else 0.0
     )
     found = []
@@ -382,7 +389,9 @@ def _others(weighed: Weighed, judge: Judge) -> list[Cause]:
 
 def _numbers(key: Key, chosen: Judged, judge: Judge, sd: Mapping[str, float]) -> dict[str, Estimated]:
     """The numbers of a cause; those of a sensor are called `value`, as the channel says which."""
-    kinds = {kind.name: kind.unit for kind in judge.search.bench.twin.plant.structure.equations.parameters}
+    plant = judge.search.bench.twin.plant
+    kinds = {kind.name: kind.unit for kind in plant.structure.equations.parameters}
+    ids = ids_of(plant)
     out = {}
     for suspect in chosen.fit.suspects:
         if suspect.key != key:
@@ -401,7 +410,7 @@ def _numbers(key: Key, chosen: Judged, judge: Judge, sd: Mapping[str, float]) ->
                 continue
             out["value" if dot else name] = Estimated(chosen.fit.values[name], sd.get(name, np.nan), unit)
     for f in chosen.fit.frees:
-        if (ID_OF.get(f.name), None) == key and f.name not in out:
+        if (ids.get(f.name), None) == key and f.name not in out:
             out[f.name] = Estimated(chosen.fit.values[f.name], f.scale, _unit(f.name, kinds))
     return out
 

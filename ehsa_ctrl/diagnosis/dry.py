@@ -16,9 +16,15 @@ def dry_friction(plant: Plant, log: Log) -> dict[str, float]:
     """Coulomb levels of shaft and rod, A_FM [N m] and A_FR [N], from a log; those that it can't tell are missing.
 
     Least squares of what the believed balance lacks on the direction of motion, the speed and a constant, where the
-    contact plainly moves.
+    contact plainly moves. Of a carriage, whose drive force is known, B_FR and F_0 too.
     """
     found: dict[str, float] = {}
+    if "F_M" in plant.structure.system.inputs and "position" in log.channels:
+        v = savgol_filter(log["position"], WIDTH, 2, deriv=1, delta=log.sample_time)
+        slope = savgol_filter(log["position"], 3 * WIDTH, 3, deriv=2, delta=log.sample_time)
+        drive = log[plant.structure.system.drive] - plant["M"] * slope
+        level, slope_of_v, rest = _line(drive, v, 0.01)
+        return {"A_FR": max(level, 0.0), "B_FR": max(slope_of_v, 0.0), "F_0": rest}
     if not {"p1", "p2"} <= set(log.channels):
         return found
     dt, pressure = log.sample_time, log["p1"] - log["p2"]
@@ -37,8 +43,14 @@ def dry_friction(plant: Plant, log: Log) -> dict[str, float]:
 
 def _level(effort: np.ndarray, speed: np.ndarray, least: float) -> float:
     """The part of an effort that has the sign of a speed, beside what is proportional to it and what is constant."""
+    return _line(effort, speed, least)[0]
+
+
+def _line(effort: np.ndarray, speed: np.ndarray, least: float) -> tuple[float, float, float]:
+    """What of an effort has the sign of a speed, what is proportional to it [1/speed], and what is constant."""
     moves = np.abs(speed) > least
     if np.count_nonzero(moves) < 50:
-        return 0.0
+        return 0.0, 0.0, 0.0
     basis = np.column_stack([np.sign(speed), speed, np.ones_like(speed)])[moves]
-    return float(np.linalg.lstsq(basis, effort[moves], rcond=None)[0][0])
+    sign, slope, constant = np.linalg.lstsq(basis, effort[moves], rcond=None)[0]
+    return float(sign), float(slope), float(constant)

@@ -19,6 +19,8 @@ TEMPER = 0.02
 SHARE, STEP = 0.3, 0.02
 #: Prior deviation of numbers of a model without dry friction, which were fitted to stand for it.
 LUMPED = 0.3
+#: A nominal parameter is wrong by no more than this factor: an engine gets along badly with a rod without mass.
+WRONG = 5.0
 #: Residuals are judged in blocks of this length [s]: a slip that a simulation misses spoils a block, not a sample.
 BLOCK = 0.1
 #: A block counts in full up to about this mean square, in units of the usual one, and less and less beyond.
@@ -86,7 +88,8 @@ class Nominal:
         constant may move by LUMPED of themselves.
         """
         plant, dt = twin.plant, twin.log.sample_time
-        names = [name for name in NOMINAL if plant.parameters.get(name) is not None and plant[name] != 0.0]
+        usual = {plant.structure.system.own(name): relative for name, relative in NOMINAL.items()}
+        names = [name for name in usual if plant.parameters.get(name) is not None and plant[name] != 0.0]
         base, *moved = twin.run([{}, *({name: plant[name] * (1.0 + STEP)} for name in names)])
         if base is None:
             raise InputError(
@@ -99,7 +102,7 @@ class Nominal:
             if run is None:
                 continue
             size = max(largest(gap(signals, scored(run, dt), dict.fromkeys(signals, 0.0))), 1e-9)
-            relative = min(NOMINAL[name], SHARE * threshold / size * STEP)
+            relative = min(usual[name], SHARE * threshold / size * STEP)
             if lumped and name != "K_T":
                 relative = LUMPED
             kept.append(name)
@@ -183,7 +186,7 @@ def frees_of(nominal: Nominal, suspects: Sequence[Suspect]) -> tuple[Free, ...]:
     own = [free for suspect in suspects for free in suspect.free]
     names = {free.name for free in own}
     rest = [
-        Free(name, value, sd, 0.0)
+        Free(name, value, sd, value / WRONG, value * WRONG)
         for name, value, sd in zip(nominal.names, nominal.believed, nominal.sd, strict=True)
         if name not in names
     ]

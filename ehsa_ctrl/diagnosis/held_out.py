@@ -66,7 +66,7 @@ class Stretch:
 
 def whole(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> Stretch:
     """A whole log from its own start: at rest where it begins so, else from its first samples."""
-    found = find_start(plant, log)
+    found = find_start(plant, log, log.before)
     names = [state.name for state in plant.structure.equations.states]
     start = None if np.array_equal(found.state, plant.rest) else dict(zip(names, found.state.tolist(), strict=True))
     name = log.path.name if log.path else "a log"

@@ -39,12 +39,13 @@ def improved(
             usual = (plant["M"] / softness) ** 0.5
             kept[DAMPING] = Parameter(DAMPING, usual, "N s/m", "assumed", note="root of M times sigma_0, not fitted")
     for contact, word in (("FM", "shaft_friction"), ("FR", "rod_friction")):
-        dry = [name for name in DRY if name.endswith(contact) and name not in plant.parameters]
-        if any(name in values and values[name] != DRY[name] for name in dry):
+        own = {structure.system.own(name): value for name, value in DRY.items() if name.endswith(contact)}
+        dry = [name for name in own if name not in plant.parameters]
+        if any(name in values and values[name] != own[name] for name in dry):
             changes: dict[str, Any] = {word: "stribeck"}
             structure = replace(structure, **changes)
             note = "of a friction that the plant lacked, not fitted"
-            kept |= {n: Parameter(n, DRY[n], "", "assumed", note=note) for n in dry if n not in values}
+            kept |= {n: Parameter(n, own[n], "", "assumed", note=note) for n in dry if n not in values}
     structure = replace(structure, effects=(*structure.effects, *(n for n in wired if n not in structure.effects)))
     for name in wired:
         kept |= {p.name: _typical(name, p) for p in EFFECTS[name].parameters if p.name not in plant.parameters}

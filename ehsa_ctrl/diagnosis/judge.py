@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..physics.effects import EFFECTS
+from ..plant.plant import Plant
 from .evidence import worth
 from .fit import TOLERATED, Refit
 from .held_out import Stretch
@@ -163,17 +164,18 @@ class Judge:
     def _shaken(self, stretch: Stretch, values: Mapping[str, float]) -> Shaken:
         metric, twin = self.search.bench.metric, stretch.twin
         still = Shaken(np.zeros(len(metric.scale)), 0.0, 0.0)
-        sensor = twin.plant.sensors.get("current")
+        drive = twin.plant.structure.system.drive
+        sensor = twin.plant.sensors.get(drive)
         # A controller's answer to noise looks like noise of the current, and is none.
-        sd = min(stretch.noise.get("current", 0.0), sensor.sd if sensor is not None else np.inf)
+        sd = min(stretch.noise.get(drive, 0.0), sensor.sd if sensor is not None else np.inf)
         run = stretch.simulate(values)
         if sd == 0.0 or run is None:
             return still
         slow, square, gaps = [], [], []
         for draw in range(DRAWS):
             noise = sd * np.random.default_rng(draw).standard_normal(len(twin.log))
-            current = {**twin.log.channels, "current": twin.log["current"] + noise}
-            other = replace(stretch, twin=replace(twin, log=replace(twin.log, channels=current))).simulate(values)
+            driven = {**twin.log.channels, drive: twin.log[drive] + noise}
+            other = replace(stretch, twin=replace(twin, log=replace(twin.log, channels=driven))).simulate(values)
             if other is None:
                 return still
             r = stretch.residual(metric, other) - stretch.residual(metric, run)
@@ -195,22 +197,28 @@ class Judge:
     def alone(self, fit: Refit) -> dict[Key, dict[str, float]]:
         """By how much each member moves each signal: the model with all of them against the one without it."""
         groups: dict[Key, set[str]] = {s.key: set(s.names) for s in fit.suspects}
+        ids = ids_of(self.search.bench.twin.plant)
         for f in fit.frees[fit.own :]:
             if not self.lumped and abs(fit.values[f.name] - f.believed) > FAR * f.scale:
-                groups.setdefault((ID_OF[f.name], None), set()).add(f.name)
+                groups.setdefault((ids[f.name], None), set()).add(f.name)
         settings = [{n: v for n, v in fit.values.items() if n not in names} for names in groups.values()]
         out: dict[Key, dict[str, float]] = {key: {} for key in groups}
         # A valve or an end may be reached in one of the two stretches alone.
         for twin, first in ((self.search.bench.twin, 0), (self.held.twin, self.held.first)):
             full, *without = twin.run([fit.values, *settings])
             for key, other in zip(groups, without, strict=True):
-                moved = {"speed": np.inf, "total": np.inf}
+                moved = {"rod_velocity": np.inf, "total": np.inf}
                 if full is not None and other is not None:
                     dt = twin.log.sample_time
                     a, b = ({n: v[first:] for n, v in scored(run, dt).items()} for run in (full, other))
                     moved = gap(a, b, dict.fromkeys(a, 0.0))
                 out[key] = {name: max(out[key].get(name, 0.0), value) for name, value in moved.items()}
         return out
+
+
+def ids_of(plant: Plant) -> dict[str, str]:
+    """ID_OF in the letters of the plant's system."""
+    return {plant.structure.system.own(letter): id for letter, id in ID_OF.items()}
 
 
 def by_label(judged: Sequence[Judged]) -> dict[tuple[Key, ...], Judged]:

@@ -50,7 +50,7 @@ def with_angle(plant: Plant, log: Log, like: Log | None = None) -> Log:
     if not ranked:
         return log
     order = ranked[0][1][0] if ranked[0][0] >= PLAIN * ranked[1][0] else 0.0
-    believed = plant.parameters["T_c"].value if "T_c" in plant.parameters else 0.0
+    believed = ripple_of(plant)
     if believed:
         order = plant["n_c"]
     if order == 0.0:
@@ -75,6 +75,11 @@ def with_angle(plant: Plant, log: Log, like: Log | None = None) -> Log:
     if wanted is None:
         return log
     return _ahead(log, (_phase(log, order, np.flatnonzero(moves), lacks) - wanted) / order)
+
+
+def ripple_of(plant: Plant) -> float:
+    """The amplitude of the ripple that a plant has already [N m]."""
+    return plant.parameters["T_c"].value if "T_c" in plant.parameters else 0.0
 
 
 def _ahead(log: Log, angle: np.ndarray | float) -> Log:

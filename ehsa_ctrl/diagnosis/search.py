@@ -22,6 +22,18 @@ REFITTED, FINISHED, BASES, ADDED = 12, 4, 3, 5
 #: Sets grow on if one more could take away this much, and this share of what the best one explains.
 WORTH_GROWING, WORTH_GROWING_SHARE = 3.0, 0.004
 
+#: What a model without dry friction lacks: sets, each from where the one before came to.
+LACKING = {
+    "hydraulic": (
+        ("motor_friction", "rod_friction"),
+        ("motor_friction", "rod_friction", "chamber_volume_variation"),
+    ),
+    "carriage": (
+        ("rod_viscous_friction", "rod_friction", "constant_force"),
+        ("rod_viscous_friction", "rod_friction"),
+    ),
+}  # fmt: skip
+
 Key = tuple[tuple[str, str | None], ...]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -61,11 +73,16 @@ class Search:
         chosen = [fit for fit in self.fits.values() if size is None or len(fit.suspects) == size]
         return sorted(chosen, key=lambda fit: fit.cost)
 
-    def respond(self) -> None:
-        """Simulate every suspect once from each of its starts, and the finite ones' derivatives."""
-        zero = self.bench.residuals([{}])[0]
+    def respond(self, at: Mapping[str, float] | None = None) -> None:
+        """Simulate every suspect once from each of its starts, and the finite ones' derivatives.
+
+        at: values of the hypothesis to start from; the nominal plant by default.
+        """
+        at = at or {}
+        zero = self.bench.residuals([at])[0]
         assert zero is not None
-        self.residual = zero
+        if not at:
+            self.residual = zero
         asked: list[tuple[Suspect, tuple[float, ...]]] = [(s, start) for s in self.suspects for start in s.starts]
 
         def one(item: tuple[Suspect, tuple[float, ...]]) -> Response | None:
@@ -78,21 +95,21 @@ class Search:
                 steps = []
                 for f in suspect.free:
                     h = max(start[suspect.names.index(f.name)] - f.believed, 0.0) or f.scale
-                    settings.append({f.name: f.believed + h})
+                    settings.append({**at, f.name: f.believed + h})
                     steps.append(h / f.scale)
                 columns = {}
                 for f, h, r in zip(suspect.free, steps, self.bench.residuals(settings), strict=True):
                     if r is not None:
                         columns[f.name] = (r - zero) / h
                 return Response(suspect, {f.name: f.believed for f in suspect.free}, zero, columns) if columns else None
-            base = self.bench.residuals([values])[0]
+            base = self.bench.residuals([{**at, **values}])[0]
             if base is None:
                 return None
             columns = {}
             if _shaped(suspect):
                 columns = {suspect.names[0]: (base - zero) / (start[0] / suspect.free[0].scale)}
                 return Response(suspect, values, zero, columns)
-            settings = [{**values, f.name: values[f.name] + 0.5 * f.scale} for f in suspect.free]
+            settings = [{**at, **values, f.name: values[f.name] + 0.5 * f.scale} for f in suspect.free]
             for f, r in zip(suspect.free, self.bench.residuals(settings), strict=True):
                 if r is not None:
                     columns[f.name] = (r - base) / 0.5
@@ -238,15 +255,17 @@ class Search:
         return WORTH_GROWING + WORTH_GROWING_SHARE * max(explained, 0.0)
 
     def missing(self) -> None:
-        """Dry friction of both contacts and the stroke in the volumes at once: what a linear model leaves out.
+        """All at once what a model without dry friction leaves out, from what the balances show.
 
-        One of them alone explains so little that no search would come this way.
+        One of them alone explains so little that no search would come this way: dry friction of both contacts and the
+        stroke in the volumes; of a carriage its friction and a constant force.
         """
-        sought = ("motor_friction", "rod_friction", "chamber_volume_variation")
-        found = [s for id in sought for s in self.suspects if s.id == id]
-        start = {name: value for s in found for name, value in zip(s.names, s.starts[0], strict=True)}
-        for size in range(2, len(found) + 1):
-            members = tuple(found[:size])
+        system = self.bench.twin.plant.structure.system
+        start: dict[str, float] = {}
+        for sought in LACKING["hydraulic" if system.chamber_forms else "carriage"]:
+            members = tuple(next(s for s in self.suspects if s.id == id) for id in sought)
+            seen = {name: value for s in members for name, value in zip(s.names, s.starts[0], strict=True)}
+            start = {**seen, **start}
             self.fit([(members, start)], "what a linear model lacks", steps=8, fresh=1)
             fit = self.fits.get(key_of(members))
             if fit is None:

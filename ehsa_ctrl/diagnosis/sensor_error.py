@@ -65,6 +65,8 @@ def impossible(gap: SquaredGap, believed: Mapping[str, np.ndarray], base: Energy
     pressures rise together only as fast as oil flows in; what comes and goes from sample to sample is not oil.
     """
     errors = gap.errors(believed)
+    if len(gap.names) < 2:
+        return None
     tries: list[tuple[tuple[str, ...], float]] = [((name,), FREE_PRICE) for name in gap.names]
     if {"p1", "p2"} <= set(gap.names):
         one, two = (errors[gap.names.index(n)] * np.sqrt(gap.power[n]) for n in ("p1", "p2"))

@@ -74,6 +74,7 @@ def suspects(twin: Twin) -> tuple[Suspect, ...]:
 
 def _letter(twin: Twin, name: str, relative: float, typical: float = 0.0) -> Free:
     """A letter of the plant: its bounds are physical, its scale a share of itself or `typical` where it is zero."""
+    name = twin.plant.structure.system.own(name)
     value = twin.plant[name]
     kinds = {kind.name: kind for kind in twin.plant.structure.equations.parameters}
     lower = kinds[name].lower
@@ -88,7 +89,14 @@ def _letter(twin: Twin, name: str, relative: float, typical: float = 0.0) -> Fre
 #: Leakage wears by factors and not by per cents.
 WEARS = {"K_L": 5e-13}
 #: Sizes at which a letter that is believed to be zero is felt.
-TYPICAL = {"F_0": 50.0, "k_3": 2e6, "K_S": 2e3, "m_L": 20.0, "A_FM": 0.1, "C_FM": 0.02, "A_FR": 100.0, "C_FR": 50.0}
+TYPICAL = {
+    "F_0": 50.0, "k_3": 2e6, "K_S": 2e3, "m_L": 20.0, "A_FM": 0.1, "C_FM": 0.02, "B_FM": 1e-4, "A_FR": 100.0,
+    "C_FR": 50.0, "B_FR": 500.0,
+}  # fmt: skip
+#: Effects that a balance shows where the plant has none of them.
+FROM_BALANCES = ("motor_friction", "rod_friction", "rod_viscous_friction", "constant_force")
+#: The size of the rod's efforts for which these are typical [N].
+TYPICAL_EFFORT = 1e3
 #: What a letter's effect sets free, where it is not all of its letters, and other letters that go with them.
 TOGETHER: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "payload_mass": (("M",), ("m_L",)),
@@ -97,9 +105,16 @@ TOGETHER: Mapping[str, tuple[tuple[str, ...], ...]] = {
 }
 
 
+def _typical(twin: Twin, letter: str) -> float:
+    """TYPICAL in a system whose rod has other efforts."""
+    rods = [contact for contact in twin.plant.structure.system.contacts if contact.suffix == "FR"]
+    share = rods[0].effort_scale / TYPICAL_EFFORT if rods else 1.0
+    return TYPICAL.get(letter, 0.0) * share
+
+
 def _of_letters(twin: Twin, name: str) -> list[Suspect]:
-    effect = EFFECTS[name]
-    letters = tuple(letter for letter in effect.letters if letter in twin.plant.parameters)
+    effect, system = EFFECTS[name], twin.plant.structure.system
+    letters = tuple(letter for letter in effect.letters if system.own(letter) in twin.plant.parameters)
     if not letters:
         return []
     if name == "chamber_volume_variation":
@@ -107,9 +122,11 @@ def _of_letters(twin: Twin, name: str) -> list[Suspect]:
         return [Suspect(name, effect.place, free, _starts(free, 0.0))]
     found = []
     for group in TOGETHER.get(name, (letters,)):
-        free = tuple(_letter(twin, letter, 0.1, TYPICAL.get(letter, 0.0)) for letter in group)
+        if not set(group) <= set(letters):
+            continue
+        free = tuple(_letter(twin, letter, 0.1, _typical(twin, letter)) for letter in group)
         starts = _starts(free, 0.0)
-        if name in ("rod_friction", "motor_friction") and twin.plant[group[0]] == 0.0:
+        if name in FROM_BALANCES and free[0].believed == 0.0:
             # From none to all of it is too far for derivatives at none.
             seen = dry_friction(twin.plant, twin.log).get(group[0], 0.0)
             starts = ((seen, *(0.1 * seen for _ in group[1:])),) if seen else starts
@@ -130,6 +147,7 @@ def _of_equation(twin: Twin, name: str) -> list[Suspect]:
     effect, plant, log = EFFECTS[name], twin.plant, twin.log
     if name == "backlash" and plant["K_S"] == 0.0:
         return []
+    A_FR = plant.structure.system.own("A_FR")
     by_name = {p.name: p for p in effect.parameters}
 
     def free(letter: str, scale: float) -> Free:
@@ -168,7 +186,7 @@ def _of_equation(twin: Twin, name: str) -> list[Suspect]:
             one((Free("x_stop", inf, 0.02 * reach, 1e-3, inf),), ((1.002 * reach,), (0.985 * reach,), (0.9 * reach,)))
         ]
     if name == "position_dependent_friction":
-        if "position" not in log.channels or plant["A_FR"] == 0.0:
+        if "position" not in log.channels or plant[A_FR] == 0.0:
             return []
         low, high = np.quantile(log["position"], [0.02, 0.98])
         width = float(np.clip(0.2 * (high - low), 3e-3, 0.015))
@@ -197,7 +215,7 @@ def _of_equation(twin: Twin, name: str) -> list[Suspect]:
     frees = (Free(first.name, plant[first.name], scales[first.name], lower, upper),)
     sizes = (1.0, 8.0) if lower == 0.0 else (0.0,)
     found = [one(frees, _starts(frees, *sizes))]
-    if name == "load_dependent_friction" and plant["A_FR"] > 0.0:
+    if name == "load_dependent_friction" and plant[A_FR] > 0.0:
         # Where it grows with the higher pressure, its part at the pressure of rest is in the Coulomb level.
         both = (*frees, _letter(twin, "A_FR", 0.1))
         found.append(one(both, _starts(both, *sizes)))
@@ -226,8 +244,9 @@ def _ripple(twin: Twin, name: str, place: str) -> list[Suspect]:
 def _of_sensors(twin: Twin, name: str, word: str) -> list[Suspect]:
     # What the load cell shows moves none of the signals that are scored.
     channels = [channel for channel in twin.channels if channel != "force"]
+    system = twin.plant.structure.system
     if word in ("delay", "filter"):
-        channels.append("current")
+        channels.append(system.drive)
     found = []
     for channel in channels:
         sd = float(np.std(twin.log[channel]))
@@ -240,7 +259,8 @@ def _of_sensors(twin: Twin, name: str, word: str) -> list[Suspect]:
         }[word]
         starts = _starts((free,), 2.0) if word in ("delay", "filter") else _starts((free,), 0.0)
         # The rod's place is defined by its sensor; only a load that depends on it could tell.
-        if word == "bias" and channel == "position" and twin.plant["K_S"] == 0.0:
+        sprung = "K_S" in twin.plant.parameters and twin.plant["K_S"] != 0.0
+        if word == "bias" and channel == "position" and not sprung:
             continue
         found.append(Suspect(name, "sensor", (free,), starts, channel))
     return found

@@ -12,10 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.log import Log
-from ..identification.drives import undo_sensor, undone
+from ..identification.drives import logged_drives, undo_sensor, undone
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant, Sensor
+from ..plant.structure import Structure
 from ..simulation.engine import simulate_batch
 from ..simulation.sensors import shown
 from .ripple import ANGLE, over_samples
@@ -40,18 +42,34 @@ def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
     """
     if rod_friction is None:
         rod_friction = "lugre" if plant.structure.rod_friction == "lugre" else "stribeck"
-    structure = replace(
-        plant.structure,
-        shaft_friction="stribeck",
-        rod_friction=rod_friction,
-        # In one order whatever the plant has already, so that all of them share the compiled text.
-        effects=(*(n for n in plant.structure.effects if n not in WIRED), *WIRED),
-    )
-    neutral = {p.name: p.neutral for n in WIRED for p in EFFECTS[n].parameters if n not in plant.structure.effects}
+    system = plant.structure.system
+    shaft = "stribeck" if any(contact.name == "shaft" for contact in system.all_contacts) else None
+    structure = replace(plant.structure, shaft_friction=shaft, rod_friction=rod_friction)
+    wired = [name for name in WIRED if _fits(structure, name)]
+    # In one order whatever the plant has already, so that all of them share the compiled text.
+    structure = replace(structure, effects=(*(n for n in plant.structure.effects if n not in WIRED), *wired))
+    neutral = {p.name: p.neutral for n in wired for p in EFFECTS[n].parameters if n not in plant.structure.effects}
     extra = {"sigma_0_FR": 1e8, "sigma_1_FR": 0.0} if rod_friction == "lugre" else {}
-    absent = {**DRY, **neutral, **extra}
-    known = {name: value for name, value in absent.items() if name not in plant.parameters}
+    absent = {system.own(name): value for name, value in {**DRY, **neutral, **extra}.items()}
+    asked = set(structure.equations.parameter_names) - set(plant.parameters)
+    known = {name: value for name, value in absent.items() if name in asked}
     return plant.with_structure(structure, **known)
+
+
+def without_dry_friction(plant: Plant) -> bool:
+    """Whether no contact of the plant sticks."""
+    levels = [contact.letter("A") for contact in plant.structure.system.contacts]
+    return not any(plant[name] for name in levels if name in plant.parameters)
+
+
+def _fits(structure: Structure, effect: str) -> bool:
+    """Whether a system has what an effect changes and asks for."""
+    if structure.system_name == "ehsa":
+        return True
+    try:
+        return bool(replace(structure, effects=(effect,)).equations)
+    except (InputError, TypeError):
+        return False
 
 
 @dataclass(frozen=True)
@@ -76,7 +94,9 @@ class Twin:
     @property
     def channels(self) -> tuple[str, ...]:
         """Channels of the log that the simulation has too."""
-        return tuple(c for c in ("speed", "p1", "p2", "position", "force") if c in self.log.channels)
+        system = self.plant.structure.system
+        known = {*system.outputs, *(["force"] if system.cell is not None else [])}
+        return tuple(c for c in ("speed", "p1", "p2", "position", "force") if c in known & set(self.log.channels))
 
     def run(self, settings: Sequence[Mapping[str, float]], jobs: int = 1) -> list[dict[str, np.ndarray] | None]:
         """Simulate the log's drive with each set of values: what the sensors would show; None where it stopped.
@@ -107,8 +127,8 @@ class Twin:
             if self.start is not None:
                 start = np.array([self._start(plant, settings[i], current[i]) for i in members])
             batch = simulate_batch(
-                plant, rows, current[members[0]], start=start, sample_time=self.log.sample_time,
-                tolerance=self.tolerance, jobs=jobs,
+                plant, rows, current[members[0]], force=self._outside, hold=plant.structure.system.hold, start=start,
+                sample_time=self.log.sample_time, tolerance=self.tolerance, jobs=jobs,
             )  # fmt: skip
             for j, i in enumerate(members):
                 if batch.status[j] == 0:
@@ -126,22 +146,22 @@ class Twin:
         names = [s.name for s in plant.structure.equations.states]
 
         def value(name: str) -> float:
-            return values.get(name, plant[name])
+            return values.get(name, plant[name] if name in plant.parameters else 0.0)
 
         for name, level in self.start.items():
             channel = channels.get(name, "")
-            if name in names and channel:
+            if name in names and channel in self.plant.sensors:
                 sensor = self.plant.sensors[channel]
                 bias, scale = values.get(f"bias.{channel}", sensor.bias), values.get(f"scale.{channel}", sensor.scale)
                 level = (level * sensor.scale + sensor.bias - bias) / scale
             if name in names:
                 state[index(name)] = level
         for name, letter in (("t_run", "drop"), ("theta", "T_c")):
-            if value(letter) == 0.0:
+            if name in names and value(letter) == 0.0:
                 state[index(name)] = 0.0
         if value("tau_I") > 0.0:
             state[index("I_A")] = current[0]
-        if "z_R" in names:
+        if "z_R" in names and "P_1" in names:
             net = value("A") * (state[index("P_1")] - state[index("P_2")]) - value("K_S") * state[index("x")]
             most = value("A_FR") + value("C_FR")
             soft = values.get(BRISTLES, 0.0)
@@ -150,15 +170,21 @@ class Twin:
 
     @cached_property
     def _asked(self) -> np.ndarray:
-        """What drove the rig (N,) [A] if the current's sensor is as believed."""
-        return undo_sensor(self.plant, self.log, "current")
+        """What drove the rig (N,) if the drive's sensor is as believed."""
+        return undo_sensor(self.plant, self.log, self.plant.structure.system.drive)
+
+    @cached_property
+    def _outside(self) -> np.ndarray | None:
+        """What acts on the rig from outside (N,), where the log has it."""
+        return logged_drives(self.plant, self.log)[1]
 
     def _drive(self, values: Mapping[str, float]) -> np.ndarray:
-        """What drove the rig (N,) [A] when this was logged, a ripple that is followed among it."""
-        drive = self._asked
-        if any(values.get(f"{word}.current") for word in ("delay", "filter")):
-            believed = self._believed("current", values)
-            drive = undone(believed, self.log["current"], self.log.sample_time, held=True)
+        """What drove the rig (N,) when this was logged, a ripple that is followed among it."""
+        drive, system = self._asked, self.plant.structure.system
+        if any(values.get(f"{word}.{system.drive}") for word in ("delay", "filter")):
+            believed = self._believed(system.drive, values)
+            held = system.hold == "zero_order"
+            drive = undone(believed, self.log[system.drive], self.log.sample_time, held=held)
         if ANGLE not in self.log.channels:
             return drive
         amplitude, order, phase, K_T = (values.get(name, self.plant[name]) for name in ("T_c", "n_c", "phi_c", "K_T"))

@@ -25,13 +25,13 @@ from ..simulation.engine import initial_carry, initial_modes, simulate_batch
 INPUTS = ("torque", "flow_1", "flow_2", "force")
 #: Their units.
 UNITS = {"torque": "N m", "flow_1": "m3/s", "flow_2": "m3/s", "force": "N"}
-#: Residual of each, its sign, the contact that has to slide for it to be told.
+#: Residual of each, the last in the system's balances, its sign, the contact that has to slide for it to be told.
 _RESIDUALS = {
-    "torque": ("torque__torque", -1.0, "shaft"),
-    "flow_1": ("flow__flow_1", -1.0, None),
-    "flow_2": ("flow__flow_2", -1.0, None),
-    "force": ("force, load as believed__believed_force", 1.0, "rod"),
-    "load": ("load__load_force", 1.0, None),
+    "torque": (("torque__torque",), -1.0, "shaft"),
+    "flow_1": (("flow__flow_1",), -1.0, None),
+    "flow_2": (("flow__flow_2",), -1.0, None),
+    "force": (("force__carriage_force", "force, load as believed__believed_force"), 1.0, "rod"),
+    "load": (("load__load_force",), 1.0, None),
 }
 #: Samples of the cubics that give a slope and a direction, and how far from zero a direction is sure.
 SLOPE, DIRECTION, SURE = 7, 11, 4.0
@@ -58,18 +58,22 @@ class Signals:
 def signals_of(
     plant: Plant, log: Log, current: np.ndarray, noise: Mapping[str, float], start: np.ndarray | None = None
 ) -> Signals:
-    """States, rates and directions that the log tells, driven by `current` (N,); what it does not tell is absent.
+    """States, rates and directions that the log tells, driven by `current` (N,), which in a system other than the EHSA
+    is its first input; what the log does not tell is absent.
 
     States that an effect or a friction law of the believed plant adds have no sensor: a free run from `start` gives
     them.
     """
     system, dt = plant.structure.system, log.sample_time
-    values = {"current": current, "F_D": np.zeros(len(log)), "time": log.time}
+    first_input, *others = system.inputs
+    values = {first_input: current, **dict.fromkeys(others, np.zeros(len(log))), "time": log.time}
     states = plant.structure.equations.states
     inner = [state.name for state in states if state not in system.states]
     if inner:
         first = None if start is None else start[None, :]
-        batch = simulate_batch(plant, plant.vector[None, :], current, start=first, sample_time=dt, jobs=1)
+        batch = simulate_batch(
+            plant, plant.vector[None, :], current, hold=system.hold, start=first, sample_time=dt, jobs=1
+        )
         values |= {name: batch.states[0, :, plant.structure.equations.index(name)] for name in inner}
     sds = {}
     for channel, state in system.outputs.items():
@@ -117,19 +121,23 @@ def unknown_inputs(plant: Plant, signals: Signals) -> Unknown:
     """Evaluate the balances sample by sample; those that need what was not measured are absent."""
     equations, dt, measured = plant.structure.equations, signals.sample_time, signals.values
     wanted = {}
-    for name, (residual, _, _) in _RESIDUALS.items():
-        if any(residual in names for names in equations.residuals):
+    for name, (residuals, _, _) in _RESIDUALS.items():
+        for residual in [one for one in residuals if any(one in names for names in equations.residuals)]:
             asked = needs(equations, residual) - set(plant.parameters)
             if all(one.removesuffix("_rate") in measured for one in asked):
                 wanted[name] = residual
-    extra = [one for one in ("V_1", "V_2") if wanted and needs(equations, one) - set(plant.parameters) <= set(measured)]
+    drive = plant.structure.system.inputs[0]
+    chambers = ("V_1", "V_2") if plant.structure.chambers is not None and wanted else ()
+    extra = [one for one in chambers if needs(equations, one) - set(plant.parameters) <= set(measured)]
     ends = []
     rates = {f"{s.name}_rate": np.diff(measured[s.name]) / dt for s in equations.states if s.name in measured}
     for part in (slice(None, -1), slice(1, None)):
         known = {name: values[part] for name, values in measured.items()}
-        known |= {"current": measured["current"][:-1], **rates}
+        if plant.structure.system.hold == "zero_order":
+            known[drive] = measured[drive][:-1]
+        known |= rates
         ends.append(array_evaluator(equations, (*wanted.values(), *extra))({**plant.values, **known}))
-    size = measured["current"].size - 1
+    size = measured["time"].size - 1
     values = {}
     for name, residual in wanted.items():
         _, sign, contact = _RESIDUALS[name]
@@ -177,8 +185,9 @@ def run_with(
 ) -> list[dict[str, np.ndarray]]:
     """Simulate the plant with inputs put in: channel -> (N,) of each injection; nan from where a run stopped.
 
-    An injection is balance -> (N - 1,) mean over each sample. A torque acts as a current, a force as F_D; flows act
-    as half of what they bring in a sample at each end of it, the engine knowing of none.
+    An injection is balance -> (N - 1,) mean over each sample. A torque acts as a current, a force as F_D, from the
+    middle of a sample on where inputs are joined by lines; flows act as half of what they bring in a sample at each end
+    of it, the engine knowing of none.
     """
     groups: dict[tuple[int, int], list[int]] = {}
     for i, one in enumerate(injections):
@@ -196,8 +205,8 @@ def run_with(
         dry = [i for i in members if i not in wet]
         if dry:
             batch = simulate_batch(
-                plant, plant.vector[None, :], drive, force=force, start=start[None, :], sample_time=sample_time,
-                tolerance=tolerance, jobs=1,
+                plant, plant.vector[None, :], drive, force=force, hold=plant.structure.system.hold,
+                start=start[None, :], sample_time=sample_time, tolerance=tolerance, jobs=1,
             )  # fmt: skip
             states[dry] = batch.states[0]
         if wet:

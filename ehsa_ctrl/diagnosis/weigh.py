@@ -61,6 +61,8 @@ def weigh(
     least, most: evidence that noise alone leaves, and the nominal model. gaps: "fitted" and "held" of the nominal one.
     expected: mean square of residuals that are noise. shaken: gap that noise of the logged current makes by itself.
     """
+    # A model that is off by more than the signals themselves is no worse than one that does not move at all.
+    most = least + (most - least) / max(gaps["fitted"]["total"], 1.0) ** 2
     labels = sorted(by_label(judged).values(), key=lambda j: j.evidence)
     named = [j for j in labels if j.causes] or labels
     chosen = _smallest(named, least, most, threshold)

@@ -236,6 +236,7 @@ class _Wiring:
 
     def place(self, name: str) -> str:
         """Return the name under which signal `name` is available, placing the equations that it needs."""
+        name = self.structure.system.own(name)
         if name in self.placed:
             return self.placed[name]
         if name in self.open:

@@ -113,6 +113,7 @@ class System:
     prescribed: contacts whose motion is an input; their friction stands in balances alone.
     balances: in the order in which they are solved; a parameter found in one is known in the next.
     measured: channels beside drives and outputs that balances use.
+    called: letters of the EHSA that the catalogue of effects uses -> what they are called here, friction's apart.
     """
 
     name: str
@@ -131,6 +132,20 @@ class System:
     prescribed: tuple[Contact, ...] = ()
     balances: tuple[Balance, ...] = ()
     measured: tuple[str, ...] = ()
+    called: Mapping[str, str] = field(default_factory=dict)
+
+    def own(self, letter: str) -> str:
+        """What a letter of the catalogue is called here: A_FR may be Fc."""
+        for contact in self.all_contacts:
+            for family, name in contact.letters.items():
+                if letter == f"{family}_{contact.suffix}":
+                    return name
+        return self.called.get(letter, letter)
+
+    @property
+    def drive(self) -> str:
+        """The log's channel that drives the first input."""
+        return self.drives[self.inputs[0]]
 
     @property
     def all_contacts(self) -> tuple[Contact, ...]:

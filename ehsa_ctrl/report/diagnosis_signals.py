@@ -107,11 +107,11 @@ def widest(diagnosis: Diagnosis) -> slice:
 
 
 def signals_table(diagnosis: Diagnosis) -> pandas.DataFrame:
-    """A row a sample, SI units: t, current, and each signal measured, before (as believed) and after."""
+    """A row a sample, SI units: t, the drive, and each signal measured, before (as believed) and after."""
     import pandas
 
-    log = diagnosis.log
-    columns = {"t": log.time, "current": log["current"]}
+    log, drive = diagnosis.log, diagnosis.plant.structure.system.drive
+    columns = {"t": log.time, drive: log[drive]}
     for trace in traces(diagnosis):
         columns[trace.name] = trace.measured
         for word, values in (("before", trace.before), ("after", trace.after)):

@@ -106,7 +106,7 @@ def test_other_mistakes_are_sentences():
         ehsa_ctrl.diagnose(plant, short)
     with pytest.raises(InputError, match="threshold = 3; expected a share"):
         ehsa_ctrl.diagnose(plant, log, threshold=3.0)
-    with pytest.raises(InputError, match="effects are known for the EHSA alone"):
+    with pytest.raises(InputError, match="has no drive_force"):
         ehsa_ctrl.diagnose(load_plant("emps"), log)
     with pytest.raises(InputError, match="has no current"):
         ehsa_ctrl.diagnose(plant, without)

@@ -34,6 +34,7 @@ system = System(
     hold="first_order",
     start={"x": "x_0"},
     measured=("acceleration",),
+    called={"F_0": "offset"},
     contacts=(CARRIAGE,),
     equations=(
         ("F_net", carriage.net_force),

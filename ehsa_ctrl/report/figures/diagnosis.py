@@ -37,7 +37,8 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
     """
     rows, log = traces(diagnosis), diagnosis.log
     part = widest(diagnosis)
-    drive = shown("current")
+    driven = diagnosis.plant.structure.system.drive
+    drive = shown(driven)
     heights = [ROW] * (len(rows) + 1)
     title = f"{diagnosis.plant.name} ({diagnosis.plant.model}) beside {name_of(log)}"
     with style():
@@ -47,10 +48,10 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
         wholes = stack(figure, heights, top=top, left=WHOLE[0], right=WHOLE[1], ticks=0.5)
         details = stack(figure, heights, top=top, left=PART[0], right=PART[1], ticks=0.4)
         for ax, samples in ((wholes[0], slice(None)), (details[0], part)):
-            panel.draw(ax, log.time[samples], log["current"][samples] / drive.scale, DRIVE).set_rasterized(
+            panel.draw(ax, log.time[samples], log[driven][samples] / drive.scale, DRIVE).set_rasterized(
                 ax is wholes[0] and len(log) > POINTS
             )
-            panel.hold(ax, [log["current"][samples] / drive.scale], None)
+            panel.hold(ax, [log[driven][samples] / drive.scale], None)
         wholes[0].set_ylabel(_two_lines(drive.label))
         lines: dict[str, Artist] = {}
         for trace, whole, detail in zip(rows, wholes[1:], details[1:], strict=True):

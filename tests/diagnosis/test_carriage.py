@@ -1,0 +1,99 @@
+"""A carriage under a known force: the catalogue's effects in another system's letters, on a bench log and a real one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.diagnosis.dry import dry_friction
+from ehsa_ctrl.diagnosis.twin import with_every_effect
+
+SHARED = Path(__file__).parents[3] / "shared" / "data" / "emps" / "train.csv"
+#: Published values; see plants/emps.toml.
+PUBLISHED = {"Fv": 203.5, "Fc": 20.39, "offset": -3.165}
+
+
+@pytest.fixture
+def carriage():
+    return ehsa_ctrl.load_plant("emps")
+
+
+def logged(plant, duration=12.0, seed=0):
+    """A log at 250 Hz: a force that moves the carriage to and fro, the position with a micrometre of noise."""
+    time = np.arange(0.0, duration, 0.004)
+    force = 75.0 * np.sin(2.0 * np.pi * 0.9 * time) * np.where(np.sin(2.0 * np.pi * 0.17 * time) > 0.0, 1.0, 0.6)
+    run = ehsa_ctrl.simulate(plant, force, hold="first_order", sample_time=0.004)
+    position = run["x"] + 1e-6 * np.random.default_rng(seed).standard_normal(time.size)
+    return ehsa_ctrl.Log(time, {"drive_force": force, "position": position})
+
+
+def test_letters_of_the_catalogue_have_their_own_names_here(carriage):
+    """A_FR is Fc, B_FR is Fv and F_0 the offset; what the system's equations have no place for is not in the twin."""
+    system = carriage.structure.system
+    twin = with_every_effect(carriage)
+
+    assert [system.own(letter) for letter in ("A_FR", "B_FR", "F_0", "M")] == ["Fc", "Fv", "offset", "M"]
+    assert {"drive_delay", "asymmetric_friction", "end_stop"} <= set(twin.structure.effects)
+    assert not {"torque_ripple", "internal_leakage"} & set(twin.structure.effects)
+
+
+def test_the_balance_shows_friction_and_offset(carriage):
+    """Least squares on a log gives what was put in, so that a search has somewhere to start."""
+    found = dry_friction(carriage.set(Fc=0.0, Fv=0.0, offset=0.0), logged(carriage))
+
+    assert found["A_FR"] == pytest.approx(carriage["Fc"], rel=0.1)
+    assert found["B_FR"] == pytest.approx(carriage["Fv"], rel=0.1)
+    assert found["F_0"] == pytest.approx(carriage["offset"], rel=0.1)
+
+
+@pytest.mark.slow
+def test_what_a_frictionless_model_lacks_is_found(carriage):
+    """All three at once, though one alone makes the run hardly better; the improved plant leaves no gap."""
+    log = logged(carriage)
+
+    found = ehsa_ctrl.diagnose(carriage.set(Fc=0.0, Fv=0.0, offset=0.0), log)
+
+    assert {cause.id for cause in found.effects} == {"rod_friction", "rod_viscous_friction", "constant_force"}
+    values = {name: number.value for cause in found.effects for name, number in cause.parameters.items()}
+    for name in ("Fc", "Fv", "offset"):
+        assert values[name] == pytest.approx(carriage[name], rel=0.05), name
+    assert found.where[0][0] == "force" and found.where[0][1] > 0.95
+    assert found.gap["with_effects"]["total"] < 0.02 * found.gap["nominal"]["total"]
+    assert ehsa_ctrl.diagnose(found.improved, log).verdict == "no_gap"
+
+
+@pytest.mark.slow
+def test_one_wrong_number_is_named(carriage):
+    """A mass that is 40 % off is the payload's; without a gap there is no cause."""
+    assert ehsa_ctrl.diagnose(carriage, logged(carriage)).verdict == "no_gap"
+
+    found = ehsa_ctrl.diagnose(carriage.set(M=1.4 * carriage["M"]), logged(carriage))
+
+    assert [cause.id for cause in found.effects] == ["payload_mass"]
+    assert found.effects[0].parameters["M"].value == pytest.approx(carriage["M"], rel=0.03)
+
+
+def test_a_rod_that_is_moved_from_outside_is_refused(carriage):
+    """One sentence that says what to do instead."""
+    with pytest.raises(ehsa_ctrl.InputError, match="moved from outside"):
+        ehsa_ctrl.diagnose(ehsa_ctrl.load_plant("mbari_pto"), logged(carriage))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not SHARED.is_file(), reason="the measured record is not here")
+def test_the_published_record_shows_the_published_friction(carriage):
+    """Measured on a real axis, believed without any friction: within 15 % of what its authors found by other means.
+
+    They fit one line of Coulomb and viscous friction; the Stribeck part that is found beside takes its share.
+    """
+    log = ehsa_ctrl.read_plant_log(SHARED, carriage)
+    log = ehsa_ctrl.Log(log.time[::4], {name: values[::4] for name, values in log.channels.items()}, log.path)
+
+    found = ehsa_ctrl.diagnose(carriage.set(Fc=0.0, Fv=0.0, offset=0.0), log)
+
+    assert {cause.id for cause in found.effects} == {"rod_friction", "rod_viscous_friction", "constant_force"}
+    values = {name: number.value for cause in found.effects for name, number in cause.parameters.items()}
+    for name, published in PUBLISHED.items():
+        assert values[name] == pytest.approx(published, rel=0.15), name
+    assert found.gap["with_effects"]["total"] < 0.1
