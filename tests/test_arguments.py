@@ -39,8 +39,8 @@ def given():
         "plant": plant, "log": log, "logs": [log], "before": log, "after": log, "system": system, "systems": {},
         "controller": e.load_controller("pid_position", system), "scenario": "steps_spring", "time": time,
         "current": time, "parameters": time[None], "reference": np.zeros((50, 3)), "measured": time, "simulated": time,
-        "name": "ehsa", "path": "nowhere/x.fmu", "plants": [plant], "n": 1, "required": (), "result": None, "folder": ".",
-        "found": object.__new__(Identification), "distance": 0.01, "current_limit": 6.0,
+        "name": "ehsa", "path": "nowhere/x.fmu", "plants": [plant], "n": 1, "required": (), "result": None,
+        "folder": ".", "found": object.__new__(Identification), "distance": 0.01, "current_limit": 6.0,
     }  # fmt: skip
 
 

@@ -84,8 +84,8 @@ def diagnose(
         raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
     if plant.structure.system.prescribed:
         raise InputError(
-            f"{plant.name}: its rod is moved from outside ({plant.structure.system_name}), and a diagnosis looks at rods "
-            "that run free; compare shows where log and simulation differ, identify refits the plant"
+            f"{plant.name}: its rod is moved from outside ({plant.structure.system_name}), and a diagnosis looks at "
+            "rods that run free; compare shows where log and simulation differ, identify refits the plant"
         )
     findings = _checked(plant, [log] if validate is None else [log, validate], check)
     noise = noise_of(log)

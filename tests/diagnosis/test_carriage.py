@@ -1,4 +1,4 @@
-"""A carriage under a known force: the catalogue's effects in another system's letters, on a bench log and a real one."""
+"""A carriage under a known force: the catalogue's effects in other letters, on a bench log and a real one."""
 
 from pathlib import Path
 

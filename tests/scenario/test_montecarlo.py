@@ -255,4 +255,4 @@ def test_result_prints_and_draws(scenario):
     assert "of 10 runs pass, probability" in str(found)
     assert len(found.to_pandas()) == 10 and {"K_T", "passed", "MaxError"} <= {*found.to_pandas()}
     assert found.plot().axes
-    assert ehsa_ctrl.monte_carlo is monte_carlo
+    assert ehsa_ctrl.monte_carlo.__wrapped__ is monte_carlo
