@@ -13,6 +13,10 @@ from typing import Any
 from .errors import InputError
 
 
+#: SI units whose angle data sheets leave out at times, and what names an angle in pint's words.
+PER_ANGLE, ANGLES = ("rad/s", "m3/rad"), ("radian", "turn", "degree", "rev")
+
+
 @lru_cache(maxsize=1)
 def _registry() -> Any:
     import pint
@@ -39,13 +43,20 @@ def _quantity(unit: str) -> Any:
 def factor(unit: str, expected: str) -> float:
     """How many `expected` (an SI unit) are one `unit`.
 
-    Raises InputError for an unknown unit, for one of another dimension, and for Hz where rad/s is meant.
+    Raises InputError for an unknown unit, for one of another dimension, for Hz where rad/s is meant, and for a speed or
+    a displacement without an angle, unless it is SI: 1/min may be revolutions, and mostly is.
     """
     got, wanted = _quantity(unit), _quantity(expected)
     if not got.is_compatible_with(wanted) or ("Hz" in unit) != ("Hz" in expected):
         hint = "; 1 Hz is 2 pi rad/s" if "Hz" in unit or "Hz" in expected else ""
         raise InputError(f"unit {unit!r} does not fit: expected one that converts to {expected!r}{hint}")
-    return float(got.to(wanted).magnitude)
+    found = float(got.to(wanted).magnitude)
+    if found != 1.0 and expected in PER_ANGLE and not any(word in str(got.units) for word in ANGLES):
+        raise InputError(
+            f"unit {unit!r} does not say of what angle, where {expected!r} is meant; write rev, as in 'rpm' and 'cm3/rev', "
+            "or rad"
+        )
+    return found
 
 
 #: SI base units by pint's names, and radians, which pint takes for a mere number.

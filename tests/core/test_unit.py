@@ -37,6 +37,8 @@ def test_text_becomes_si(text, expected, value):
         ("3 furlongz", "m", "is not known"),
         ("2 Hz", "rad/s", "1 Hz is 2 pi rad/s"),
         ("2 rad/s", "Hz", "1 Hz is 2 pi rad/s"),
+        ("3000 1/min", "rad/s", "does not say of what angle"),
+        ("3.7 cm3", "m3/rad", "as in 'rpm' and 'cm3/rev'"),
     ],
 )
 def test_wrong_text_is_a_sentence(text, expected, says):
