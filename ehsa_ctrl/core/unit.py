@@ -12,7 +12,6 @@ from typing import Any
 
 from .errors import InputError
 
-
 #: SI units whose angle data sheets leave out at times, and what names an angle in pint's words.
 PER_ANGLE, ANGLES = ("rad/s", "m3/rad"), ("radian", "turn", "degree", "rev")
 
@@ -53,8 +52,8 @@ def factor(unit: str, expected: str) -> float:
     found = float(got.to(wanted).magnitude)
     if found != 1.0 and expected in PER_ANGLE and not any(word in str(got.units) for word in ANGLES):
         raise InputError(
-            f"unit {unit!r} does not say of what angle, where {expected!r} is meant; write rev, as in 'rpm' and 'cm3/rev', "
-            "or rad"
+            f"unit {unit!r} does not say of what angle, where {expected!r} is meant; write rev, as in 'rpm' and "
+            "'cm3/rev', or rad"
         )
     return found
 

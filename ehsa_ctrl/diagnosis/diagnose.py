@@ -6,7 +6,6 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -14,25 +13,23 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.log import Log
 from ..identification.checks import check_log, refuse
-from ..physics.effects import EFFECTS
-from ..plant.file import CHANNEL_UNITS
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
-from .diagnosis import MODELS, Candidate, Cause, Diagnosis, Estimated
+from .causes import causes_of
+from .diagnosis import MODELS, Candidate, Diagnosis
 from .evidence import deviations
 from .fit import Bench, Metric, Nominal, Refit, refit
 from .held_out import Stretch, last_part, whole
 from .improved import improved
-from .judge import Judge, Judged, Key, by_label, ids_of
+from .judge import Judge, Judged, by_label
 from .locate import Location, locate
-from .next_experiment import Experiment, next_experiment
 from .ripple import ripple_of, with_angle
-from .same import same_in_principle
 from .search import Search
 from .signals import largest, noise_of
 from .suspects import suspects
-from .twin import BRISTLES, HARD, Twin, with_every_effect, without_dry_friction
+from .twin import Twin, with_every_effect, without_dry_friction
 from .weigh import Weighed, weigh
+from .what_next import advice, deciding_experiment, name_of
 
 #: A log shorter than this leaves too little to fit and to hold out [s].
 SHORTEST = 3.0
@@ -41,10 +38,6 @@ Watch = Callable[[str, int, int], None]
 LOOSE = 30.0
 #: Sets within this share of the nominal evidence of the best one are fitted to the end.
 PROMISING = 0.1
-#: Candidates less probable than this are not listed.
-POSSIBLE = 0.02
-#: Candidates among which an experiment has to decide.
-RIVALS = 4
 #: Hypotheses of each size that are weighed on held-out data.
 WEIGHED = 10
 
@@ -225,10 +218,10 @@ def _written(
     gap = {model: held.gap(setting) for model, setting in values.items()}
     gap["upper_bound"] = _bound(gap, location)
     sd = deviations(chosen.fit, judge.worth)
-    causes = _causes(plant, weighed, judge, sd, gap, common["log"]) if weighed.verdict != "outside_catalogue" else ()
+    causes = causes_of(plant, weighed, judge, sd, gap, common["log"]) if weighed.verdict != "outside_catalogue" else ()
     # What no log can tell apart makes a set too.
     verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
-    following = _next(weighed, search, common["noise_sd"])
+    following = deciding_experiment(weighed, search, common["noise_sd"])
     changed = {n: v for n, v in chosen.fit.values.items() if v != _believed(judge, n)}
     if named and ("torque_ripple", None) in chosen.causes and FOLLOWED not in common["findings"]:
         common = {**common, "findings": (*common["findings"], FOLLOWED)}
@@ -242,11 +235,11 @@ def _written(
         values=values,
         simulated=_runs(bare, values),
         candidates=tuple(
-            Candidate(tuple(_name(key) for key in j.label), j.evidence - weighed.labels[0].evidence, largest(j.held))
+            Candidate(tuple(name_of(key) for key in j.label), j.evidence - weighed.labels[0].evidence, largest(j.held))
             for j in weighed.labels
         ),
         location=location,
-        next_experiment=following.words if following is not None else _advice(verdict, causes),
+        next_experiment=following.words if following is not None else advice(verdict, causes),
         experiment=following,
         improved=improved(plant, chosen.fit.suspects, changed, sd) if named else None,
         seconds=time.monotonic() - began,
@@ -268,20 +261,6 @@ FOLLOWED = (
 )
 
 
-def _advice(verdict: str, causes: Sequence[Cause]) -> str | None:
-    """What to do where no experiment is proposed."""
-    if verdict == "outside_catalogue":
-        return (
-            "look at the balance that the gap lies in and at the curve that was found there; a log with another load "
-            "and another temperature shows whether the curve stays"
-        )
-    if verdict == "ambiguous" and all(set(c.ambiguous_with) <= set(c.why_same) for c in causes):
-        return "no experiment with these sensors can tell them apart; measure the quantity itself"
-    if verdict in ("ambiguous", "underdetermined"):
-        return "no input of the library tells the candidates apart within the plant's limits; measure another quantity"
-    return None
-
-
 def _bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[str, float]:
     """What a model of any form could reach: the nominal gap less what free unknown inputs take of it, or the best.
 
@@ -298,28 +277,6 @@ def _bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[s
     return bound
 
 
-def _next(weighed: Weighed, search: Search, noise: Mapping[str, float]) -> Experiment | None:
-    """What would tell the chosen hypothesis from its rivals."""
-    ours = search.bench.twin.plant.structure.system_name == "ehsa"
-    if weighed.verdict not in ("ambiguous", "underdetermined") or not ours:
-        return None
-    here = set(weighed.chosen.causes)
-    others = {key for keys in weighed.rivals.values() for key in keys}
-    rivals = [
-        j
-        for j in weighed.labels
-        if len(here - set(j.causes)) == 1 and len(set(j.causes) - here) == 1 and set(j.causes) - here <= others
-    ]
-    known = [weighed.chosen, *rivals][:RIVALS]
-    if len(known) < 2:
-        known = list(weighed.labels[:RIVALS])
-    named = {" + ".join(_name(key) for key in j.label) or "none": j.fit.values for j in known}
-    if len(named) < 2:
-        return None
-    twin = search.bench.twin
-    return next_experiment(twin.plant, named, noise=noise, nominal=search.bench.nominal, present=twin)
-
-
 def _believed(judge: Judge, name: str) -> float:
     """What a letter or a sensor's word is without the hypothesis."""
     plant = judge.search.bench.twin.plant
@@ -333,113 +290,3 @@ def _runs(bare: Stretch, values: Mapping[str, Mapping[str, float]]) -> dict[str,
     """Free runs over the whole log, those that last."""
     found = {model: bare.simulate(setting) for model, setting in values.items()}
     return {model: run for model, run in found.items() if run is not None}
-
-
-def _name(key: Key) -> str:
-    return key[0] if key[1] is None else f"{key[0]} ({key[1]})"
-
-
-def _causes(
-    plant: Plant,
-    weighed: Weighed,
-    judge: Judge,
-    sd: Mapping[str, float],
-    gap: Mapping[str, Mapping[str, float]],
-    log: Log,
-) -> tuple[Cause, ...]:
-    """Causes of the chosen hypothesis, the largest first; behind them what else is held for possible."""
-    chosen = weighed.chosen
-    closed = _parts(weighed, judge, gap["nominal"]["total"])
-    nominal, refitted, final = (gap[m]["total"] for m in ("nominal", "refit", "with_effects"))
-    absorbed = float(np.clip((nominal - refitted) / (nominal - final), 0.0, 1.0)) if nominal > final else 0.0
-    flow = (
-        plant["A"] * float(np.max(np.abs(np.diff(log["position"])))) / log.sample_time
-        if "position" in log.channels and "A" in plant.parameters
-        else 0.0
-    )
-    found = []
-    for key in chosen.causes:
-        numbers = _numbers(key, chosen, judge, sd)
-        same = same_in_principle(*key, chosen.fit.values, plant, flow)
-        alike = tuple(dict.fromkeys([*same, *(other for other, _ in weighed.rivals.get(key, ()) if other != key[0])]))
-        found.append(
-            Cause(
-                key[0], key[1], EFFECTS[key[0]].place, min(weighed.probability.get(key, 0.0), 1.0), numbers, alike,
-                absorbed, closed.get(key, 0.0), chosen.own[key], same,
-            )
-        )  # fmt: skip
-    found.sort(key=lambda cause: -largest(cause.alone))
-    if weighed.verdict == "underdetermined":
-        found += _others(weighed, judge)
-    return tuple(found)
-
-
-def _others(weighed: Weighed, judge: Judge) -> list[Cause]:
-    """Candidates beside the chosen ones, the most probable first, each with the numbers of its own best hypothesis."""
-    found: dict[Key, Cause] = {}
-    for judged in weighed.labels:
-        for key in judged.causes:
-            p = weighed.probability.get(key, 0.0)
-            if key in weighed.chosen.causes or key in found or p < POSSIBLE:
-                continue
-            numbers = _numbers(key, judged, judge, deviations(judged.fit, judge.worth))
-            found[key] = Cause(key[0], key[1], EFFECTS[key[0]].place, min(p, 1.0), numbers, alone=judged.own[key])
-    return sorted(found.values(), key=lambda cause: -cause.probability)
-
-
-def _numbers(key: Key, chosen: Judged, judge: Judge, sd: Mapping[str, float]) -> dict[str, Estimated]:
-    """The numbers of a cause; those of a sensor are called `value`, as the channel says which."""
-    plant = judge.search.bench.twin.plant
-    kinds = {kind.name: kind.unit for kind in plant.structure.equations.parameters}
-    ids = ids_of(plant)
-    out = {}
-    for suspect in chosen.fit.suspects:
-        if suspect.key != key:
-            continue
-        for name in suspect.names:
-            word, dot, channel = name.partition(".")
-            if dot and suspect.channel is None:
-                continue
-            if name == "n_c":
-                out[name] = Estimated(chosen.fit.values[name], 0.0, "1")
-                continue
-            unit = {"scale": "1", "bias": CHANNEL_UNITS[channel]}.get(word, "s") if dot else _unit(name, kinds)
-            if name == BRISTLES:
-                soft = max(chosen.fit.values[name], HARD)
-                out["sigma_0"] = Estimated(1.0 / soft, sd.get(name, np.nan) / soft**2, "N/m")
-                continue
-            out["value" if dot else name] = Estimated(chosen.fit.values[name], sd.get(name, np.nan), unit)
-    for f in chosen.fit.frees:
-        if (ids.get(f.name), None) == key and f.name not in out:
-            out[f.name] = Estimated(chosen.fit.values[f.name], f.scale, _unit(f.name, kinds))
-    return out
-
-
-def _unit(name: str, kinds: Mapping[str, str]) -> str:
-    return kinds.get(name, "N s/m")
-
-
-def _parts(weighed: Weighed, judge: Judge, nominal: float) -> dict[Key, float]:
-    """Share of the gap that each cause closes: its mean part over all orders in which they could be added (Shapley)."""
-    causes = weighed.chosen.causes
-    if nominal == 0.0:
-        return dict.fromkeys(causes, 0.0)
-    known: dict[frozenset[Key], float] = {frozenset(): nominal, frozenset(causes): weighed.chosen.held["total"]}
-    for judged in judge.known.values():
-        part = frozenset(judged.causes)
-        if part < frozenset(causes) and part:
-            known[part] = min(known.get(part, np.inf), judged.held["total"])
-
-    def left(members: frozenset[Key]) -> float:
-        if members not in known:
-            gone = {n for s in weighed.chosen.fit.suspects if s.key not in members for n in s.names}
-            values = {n: v for n, v in weighed.chosen.fit.values.items() if n not in gone}
-            known[members] = judge.held.gap(values)["total"]
-        return min(known[members], nominal * 10.0)
-
-    out = dict.fromkeys(causes, 0.0)
-    orders = list(permutations(causes))
-    for order in orders:
-        for i, key in enumerate(order):
-            out[key] += (left(frozenset(order[:i])) - left(frozenset(order[: i + 1]))) / nominal / len(orders)
-    return out

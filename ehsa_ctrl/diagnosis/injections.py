@@ -9,7 +9,8 @@ import numpy as np
 
 from ..core.log import Log
 from ..plant.plant import Plant
-from .regime import DRIVE, MEMORYLESS, Curve, curves_of
+from .bases import DRIVE, MEMORYLESS
+from .curves import Curve, curves_of
 from .squared_gap import Energy, SquaredGap
 from .unknown_input import filled, run_with, signals_of, smooth, unknown_inputs
 

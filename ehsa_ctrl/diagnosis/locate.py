@@ -19,8 +19,9 @@ from ..core.log import Log
 from ..identification.drives import acting_drive, logged_drives, undo_sensor
 from ..identification.start import find_start
 from ..plant.plant import Plant
+from .bases import DRIVE
 from .injections import BUMP, Form, Injections, Trial
-from .regime import DRIVE, Regime, regime_of
+from .regime import Regime, regime_of
 from .sensor_error import SensorError, impossible, suspected_sensor
 from .squared_gap import Energy, SquaredGap
 from .unknown_input import INPUTS, smooth

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from ehsa_ctrl.diagnosis.regime import Curve, regime_of
+from ehsa_ctrl.diagnosis.curves import Curve
+from ehsa_ctrl.diagnosis.regime import regime_of
 
 
 def test_what_goes_against_the_motion_has_a_mean_of_its_size():
