@@ -16,9 +16,9 @@ import numpy as np
 import ehsa_ctrl
 from ehsa_ctrl.simulation.compiled import engine
 
-plant = ehsa_ctrl.load_plant("ehsa")
+plant = ehsa_ctrl.load_plant("emps")
 kernel = engine(plant.structure)
-print(repr(float(ehsa_ctrl.simulate(plant, np.full(20, 1.5))["omega"][-1])))
+print(repr(float(ehsa_ctrl.simulate(plant, np.full(20, 60.0))["v"][-1])))
 print(sum(kernel.open_loop.stats.cache_misses.values()), sum(kernel.open_loop.stats.cache_hits.values()))
 """
 
@@ -39,11 +39,11 @@ def test_a_second_start_does_not_compile_and_an_edit_does(tmp_path):
         return float(speed), counts
 
     cold, warm = start(), start()
-    motor = tmp_path / "ehsa_ctrl" / "physics" / "motor.py"
-    stamp = motor.stat()
-    text = motor.read_text()
-    motor.write_text(text.replace("return K_T * current", "return 2.0 * K_T * current"))
-    os.utime(motor, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    carriage = tmp_path / "ehsa_ctrl" / "physics" / "carriage.py"
+    stamp = carriage.stat()
+    text = carriage.read_text()
+    carriage.write_text(text.replace("return F_M - offset", "return 2.0 * F_M - offset"))
+    os.utime(carriage, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
     edited = start()
 
     assert cold[1] == "1 0"
