@@ -51,7 +51,7 @@ ORDER = {
 }
 #: What to look for in each figure.
 CAPTIONS = {
-    "signals": "Free runs, driven by the logged current and nothing else. A gap is the RMS of measured minus simulated "
+    "signals": "Free runs, driven by the logged drive and nothing else. A gap is the RMS of measured minus simulated "
     "on held-out data, the sensor's noise taken off, over the standard deviation of the signal; 0 % is within noise. "
     "A run far off the measurement leaves its panel.",
     "where": "Left: shares of the squared gap. The balances know no effect: each is asked what it lacks, and how much "

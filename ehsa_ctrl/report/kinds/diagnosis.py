@@ -47,7 +47,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
         sentences=sentences,
         tables=tables,
         drawings=[
-            Drawing("signals", "Measured and simulated", "Free runs, driven by the logged current alone."),
+            Drawing("signals", "Measured and simulated", "Free runs, driven by what was logged of the drive alone."),
             Drawing("where", "Where the gap lies"),
             Drawing("unknown_inputs", "What the balances lack"),
             Drawing("candidates", "Candidates by evidence"),
