@@ -142,6 +142,7 @@ def shrinkage_figures(rows: Rows) -> list[Figure]:
         centre("gap closed by the true structure, median", [closable for _, closable in both], np.median),
         centre("answer over true structure, median", part, np.median),
         share("answer closes at least 95 % of what the truth does", [p >= 0.95 for p in part]),
+        share("sizes within the larger of 10 % and two deviations", [right for r in named for right in r.sizes]),
     ]
 
 

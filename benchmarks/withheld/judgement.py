@@ -13,6 +13,8 @@ from outside import OUTSIDE
 #: A listed effect is named when it is held for at least this likely; the first of "effect" and "ambiguous" always.
 NAMED = 0.5
 FAILED = "failed"
+#: A size is right within this share of the true one, or this many deviations.
+SIZE_SHARE, SIZE_SDS = 0.1, 2.0
 
 Name = tuple[str, str | None]
 
@@ -27,6 +29,8 @@ class Judgement:
     off below the threshold; minor: those that are.
     probabilities: (K,) of the ids; labels: (K,) 1 cause, 0 not, None for what is the same as a cause in principle.
     on_truth: mean probability given to the causes.
+    sizes: of each cause that is named by its own id, whether its numbers came out within the larger of 10 % and two
+    deviations.
     closed, closable: share of the nominal gap that the answer closed on held-out data, and that the truth closes.
     """
 
@@ -47,6 +51,7 @@ class Judgement:
     probabilities: tuple[float, ...]
     labels: tuple[int | None, ...]
     on_truth: float
+    sizes: tuple[bool, ...]
     closed: float | None
     closable: float | None
     largest: float
@@ -94,6 +99,12 @@ def judge(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | None) -
         probabilities=probabilities,
         labels=labels,
         on_truth=sum(on_truth) / len(on_truth) if on_truth else float("nan"),
+        sizes=tuple(
+            _size_right(effect, e)
+            for effect in key["effects"]
+            for e in named
+            if _is(e, {_name(effect)}) and _sized(effect, e)
+        ),
         closed=_closed(answer, "with_effects") if answer else None,
         closable=_closed(key.get("held_out"), "truth"),
         largest=max(key["gap"][s] for s in SIGNALS),
@@ -122,6 +133,24 @@ def _places(effect: Mapping[str, Any]) -> list[str]:
 def _accepted(effect: Mapping[str, Any]) -> set[Name]:
     rows: Iterable[Mapping[str, Any]] = effect.get("accepted") or [effect]
     return {(row["id"], row.get("channel")) for row in rows}
+
+
+def _name(effect: Mapping[str, Any]) -> Name:
+    return effect["id"], effect.get("channel")
+
+
+def _sized(effect: Mapping[str, Any], answered: Mapping[str, Any]) -> set[str]:
+    """Numbers that both the key and the answer give."""
+    return set(effect.get("parameters") or {}) & set(answered.get("parameters") or {})
+
+
+def _size_right(effect: Mapping[str, Any], answered: Mapping[str, Any]) -> bool:
+    """Whether all of them are within the larger of 10 % and two deviations; see the README."""
+    for name in _sized(effect, answered):
+        true, got = float(effect["parameters"][name]), answered["parameters"][name]
+        if abs(float(got["value"]) - true) > max(SIZE_SHARE * abs(true), SIZE_SDS * float(got["sd"] or 0.0)):
+            return False
+    return True
 
 
 def _is(effect: Mapping[str, Any], cause: set[Name]) -> bool:

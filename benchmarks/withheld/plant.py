@@ -18,8 +18,8 @@ from rig import Rig
 from scipy.signal import lfilter
 
 SAMPLE = 0.004  # s, 250 Hz
-DENSE = 4  # points a sample that the sensors see
-STEPS = 80  # of 50 us a sample
+DENSE = 4  # points of each sample that the sensors see
+STEPS = 80  # of 50 us in each sample
 LOOPS = {"open": 0.0, "centring": 1.0, "position": 2.0}
 
 

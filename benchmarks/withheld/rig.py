@@ -9,7 +9,10 @@ P_ATM = 101325.0  # Pa
 
 
 class Rig(NamedTuple):
-    """SI units, gauge pressures. Floats only, so that the compiled kernel sees one type whatever is switched on."""
+    """SI units, gauge pressures. Floats only, so that the compiled kernel sees one type whatever is switched on.
+
+    numba keeps the kernel until plant.py changes, and reads fields by their place: who changes their order touches it.
+    """
 
     # Equation (12) with the friction of (8).
     J_M: float = 3.312e-4

@@ -320,6 +320,21 @@ def figure(rows, heading, label):
     return next(f for f in figures.sections(rows)[heading] if f.label.startswith(label))
 
 
+def test_a_size_is_right_within_ten_per_cent_or_two_deviations():
+    """The larger of both decides; a cause of another name has no size."""
+    key = key_of(cause("internal_leakage"))
+    key["effects"][0]["parameters"] = {"K_L": 4e-12}
+
+    def sizes(value, sd, id="internal_leakage"):
+        answer = answer_of("effect", (id, 1.0, []))
+        answer["effects"][0]["parameters"] = {"K_L": {"value": value, "sd": sd}}
+        return judge("", key, answer).sizes
+
+    assert sizes(4.39e-12, 1e-14) == (True,) and sizes(4.41e-12, 1e-14) == (False,)
+    assert sizes(4.9e-12, 5e-13) == (True,)
+    assert sizes(4e-12, 1e-14, "orifice_leakage") == ()
+
+
 def test_perfect_answers_score_perfectly():
     """Truth with certainty: all right, nothing wrong, no loss but the floor's, the gap closed as by the truth."""
     rows = [
