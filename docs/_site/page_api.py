@@ -25,7 +25,7 @@ API = {
         "scenarios", "load_scenario", "run", "run_closed_loop", "monte_carlo", "known_of",
     )),
     "diagnosis": ("Diagnosis", "Where rig and simulation differ, and why.", (
-        "diagnose", "Diagnosis", "diagnose_many", "what_changed",
+        "diagnose", "Diagnosis", "diagnose_many", "what_changed", "gap",
     )),
     "pages": ("Pages", "What one shows to others.", (
         "write_report",
