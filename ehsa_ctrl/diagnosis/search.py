@@ -213,6 +213,10 @@ class Search:
         for _, response, step in self.gains(null)[: REFITTED // 2]:
             tasks.append(((response.suspect,), _start(response, step, null.values)))
         self.fit(tasks, "single effects", steps=3)
+        # Whoever holds the nominal parameters can't explain less than they do alone.
+        worse = [fit for fit in self.best(1) if fit.cost > null.cost and not _shaped(fit.suspects[0])]
+        worse = [fit for fit in worse if all(np.isfinite(f.believed) for f in fit.suspects[0].free)]
+        self.fit([(fit.suspects, null.values) for fit in worse], "single effects", steps=3)
         self.settle(self.best()[0])
         self.finish(self.best(1)[:FINISHED])
         self.settle(self.best()[0])
