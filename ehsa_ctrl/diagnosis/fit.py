@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 
 from ..core.errors import InputError
 from .signals import gap, largest, rod_velocity, scored, signal_noise
-from .suspects import NOMINAL, Free, Suspect
+from .suspects import NOMINAL, WEARS, Free, Suspect
 from .twin import Twin
 
 #: One residual counts as this share of an independent one: neighbours err together where a model is a little wrong.
@@ -19,7 +19,7 @@ TEMPER = 0.02
 SHARE, STEP = 0.3, 0.02
 #: Prior deviation of numbers of a model without dry friction, which were fitted to stand for it.
 LUMPED = 0.3
-#: A nominal parameter is wrong by no more than this factor: an engine gets along badly with a rod without mass.
+#: A nominal parameter is too large by no more than this factor: an engine gets along badly with a rod without mass.
 WRONG = 5.0
 #: Residuals are judged in blocks of this length [s]: a slip that a simulation misses spoils a block, not a sample.
 BLOCK = 0.1
@@ -186,7 +186,7 @@ def frees_of(nominal: Nominal, suspects: Sequence[Suspect]) -> tuple[Free, ...]:
     own = [free for suspect in suspects for free in suspect.free]
     names = {free.name for free in own}
     rest = [
-        Free(name, value, sd, value / WRONG, value * WRONG)
+        Free(name, value, sd, 0.0 if name in WEARS else value / WRONG)
         for name, value, sd in zip(nominal.names, nominal.believed, nominal.sd, strict=True)
         if name not in names
     ]
