@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import InputError
+from .words import listed
 
 #: Separators by pandas' word for them -> what a sentence calls them.
 SEPARATORS = {",": "','", ";": "';'", "\t": "tabs", r"\s+": "blanks"}
@@ -127,7 +128,7 @@ def read_dialect(path: Path) -> Dialect:
         rows=tuple(body),
         numbers=tuple(i + 1 for i in rows),
         header_row=(comments[-1] if commented else head) + 1,
-        note=f"{path.name}: read with {_listed(said)}" if said else "",
+        note=f"{path.name}: read with {listed(said)}" if said else "",
     )
 
 
@@ -287,7 +288,3 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

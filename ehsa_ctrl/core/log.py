@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from .errors import InputError, choices
+from .notebook import ShownAsText
 
 if TYPE_CHECKING:
     import pandas
@@ -65,7 +66,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Log:
+class Log(ShownAsText):
     """A record with channels by name.
 
     Attributes
@@ -109,11 +110,6 @@ class Log:
         return "\n".join([*lines, *missing, *(f"  {note}" for note in self.notes)])
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
     def segment(self, start: float | None = None, stop: float | None = None, *, shortest: int = 2) -> Log:
         """The samples from `start` to `stop` [s, the log's own time], both included; None is the log's own end.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.notebook import ShownAsText
 from ..core.protocol import MEASURED
 from .law import Law
 from .stages.feedforward import Feedforward, feedforward_settings
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class SampledController:
+class SampledController(ShownAsText):
     """A controller as the simulator, the analysis and the export take it: a core.protocol.Controller.
 
     Attributes
@@ -95,11 +96,6 @@ class SampledController:
         ]
         around = f", with {', '.join(stages)}" if stages else ""
         return f"{self.name}: {self.law}, |current| <= {self.current_limit:g} A, every {self.sample_time:g} s{around}"
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 assert len(MEASURED) == 5  # the supervision's memory has a place for each

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import html
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
 from ..core.log import Log
+from ..core.notebook import ShownAsText
 from ..plant.plant import Plant
 from .diagnose import Watch, diagnose
 from .diagnosis import Cause, Diagnosis
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Change:
+class Change(ShownAsText):
     """What changed between two logs.
 
     Attributes
@@ -74,9 +74,6 @@ class Change:
         return f"{self.sentence}\n{self.after}"
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def what_changed(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..core.log import Log
+from ..core.notebook import ShownAsText
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from .signals import SIGNALS, gap, largest, scored, signal_noise
@@ -106,7 +106,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(ShownAsText):
     """The answer to where, which and how far.
 
     Attributes
@@ -234,9 +234,6 @@ class Diagnosis:
         return "\n".join(lines)
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def _shown(diagnosis: Diagnosis) -> tuple[str, ...]:

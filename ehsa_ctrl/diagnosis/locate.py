@@ -16,6 +16,7 @@ from math import factorial
 import numpy as np
 
 from ..core.log import Log
+from ..core.words import listed
 from ..identification.drives import acting_drive, logged_drives, undo_sensor
 from ..identification.start import find_start
 from ..plant.plant import Plant
@@ -252,5 +253,4 @@ def _untold(plant: Plant, log: Log, case: Injections) -> tuple[str, ...]:
     quiet = [words for name, words in names.items() if name not in case.unknown.values]
     if not quiet:
         return ()
-    listed = " and ".join([", ".join(quiet[:-1]), quiet[-1]] if len(quiet) > 1 else quiet)
-    return (f"without {', '.join(missing) or 'more channels'} {listed} can't be told",)
+    return (f"without {', '.join(missing) or 'more channels'} {listed(quiet)} can't be told",)

@@ -9,7 +9,6 @@ for discriminating between two rival models", Biometrika 62(1), 1975; here over 
 
 from __future__ import annotations
 
-import html
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,6 +19,7 @@ import numpy as np
 
 from ..core.catalogue import plants
 from ..core.errors import InputError
+from ..core.notebook import ShownAsText
 from ..plant.file import LOAD_LETTERS
 from ..plant.plant import Plant, load_plant
 from .fit import Nominal
@@ -45,7 +45,7 @@ Told = tuple[Trial, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Experiment(ShownAsText):
     """A proposed experiment and what to expect of it.
 
     Attributes
@@ -101,9 +101,6 @@ class Experiment:
             now = f" ({self.now[pair]:.2g} now)" if pair in self.now else ""
             lines.append(f"  {' and '.join(pair)}: {d:.2g} standard deviations apart{now}")
         return "\n".join([*lines, f"  {self.command}"])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def next_experiment(

@@ -17,7 +17,6 @@ They do not cover what noise in the regressors shifts, nor errors of parameters 
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -27,6 +26,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from ..core.errors import InputError, choices
 from ..core.log import Log
+from ..core.notebook import ShownAsText
 from ..plant.arrays import array_evaluator, needs
 from ..plant.plant import Plant
 from ..plant.system import Balance, ParameterKind
@@ -67,7 +67,7 @@ class BalanceFit:
 
 
 @dataclass(frozen=True)
-class BalanceEstimate:
+class BalanceEstimate(ShownAsText):
     """What the balances of a system tell of its parameters.
 
     Attributes
@@ -111,9 +111,6 @@ class BalanceEstimate:
         return "\n".join(lines)
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def estimate_by_balances(

@@ -11,7 +11,6 @@ Experiment Design and Data Analysis", 1977; here over a library of inputs instea
 
 from __future__ import annotations
 
-import html
 import time as clock
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError, choices
+from ..core.notebook import ShownAsText
 from ..plant.plant import Plant
 from ..simulation.trajectory import Trajectory, versions
 from .admissible import LimitUse
@@ -38,7 +38,7 @@ SHORTEST, LONGEST = 1.0, 600.0
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Experiment(ShownAsText):
     """A proposed input and what to expect of it.
 
     Attributes
@@ -207,9 +207,6 @@ class Experiment:
         return "\n".join(self._lines())
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def design_experiment(

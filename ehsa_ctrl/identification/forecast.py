@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ import numpy as np
 
 from ..core.errors import InputError, SimulationError
 from ..core.log import Log
+from ..core.notebook import ShownAsText
 from ..plant.plant import Plant
 from ..simulation.bench import record
 from ..simulation.sensors import shown
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Forecast:
+class Forecast(ShownAsText):
     """Standard deviations to expect.
 
     run: the believed plant under the input, without noise. estimates: one row a free parameter, the value is the one
@@ -108,9 +108,6 @@ class Forecast:
         return self.table()
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def percent(value: float) -> str:

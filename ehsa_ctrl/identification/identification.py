@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ..core.notebook import ShownAsText
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .balances import BalanceEstimate
@@ -57,7 +57,7 @@ def _pooled(replays: tuple[Replay, ...]) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Identification:
+class Identification(ShownAsText):
     """A plant identified from logs.
 
     Attributes
@@ -371,6 +371,3 @@ class Identification:
         return "\n".join(self._lines())
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"

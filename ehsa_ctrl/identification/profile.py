@@ -14,6 +14,7 @@ import numpy as np
 from scipy import stats
 
 from ..core.errors import InputError, choices
+from ..core.notebook import ShownAsText
 from .estimator import fit
 from .free import with_values
 from .identification import Identification
@@ -26,7 +27,7 @@ STEPS = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 
 
 @dataclass(frozen=True)
-class Profile:
+class Profile(ShownAsText):
     """Cost along one parameter.
 
     values (m,) in `unit`, rise (m,): how much larger the cost is there, in units in which one standard deviation
@@ -44,11 +45,6 @@ class Profile:
         return f"{self.name}: 95 % interval by profile {low:.5g} to {high:.5g} {self.unit}"
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a value of the parameter that was held: how much larger the cost is there."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError, SimulationError, choices
 from ..core.log import Log
+from ..core.notebook import ShownAsText
 from ..plant.plant import Plant
 from ..simulation.sensors import shown
 from ..simulation.trajectory import Trajectory, versions
@@ -35,7 +36,7 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
 
 
 @dataclass(frozen=True)
-class Replay:
+class Replay(ShownAsText):
     """A free run beside the log that drove it.
 
     Attributes
@@ -94,11 +95,6 @@ class Replay:
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def fit_cell(percent: float) -> str:

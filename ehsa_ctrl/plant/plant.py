@@ -14,6 +14,7 @@ from ..core.catalogue import plants
 from ..core.definition import read_definition
 from ..core.errors import InputError, choices
 from ..core.log import CHANNELS, Column
+from ..core.notebook import ShownAsText
 from ..core.parameter import Parameter, check_range
 from ..core.unit import parse
 from ..physics.effects import EFFECTS
@@ -73,7 +74,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Plant:
+class Plant(ShownAsText):
     """A plant that can be simulated, linearised, identified.
 
     Attributes
@@ -194,11 +195,6 @@ class Plant:
             lines.append(f"  effects: {', '.join(structure.effects)}")
         lines += [f"  {p.name:<10} {p.value:>12.6g} {p.unit:<10} {p.source}" for p in self.parameters.values()]
         return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a parameter: value in SI units, unit, source, sd, the range in which it is believed, note."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ..core.words import listed
 from ..diagnosis.diagnosis import Cause, Diagnosis, Estimated
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant, Sensor
@@ -13,7 +14,6 @@ from .diagnosis_signals import signal_shown
 from .figures.diagnosis import percent
 from .figures.unknown_inputs import read_unit
 from .number import number, uncertain, unit
-from .verdict import listed
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from ..core.words import listed
 from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import MODELS, Diagnosis
 from ..diagnosis.signals import SIGNALS
@@ -27,7 +28,6 @@ from .figures import (
 from .figures.diagnosis import percent
 from .figures.unknown_inputs import regimes_by_balance
 from .grounds import assumed_of, hashes
-from .verdict import listed
 
 #: File of the page.
 FILE = "diagnosis.html"

@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..core.words import listed
 from ..identification.assumed import Drift, Refit
 from ..identification.identification import Identification
 from .grounds import written
 from .number import NOTHING, number
-from .verdict import listed
 
 #: An estimate that moves by more than this share is said to matter: no longer well determined.
 MATTERS = 0.1

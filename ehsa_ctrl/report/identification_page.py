@@ -9,6 +9,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..core.errors import InputError
+from ..core.words import listed
 from ..identification.assumed import Drift
 from ..identification.identification import Identification
 from ..identification.uncertainty import Estimate
@@ -18,7 +19,7 @@ from .drift import DriftTable
 from .figures import correlation_figure, identification_figure, parameters_figure, residuals_figure
 from .grounds import assumed_of, hashes
 from .number import NOTHING, number, uncertain, unit
-from .verdict import Verdict, listed, verdict, weights
+from .verdict import Verdict, verdict, weights
 
 #: The mark of each verdict: told apart without colour too.
 MARKS = {"well determined": "✓", "poorly determined": "△", "not identifiable from this log": "✗"}

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..core.unit import factor
+from ..core.words import listed
 from ..scenario.assumed import End, Swing
 from ..scenario.metrics import METRICS
 from ..scenario.result import ScenarioResult
 from .grounds import written
 from .number import number, unit
-from .verdict import listed
 
 #: Metrics shown where a scenario limits none.
 ELSE = ("MaxError", "RMSError", "CurrentRMS")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
+from ..core.words import listed
 from ..identification.identification import Identification
 from ..identification.window import sensor_sd
 from .channel import name_of
@@ -45,11 +45,6 @@ def weights(identification: Identification) -> list[tuple[str, float, float]]:
         for channel, sd in identification.noise_sd.items()
         if channel in identification.train.fit_percent
     ]
-
-
-def listed(words: Sequence[str]) -> str:
-    """Words as a sentence has them: "a, b and c"."""
-    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 def _determined(identification: Identification) -> tuple[str, bool]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError, SimulationError
+from ..core.notebook import ShownAsText
 from ..core.parallel import in_rounds, workers
 from ..core.protocol import Controller
 from ..plant.plant import Plant
@@ -36,7 +37,7 @@ LARGEST_SEED = 2**31
 
 
 @dataclass(frozen=True)
-class MonteCarlo:
+class MonteCarlo(ShownAsText):
     """A scenario on many plants.
 
     Attributes
@@ -134,11 +135,6 @@ class MonteCarlo:
         return "\n".join(lines)
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def monte_carlo(

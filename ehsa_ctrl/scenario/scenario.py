@@ -7,13 +7,14 @@ from pathlib import Path
 
 from ..core.catalogue import scenarios
 from ..core.definition import read_toml, validate
+from ..core.notebook import ShownAsText
 from ..core.unit import factor
 from .definition import ScenarioFile
 from .metrics import METRICS
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(ShownAsText):
     """A scenario's definition with its name and file."""
 
     name: str
@@ -41,11 +42,6 @@ class Scenario:
         return "\n".join(lines)
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def load_scenario(name: str | Path) -> Scenario:

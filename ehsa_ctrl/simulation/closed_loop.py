@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError, SimulationError
+from ..core.notebook import ShownAsText
 from ..core.protocol import MEASURED, REFERENCE, Controller
 from ..plant.plant import Plant
 from .compiled import engine
@@ -26,7 +27,7 @@ NO_CURRENT = 3
 
 
 @dataclass(frozen=True)
-class ClosedLoop:
+class ClosedLoop(ShownAsText):
     """A closed-loop run.
 
     Attributes
@@ -67,11 +68,6 @@ class ClosedLoop:
         return f"{self.trajectory}\n  error {1e3 * abs(self.error[-1]):.4g} mm at the end"
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
     def first(self, samples: int) -> ClosedLoop:
         """The first samples of this run, to be put beside a run that ended early."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError, SimulationError
+from ..core.notebook import ShownAsText
 from ..plant.plant import Plant
 from .limits import Exceedance, exceedances
 
@@ -29,7 +30,7 @@ def versions() -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class Trajectory(ShownAsText):
     """One run of a plant, sampled.
 
     Attributes
@@ -161,8 +162,3 @@ class Trajectory:
         return "\n".join([self.summary(), *passed, *([f"  {self.stopped}"] if self.stopped else [])])
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"

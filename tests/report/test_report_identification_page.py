@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.core.words import listed
 from ehsa_ctrl.identification.checks import Finding
 from ehsa_ctrl.identification.identification import Reach
 from ehsa_ctrl.identification.preparation import Step
 from ehsa_ctrl.report.comparison_page import write_comparison_page
 from ehsa_ctrl.report.identification_page import write_identification_page
 from ehsa_ctrl.report.number import NOTHING, number, uncertain
-from ehsa_ctrl.report.verdict import listed, verdict
+from ehsa_ctrl.report.verdict import verdict
 
 from .reading import LOADS, Page
 

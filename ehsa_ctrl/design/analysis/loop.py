@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.log import CHANNELS
+from ...core.notebook import ShownAsText
 from ...core.protocol import MEASURED, REFERENCE, Controller
 from .closed import INPUTS, OUTPUTS, closed_loop, closed_matrix, law_of
 from .frequency import discrete_response
@@ -38,7 +39,7 @@ LONGEST = 60
 
 
 @dataclass(frozen=True)
-class LoopAnalysis:
+class LoopAnalysis(ShownAsText):
     """A position loop, broken at the current, with the plant sampled exactly (zero-order hold).
 
     Attributes
@@ -135,11 +136,6 @@ class LoopAnalysis:
         )
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def analyse_loop(

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.notebook import ShownAsText
+
 if TYPE_CHECKING:
     import control
     import pandas
@@ -17,7 +19,7 @@ KEYS = {"omega": "speed", "dP": "dP", "v": "rod_speed", "x": "position"}
 
 
 @dataclass(frozen=True)
-class Analysis:
+class Analysis(ShownAsText):
     """A linear model seen from the current.
 
     Attributes
@@ -59,11 +61,6 @@ class Analysis:
         return "\n".join(lines)
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a pole: real and imaginary part and natural frequency (rad/s), damping (nan for an integrator)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -137,9 +137,3 @@ def settings_of(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     plant = str(content.get("plant", ""))
     model = content.get("model")
     return [("plant", f"{plant} ({model})" if model else plant), ("set for this run", believed or "nothing")]
-
-
-def listed(items: Iterable[str]) -> str:
-    """Words as a sentence has them."""
-    words = list(items)
-    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))

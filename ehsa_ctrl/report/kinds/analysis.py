@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from ...core.words import listed
 from ._margins import MARGINS, margin, margins_table
-from ._result import Drawing, Kind, Result, Sentence, Table, listed, written
+from ._result import Drawing, Kind, Result, Sentence, Table, written
 
 MARKS = {"good": "✓ good", "fault": "✗ fault"}
 

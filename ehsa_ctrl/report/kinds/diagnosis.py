@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+from ...core.words import listed
 from ...diagnosis.diagnosis import MODELS
 from ...diagnosis.signals import SIGNALS
 from ..closed_loop import closed_table
 from ..number import uncertain, unit
-from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, listed, percent, written
+from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, percent, written
 
 #: Whether one can go on with a verdict.
 STATES: dict[str, bool | Literal["doubt"]] = {

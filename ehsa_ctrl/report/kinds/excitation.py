@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from ...core.unit import factor
+from ...core.words import listed
 from ...simulation.limits import SHOWN
 from ..number import unit
-from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, listed, percent, settings_of, written
+from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, percent, settings_of, written
 
 #: Of the candidates, so many are listed.
 LISTED = 12

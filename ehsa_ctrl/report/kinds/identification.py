@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ...core.words import listed
 from ..number import uncertain, unit
-from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, fit_table, listed, percent, settings_of, written
+from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, fit_table, percent, settings_of, written
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Result:

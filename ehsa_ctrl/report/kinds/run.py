@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from ...core.unit import factor
+from ...core.words import listed
 from ...scenario.metrics import METRICS
 from ...scenario.result import NAMED, few
 from ..number import unit
-from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, listed, written
+from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, written
 
 #: Metrics in the table, where a run has them.
 SHOWN = ("SettlingTime", "Overshoot", "SteadyStateError", "MaxError", "RMSError", "Slips", "CurrentRMS")
