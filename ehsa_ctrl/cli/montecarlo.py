@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from ..core.errors import InputError
-from .complete import plants, scenarios, several_controllers
-from .options import Json
+from .complete import letters, plants, scenarios, several_controllers
+from .options import Json, read_pairs
 
 
 def command(
@@ -26,6 +26,16 @@ def command(
     design: Annotated[
         str | None, typer.Option(help="Design on this plant's linear set.", autocompletion=plants)
     ] = None,
+    settings: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Believe another value of the plant that is checked on, as for run: K_T=1.1, load.stiffness=50e3. "
+            "Repeatable.",
+            autocompletion=letters,
+        ),
+    ] = [],  # noqa: B006 - typer reads the default, nobody changes it
     identification: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw from the covariance of this identification.json.")
     ] = None,
@@ -50,8 +60,9 @@ def command(
     interval, and the parameter that decides it. Interrupt it and call it again: it goes on where it was.
 
     Examples: ehsa-ctrl montecarlo spread_steps --jobs -1 · ehsa-ctrl montecarlo spread_steps --runs 5000
-    --controller pid_position,my/pid.toml --require 0.95 · ehsa-ctrl montecarlo my/scenario.toml
-    --identification results/rig/identification.json --backend dask --address tcp://head:8786 --jobs -1
+    --controller pid_position,my/pid.toml --require 0.95 · ehsa-ctrl montecarlo spread_steps --set load.stiffness=80e3
+    · ehsa-ctrl montecarlo my/scenario.toml --identification results/rig/identification.json --backend dask
+    --address tcp://head:8786 --jobs -1
     """
     from ..report.figures import save
     from ..report.result_page import write_result_page
@@ -63,6 +74,7 @@ def command(
         raise InputError(f"--confidence {confidence:g}: expected more than 0 and less than 1")
     if require is not None and not 0.0 <= require <= 1.0:
         raise InputError(f"--require {require:g}: expected a probability, 0 to 1")
+    believed = read_pairs(settings)
     chosen: list[str | None] = [None]
     if controller is not None:
         chosen = [name.strip() for name in controller.split(",") if name.strip()]
@@ -78,8 +90,8 @@ def command(
         with compiling(), counting() as watch:
             result = monte_carlo(
                 scenario, runs=runs, seed=seed, controller=name, plant=plant, design=design,
-                identification=identification, jobs=jobs, backend=backend, address=address, file=file,
-                watch=watch and (lambda done, total, stem=stem: watch(stem, done, total)),
+                settings=believed, identification=identification, jobs=jobs, backend=backend, address=address,
+                file=file, watch=watch and (lambda done, total, stem=stem: watch(stem, done, total)),
             )  # fmt: skip
         found.append(result)
         save(result.plot(), out / stem)

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from .errors import InputError
-from .unit import factor
+from .unit import factor, names_angle
 
 #: Channel -> names that rigs give it, without blanks, marks and capitals.
 NAMES = {
@@ -89,6 +89,4 @@ def fitting(unit: str, si: str) -> float | None:
         scale = factor(unit, si)
     except InputError:
         return None
-    if "rad" in si and not re.search(r"rad|rpm|rev|turn|deg|°", unit, re.IGNORECASE):
-        return None
-    return scale
+    return None if "rad" in si and not names_angle(unit) else scale

@@ -13,7 +13,7 @@ from typing import Any
 from .errors import InputError
 
 #: SI units whose angle data sheets leave out at times, and what names an angle in pint's words.
-PER_ANGLE, ANGLES = ("rad/s", "m3/rad"), ("radian", "turn", "degree", "rev")
+PER_ANGLE, ANGLES = ("rad/s", "m3/rad"), ("radian", "turn", "degree", "rev", "arc")
 
 
 @lru_cache(maxsize=1)
@@ -50,12 +50,17 @@ def factor(unit: str, expected: str) -> float:
         hint = "; 1 Hz is 2 pi rad/s" if "Hz" in unit or "Hz" in expected else ""
         raise InputError(f"unit {unit!r} does not fit: expected one that converts to {expected!r}{hint}")
     found = float(got.to(wanted).magnitude)
-    if found != 1.0 and expected in PER_ANGLE and not any(word in str(got.units) for word in ANGLES):
+    if found != 1.0 and expected in PER_ANGLE and not names_angle(unit):
         raise InputError(
             f"unit {unit!r} does not say of what angle, where {expected!r} is meant; write rev, as in 'rpm' and "
             "'cm3/rev', or rad"
         )
     return found
+
+
+def names_angle(unit: str) -> bool:
+    """Whether a unit says of what angle it is: rpm and rad/s do, 1/min does not. Raises InputError if it is unknown."""
+    return any(word in str(_quantity(unit).units) for word in ANGLES)
 
 
 #: SI base units by pint's names, and radians, which pint takes for a mere number.

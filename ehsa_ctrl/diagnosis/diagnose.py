@@ -83,9 +83,10 @@ def diagnose(
     findings = _checked(plant, [log] if validate is None else [log, validate], check)
     noise = noise_of(log)
     twin = with_every_effect(plant)
-    turned, kept = log, validate
-    if ripple_of(plant):
-        turned, kept, findings = *_turned(plant, log, validate), (*findings, FOLLOWED)
+    rippled = ripple_of(plant) > 0.0
+    turned, kept = _turned(plant, log, validate) if rippled else (log, validate)
+    if rippled:
+        findings = (*findings, FOLLOWED)
     bare = whole(plant, twin, turned, noise)
     gaps = bare.gap({})
     common: dict[str, Any] = {
@@ -100,9 +101,10 @@ def diagnose(
             held_out=held.words, held_from=_held_from(held, log), values={}, simulated=_runs(bare, {"nominal": {}}),
             seconds=time.monotonic() - began, runs=2, **common,
         )  # fmt: skip
-    turned, kept = _turned(plant, log, validate)
+    if not rippled:
+        turned, kept = _turned(plant, log, validate)
     trainlog, held = _split(plant, twin, turned, kept, noise)
-    yields = plant.model == "nonlinear" and plant.structure.system_name == "ehsa"
+    yields = plant.model == "nonlinear" and plant.structure.chambers is not None
     bristles = with_every_effect(plant, "lugre") if yields else None
     held = replace(held, twin=replace(held.twin, bristles=bristles))
     bare = replace(bare, twin=replace(bare.twin, log=turned, bristles=bristles))
@@ -167,14 +169,15 @@ def _searched(search: Search, fitted: Stretch, held: Stretch, threshold: float, 
     """Singles, pairs, and sets of three where the first two leave much or much is known to be missing."""
     search.respond()
     search.singles()
-    for size in (2, 3):
-        if lumped:
-            # So far from the nominal plant its derivatives say nothing of what is missing beside.
-            search.respond(search.best()[0].values)
-        if size == 2 or lumped or _left(search):
-            search.grow(size)
-        if size == 2 and lumped:
-            search.missing()
+    if lumped:
+        # So far from the nominal plant its derivatives say nothing of what is missing beside.
+        search.respond(search.best()[0].values)
+    search.grow(2)
+    if lumped:
+        search.missing()
+        search.respond(search.best()[0].values)
+    if lumped or _left(search):
+        search.grow(3)
     return Judge(search, fitted, held, threshold, lumped=lumped)
 
 

@@ -10,9 +10,15 @@ from scipy.optimize import lsq_linear
 
 from ..core.errors import InputError
 from .signals import gap, largest, rod_velocity, scored, signal_noise
-from .suspects import NOMINAL, WEARS, Free, Suspect
+from .suspect import WEARS, Free, Suspect
 from .twin import Twin
 
+#: Letters that count as nominal parameters which a modeller has a little wrong, with the most that is believed of
+#: their relative error.
+NOMINAL = {
+    "K_T": 0.05, "J_M": 0.1, "A_FM": 0.1, "B_FM": 0.1, "C_FM": 0.15, "K_L": 0.15, "V_10": 0.1, "V_20": 0.1, "V": 0.1,
+    "M": 0.1, "A_FR": 0.1, "B_FR": 0.1, "C_FR": 0.15, "tau_FM": 0.15, "tau_FR": 0.15, "K_S": 0.1,
+}  # fmt: skip
 #: One residual counts as this share of an independent one: neighbours err together where a model is a little wrong.
 TEMPER = 0.02
 #: Prior deviation of a nominal parameter: what alone makes this share of the threshold; step of its derivative.
@@ -163,6 +169,13 @@ class Bench:
         edges = np.arange(0, max(parts.shape[1] - self.block + 1, 1), self.block)
         length = np.diff(np.append(edges, parts.shape[1]))
         return np.asarray(np.add.reduceat(parts**2, edges, axis=1) / length)
+
+    def slow_squares(self, r: np.ndarray) -> np.ndarray:
+        """Mean squares (channels,) of the means of residuals (n,) over blocks, in which noise is small."""
+        parts = r.reshape(len(self.metric.scale), -1)
+        count = max(parts.shape[1] // self.block, 1)
+        means = parts[:, : count * self.block].reshape(len(parts), count, -1).mean(axis=2)
+        return np.asarray(np.mean(means**2, axis=1))
 
     def loss(self, r: np.ndarray) -> float:
         """Sum over blocks, each as many squares as it has samples, with the large ones held down."""

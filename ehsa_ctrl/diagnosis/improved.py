@@ -11,7 +11,7 @@ from ..physics.effects import EFFECTS
 from ..physics.effects._effect import EffectParameter
 from ..plant.plant import SENSOR_WORDS, Plant
 from ..plant.structure import Structure
-from .suspects import Suspect
+from .suspect import Suspect
 from .twin import BRISTLES, DAMPING, DRY, HARD
 
 

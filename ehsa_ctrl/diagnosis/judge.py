@@ -149,17 +149,10 @@ class Judge:
         bench, shaken = self.search.bench, self.shaken[stretch].slow
         noise = bench.metric.noise_squares / bench.block
         counted = [i for i, name in enumerate(bench.metric.scale) if name not in ("position", "force")]
-        left = np.maximum(self._squares(r) - noise - shaken, 0.0)[counted]
-        before = np.maximum(self._squares(nominal) - noise, 0.0)[counted]
+        left = np.maximum(bench.slow_squares(r) - noise - shaken, 0.0)[counted]
+        before = np.maximum(bench.slow_squares(nominal) - noise, 0.0)[counted]
         share = float(np.sqrt(np.sum(left) / max(np.sum(before), 1e-12)))
         return Slow(share, float(np.sqrt(np.max(left))))
-
-    def _squares(self, r: np.ndarray) -> np.ndarray:
-        """Mean squares (channels,) of the means of residuals (n,) over blocks."""
-        parts, block = r.reshape(len(self.search.bench.metric.scale), -1), self.search.bench.block
-        count = max(parts.shape[1] // block, 1)
-        means = parts[:, : count * block].reshape(len(parts), count, -1).mean(axis=2)
-        return np.asarray(np.mean(means**2, axis=1))
 
     def _shaken(self, stretch: Stretch, values: Mapping[str, float]) -> Shaken:
         metric, twin = self.search.bench.metric, stretch.twin
@@ -179,7 +172,7 @@ class Judge:
             if other is None:
                 return still
             r = stretch.residual(metric, other) - stretch.residual(metric, run)
-            slow.append(self._squares(r))
+            slow.append(self.search.bench.slow_squares(r))
             square.append(float(np.mean(r**2)))
             dt = twin.log.sample_time
             a, b = ({n: v[stretch.first :] for n, v in scored(shown, dt).items()} for shown in (run, other))

@@ -31,7 +31,8 @@ def strongest_orders(plant: Plant, log: Log, count: int = 3) -> list[tuple[float
     sample: at 300 rad/s a ripple of four a turn goes through a whole period in 5 ms, so that a balance at the samples,
     or a smoothed one, would find it many times too small. None for a log that hardly moves.
     """
-    return [row for _, row in _ranked(plant, log)[:count]]
+    log = _turning(log)
+    return [row for _, row in _ranked(log, *_lacking(plant, log))[:count]]
 
 
 def with_angle(plant: Plant, log: Log, like: Log | None = None) -> Log:
@@ -46,16 +47,29 @@ def with_angle(plant: Plant, log: Log, like: Log | None = None) -> Log:
     if "speed" not in log.channels:
         return log
     log = _turning(log)
-    ranked = _ranked(plant, log)
-    if not ranked:
-        return log
-    order = ranked[0][1][0] if ranked[0][0] >= PLAIN * ranked[1][0] else 0.0
-    believed = ripple_of(plant)
-    if believed:
-        order = plant["n_c"]
-    if order == 0.0:
-        return log
     moves, lacks = _lacking(plant, log)
+    believed = ripple_of(plant) > 0.0
+    order = plant["n_c"] if believed else _plain_order(log, moves, lacks)
+    if order is None or np.count_nonzero(moves) < ENOUGH:
+        return log
+    log = _kept_in_phase(log, order, moves, lacks)
+    wanted = plant["phi_c"] if believed else None
+    if wanted is None and like is not None and ANGLE in like.channels:
+        there, lacking = _lacking(plant, like)
+        wanted = _phase(like, order, np.flatnonzero(there), lacking) if there.any() else None
+    if wanted is None:
+        return log
+    return _ahead(log, (_phase(log, order, np.flatnonzero(moves), lacks) - wanted) / order)
+
+
+def _plain_order(log: Log, moves: np.ndarray, lacks: np.ndarray) -> float | None:
+    """The order that explains plainly more of what the balance lacks than any other; None if none does."""
+    ranked = _ranked(log, moves, lacks)
+    return ranked[0][1][0] if ranked and ranked[0][0] >= PLAIN * ranked[1][0] else None
+
+
+def _kept_in_phase(log: Log, order: float, moves: np.ndarray, lacks: np.ndarray) -> Log:
+    """The log with an angle in which a ripple keeps its phase from window to window."""
     length = max(int(round(WINDOW / log.sample_time)), 1)
     times, phases = [], []
     for first in range(0, max(len(lacks) - length // 2, 1), max(length // 2, 1)):
@@ -67,14 +81,7 @@ def with_angle(plant: Plant, log: Log, like: Log | None = None) -> Log:
     if len(times) < 2:
         return log
     drift = np.interp(log.time, times, np.unwrap(phases))
-    log = _ahead(log, (drift - drift[0]) / order)
-    wanted = plant["phi_c"] * np.sign(believed) if believed else None
-    if wanted is None and like is not None and ANGLE in like.channels:
-        there, lacking = _lacking(plant, like)
-        wanted = _phase(like, order, np.flatnonzero(there), lacking) if there.any() else None
-    if wanted is None:
-        return log
-    return _ahead(log, (_phase(log, order, np.flatnonzero(moves), lacks) - wanted) / order)
+    return _ahead(log, (drift - drift[0]) / order)
 
 
 def ripple_of(plant: Plant) -> float:
@@ -135,10 +142,8 @@ def _lacking(plant: Plant, log: Log) -> tuple[np.ndarray, np.ndarray]:
     return moves, torque - basis @ np.linalg.lstsq(basis[moves], torque[moves], rcond=None)[0]
 
 
-def _ranked(plant: Plant, log: Log) -> list[tuple[float, tuple[float, float, float]]]:
+def _ranked(log: Log, moves: np.ndarray, lacks: np.ndarray) -> list[tuple[float, tuple[float, float, float]]]:
     """What each order explains [(N m)2, summed], and (order, amplitude, phase), the best first."""
-    log = _turning(log)
-    moves, lacks = _lacking(plant, log)
     if np.count_nonzero(moves) < ENOUGH:
         return []
     found = []

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from .fit import TEMPER, Bench, Refit, refit
-from .suspects import Suspect
+from .suspect import Suspect
 
 #: How many suspects are refitted after the screening, how many of them to the end, how many sets are grown from.
 REFITTED, FINISHED, BASES, ADDED = 12, 4, 3, 5
@@ -32,7 +32,7 @@ LACKING = {
         ("rod_viscous_friction", "rod_friction", "constant_force"),
         ("rod_viscous_friction", "rod_friction"),
     ),
-}  # fmt: skip
+}
 
 Key = tuple[tuple[str, str | None], ...]
 Item = TypeVar("Item")

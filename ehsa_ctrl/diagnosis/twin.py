@@ -64,8 +64,6 @@ def without_dry_friction(plant: Plant) -> bool:
 
 def _fits(structure: Structure, effect: str) -> bool:
     """Whether a system has what an effect changes and asks for."""
-    if structure.system_name == "ehsa":
-        return True
     try:
         return bool(replace(structure, effects=(effect,)).equations)
     except (InputError, TypeError):

@@ -30,8 +30,8 @@ def advice(verdict: str, causes: Sequence[Cause]) -> str | None:
 
 def deciding_experiment(weighed: Weighed, search: Search, noise: Mapping[str, float]) -> Experiment | None:
     """What would tell the chosen hypothesis from its rivals."""
-    ours = search.bench.twin.plant.structure.system_name == "ehsa"
-    if weighed.verdict not in ("ambiguous", "underdetermined") or not ours:
+    hydraulic = search.bench.twin.plant.structure.chambers is not None
+    if weighed.verdict not in ("ambiguous", "underdetermined") or not hydraulic:
         return None
     here = set(weighed.chosen.causes)
     others = {key for keys in weighed.rivals.values() for key in keys}

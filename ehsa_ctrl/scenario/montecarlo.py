@@ -145,6 +145,7 @@ def monte_carlo(
     controller: str | Path | Controller | None = None,
     plant: str | Path | Plant | None = None,
     design: str | Path | Plant | None = None,
+    settings: Mapping[str, str | float] | None = None,
     identification: str | Path | None = None,
     jobs: int = 1,
     backend: str | None = None,
@@ -159,8 +160,8 @@ def monte_carlo(
 
     Parameters
     ----------
-    scenario, controller, plant, design: as for `run`. The scenario's [spread] says what is uncertain beyond the plant's
-        own file; see `spread.uncertainty_of`.
+    scenario, controller, plant, design, settings: as for `run`. The scenario's [spread] says what is uncertain beyond
+        the plant's own file; see `spread.uncertainty_of`.
     identification: an identification.json, whose covariance is drawn from.
     jobs, backend, address: see `core.parallel.workers`; by default threads for a compiled controller, whose
         simulation runs outside Python's lock, and processes for one in plain Python.
@@ -177,7 +178,7 @@ def monte_carlo(
     """
     if runs < 1:
         raise InputError(f"runs = {runs}: expected at least 1")
-    case = prepare(scenario, controller=controller, plant=plant, design=design)
+    case = prepare(scenario, controller=controller, plant=plant, design=design, settings=settings)
     definition = case.scenario.definition
     if not definition.limits and not definition.expect_trips:
         raise InputError(f"{case.scenario.path or case.scenario.name}: sets no limit, so that every run would pass")

@@ -28,6 +28,10 @@ class ReferenceRun:
     modes: np.ndarray
     events: tuple[tuple[float, str, int], ...]
 
+    def __repr__(self) -> str:
+        samples, states = self.states.shape
+        return f"ReferenceRun of {states} states over {samples} samples, {len(self.events)} changes of a contact's mode"
+
 
 def simulate_reference(
     plant: Plant,

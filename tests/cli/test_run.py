@@ -181,6 +181,7 @@ def test_montecarlo_can_require_a_probability(run, scenario, require, expected):
         (["short", "--require", 7], "--require 7"),
         (["short", "--backend", "pvm"], "backend 'pvm'"),
         (["short", "--controller", ","], "names no controller"),
+        (["short", "--set", "nix=3"], "nix: the nonlinear model of ehsa has no such parameter"),
     ],
 )
 def test_montecarlo_says_what_is_wrong(run, scenario, arguments, says):

@@ -9,7 +9,8 @@ import ehsa_ctrl
 from ehsa_ctrl.diagnosis.fit import TEMPER, Bench, Metric, Nominal
 from ehsa_ctrl.diagnosis.search import WORTH_GROWING, Response, Search
 from ehsa_ctrl.diagnosis.signals import noise_of
-from ehsa_ctrl.diagnosis.suspects import Free, Suspect, suspects
+from ehsa_ctrl.diagnosis.suspect import Free, Suspect
+from ehsa_ctrl.diagnosis.suspects import suspects
 from ehsa_ctrl.diagnosis.twin import Twin, with_every_effect
 
 

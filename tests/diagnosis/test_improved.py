@@ -4,7 +4,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.improved import improved
-from ehsa_ctrl.diagnosis.suspects import Suspect
+from ehsa_ctrl.diagnosis.suspect import Suspect
 from ehsa_ctrl.physics.effects import EFFECTS
 
 

@@ -17,7 +17,7 @@ from ehsa_ctrl.diagnosis.fit import Bench, Metric, Nominal, refit
 from ehsa_ctrl.diagnosis.next_experiment import next_experiment
 from ehsa_ctrl.diagnosis.probes import probes
 from ehsa_ctrl.diagnosis.rivals import Rivals
-from ehsa_ctrl.diagnosis.suspects import Free, Suspect
+from ehsa_ctrl.diagnosis.suspect import Free, Suspect
 from ehsa_ctrl.diagnosis.twin import Twin
 from ehsa_ctrl.simulation.bench import record
 from ehsa_ctrl.simulation.excitation import excitation

@@ -59,6 +59,15 @@ def test_a_controller_can_be_handed_over(scenario):
     assert monte_carlo(scenario, runs=3, controller=ready).outcomes == monte_carlo(scenario, runs=3).outcomes
 
 
+def test_what_is_set_is_believed_by_every_run(scenario):
+    """The same draws on a plant with a stiffer spring: other errors, and another campaign than without."""
+    softer, stiffer = (monte_carlo(scenario, runs=4, settings=set) for set in (None, {"load.stiffness": "80 kN/m"}))
+    (run, *_), (other, *_) = softer.outcomes, stiffer.outcomes
+
+    assert stiffer.plant["K_S"] == 80e3 and run.parameters == other.parameters
+    assert run.metrics["MaxError"] != other.metrics["MaxError"]
+
+
 def test_more_runs_begin_with_the_same(scenario):
     """Run k has its draw whatever the number of runs."""
     assert monte_carlo(scenario, runs=12).outcomes[:5] == monte_carlo(scenario, runs=5).outcomes

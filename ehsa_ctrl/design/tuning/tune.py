@@ -53,7 +53,7 @@ class Tuning(Definition):
     minimise: Literal["IE", "IAE", "ITAE"] = "ITAE"
     response: Literal["load", "reference"] = "load"
     terms: Literal["P", "PI", "PD", "PID"] = "PID"
-    Ms: Annotated[float, Field(gt=1)] | None = 1.5
+    Ms: Annotated[float, Field(gt=1, allow_inf_nan=False)] | None = 1.5
     Mt: Annotated[float, Field(gt=1)] | None = 1.4
     disk_margin: Annotated[float, Field(gt=0, lt=2)] | None = 0.7
     noise_gain: Annotated[float, In("A/m")] | None = 1e4
