@@ -46,6 +46,7 @@ def imports(path: Path, *, inside_functions: bool):
             yield parts[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", sorted(ALLOWED))
 def test_a_folder_imports_only_from_below(folder):
     """A folder's modules import only the folders that the design allows, lazily too, but for plot()."""

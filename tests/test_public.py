@@ -33,6 +33,7 @@ def test_every_command_is_in_the_readme(command):
     assert f"ehsa-ctrl {command}" in README
 
 
+@pytest.mark.slow
 def test_the_readmes_python_runs(tmp_path, monkeypatch):
     """The snippet of the tour, as it stands."""
     monkeypatch.chdir(tmp_path)

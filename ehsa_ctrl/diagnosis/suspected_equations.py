@@ -159,7 +159,10 @@ def _viscosity_warmup(twin: Twin, name: str) -> list[Way]:
 
 
 def _entrained_air(twin: Twin, name: str) -> list[Way]:
-    return [((_free(twin, name, "air_fraction", 0.003),), ((0.003,), (0.02,)))]
+    air = _free(twin, name, "air_fraction", 0.003)
+    # Slow changes are isothermal, fast ones adiabatic; what lies between is the log's to say.
+    exponent = _free(twin, name, "n_air", 0.1)
+    return [((air, exponent), tuple((share, exponent.believed) for share in (0.003, 0.02)))]
 
 
 #: Effects that do not simply go from neutral to what is felt.

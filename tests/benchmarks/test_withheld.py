@@ -29,6 +29,8 @@ from rig import LINEAR, Rig  # noqa: E402
 from sensors import NOISE, Sensors  # noqa: E402
 from yardstick import Yardstick  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 
 def sine(n=500, amplitude=2.0):
     return amplitude * np.sin(2.0 * np.pi * 1.5 * 0.004 * np.arange(n))

@@ -23,6 +23,7 @@ def test_help_answers_at_once():
         assert f"'{heavy}'" not in loaded
 
 
+@pytest.mark.slow
 def test_help_explains_every_command_with_an_example(run):
     """--help lists the commands; each command's help shows a call."""
     status, out, _ = run("--help")
@@ -43,7 +44,7 @@ def test_without_arguments_it_says_what_it_can(run):
 @pytest.mark.slow
 def test_run_does_the_main_job(run, tmp_path):
     """All shipped scenarios: results, page and figures are there, the verdict is printed, exit status 0."""
-    status, out, _ = run("run", "--out", "results")
+    status, out, _ = run("run", "--no-assumed", "--out", "results")
     summary = json.loads((tmp_path / "results" / "results.json").read_text())
 
     assert status == 0
@@ -63,6 +64,7 @@ def scenario_text(**replaced):
     return text
 
 
+@pytest.mark.slow
 def test_a_limit_that_is_not_kept_fails_with_status_1(run, tmp_path):
     """The scenario ran, the plant did not do what was asked: 1, with metric, value and bound."""
     (tmp_path / "tight.toml").write_text(scenario_text(a=('max = "200 um"', 'max = "1 nm"')))
@@ -73,6 +75,7 @@ def test_a_limit_that_is_not_kept_fails_with_status_1(run, tmp_path):
     assert json.loads((tmp_path / "results" / "results.json").read_text())["passed"] is False
 
 
+@pytest.mark.slow
 def test_a_load_beyond_the_stroke_is_a_trip(run, tmp_path):
     """40 kN push the rod out of its stroke: it fails, unless the scenario asserts that it trips."""
     force = ('stiffness = "50 kN/m"', 'stiffness = "0 N/m"\nforce = "40 kN"')
@@ -91,6 +94,7 @@ def test_a_load_beyond_the_stroke_is_a_trip(run, tmp_path):
     assert status == 0
 
 
+@pytest.mark.slow
 def test_several_controllers_side_by_side(run, tmp_path):
     """--controller A,B runs each; the user's own file is found first, in ./controllers or by its path."""
     (tmp_path / "controllers").mkdir()
@@ -105,6 +109,7 @@ def test_several_controllers_side_by_side(run, tmp_path):
     assert slow > fast
 
 
+@pytest.mark.slow
 def test_a_users_scenario_folder_is_what_run_takes(run, tmp_path):
     """With ./scenarios there, `run` alone runs those."""
     (tmp_path / "scenarios").mkdir()
@@ -114,6 +119,7 @@ def test_a_users_scenario_folder_is_what_run_takes(run, tmp_path):
     assert [s["scenario"] for s in json.loads(out)["scenarios"]] == ["mine"]
 
 
+@pytest.mark.slow
 def test_a_result_is_replaced_only_with_force(run, tmp_path):
     """A second run into the same folder is refused; nothing has changed there."""
     assert run("run", "force_step", "--out", "mine")[0] == 0
@@ -126,6 +132,7 @@ def test_a_result_is_replaced_only_with_force(run, tmp_path):
     assert (tmp_path / "mine" / "results.json").read_bytes() != before
 
 
+@pytest.mark.slow
 def test_simulate_writes_a_log_in_the_format(run, tmp_path):
     """Columns, sampling and rest state as the contract says; without noise the rest is exact."""
     status, *_ = run("simulate", "ehsa", "--excitation", "sine", "--duration", "1", "--no-noise", "--out", "log")
@@ -146,6 +153,7 @@ def test_simulate_writes_a_log_in_the_format(run, tmp_path):
     assert (tmp_path / "log" / "simulation.png").is_file()
 
 
+@pytest.mark.slow
 def test_simulate_takes_an_input_file(run, tmp_path):
     """The log has the input's times and current, held over each sample; settings reach the plant."""
     time_ = 2.0 + 0.002 * np.arange(301)
@@ -160,6 +168,7 @@ def test_simulate_takes_an_input_file(run, tmp_path):
     assert loaded["force"].iloc[-1] == pytest.approx(200e3 * loaded["position"].iloc[-1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_seed_makes_the_log(run, tmp_path):
     """Same seed, same bytes; another seed, another log."""
     base = ("simulate", "ehsa", "--excitation", "noise", "--duration", "1")
@@ -170,6 +179,7 @@ def test_the_seed_makes_the_log(run, tmp_path):
     assert a == b != c
 
 
+@pytest.mark.slow
 def test_a_limit_passed_in_simulate_is_a_warning(run):
     """Beyond the stroke: said on standard error, status 0."""
     status, _, err = run("simulate", "ehsa", "--excitation", "ramp", "--amplitude", "5", "--out", "log")
@@ -178,6 +188,7 @@ def test_a_limit_passed_in_simulate_is_a_warning(run):
     assert "warning: limit passed: stroke" in err
 
 
+@pytest.mark.slow
 def test_analyse_gives_the_figures_of_the_model(run, tmp_path):
     """Poles and DC gains as JSON, margins with a controller, figures on request."""
     status, out, _ = run("analyse", "ehsa", "--controller", "pid_position", "--json", "--out", "analysis")
@@ -190,6 +201,7 @@ def test_analyse_gives_the_figures_of_the_model(run, tmp_path):
     assert (tmp_path / "analysis" / "bode.png").is_file()
 
 
+@pytest.mark.slow
 def test_list_and_check(run):
     """What there is, as a table and as JSON; all of it is valid."""
     assert "stribeck" in run("list")[1]

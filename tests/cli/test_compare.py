@@ -29,6 +29,7 @@ def test_both_models_are_compared_with_the_log(run, log):
     assert float(cells[2]) > 98.0 > float(cells[1])
 
 
+@pytest.mark.slow
 def test_the_result_is_in_json_csv_and_figures(run, log, tmp_path):
     """The same figures everywhere; an existing result stays unless --force is said."""
     call = ("compare", "log.csv", "--plant", "ehsa", "--from", "1", "--zero", "p1,p2", "--out", "out", "--json")

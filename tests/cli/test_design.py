@@ -17,6 +17,7 @@ from ehsa_ctrl.design.tuning.specification import begin, leaves, resolve, value
 CLASSIC = ("design", "ehsa", "--kind", "pid", "--bandwidth", "35 rad/s", "--phase-margin", "60 deg")
 
 
+@pytest.mark.slow
 def test_a_tuned_pid_is_written_and_keeps_what_was_asked_for(run, linear):
     status, out, _ = run(
         "design", "ehsa", "--kind", "pid", "--Ms", "1.4", "--noise-gain", "6000 A/m", "-o", "mine.toml"
@@ -57,6 +58,7 @@ def test_frozen_gains_are_the_same_controller(run, linear):
     assert given.settings() == pytest.approx(specified.settings(), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_json_and_figures(run):
     status, out, _ = run(*CLASSIC, "--set", "K_T=1.1", "--json", "--out", "result")
 
@@ -103,6 +105,7 @@ def test_an_lqr_gets_its_bandwidth_from_the_position_weight(run, linear):
     assert result["definition"]["weights"]["current"] == "2 A"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

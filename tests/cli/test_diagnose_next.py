@@ -18,6 +18,7 @@ def experiment(command):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [f"--input {FILE}", "--excitation noise --amplitude 1"])
 def test_the_command_that_is_printed_finds_the_file_that_is_written(run, tmp_path, options):
     """Run as it stands, it makes the log of the proposed current."""

@@ -9,6 +9,7 @@ import pytest
 QUICK = ("excite", "ehsa", "--kind", "sine", "--duration", "3", "--rehearsals", "2")
 
 
+@pytest.mark.slow
 def test_the_table_is_for_people(run):
     """Parameters with their sd, limits, candidates, and how to go on; nothing on standard error."""
     status, out, err = run(*QUICK)
@@ -55,6 +56,7 @@ def test_the_commands_it_names_work(run, tmp_path):
         assert abs(found[name]["value"] - expected["believed"]) < 5 * expected["sd"], name
 
 
+@pytest.mark.slow
 def test_what_is_not_determined_is_a_warning(run):
     """Of the linear plant only V/beta shows."""
     status, _, err = run(*QUICK, "--model", "linear", "--free", "beta")

@@ -58,6 +58,7 @@ def test_both_models_beside_each_other(run, logs):
     assert fits["nonlinear"] > fits["linear"] + 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -14,6 +14,7 @@ import ehsa_ctrl
 CALL = [sys.executable, "-c", "from ehsa_ctrl.cli.main import main; main()"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="pipes as a Unix shell has them")
 @pytest.mark.parametrize(
     "arguments", [("list", "plants"), ("list", "effects", "--json"), ("--help",), ("new", "plant")]
@@ -29,6 +30,7 @@ def test_a_reader_that_leaves_is_no_failure(tmp_path, arguments):
     assert done.stderr == b""
 
 
+@pytest.mark.slow
 def test_colour_is_for_terminals_alone(tmp_path):
     """No escape sequence in a file or a pipe."""
     for arguments in (["list", "plants"], ["--help"], ["new", "plant"], ["run", "no_such"]):
@@ -85,6 +87,7 @@ def test_an_interrupt_says_what_is_kept(run, monkeypatch, tmp_path, work, call):
     assert not (tmp_path / "there").exists()
 
 
+@pytest.mark.slow
 def test_no_color_is_kept(tmp_path):
     """NO_COLOR takes colours away even where they are asked for."""
     asked = os.environ | {"FORCE_COLOR": "1"}

@@ -132,6 +132,7 @@ def test_a_controller_of_each_kind_is_found_by_name_and_valid(run, kind):
     assert run("check", f"controllers/my_{kind}.toml")[0] == 0
 
 
+@pytest.mark.slow
 def test_a_project_of_ones_own_runs(run, tmp_path):
     """Plant, controller and scenario by `new`, each referring to the other by name: a scenario that passes."""
     assert run("new", "plant", "rig")[0] == 0

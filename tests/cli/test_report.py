@@ -57,6 +57,7 @@ def test_a_page_rests_on_what_its_json_says(run, results, tmp_path):
     assert rests_on["command"].startswith("ehsa-ctrl compare all/bench/log.csv")
 
 
+@pytest.mark.slow
 def test_a_page_is_replaced_only_when_told(run, results, tmp_path):
     """As every result; to another folder it goes without."""
     assert run("report", "all")[0] == 0

@@ -43,6 +43,7 @@ def mine(tmp_path):
     (tmp_path / "controllers" / "slow.toml").write_text(text.replace('"35 rad/s"', '"20 rad/s"'))
 
 
+@pytest.mark.slow
 def test_controllers_stand_side_by_side(run, scenario, mine):
     """One table with a column each."""
     scenario(LIMITS.replace("3 mm", "10 mm"))
@@ -55,6 +56,7 @@ def test_controllers_stand_side_by_side(run, scenario, mine):
     assert fast < slow
 
 
+@pytest.mark.slow
 def test_what_is_untested_is_said(run, scenario, tmp_path):
     """Neither passed nor failed; the exit status is 0."""
     scenario("")
@@ -65,6 +67,7 @@ def test_what_is_untested_is_said(run, scenario, tmp_path):
     assert json.loads((tmp_path / "results" / "results.json").read_text())["scenarios"][0]["verdict"] == "untested"
 
 
+@pytest.mark.slow
 def test_who_names_no_folder_is_not_refused_and_loses_nothing(run, scenario, tmp_path):
     """A second run writes beside the first."""
     scenario("")
@@ -77,6 +80,7 @@ def test_who_names_no_folder_is_not_refused_and_loses_nothing(run, scenario, tmp
     assert "there is a result already" in err
 
 
+@pytest.mark.slow
 def test_a_baseline_is_recorded_kept_and_left(run, scenario, tmp_path):
     """Recorded with a reason; another plant leaves it with status 1, a sentence and a figure; then recorded anew."""
     assert run("run", "short", "--update-baselines", "--reason", "first look")[0] == 0
@@ -112,6 +116,7 @@ def test_baselines_are_not_changed_by_the_way(run, scenario, monkeypatch, argume
     assert status == 2 and says in err and "Traceback" not in err
 
 
+@pytest.mark.slow
 def test_a_setting_of_one_run_is_in_its_results(run, scenario, tmp_path):
     """In the JSON and on the page; no baseline is held against it, and none is recorded of it."""
     scenario("")
@@ -140,6 +145,7 @@ def test_a_wrong_setting_is_one_sentence(run, scenario, setting, says):
     assert status == 2 and says in err and err.count("\n") == 1 and "short.toml" not in err
 
 
+@pytest.mark.slow
 def test_force_leaves_no_figure_of_another_controller(run, scenario, mine, tmp_path):
     """What the old result named as its own goes; a user's own file stays."""
     run("run", "short", "--controller", "pid_position,slow")
@@ -153,6 +159,7 @@ def test_force_leaves_no_figure_of_another_controller(run, scenario, mine, tmp_p
     assert not any("slow" in name for name in names)
 
 
+@pytest.mark.slow
 def test_montecarlo_goes_on_where_it_was(run, scenario, tmp_path):
     """Ten runs, then fifteen: five more lines; the probability in words, the figure beside it."""
     scenario(LIMITS + '\n[spread]\nA_FR = "10 %"\n')
@@ -167,6 +174,7 @@ def test_montecarlo_goes_on_where_it_was(run, scenario, tmp_path):
     assert (folder / "short.png").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("require", "expected"), [(0.5, 0), (0.999, 1)])
 def test_montecarlo_can_require_a_probability(run, scenario, require, expected):
     """Judged by the interval's lower end: ten runs never prove 99.9 %."""

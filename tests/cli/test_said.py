@@ -5,6 +5,7 @@ import re
 import shlex
 
 import numpy as np
+import pytest
 
 from ehsa_ctrl.cli.progress import compiling
 from ehsa_ctrl.identification.replay import fit_cell
@@ -38,6 +39,7 @@ def test_a_refusal_leaves_no_folder(run, tmp_path):
     assert list((tmp_path / "mine").iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_page_has_the_command_as_a_shell_takes_it(run, tmp_path):
     """Arguments with a space stay one argument."""
     (tmp_path / "my folder").mkdir()

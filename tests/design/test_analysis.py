@@ -102,6 +102,7 @@ def test_the_disk_margin_is_where_the_first_complex_factor_ends_stability(system
         assert np.max(np.abs(perturbed_poles(system, controller, (2 + d) / (2 - d)))) < 1
 
 
+@pytest.mark.slow
 def test_margins_agree_with_python_control(system):
     """Gain, phase, Ms and disk margin of a PID loop against stability_margins and disk_margins on a dense grid."""
     controller = load_controller("pid_position", system)
@@ -255,6 +256,7 @@ def test_an_unstable_loop_has_no_margins(system):
     assert "NOT STABLE" in str(loop)
 
 
+@pytest.mark.slow
 def test_noise_of_all_sensors_adds_by_squares(system):
     """The current's noise is that of a long simulated record."""
     controller = load_controller("lqr_position", system)

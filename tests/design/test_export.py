@@ -132,6 +132,7 @@ def _no_nested_counter(lines):
     return sum("for i in" in line for line in lines) < 2
 
 
+@pytest.mark.slow
 @needs_compiler
 @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(bodies=st.lists(BODIES, min_size=1, max_size=1), seed=st.integers(0, 2**32 - 1))
@@ -350,6 +351,7 @@ def test_c_is_python_to_the_bit(name, stages, system, tmp_path):
     assert currents[-1] == 0.0 and np.count_nonzero(currents) > 900
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_written_test_passes_and_can_fail(system, tmp_path):
     """`make test` with its own flags; one current that is 1e-8 A off, or a row that is missing, fails it."""

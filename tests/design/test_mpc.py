@@ -88,6 +88,7 @@ def test_linear_is_the_lqrs(mpc):
     np.testing.assert_array_equal(a.D, b.D)
 
 
+@pytest.mark.slow
 def test_daqp_solves_the_problem_as_cvxpy_states_it(mpc):
     """Whole plans of random states, most with active limits, against the problem with states as unknowns."""
     law = with_limits(mpc, current_rate=600.0, speed=250.0, pressure=30e5, stroke=0.03)

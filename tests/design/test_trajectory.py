@@ -27,6 +27,7 @@ def jump(size, samples=600):
     return reference
 
 
+@pytest.mark.slow
 @settings(max_examples=80, deadline=None)
 @given(
     size=st.floats(-0.08, 0.08).filter(lambda value: abs(value) > 1e-5),
@@ -44,6 +45,7 @@ def test_a_jump_becomes_a_motion_within_its_limits(size, speed, acceleration):
     assert np.max(motion[:, 0] * np.sign(size)) <= abs(size) + landing
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None)
 @given(size=st.floats(0.002, 0.08), speed=st.floats(0.05, 0.3), acceleration=st.floats(1.0, 10.0))
 def test_it_takes_the_least_time(size, speed, acceleration):

@@ -158,6 +158,7 @@ def test_no_random_gains_within_the_bounds_are_better(model):
     assert min(better) > 0.998
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "asked",
     [
@@ -212,6 +213,7 @@ def test_bounds_hold_on_every_model_given(model):
 # Mistakes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("asked", "sentence"),
     [

@@ -107,6 +107,7 @@ def test_more_friction_of_the_rod_goes_with_the_sign_of_its_speed(believed):
     assert regime.mean[0] == pytest.approx(-250.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_late_current_is_the_drives_and_a_weak_one_the_motors(believed):
     """A current that acts 8 ms late is found as such; a smaller torque constant is a torque along the current."""
     current = drive()

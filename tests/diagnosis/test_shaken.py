@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.diagnosis.fit import Metric
+from ehsa_ctrl.diagnosis.fit import Bench, Metric, Nominal
 from ehsa_ctrl.diagnosis.held_out import Stretch
 from ehsa_ctrl.diagnosis.judge import Judge
 from ehsa_ctrl.diagnosis.twin import Twin, with_every_effect
@@ -26,7 +26,7 @@ def shaken():
         sensors = {**plant.sensors, "current": replace(plant.sensors["current"], noise=stated, step=0.0)}
         twin = Twin(with_every_effect(replace(plant, sensors=sensors)), log)
         judge = object.__new__(Judge)
-        judge.search = SimpleNamespace(bench=SimpleNamespace(metric=Metric.of(twin, NOISE), block=12))
+        judge.search = SimpleNamespace(bench=Bench(twin, Metric.of(twin, NOISE), Nominal((), np.zeros(0), np.zeros(0))))
         return judge._shaken(Stretch(twin, 0, {**NOISE, "current": sd}, "the log"), {})
 
     return run

@@ -159,6 +159,7 @@ def test_the_effect_that_is_shown_is_neutral():
     assert function(-854.3, -1.0, 2e6, 1e6, size.typical) == pytest.approx(-854.3 - 1.5e6 * size.typical)
 
 
+@pytest.mark.slow
 def test_definitions_that_are_shown_are_valid(tmp_path, monkeypatch, capsys):
     """Every TOML with a file's name passes `ehsa-ctrl check`, with what other pages add to it."""
     monkeypatch.chdir(tmp_path)

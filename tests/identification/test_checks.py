@@ -42,6 +42,7 @@ def test_a_right_log_raises_no_alarm(plant, name, sensor_noise, stiffness):
     assert kinds == ({"no_reversal"} if name == "ramp" else set())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", ["labelled", "withheld"])
 def test_the_other_benchs_logs_raise_no_alarm(shared_logs, folder):
     """Whatever effect is in them: it is neither a unit, nor a sign, nor a dead or clipped channel."""

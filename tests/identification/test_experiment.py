@@ -89,6 +89,7 @@ def test_what_is_promised_is_what_the_rehearsals_showed(plant, proposal):
     assert own["M"].value == plant["M"]
 
 
+@pytest.mark.slow
 def test_the_amplitude_that_is_found_is_a_minimum(plant):
     """Over the screening time no amplitude of a fine grid tells ten per cent more than the best that was tried."""
     search = Search(plant, free_parameters(plant), 8.0, None, "worst", 0.15, 0.3, 0, 0, 1, None)

@@ -53,6 +53,7 @@ def test_the_estimate_is_the_best(found, drifts):
     assert all(end.cost > 0.999 * drift.cost for end in drift.ends)
 
 
+@pytest.mark.slow
 def test_the_page_shows_by_how_much_each_moves(found, drifts, tmp_path):
     """A column an end, in percent of the estimate, and what follows in a sentence."""
     text = write_identification_page([found], tmp_path, command="", drifts=[drifts]).read_text(encoding="utf-8")

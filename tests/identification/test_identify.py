@@ -86,6 +86,7 @@ def test_windows_between_one_step_and_the_whole_log(truth, noise_log, from_truth
             assert abs(value.value - truth[name]) < 4 * value.sd, name
 
 
+@pytest.mark.slow
 def test_effects_that_are_one_are_named_as_a_set(truth, noise_log):
     """Preload and constant force are the same force: neither is identifiable, each names the other."""
     found = identify(truth, noise_log, free=["load.preload", "load.force"], fix=list(truth.free)[:-2], starts=3)
@@ -129,6 +130,7 @@ def test_a_prior_holds_what_the_log_does_not_show(truth, noise_log):
     assert held["K_T"].sd <= 1.01e-6
 
 
+@pytest.mark.slow
 def test_a_wrong_structure_is_said_to_leave_more_than_noise(truth, noise_log):
     """The linear model on a plant with friction: weights are the residuals, and deviations come from them."""
     linear = load_plant("ehsa", model="linear")
@@ -142,6 +144,7 @@ def test_a_wrong_structure_is_said_to_leave_more_than_noise(truth, noise_log):
     assert found.train.fit_percent["speed"] > found.train.fit_percent_before["speed"] + 20
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_the_best_so_far(truth, noise_log):
     """Ctrl-C in the middle of the last stage gives what there is, marked as interrupted."""
 

@@ -19,6 +19,7 @@ STEP = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STEP)
 def test_derivatives_by_letters_and_sensors(truth, noise_log, name):
     """Each column is the difference quotient of the simulated channels, to two per cent of the largest.

@@ -17,6 +17,7 @@ def against():
     return {"current": draws.standard_normal(N), "sign(v)": np.sign(speed), "x": np.cumsum(speed)}
 
 
+@pytest.mark.slow
 def test_false_alarms_are_one_in_a_hundred(against):
     """Of 500 logs with white residuals in four channels about 5 fail one of 16 tests, though lags hang together."""
     draws = np.random.default_rng(5)

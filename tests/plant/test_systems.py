@@ -165,6 +165,7 @@ def test_a_driven_rod_turns_the_shaft_at_the_ratio_of_areas(take_off):
     np.testing.assert_array_equal(run["v"], v)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["emps", "mbari_pto"])
 def test_engine_and_reference_agree(name):
     """Another integrator on the plain functions: same states, same sticking, as for the EHSA."""

@@ -24,6 +24,8 @@ from . import diagnoses
 from .diagnoses import diagnosis, location
 from .reading import words_are_apart
 
+pytestmark = pytest.mark.slow
+
 
 def bars(ax, look):
     """Widths of the bars that look so, in the order in which they were drawn."""

@@ -18,6 +18,8 @@ from . import diagnoses
 from .diagnoses import diagnosis
 from .reading import LOADS, Page
 
+pytestmark = pytest.mark.slow
+
 COMMAND = 'ehsa-ctrl diagnose "my <log>.csv" --plant ehsa'
 #: Pages whose figures are drawn; the others have empty ones in their place, as drawing is most of the work.
 DRAWN = ("no_gap", "pair")

@@ -27,6 +27,8 @@ from ehsa_ctrl.report.style import RASTER_POINTS, ROLES
 
 from .reading import words_are_apart
 
+pytestmark = pytest.mark.slow
+
 FIGURES = (
     "scenario",
     "scenario tripped",

@@ -25,6 +25,8 @@ from ehsa_ctrl.report.style import ROLES
 
 from .reading import words_are_apart
 
+pytestmark = pytest.mark.slow
+
 FIGURES = (identification_figure, parameters_figure, correlation_figure, residuals_figure)
 
 

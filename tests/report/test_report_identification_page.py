@@ -18,6 +18,8 @@ from ehsa_ctrl.report.verdict import verdict
 
 from .reading import LOADS, Page
 
+pytestmark = pytest.mark.slow
+
 COMMAND = 'ehsa-ctrl identify "my <log>.csv"'
 WARNING = Finding("dead", "p1", "warning", "my <log>.csv: p1 stands still; look at its sensor")
 

@@ -92,6 +92,7 @@ def test_bands_hold_the_curves(robust):
     assert upper.get_ylabel() == "|S|\n(dB)" and figure.axes[-1].get_xlabel().startswith("frequency (rad/s)")
 
 
+@pytest.mark.slow
 def test_loops_and_margins_draw_themselves(robust):
     """`plot()` is the figure that stands here under the name of what it shows."""
     loop = robust.loops["nominal"]

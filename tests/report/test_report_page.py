@@ -73,6 +73,7 @@ def test_the_verdict_comes_before_the_first_table(text, harsh):
     assert "expected trip stroke did not happen" in text
 
 
+@pytest.mark.slow
 def test_all_passed_is_said_too(gentle, tmp_path):
     """A page without failure says so."""
     text = write_page([gentle], tmp_path, command="").read_text()
@@ -137,6 +138,7 @@ def test_margins_are_those_of_the_result(page, gentle):
     assert rows["Ms"] == number(gentle.loop.Ms)
 
 
+@pytest.mark.slow
 def test_controllers_of_one_name_keep_their_own_loops(gentle, tmp_path):
     """Files in two folders can share a name: each run links to its own margins, a shared loop stands once."""
     other = dataclasses.replace(gentle, loop=dataclasses.replace(gentle.loop, phase_margin=12.34))
@@ -187,6 +189,7 @@ def test_headings_of_tables_have_a_scope_and_the_page_a_language(page):
     assert len(page.with_tag("caption")) == len(page.with_tag("table"))
 
 
+@pytest.mark.slow
 def test_the_same_results_give_the_same_page(harsh, tmp_path):
     """No date, no random id; a folder that is missing is made."""
     first, again = (write_page([harsh], tmp_path / name / "deep", command="x") for name in ("a", "b"))

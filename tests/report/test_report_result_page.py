@@ -245,6 +245,7 @@ def test_hashes_are_those_of_the_files(tmp_path):
     assert hashes([path, None, tmp_path / "absent", path]) == [(str(path), "ba7816bf8f01cfea")]
 
 
+@pytest.mark.slow
 def test_a_flip_is_said_at_the_top_of_the_run_page(gentle, tmp_path):
     """Where an assumed parameter decides a verdict the page says so before all tables, and shows the numbers."""
     from ehsa_ctrl.report.page import write_page

@@ -9,6 +9,8 @@ import ehsa_ctrl as e
 from .diagnoses import diagnosis
 from .reading import Page
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def of_each(gentle, harsh, fitting):

@@ -55,6 +55,7 @@ def test_other_controllers_are_tests_of_their_own(run, pytester):
     result.stdout.fnmatch_lines(["*good?pid_position? PASSED*", "*good?mine? PASSED*"])
 
 
+@pytest.mark.slow
 def test_baselines_are_recorded_with_a_reason_and_then_hold(run, pytester):
     """Recorded, kept, left by another plant with the figure and the table of it, recorded anew."""
     result = run("--update-baselines", "--reason", "first look", good=LIMIT)

@@ -116,6 +116,7 @@ def test_a_spring_beyond_friction_is_held_by_the_shaft(plant):
     assert abs(net) <= loaded["A_FR"] + loaded["C_FR"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", ["zero_order", "first_order"])
 def test_the_default_tolerance_is_good_to_1e_5(plant, hold):
     """Every state within 1e-5 of its range of the event-driven reference, modes the same at every sample."""
