@@ -71,16 +71,16 @@ def diagnose_batch(
             believed, ready, threshold=threshold, check=check, jobs=jobs, backend=backend, address=address, file=file,
             watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
         )  # fmt: skip
+    done = [step for name in map(str, logs) for step in steps.get(name, ())]
+    summary = {**batch.to_dict(), "preparation": done, "rests_on": rests_on([believed], logs)}
     if out is not None:
         from ..report.result_page import write_result_page
 
-        done = [step for name in map(str, logs) for step in steps.get(name, ())]
-        summary = {**batch.to_dict(), "preparation": done, "rests_on": rests_on([believed], logs)}
         (out / "summary.json").write_text(to_json(summary) + "\n")
         batch.to_pandas().to_csv(out / "summary.csv", float_format="%.7g")
         write_result_page(out, "summary.json")
     if as_json:
-        print(to_json(batch.to_dict()))
+        print(to_json(summary))
     else:
         _print(batch, out)
     if batch.interrupted:
