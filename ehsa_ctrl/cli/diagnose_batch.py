@@ -94,14 +94,13 @@ def _prepared(
     believed: Plant, logs: Sequence[Path], how: Preparation
 ) -> tuple[list[Path | Log], dict[str, list[dict[str, Any]]]]:
     """The logs as they are used, and what was done to each; one that can't be read is left as a path."""
-    from ..identification.record import read_plant_log
-    from .prepared import prepared
+    from .prepared import prepared, read_raw
 
     ready: list[Path | Log] = []
     steps: dict[str, list[dict[str, Any]]] = {}
     for path in logs:
         try:
-            raw = read_plant_log(path, believed, uniform=how.resample is None)
+            raw = read_raw(path, believed, how)
         except InputError:
             ready.append(path)
             continue

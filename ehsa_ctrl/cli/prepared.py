@@ -62,11 +62,27 @@ def read_prepared(path: Path, plant: Plant, how: Preparation, *, tell: bool = Tr
     """
     from ..core.errors import InputError
     from ..core.log import CHANNELS
-    from ..identification.record import read_plant_log
 
     if str(path) in CHANNELS and not path.exists():
         raise InputError(f"{path}: no such log; channels are separated by commas without blanks, as in --zero p1,p2")
-    return prepared(read_plant_log(path, plant, uniform=how.resample is None), plant, how, tell=tell)
+    return prepared(read_raw(path, plant, how), plant, how, tell=tell)
+
+
+def read_raw(path: Path, plant: Plant, how: Preparation) -> Log:
+    """A log as it stands; where it can't be read as a whole, the rows that --from and --to leave.
+
+    Raises InputError as `read_plant_log`.
+    """
+    from ..core.errors import InputError
+    from ..identification.record import read_plant_log
+
+    uniform = how.resample is None
+    try:
+        return read_plant_log(path, plant, uniform=uniform)
+    except InputError:
+        if how.from_ is None and how.to is None:
+            raise
+        return read_plant_log(path, plant, uniform=uniform, span=(how.from_, how.to))
 
 
 def prepared(raw: Log, plant: Plant, how: Preparation, *, tell: bool = True) -> Prepared:

@@ -185,6 +185,7 @@ def read_log(
     shortest: int = 2,
     uniform: bool = True,
     wanted: Sequence[str] = (),
+    span: tuple[float | None, float | None] = (None, None),
 ) -> Log:
     """Read a log by the ending of its file: .csv (header row), .parquet, .mat; with time t and uniform sampling.
 
@@ -200,6 +201,7 @@ def read_log(
         their own name. A file that has none of these columns is taken for one in the tool's own format.
     uniform: False also takes time that jitters, but no gap of more than LONGEST_STEP usual steps.
     wanted: channels of interest beside the required ones: what is said of columns that are not mapped is about these.
+    span: rows before and after these times [s] are not looked at.
 
     Raises
     ------
@@ -211,7 +213,7 @@ def read_log(
     from .table import read_table
 
     path = Path(path)
-    log = _log(path, read_table(path), required, columns, shortest, uniform, wanted)
+    log = _log(path, read_table(path), required, columns, shortest, uniform, wanted, span)
     return replace(log, path=path)
 
 
@@ -223,6 +225,7 @@ def _log(
     shortest: int = 2,
     uniform: bool = True,
     wanted: Sequence[str] = (),
+    span: tuple[float | None, float | None] = (None, None),
 ) -> Log:
     from .mapped import places_of, scale_of, suggested
 
@@ -235,6 +238,9 @@ def _log(
             why = "" if column == channel else f", where the plant's [log] looks for {channel}"
             hint = f"; {write}" if write else ""
             raise InputError(f"{path}: has no column {column!r}{why}; {choices(column, table.names)}{hint}")
+    if span != (None, None):
+        at = places["t"]
+        table = table.within(at.column, scale_of(path, "t", at, table), at.offset, span)
     if len(table.frame) < shortest:
         raise InputError(f"{path}: has {len(table.frame)} rows of data; expected at least {shortest}")
     scales = {channel: scale_of(path, channel, at, table) for channel, at in places.items()}
@@ -245,6 +251,10 @@ def _log(
     converted = [f"{c} from {table.units[at.column]}" for c, at in places.items() if scales[c] != at.scale]
     if converted:
         notes.append(f"{name}: converted as its row of units says: {', '.join(converted)}")
+    for channel, at in (columns or {}).items():
+        if channel in wanted and channel not in places:
+            near = choices(at.column, table.names)
+            notes.append(f"{name}: has no column {at.column!r}, where the plant's [log] looks for {channel}; {near}")
     if write:
         notes.append(f"{name}: has columns that look like channels and are not read; {write}")
     return Log(time, values, notes=tuple(notes))

@@ -6,7 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,15 @@ class Table:
     @property
     def names(self) -> list[str]:
         return [str(name) for name in self.frame.columns]
+
+    def within(self, column: str, scale: float, offset: float, span: tuple[float | None, float | None]) -> Table:
+        """The rows whose `scale` times column plus `offset` is in the span; rows without such a number are left out."""
+        values = pandas.to_numeric(self.frame[column], errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+        first, last = (
+            end if end is not None else default for end, default in zip(span, (-np.inf, np.inf), strict=True)
+        )
+        kept = (scale * values + offset >= first) & (scale * values + offset <= last)
+        return replace(self, frame=self.frame[kept].reset_index(drop=True), lines=self.lines[kept])
 
     def numbers(self, column: str) -> np.ndarray:
         """A column (N,) of finite numbers. Raises InputError naming column and row of the first that is none."""

@@ -16,7 +16,7 @@ from ..identification.checks import check_log, refuse
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .causes import causes_of
-from .diagnosis import MODELS, Candidate, Diagnosis
+from .diagnosis import MODELS, Candidate, Cause, Diagnosis
 from .evidence import deviations
 from .fit import Bench, Metric, Nominal, Refit, refit
 from .held_out import Stretch, last_part, whole
@@ -197,7 +197,13 @@ def _judged(search: Search, judge: Judge) -> list[Judged]:
     within = first[0].evidence + PROMISING * abs(judge.weigh(search.residual))
     promising = [j for j in first[:4] if j.evidence <= within]
     search.finish([j.fit for j in promising], steps=8)
-    return [judge.judge(fit) for fit in best()]
+    judged = [judge.judge(fit) for fit in best()]
+    if not any(np.isfinite(j.evidence) for j in judged):
+        raise InputError(
+            f"{judge.held.twin.log.path or 'the log'}: neither the believed plant nor any refit of it can be simulated "
+            "over what is held out; check units and signs (compare shows both side by side) and the plant's parameters"
+        )
+    return judged
 
 
 def _written(
@@ -230,7 +236,7 @@ def _written(
         common = {**common, "findings": (*common["findings"], FOLLOWED)}
     return Diagnosis(
         verdict=verdict,
-        where=location.shares,
+        where=_where(location, causes),
         effects=causes,
         gap=gap,
         held_out=held.words,
@@ -249,6 +255,20 @@ def _written(
         runs=search.bench.runs,
         **common,
     )
+
+
+def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, float], ...]:
+    """Shares of the places. What lies in places whose balances no sensor shows lies where their causes act."""
+    shares = dict(location.shares)
+    closed = dict.fromkeys(location.silent, 0.0)
+    for cause in causes:
+        if cause.place in closed:
+            closed[cause.place] += max(cause.gap_closed or 0.0, 0.0)
+    whole = sum(closed.values())
+    if whole > 0.0:
+        hidden = sum(shares[place] for place in closed)
+        shares |= {place: hidden * part / whole for place, part in closed.items()}
+    return tuple(sorted(shares.items(), key=lambda row: -row[1]))
 
 
 def _held_from(held: Stretch, log: Log) -> float | None:

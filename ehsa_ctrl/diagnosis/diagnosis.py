@@ -241,6 +241,17 @@ def _shown(diagnosis: Diagnosis) -> tuple[str, ...]:
     return (*(s for s in SIGNALS if s in gaps), "total")
 
 
+def _place(d: Diagnosis) -> str:
+    """A sentence on where the gap lies, or on why that can't be told."""
+    if not d.where:
+        return ""
+    place = d.where[0][0]
+    if d.location is not None and place in d.location.silent and not d.effects:
+        (why,) = d.location.untold or ("its channels don't say",)
+        return f" Where it lies is not told: {why}."
+    return " It lies in a sensor." if place == "sensor" else f" It lies in the {place} balance."
+
+
 def verdict_sentence(d: Diagnosis) -> str:
     """One sentence that a person understands at a glance."""
     worst = max((s for s in d.whole if s != "total"), key=lambda s: d.whole[s])
@@ -252,7 +263,8 @@ def verdict_sentence(d: Diagnosis) -> str:
     closed = ""
     if d.verdict in ("effect", "ambiguous") and d.gap["nominal"]["total"] > 0.0:
         share = 1.0 - d.gap["with_effects"]["total"] / d.gap["nominal"]["total"]
-        closed = f", which closes {100 * share:.0f} % of the gap on held-out data"
+        closes = "closes" if len(d.effects) == 1 else "close"
+        closed = f", which {closes} {100 * share:.0f} % of the gap on held-out data"
         after = d.whole_with_effects if largest(d.gap["nominal"]) < d.threshold else None
         if after is not None:
             before = 100 * largest(d.whole)
@@ -265,9 +277,7 @@ def verdict_sentence(d: Diagnosis) -> str:
     if d.verdict == "ambiguous":
         sets = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in d.effects)
         return f"The gap ({size}) comes from {sets}{closed}; this log can't tell more."
-    place = f" It lies in the {d.where[0][0]} balance." if d.where and d.where[0][0] != "sensor" else ""
-    if d.where and d.where[0][0] == "sensor":
-        place = " It lies in a sensor."
+    place = _place(d)
     if d.verdict == "outside_catalogue":
         certain = f" Certain beside it: {names}." if d.effects else ""
         return f"No effect of the catalogue explains the gap ({size}).{place}{certain}"

@@ -76,6 +76,10 @@ def whole(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> St
 def last_part(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> tuple[Log, Stretch]:
     """What is left to fit with, and the last third, begun in the state that the second before it shows."""
     edge = int(round(len(log) * (1.0 - KEPT_BACK)))
+    words = f"the last third of {log.path.name if log.path else 'the log'}, from {log.time[edge]:g} s on"
+    if _hidden(plant, log):
+        # A state that no sensor shows is known where the log begins, and from there on by the run alone.
+        return log.rows(0, edge), replace(whole(plant, twin, log, noise), first=edge, words=words)
     back = max(edge - max(int(round(RUN_IN / log.sample_time)), 1), 0)
     estimate = estimate_states(plant, log)
     names = [state.name for state in plant.structure.equations.states]
@@ -89,8 +93,14 @@ def last_part(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -
     if "speed" in log.channels:
         start["theta"] = float(angle_of(log)[begin])
     piece = log.rows(begin, len(log))
-    words = f"the last third of {log.path.name if log.path else 'the log'}, from {log.time[edge]:g} s on"
     return log.rows(0, edge), Stretch(Twin(twin, piece, start), edge - begin, noise, words)
+
+
+def _hidden(plant: Plant, log: Log) -> bool:
+    """Whether a state of the system's own is shown by no channel; a rod's speed is the slope of its position."""
+    shown = {state for channel, state in plant.structure.system.outputs.items() if channel in log.channels}
+    shown |= {"v"} if "x" in shown else set()
+    return any(state not in shown for state in plant.structure.system.outputs.values())
 
 
 def _plainest(plant: Plant, values: np.ndarray, sd: np.ndarray, back: int, edge: int) -> int:

@@ -49,7 +49,7 @@ class Location:
     places with a share take away together. over_time: start of each second -> squared gap of the believed plant, as
     part of the whole, and what of it is left with these places. sensor: which, in words. load_cell: part of the unknown
     force's square that the load cell shows, so that it is the load's and not the rod's; None without one. untold: what
-    the log can't tell.
+    the log can't tell. silent: places whose balances it can't tell, which share what the others leave.
     """
 
     shares: tuple[tuple[str, float], ...]
@@ -62,6 +62,7 @@ class Location:
     sensor: str | None = None
     load_cell: float | None = None
     untold: tuple[str, ...] = ()
+    silent: tuple[str, ...] = ()
 
     @property
     def place(self) -> str:
@@ -69,7 +70,8 @@ class Location:
         return self.shares[0][0]
 
     def __str__(self) -> str:
-        lines = ["the gap lies in " + ", ".join(f"{place} {100 * s:.0f} %" for place, s in self.shares if s >= 0.005)]
+        told = [f"{place} {100 * s:.0f} %" for place, s in self.shares if s >= 0.005 and place not in self.silent]
+        lines = ["the gap lies in " + ", ".join(told)] if told else []
         if self.sensor is not None and dict(self.shares)["sensor"] >= 0.05:
             lines.append(f"  sensor: {self.sensor}")
         for regime in self.regimes:
@@ -200,6 +202,7 @@ def _judged(
         sensor=str(sensor) if sensor is not None else None,
         load_cell=_seen_by_the_cell(where),
         untold=untold,
+        silent=tuple(silent),
     )
 
 

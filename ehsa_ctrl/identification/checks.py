@@ -21,13 +21,15 @@ Severity = Literal["error", "warning"]
 
 #: A channel that stands still this long [s], and for this share of the log, while others move is stuck.
 STUCK_TIME, STUCK_SHARE = 0.5, 0.05
+#: A position further out than the stroke by this share of it is no question of the sensor.
+BEYOND = 0.02
 
 
 @dataclass(frozen=True)
 class Finding:
     """One thing that is wrong or doubtful with a log.
 
-    kind: time_unit, dead, stuck, no_motion, unit, sign, no_reversal, drive_clipped, output_clipped or weak.
+    kind: time_unit, dead, stuck, no_motion, unit, sign, no_reversal, drive_clipped, output_clipped, stroke or weak.
     channel: where, None for the log as a whole. sentence: what was found, with figures, and what to do.
     """
 
@@ -90,6 +92,7 @@ def _findings(log: Log, plant: Plant) -> Iterator[Finding]:
     # Values that repeat exactly say something only where the sensors are noisy; a simulated log may be without noise.
     told = [c for c in alive if 2 * len(noisy - {c}) >= max(len(alive) - 1, 1)]
     yield from _stuck(plant, log, alive, told)
+    wrong: list[tuple[str, str]] = []
     if not dead:
         wrong = list(wrong_units(plant, log))
         for channel, sentence in wrong:
@@ -105,7 +108,24 @@ def _findings(log: Log, plant: Plant) -> Iterator[Finding]:
         sentence = clipped_output(log[channel], CHANNELS[channel].unit)
         if sentence:
             yield Finding("output_clipped", channel, "warning", f"{channel} {sentence}")
+    if "position" not in dict(wrong):
+        yield from _beyond_stroke(plant, log)
     yield from _too_little(plant, log, [channel for channel in alive if channel not in still])
+
+
+def _beyond_stroke(plant: Plant, log: Log) -> Iterator[Finding]:
+    """A rod that is where it can't be is counted from somewhere else than the middle."""
+    stroke = plant.limits.get("stroke")
+    if stroke is None or "position" not in log.channels:
+        return
+    low, high, half = float(np.min(log["position"])), float(np.max(log["position"])), 0.5 * stroke.value
+    if max(-low, high) > half + BEYOND * stroke.value:
+        yield Finding(
+            "stroke", "position", "warning",
+            f"position goes from {1e3 * low:.4g} to {1e3 * high:.4g} mm, and {plant.name} has {1e3 * half:.4g} mm to "
+            "each side of its middle: is it counted from an end, or in another unit? Give its offset or scale in the "
+            "plant's [log] table",
+        )  # fmt: skip
 
 
 def _moves(plant: Plant, log: Log, channel: str) -> bool:

@@ -23,11 +23,19 @@ UNTOLD = {
 UNTOLD_FORCE = "the force on the rod: the load can't be told from the rod's friction"
 
 
-def read_plant_log(path: str | Path, plant: Plant, *, shortest: int = SHORTEST, uniform: bool = True) -> Log:
+def read_plant_log(
+    path: str | Path,
+    plant: Plant,
+    *,
+    shortest: int = SHORTEST,
+    uniform: bool = True,
+    span: tuple[float | None, float | None] = (None, None),
+) -> Log:
     """Read a log of this plant through the plant's [log] table.
 
     The channels that drive the plant have to be there, and one of those that show what it did; the others are read
-    where they are there and else named in `missing` of the log.
+    where they are there and else named in `missing` of the log. span: rows before and after these times [s] are not
+    looked at, so that a gap or a bad value there does no harm.
 
     Raises
     ------
@@ -36,7 +44,7 @@ def read_plant_log(path: str | Path, plant: Plant, *, shortest: int = SHORTEST, 
     system = plant.structure.system
     wanted = [*system.outputs, *(["force"] if system.cell else [])]
     drives = list(system.drives.values())
-    log = read_log(path, drives, columns=plant.log, shortest=shortest, uniform=uniform, wanted=wanted)
+    log = read_log(path, drives, columns=plant.log, shortest=shortest, uniform=uniform, wanted=wanted, span=span)
     missing = tuple(channel for channel in wanted if channel not in log.channels)
     if not any(channel in log.channels for channel in system.outputs):
         unread = "".join(f"; {note.partition(': ')[2]}" for note in log.notes if "[log]" in note)
@@ -50,13 +58,24 @@ def read_plant_log(path: str | Path, plant: Plant, *, shortest: int = SHORTEST, 
     return replace(log, missing=missing)
 
 
+#: Nobody logs this many times as fast as a plant is sampled.
+SHORT = 1.0 / 300.0
+
+
 def wrong_time_unit(log: Log, plant: Plant) -> str:
     """A sentence if the samples are so far apart that time must be in ms or us; else empty."""
     ratio = log.sample_time / plant.sample_time
+    at = plant.log.get("t")
+    column, mapped = (at.column, at.scale) if at is not None else ("t", 1.0)
+    if ratio < SHORT and mapped < 1.0:
+        return (
+            f"{log.path or 'the log'}: column {column!r} has steps of {log.sample_time:.3g} s, 1/{1 / ratio:.3g} of "
+            f'the sample time of {plant.name}; it is probably in s already: write t = {{ column = "{column}" }} in the '
+            "plant's [log] table"
+        )
     if ratio < 100.0:
         return ""
     unit, scale = ("ms", 1e-3) if ratio < 1e5 else ("us", 1e-6)
-    column = plant.log["t"].column if "t" in plant.log else "t"
     return (
         f"{log.path or 'the log'}: column {column!r} has steps of {log.sample_time:g} s, {ratio:.3g} times the sample "
         f'time of {plant.name}; it is probably in {unit}: write t = {{ column = "{column}", scale = {scale:g} }} in '

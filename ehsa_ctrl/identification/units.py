@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,7 +46,9 @@ def wrong_units(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
                     level = float(np.max(np.abs(log[name])))
                     yield (
                         name,
-                        _sentence(plant, name, unit, f"{name} goes to {level:.3g}, which {plant.name} can't follow"),
+                        _sentence(
+                            plant, name, unit, f"{name} goes to {level:.3g}, which {plant.name} can't follow", scale
+                        ),
                     )
                     return
     ratio = _gear(plant, log)
@@ -53,17 +56,21 @@ def wrong_units(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
         si = CHANNELS[channel].unit
         if 1 / OFF < size < OFF:
             continue
-        found = _nearest(size, si)
+        found = _nearest(plant, channel, size)
         if found is None:
             continue
-        if si == "Pa" and not _level_agrees(plant, log, channel, factor(found, si)):
+        if si == "Pa" and not _level_agrees(plant, log, channel, found.times):
             continue
         if ratio is not None and si in ("rad/s", "m") and 1 / OFF < ratio < OFF:
             continue
         yield (
             channel,
             _sentence(
-                plant, channel, found, f"{channel} varies {_times(size)} what {plant.name} would with this drive"
+                plant,
+                channel,
+                found.unit,
+                f"{channel} varies {_times(size)} what {plant.name} would with this drive",
+                found.times,
             ),
         )
 
@@ -91,11 +98,26 @@ def _sizes(plant: Plant, log: Log, scales: Mapping[str, float]) -> dict[str, flo
     return sizes
 
 
-def _nearest(size: float, si: str) -> str | None:
-    """The unit in which something is `size` times as large a number as in SI, if one fits."""
-    misses = {unit: abs(math.log(size * factor(unit, si))) for unit in USUAL.get(si, ())}
-    best = min(misses, key=lambda unit: misses[unit], default=None)
-    return best if best is not None and misses[best] < math.log(AGREES) else None
+class _Unit(NamedTuple):
+    """A unit that a column may be in, and by what the channel has to be multiplied then."""
+
+    unit: str
+    times: float
+
+
+def _nearest(plant: Plant, channel: str, size: float) -> _Unit | None:
+    """The unit that explains why a channel is `size` times too large, if one does.
+
+    The mapping may lack a unit's factor, or have one where the column is in another unit, SI among them.
+    """
+    si = CHANNELS[channel].unit
+    at = plant.log.get(channel)
+    tried = []
+    if at is not None and abs(at.scale) != 1.0:
+        tried = [_Unit(unit, factor(unit, si) / abs(at.scale)) for unit in (si, *USUAL.get(si, ()))]
+    tried += [_Unit(unit, factor(unit, si)) for unit in USUAL.get(si, ())]
+    best = min(tried, key=lambda one: abs(math.log(size * one.times)), default=None)
+    return best if best is not None and abs(math.log(size * best.times)) < math.log(AGREES) else None
 
 
 def _level_agrees(plant: Plant, log: Log, channel: str, scale: float) -> bool:
@@ -123,11 +145,9 @@ def _times(size: float) -> str:
     return f"{size:.3g} times" if size >= 1.0 else f"1/{1 / size:.3g} of"
 
 
-def _sentence(plant: Plant, channel: str, unit: str, why: str) -> str:
+def _sentence(plant: Plant, channel: str, unit: str, why: str, times: float) -> str:
     at = plant.log.get(channel)
-    scale = factor(unit, CHANNELS[channel].unit)
-    column, scale = (at.column, at.scale * scale) if at else (channel, scale)
-    return (
-        f'{why}: it is probably in {unit}; write {channel} = {{ column = "{column}", scale = {scale:.7g} }} in the '
-        "plant's [log] table"
-    )
+    column, scale = (at.column, at.scale * times) if at else (channel, times)
+    offset = f", offset = {at.offset:.7g}" if at is not None and at.offset else ""
+    line = f'{channel} = {{ column = "{column}", scale = {scale:.7g}{offset} }}'
+    return f"{why}: it is probably in {unit}; write {line} in the plant's [log] table"

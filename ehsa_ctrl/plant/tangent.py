@@ -17,7 +17,7 @@ class Tangent:
     def __init__(self, tape: Tape, seeds: Iterable[str]) -> None:
         self.tape = tape
         one = tape.constant(1.0)
-        self._of: dict[Ref, dict[str, Ref]] = {tape.refs[seed]: {seed: one} for seed in seeds}
+        self._of: dict[Ref, dict[str, Ref]] = {tape.given[seed]: {seed: one} for seed in seeds}
 
     def of(self, ref: Ref) -> dict[str, Ref]:
         """Non-zero derivatives of one operation: seed -> position on the tape."""

@@ -57,6 +57,8 @@ class Tape:
             self.refs[name] = self._append(Node("input", (), name, False))
         for name in parameters:
             self.refs[name] = self._append(Node("parameter", (), name, True))
+        #: Where the inputs and parameters themselves are: an equation may give its result the name of one of them.
+        self.given = dict(self.refs)
 
     def _append(self, node: Node) -> Ref:
         key = (node.op, node.args, node.value)

@@ -30,6 +30,33 @@ def test_both_models_are_compared_with_the_log(run, log):
 
 
 @pytest.mark.slow
+def test_what_is_wrong_outside_the_stretch_does_no_harm(run, log, tmp_path):
+    """A gap in time and an empty cell after --to: refused as a whole, compared up to there."""
+    table = pandas.read_csv(tmp_path / "log.csv")
+    table.loc[table.index[-5], "speed"] = np.nan
+    table.drop(index=range(800, 820)).to_csv(tmp_path / "bad.csv", index=False)
+
+    assert run("compare", "bad.csv", "--plant", "ehsa")[0] == 2
+    status, out, err = run("compare", "bad.csv", "--plant", "ehsa", "--to", "3")
+    assert status == 0 and "segment from 0 to 3 s" in out and "ehsa-ctrl:" not in err
+
+
+def test_a_column_that_is_mapped_and_not_there_is_named(run, log, tmp_path):
+    """Left out it would be missed in silence."""
+    (tmp_path / "plants").mkdir()
+    assert run("new", "plant", "rig")[0] == 0
+    file = tmp_path / "plants" / "rig.toml"
+    file.write_text(file.read_text() + '\n[log]\nspeed = { column = "n" }\np1 = { column = "pX", scale = 1e5 }\n')
+    table = pandas.read_csv(tmp_path / "log.csv").rename(columns={"speed": "n", "p1": "pY"})
+    table.to_csv(tmp_path / "log.csv", index=False)
+
+    status, _, err = run("compare", "log.csv", "--plant", "rig")
+
+    assert status == 0
+    assert "log.csv: has no column 'pX', where the plant's [log] looks for p1; did you mean 'pY'?" in " ".join(err.split())
+
+
+@pytest.mark.slow
 def test_the_result_is_in_json_csv_and_figures(run, log, tmp_path):
     """The same figures everywhere; an existing result stays unless --force is said."""
     call = ("compare", "log.csv", "--plant", "ehsa", "--from", "1", "--zero", "p1,p2", "--out", "out", "--json")

@@ -66,6 +66,24 @@ def test_air_is_measured_whatever_its_exponent(exponent):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("missing", [("p1",), ("p1", "p2")])
+def test_a_log_without_pressures_is_diagnosed_too(missing):
+    """What no sensor shows is known where the log begins, and nothing is guessed in its middle. No balance says where
+    the gap lies; the cause does."""
+    plant = load_plant("ehsa", settings={"load.stiffness": "50 kN/m"})
+    rig = with_every_effect(plant).set(tau_I=0.006)
+    time, current = ehsa_ctrl.excitation("noise", amplitude=3, duration=8, seed=2)
+    log, _ = ehsa_ctrl.record(rig, time, current, seed=3, centre=True)
+    log = replace(log, channels={c: v for c, v in log.channels.items() if c not in ("force", *missing)})
+
+    found = ehsa_ctrl.diagnose(plant, log)
+
+    assert "drive_lag" in {name for cause in found.effects for name in (cause.id, *cause.ambiguous_with)}
+    assert found.where[0][0] == "drive" and found.where[0][1] > 0.9
+    assert found.gap["with_effects"]["total"] < 0.1 * found.gap["nominal"]["total"]
+
+
+@pytest.mark.slow
 def test_the_improved_plant_runs_as_the_diagnosis_says(shared_logs):
     """A free run of the corrected plant over the whole log closes the gap as the engine with all effects did."""
     plant, log, _ = labelled(shared_logs, "L01")

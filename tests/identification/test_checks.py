@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl import check_log, excitation, load_plant, read_plant_log, record
+from ehsa_ctrl.core.log import CHANNELS, Column
+from ehsa_ctrl.core.unit import factor
 from ehsa_ctrl.simulation.excitation import EXCITATIONS
 
 PSI = 6894.757293168
@@ -88,6 +90,44 @@ def test_the_line_to_write_builds_on_the_mapping_there_is(bench):
     findings = found(changed(log, p1=log["p1"] * 1e-5), mapped)
 
     assert 'p1 = { column = "p_up", scale = -200000 }' in str(findings["unit", "p1"])
+
+
+@pytest.mark.parametrize(
+    ("channel", "mapped", "unit"),
+    [("p1", 1e5, "Pa"), ("speed", 2.0 * np.pi / 60.0, "rad/s"), ("position", 1e-3, "m"), ("speed", 1.0 / 60.0, "rpm")],
+)
+def test_a_unit_that_the_mapping_has_wrong_is_named(bench, channel, mapped, unit):
+    """A factor for a column that is in another unit, SI or not: the line to write has the right one, and the offset."""
+    plant, log = bench
+    right = factor(unit, CHANNELS[channel].unit)
+    plant = replace(plant, log={**plant.log, channel: Column("c", mapped, 0.25)})
+    finding = found(changed(log, **{channel: log[channel] * mapped / right}), plant)["unit", channel]
+
+    assert f'probably in {unit}; write {channel} = {{ column = "c", scale = {right:.7g}, offset = 0.25 }}' in str(
+        finding
+    )
+
+
+def test_a_rod_beyond_its_stroke_is_counted_from_elsewhere(bench):
+    """From an end, say; within the stroke nothing is said."""
+    plant, log = bench
+    shifted = changed(log, position=log["position"] + 0.1)
+
+    assert ("stroke", "position") not in found(log, plant)
+    assert "100 mm to each side of its middle: is it counted from an end" in str(
+        found(shifted, plant)["stroke", "position"]
+    )
+
+
+def test_time_in_s_that_is_mapped_as_ms_is_named(bench):
+    """Steps of 4 us are no sample time; without a mapping nobody asked for that scale."""
+    plant, log = bench
+    short = replace(log, time=1e-3 * log.time)
+    mapped = replace(plant, log={**plant.log, "t": Column("Zeit", 1e-3)})
+
+    (finding,) = check_log(short, mapped)
+
+    assert finding.kind == "time_unit" and 'probably in s already: write t = { column = "Zeit" }' in str(finding)
 
 
 @pytest.mark.parametrize("channel", ["current", "speed", "position"])
