@@ -138,9 +138,18 @@ def command(
     if closed is not None:
         _print_closed(closed)
     if out is not None:
-        print(f"written to {out}")
+        improved = _improved(out, found)
+        print(f"written to {out}" + (f"; use the corrected plant as --plant {improved}" if improved else ""))
+        if improved and found.plant.model == "nonlinear":
+            print("  its linear set is as it was; `identify --linear sliding` on it writes one that follows")
     for line in next_lines(found.experiment, out):
         print(line)
+
+
+def _improved(out: Path, found: Diagnosis) -> Path | None:
+    """File of the corrected plant; None where there is none, or none that could be written."""
+    there = found.improved is not None and found.plant.path is not None
+    return out / f"{found.plant.name}_improved.toml" if there else None
 
 
 def _found(
@@ -276,8 +285,9 @@ def _write(
     if change is not None:
         (out / "before.json").write_text(to_json(change.before.to_dict()) + "\n")
         write_plant(out / f"{change.rig.name}_before.toml", change.rig)
-    if found.improved is not None and found.plant.path is not None:
-        write_plant(out / f"{found.plant.name}_improved.toml", found.improved)
+    improved = _improved(out, found)
+    if improved is not None and found.improved is not None:
+        write_plant(improved, found.improved)
     signals_table(found).to_csv(out / "signals.csv", index=False, float_format="%.7g")
     if found.effects:
         found.to_pandas().to_csv(out / "causes.csv", index=False)

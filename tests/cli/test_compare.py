@@ -53,7 +53,8 @@ def test_a_column_that_is_mapped_and_not_there_is_named(run, log, tmp_path):
     status, _, err = run("compare", "log.csv", "--plant", "rig")
 
     assert status == 0
-    assert "log.csv: has no column 'pX', where the plant's [log] looks for p1; did you mean 'pY'?" in " ".join(err.split())
+    said = " ".join(err.split())
+    assert "log.csv: has no column 'pX', where the plant's [log] looks for p1; did you mean 'pY'?" in said
 
 
 @pytest.mark.slow
