@@ -38,13 +38,20 @@ def test_colour_is_for_terminals_alone(tmp_path):
         assert b"\x1b" not in done.stdout + done.stderr
 
 
+def _heed_interrupts():
+    """Tests that a shell runs in the background ignore SIGINT, and hand that on to what they start."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="SIGINT as Ctrl-C sends it")
 def test_an_interrupted_campaign_says_what_is_kept_and_goes_on(tmp_path):
     """Ctrl-C after some runs: status 130, one sentence; the same call does the rest and ends as if nothing had been."""
     call = [*CALL, "montecarlo", "spread_steps", "--runs", "400", "--out", "mc"]
     file = tmp_path / "mc" / "spread_steps.jsonl"
-    with subprocess.Popen(call, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+    with subprocess.Popen(
+        call, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=_heed_interrupts
+    ) as running:
         while not (file.is_file() and len(file.read_text().splitlines()) > 5):
             assert running.poll() is None
             time.sleep(0.02)
