@@ -63,7 +63,7 @@ SHORT = 1.0 / 300.0
 
 
 def wrong_time_unit(log: Log, plant: Plant) -> str:
-    """A sentence if the samples are so far apart that time must be in ms or us; else empty."""
+    """A sentence if the samples are too far apart for time in s, or too close for a mapping from ms; else empty."""
     ratio = log.sample_time / plant.sample_time
     at = plant.log.get("t")
     column, mapped = (at.column, at.scale) if at is not None else ("t", 1.0)
