@@ -92,7 +92,7 @@ def command(
     log.csv --plant ehsa --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3
     """
     from ..core.errors import InputError
-    from ..plant.plant import load_plant
+    from ..plant.plant import load_plant, models_of
     from .output import prepare_folder, to_json, warn_unbelieved
     from .prepared import sentences
 
@@ -140,7 +140,7 @@ def command(
     if out is not None:
         improved = _improved(out, found)
         print(f"written to {out}" + (f"; use the corrected plant as --plant {improved}" if improved else ""))
-        if improved and found.plant.model == "nonlinear":
+        if improved and found.plant.model == "nonlinear" and "linear" in models_of(improved):
             print("  its linear set is as it was; `identify --linear sliding` on it writes one that follows")
     for line in next_lines(found.experiment, out):
         print(line)

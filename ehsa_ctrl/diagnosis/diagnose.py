@@ -70,16 +70,11 @@ def diagnose(
 
     Raises
     ------
-    InputError: the log is plainly wrong or too short, or the plant's rod is moved from outside.
+    InputError: the log is plainly wrong or too short.
     """
     began = time.monotonic()
     if not 0.0 < threshold < 1.0:
         raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
-    if plant.structure.system.prescribed:
-        raise InputError(
-            f"{plant.name}: its rod is moved from outside ({plant.structure.system_name}), and a diagnosis looks at "
-            "rods that run free; compare shows where log and simulation differ, identify refits the plant"
-        )
     findings = _checked(plant, [log] if validate is None else [log, validate], check)
     noise = noise_of(log)
     twin = with_every_effect(plant)
@@ -104,7 +99,8 @@ def diagnose(
     if not rippled:
         turned, kept = _turned(plant, log, validate)
     trainlog, held = _split(plant, twin, turned, kept, noise)
-    yields = plant.model == "nonlinear" and plant.structure.chambers is not None
+    system = plant.structure.system
+    yields = plant.model == "nonlinear" and plant.structure.chambers is not None and not system.prescribed
     bristles = with_every_effect(plant, "lugre") if yields else None
     held = replace(held, twin=replace(held.twin, bristles=bristles))
     bare = replace(bare, twin=replace(bare.twin, log=turned, bristles=bristles))
@@ -140,9 +136,9 @@ def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> tuple[str, ...]:
     """Warnings on the logs; raises InputError for the first that is plainly wrong."""
     sentences = []
     for log in logs:
-        drive = plant.structure.system.drive
-        if drive not in log.channels:
-            raise InputError(f"{log.path or 'the log'}: has no {drive}, which drives the simulation")
+        for drive in plant.structure.system.drives.values():
+            if drive not in log.channels:
+                raise InputError(f"{log.path or 'the log'}: has no {drive}, which drives the simulation")
         findings = check_log(log, plant)
         if check:
             refuse(log, findings)
@@ -228,6 +224,7 @@ def _written(
     gap["upper_bound"] = _bound(gap, location)
     sd = deviations(chosen.fit, judge.worth)
     causes = causes_of(plant, weighed, judge, sd, gap, common["log"]) if weighed.verdict != "outside_catalogue" else ()
+    system = plant.structure.system
     # What no log can tell apart makes a set too.
     verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
     following = deciding_experiment(weighed, search, common["noise_sd"])
@@ -248,7 +245,7 @@ def _written(
             for j in weighed.labels
         ),
         location=location,
-        next_experiment=following.words if following is not None else advice(verdict, causes),
+        next_experiment=following.words if following is not None else advice(verdict, causes, system),
         experiment=following,
         improved=improved(plant, chosen.fit.suspects, changed, sd) if named else None,
         seconds=time.monotonic() - began,

@@ -161,6 +161,20 @@ class Diagnosis(ShownAsText):
         return gap(shared, simulated, noise) if shared else None
 
     @property
+    def nearest(self) -> str:
+        """What of the catalogue comes nearest where none of it is the cause; empty where nothing halves the gap."""
+        if self.verdict != "outside_catalogue" or not self.candidates:
+            return ""
+        best = self.candidates[0]
+        before = largest(self.gap["nominal"])
+        if not best.members or best.gap > 0.5 * before:
+            return ""
+        return (
+            f"nearest in the catalogue, and not held for the cause: {', '.join(best.members)}; together they take the "
+            f"largest gap on held-out data from {100 * before:.3g} to {100 * best.gap:.3g} %"
+        )
+
+    @property
     def sentence(self) -> str:
         """The verdict in one sentence."""
         return verdict_sentence(self)
@@ -229,6 +243,7 @@ class Diagnosis(ShownAsText):
             lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")
             if cause.ambiguous_with:
                 lines.append(f"    can't be told from {', '.join(cause.ambiguous_with)}")
+        lines += [f"  {words}" for words in (self.nearest,) if words]
         if self.next_experiment:
             lines.append(f"  next experiment: {self.next_experiment}")
         return "\n".join(lines)

@@ -33,7 +33,7 @@ def dry_friction(plant: Plant, log: Log) -> dict[str, float]:
         slope = savgol_filter(log["speed"], WIDTH, 2, deriv=1, delta=dt)
         torque = plant["K_T"] * savgol_filter(log["current"], WIDTH, 2) - plant["J_M"] * slope - plant["D"] * pressure
         found["A_FM"] = _level(torque, omega, 10.0)
-    if "position" in log.channels:
+    if "position" in log.channels and not plant.structure.system.prescribed:
         v = savgol_filter(log["position"], WIDTH, 2, deriv=1, delta=dt)
         x = log["position"]
         outside = log["force"] if "force" in log.channels else plant["K_S"] * x

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ..core.errors import InputError
+from ..plant.arrays import needs
 from .signals import gap, largest, rod_velocity, scored, signal_noise
 from .suspect import WEARS, Free, Suspect
 from .twin import Twin
@@ -95,7 +96,8 @@ class Nominal:
         """
         plant, dt = twin.plant, twin.log.sample_time
         usual = {plant.structure.system.own(name): relative for name, relative in NOMINAL.items()}
-        names = [name for name in usual if plant.parameters.get(name) is not None and plant[name] != 0.0]
+        asked = needs(plant.structure.equations, *plant.structure.equations.rates)
+        names = [name for name in usual if name in asked and plant[name] != 0.0]
         base, *moved = twin.run([{}, *({name: plant[name] * (1.0 + STEP)} for name in names)])
         if base is None:
             raise InputError(

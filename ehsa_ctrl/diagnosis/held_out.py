@@ -53,7 +53,8 @@ class Stretch:
 
     def gap_of(self, simulated: Mapping[str, np.ndarray] | None) -> dict[str, float]:
         log = self.twin.log
-        measured = {n: v[self.first :] for n, v in scored(log.channels, log.sample_time).items()}
+        shown = {channel: log[channel] for channel in self.twin.channels}
+        measured = {n: v[self.first :] for n, v in scored(shown, log.sample_time).items()}
         noise = signal_noise(self.noise, log.sample_time)
         if simulated is None:
             return {**dict.fromkeys(measured, float("inf")), "total": float("inf")}

@@ -57,22 +57,29 @@ class Injections:
         start: np.ndarray,
         noise: Mapping[str, float],
         gap: SquaredGap,
+        outside: np.ndarray | None = None,
     ) -> None:
         self.plant, self.log, self.current, self.start, self.gap = plant, log, current, start, gap
-        self.signals = signals_of(plant, log, current, noise, start)
+        self.outside = outside
+        self.signals = signals_of(plant, log, current, noise, start, outside)
         self.unknown = unknown_inputs(plant, self.signals)
         self.curves = {name: curves_of(plant, self.signals, name, w) for name, w in self.unknown.values.items()}
         self.closed: dict[int, float] = {}
 
     def run(self, injections: Sequence[Mapping[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
-        return run_with(self.plant, self.current, self.start, self.log.sample_time, injections, self.unknown.softness)
+        return run_with(
+            self.plant, self.current, self.start, self.log.sample_time, injections, self.unknown.softness,
+            outside=self.outside,
+        )  # fmt: skip
 
     def sets(self) -> dict[frozenset[str], Trial]:
         """What every set of torque or drive, flow and force leaves of the gap, with the best forms found."""
+        # A rod that is moved from outside moves as it does whatever force that takes.
+        moved = bool(self.plant.structure.system.prescribed)
         forms = {
             "torque": self._forms("torque", [c for c in self.curves.get("torque", ()) if c.family not in DRIVE], True),
             "drive": self._forms("torque", self._of_drive(), False),
-            "force": self._forms("force", self.curves.get("force", ()), True),
+            "force": [] if moved else self._forms("force", self.curves.get("force", ()), True),
         }
         best = {place: self._best(options) for place, options in forms.items() if options}
         chosen = {place: option for place, option in best.items() if option is not None}

@@ -32,6 +32,7 @@ LACKING = {
         ("rod_viscous_friction", "rod_friction", "constant_force"),
         ("rod_viscous_friction", "rod_friction"),
     ),
+    "shaft": (("motor_friction", "motor_viscous_friction"),),
 }
 
 Key = tuple[tuple[str, str | None], ...]
@@ -262,11 +263,12 @@ class Search:
         """All at once what a model without dry friction leaves out, from what the balances show.
 
         One of them alone explains so little that no search would come this way: dry friction of both contacts and the
-        stroke in the volumes; of a carriage its friction and a constant force.
+        stroke in the volumes; of a carriage its friction and a constant force; the shaft's where the rod is moved.
         """
         system = self.bench.twin.plant.structure.system
         start: dict[str, float] = {}
-        for sought in LACKING["hydraulic" if system.chamber_forms else "carriage"]:
+        kind = "shaft" if system.prescribed else "hydraulic" if system.chamber_forms else "carriage"
+        for sought in LACKING[kind]:
             members = tuple(next(s for s in self.suspects if s.id == id) for id in sought)
             seen = {name: value for s in members for name, value in zip(s.names, s.starts[0], strict=True)}
             start = {**seen, **start}

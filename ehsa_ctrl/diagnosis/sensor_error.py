@@ -67,7 +67,9 @@ def impossible(gap: SquaredGap, believed: Mapping[str, np.ndarray], base: Energy
     errors = gap.errors(believed)
     if len(gap.names) < 2:
         return None
-    tries: list[tuple[tuple[str, ...], float]] = [((name,), FREE_PRICE) for name in gap.names]
+    tries: list[tuple[tuple[str, ...], float]] = [
+        ((name,), FREE_PRICE) for name in gap.names if not _goes_with_the_other(gap, errors, name)
+    ]
     if {"p1", "p2"} <= set(gap.names):
         one, two = (errors[gap.names.index(n)] * np.sqrt(gap.power[n]) for n in ("p1", "p2"))
         common = one + two
@@ -82,6 +84,15 @@ def impossible(gap: SquaredGap, believed: Mapping[str, np.ndarray], base: Energy
             channels = ["position" if n == "rod_velocity" else n for n in names]
             found = (SensorError(" and ".join(channels), 0.0, 1.0, 0.0, 0.0), trial)
     return found if found is not None and found[1].cost < ALONE else None
+
+
+def _goes_with_the_other(gap: SquaredGap, errors: np.ndarray, name: str) -> bool:
+    """Whether one pressure is off only as the other one is, which moves more, so that its own gap looks small."""
+    if name not in ("p1", "p2") or not {"p1", "p2"} <= set(gap.names):
+        return False
+    other = "p2" if name == "p1" else "p1"
+    here, there = (float(np.mean(errors[gap.names.index(n)] ** 2)) * gap.power[n] for n in (name, other))
+    return there > ALONE * here
 
 
 def _fit_sensor(channel: str, shown: np.ndarray, true: np.ndarray, dt: float) -> tuple[float, SensorError]:

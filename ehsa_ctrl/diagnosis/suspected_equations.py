@@ -6,7 +6,8 @@ a valve somewhat below the highest pressure, a bump of friction at one of severa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -25,6 +26,8 @@ FELT = {
     "I_0": 0.02, "T_d": 1e-3, "tau_I": 1e-3, "K_e": 3e-14, "kappa": 0.03, "K_t": 1e-9, "c_f": 0.03, "k_sat": 0.05,
     "dA": 0.005, "a_FR": 0.03, "width": 2e-4, "I_db": 0.02, "k_w": 2e-7, "w_d": 0.5, "k_D": 5e-9, "k_f": 0.01,
 }  # fmt: skip
+#: What is felt of a pressure, at least [Pa].
+FELT_PRESSURE = 1e4
 #: Times of a drive that are looked for [s]; an engine runs with longer ones, no drive does.
 WITHIN = {"T_d": (0.0, 0.06), "tau_I": (0.0, 0.1)}
 
@@ -79,41 +82,49 @@ def _pressures(twin: Twin) -> list[np.ndarray]:
     return [twin.log[c] for c in ("p1", "p2") if c in twin.log.channels]
 
 
+def _levels(name: str, free: Free, levels: Sequence[float], *others: Free) -> Way:
+    """A level beyond which something happens, searched from each of `levels` and from the plant's own if it has one.
+
+    Neutral is infinitely far, also for a plant that has one: where it is never reached its derivatives vanish.
+    """
+    known = [free.believed] if np.isfinite(free.believed) else []
+    neutral = _kind(name, free.name).neutral
+    starts = tuple((level, *(other.believed for other in others)) for level in [*levels, *known])
+    return (replace(free, believed=neutral), *others), starts
+
+
 def _relief_valve(twin: Twin, name: str) -> list[Way]:
     pressures = _pressures(twin)
     high = max((float(np.quantile(p, 0.998)) for p in pressures), default=2e7)
     low = twin.plant["P_0"]
     levels = [low + share * (high - low) for share in (0.95, 0.8, 0.6)]
-    crack = Free("P_crack", inf, 0.05 * (high - low), 0.0, inf)
+    crack = _free(twin, name, "P_crack", max(0.05 * (high - low), FELT_PRESSURE))
     # How steeply it opens is a valve's own.
     gain = _free(twin, name, "K_relief", 0.3 * twin.plant["K_relief"])
-    ways: list[Way] = [
-        ((crack,), tuple((v,) for v in levels)),
-        ((crack, gain), tuple((v, gain.believed) for v in levels[:2])),
-    ]
+    ways = [_levels(name, crack, levels), _levels(name, crack, levels[:2], gain)]
     if len(pressures) == 2:
         top = float(np.quantile(np.abs(pressures[0] - pressures[1]), 0.998))
-        cross = Free("P_cross", inf, 0.05 * top, 0.0, inf)
-        ways += [
-            ((cross,), tuple((share * top,) for share in (0.95, 0.8, 0.6))),
-            ((cross, gain), tuple((share * top, gain.believed) for share in (0.95, 0.8))),
-        ]
+        levels = [share * top for share in (0.95, 0.8, 0.6)]
+        cross = _free(twin, name, "P_cross", max(0.05 * top, FELT_PRESSURE))
+        ways += [_levels(name, cross, levels), _levels(name, cross, levels[:2], gain)]
     return ways
 
 
 def _anti_cavitation(twin: Twin, name: str) -> list[Way]:
     low = min((float(np.quantile(p, 0.002)) for p in _pressures(twin)), default=0.0)
     top = twin.plant["P_0"]
-    levels = [low + share * (top - low) for share in (0.1, 0.3, 0.6)]
-    return [((Free("P_open", -inf, 0.05 * (top - low), -1e5, inf),), tuple((v,) for v in levels))]
+    opening = replace(_free(twin, name, "P_open", max(0.05 * (top - low), FELT_PRESSURE)), lower=-1e5)
+    # Where no pressure was ever below that of rest, such a valve was shut.
+    levels = [low + share * (top - low) for share in (0.1, 0.3, 0.6)] if low < top else []
+    return [way for way in [_levels(name, opening, levels)] if way[1]]
 
 
 def _end_stop(twin: Twin, name: str) -> list[Way]:
     if "position" not in twin.log.channels:
         return []
     reach = float(np.max(np.abs(twin.log["position"])))
-    stop = Free("x_stop", inf, 0.02 * reach, 1e-3, inf)
-    return [((stop,), tuple((share * reach,) for share in (1.002, 0.985, 0.9)))]
+    stop = replace(_free(twin, name, "x_stop", 0.02 * reach), lower=1e-3)
+    return [_levels(name, stop, [share * reach for share in (1.002, 0.985, 0.9)])]
 
 
 def _position_dependent_friction(twin: Twin, name: str) -> list[Way]:

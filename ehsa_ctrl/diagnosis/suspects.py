@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 
 import numpy as np
 
 from ..physics.effects import EFFECTS
+from ..plant.arrays import needs
 from .dry import dry_friction
 from .suspect import Free, Suspect, letter_of, starts_of
 from .suspected_equations import equations
@@ -16,12 +17,14 @@ from .twin import BRISTLES, DAMPING, Twin
 def suspects(twin: Twin) -> tuple[Suspect, ...]:
     """Every effect that this plant and this log could show."""
     found: list[Suspect] = []
+    wired = twin.plant.structure.equations
+    asked = needs(wired, *wired.rates)
     for name, effect in EFFECTS.items():
         if effect.sensor is not None:
             found += _of_sensors(twin, name, effect.sensor)
         elif effect.letters:
-            found += _of_letters(twin, name)
-        elif effect.parameters and name in twin.plant.structure.effects:
+            found += _of_letters(twin, name, asked)
+        elif name in wired.structure.effects and (effect.delays or asked & {p.name for p in effect.parameters}):
             found += equations(twin, name)
     found += _presliding(twin)
     return tuple(found)
@@ -51,13 +54,16 @@ def _typical(twin: Twin, letter: str) -> float:
     return TYPICAL.get(letter, 0.0) * share
 
 
-def _of_letters(twin: Twin, name: str) -> list[Suspect]:
+def _of_letters(twin: Twin, name: str, asked: Set[str]) -> list[Suspect]:
+    """asked: what a simulation depends on; friction of a rod that is moved from outside is not among it."""
     effect, system = EFFECTS[name], twin.plant.structure.system
-    letters = tuple(letter for letter in effect.letters if system.own(letter) in twin.plant.parameters)
+    letters = tuple(letter for letter in effect.letters if system.own(letter) in asked)
     if not letters:
         return []
     if name == "chamber_volume_variation":
-        free = (*(letter_of(twin, letter, 0.1) for letter in letters), Free("c_V", twin.plant["c_V"], 0.2, -1.0, 3.0))
+        free = tuple(letter_of(twin, letter, 0.1) for letter in letters)
+        if "c_V" in asked:
+            free = (*free, Free("c_V", twin.plant["c_V"], 0.2, -1.0, 3.0))
         return [Suspect(name, effect.place, free, starts_of(free, 0.0))]
     found = []
     for group in TOGETHER.get(name, (letters,)):
@@ -80,17 +86,20 @@ def _of_letters(twin: Twin, name: str) -> list[Suspect]:
 def _of_sensors(twin: Twin, name: str, word: str) -> list[Suspect]:
     # What the load cell shows moves none of the signals that are scored.
     channels = [channel for channel in twin.channels if channel != "force"]
-    system = twin.plant.structure.system
+    system, dt = twin.plant.structure.system, twin.log.sample_time
     if word in ("delay", "filter"):
         channels.append(system.drive)
     found = []
     for channel in channels:
         sd = float(np.std(twin.log[channel]))
+        if sd == 0.0:
+            continue
         sensor = twin.plant.sensors[channel]
         free = {
             "bias": Free(f"bias.{channel}", sensor.bias, 0.03 * sd, -20.0 * sd, 20.0 * sd),
             "scale": Free(f"scale.{channel}", sensor.scale, 0.02, 0.2, 5.0),
-            "delay": Free(f"delay.{channel}", 0.0, 1e-3, 0.0, 0.1),
+            # Sensors of slow logs may have clocks of their own.
+            "delay": Free(f"delay.{channel}", 0.0, max(1e-3, 0.25 * dt), 0.0, max(0.1, 25.0 * dt)),
             "filter": Free(f"filter.{channel}", 0.0, 1e-3, 0.0, 0.2),
         }[word]
         starts = starts_of((free,), 2.0) if word in ("delay", "filter") else starts_of((free,), 0.0)

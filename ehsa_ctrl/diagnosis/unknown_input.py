@@ -30,9 +30,15 @@ _RESIDUALS = {
     "torque": (("torque__torque",), -1.0, "shaft"),
     "flow_1": (("flow__flow_1",), -1.0, None),
     "flow_2": (("flow__flow_2",), -1.0, None),
-    "force": (("force__carriage_force", "force, load as believed__believed_force"), 1.0, "rod"),
+    "force": (
+        ("force__carriage_force", "force, load as believed__believed_force", "force__take_off_force"),
+        1.0,
+        "rod",
+    ),
     "load": (("load__load_force",), 1.0, None),
 }
+#: Flows come in steps of at most this length [s]: what half a hydraulic period brings at once opens valves.
+KICK = 5e-3
 #: Samples of the cubics that give a slope and a direction, and how far from zero a direction is sure.
 SLOPE, DIRECTION, SURE = 7, 11, 4.0
 
@@ -56,23 +62,29 @@ class Signals:
 
 
 def signals_of(
-    plant: Plant, log: Log, current: np.ndarray, noise: Mapping[str, float], start: np.ndarray | None = None
+    plant: Plant,
+    log: Log,
+    current: np.ndarray,
+    noise: Mapping[str, float],
+    start: np.ndarray | None = None,
+    outside: np.ndarray | None = None,
 ) -> Signals:
     """States, rates and directions that the log tells, driven by `current` (N,), which in a system other than the EHSA
-    is its first input; what the log does not tell is absent.
+    is its first input, and by `outside` (N,), its second one, zero by default; what the log does not tell is absent.
 
     States that an effect or a friction law of the believed plant adds have no sensor: a free run from `start` gives
     them.
     """
     system, dt = plant.structure.system, log.sample_time
     first_input, *others = system.inputs
-    values = {first_input: current, **dict.fromkeys(others, np.zeros(len(log))), "time": log.time}
+    acting = np.zeros(len(log)) if outside is None else outside
+    values = {first_input: current, **dict.fromkeys(others, acting), "time": log.time}
     states = plant.structure.equations.states
     inner = [state.name for state in states if state not in system.states]
     if inner:
         first = None if start is None else start[None, :]
         batch = simulate_batch(
-            plant, plant.vector[None, :], current, hold=system.hold, start=first, sample_time=dt, jobs=1
+            plant, plant.vector[None, :], current, force=outside, hold=system.hold, start=first, sample_time=dt, jobs=1
         )
         values |= {name: batch.states[0, :, plant.structure.equations.index(name)] for name in inner}
     sds = {}
@@ -81,18 +93,22 @@ def signals_of(
             values[state] = undo_sensor(plant, log, channel)
             values[f"{state}_rate"] = _slope(values[state], dt, 1)
             sds[state] = noise.get(channel, 0.0)
-    if system.cell is not None and "force" in log.channels:
-        values["force_measured"] = undo_sensor(plant, log, "force")
+    for channel in {*system.measured, *(["force"] if system.cell is not None else [])} & set(log.channels):
+        values[f"{channel}_measured"] = undo_sensor(plant, log, channel)
     if "x" in values:
         values["v"], values["v_rate"] = values["x_rate"], _slope(values["x"], dt, 2)
+    elif system.prescribed:
+        values["x"] = values.get("position_measured", np.cumsum(values["v"]) * dt)
+        values["v_rate"] = _slope(values["v"], dt, 1)
+        sds["v"] = noise.get(system.drives["v"], 0.0)
     slides = {}
-    for contact in system.contacts:
+    for contact in system.all_contacts:
         if contact.velocity not in values:
             continue
-        if contact.velocity == "v":
-            seen, sd = savgol_filter(values["x"], DIRECTION, 3, deriv=1, delta=dt), 0.3 * sds["x"] / dt
-        else:
+        if contact.velocity in sds:
             seen, sd = savgol_filter(values[contact.velocity], DIRECTION, 3), 0.45 * sds[contact.velocity]
+        else:
+            seen, sd = savgol_filter(values["x"], DIRECTION, 3, deriv=1, delta=dt), 0.3 * sds["x"] / dt
         values[contact.direction] = np.sign(seen)
         slides[contact.name] = np.abs(seen) > SURE * sd
     return Signals(values, slides, dt)
@@ -143,7 +159,7 @@ def unknown_inputs(plant: Plant, signals: Signals) -> Unknown:
         _, sign, contact = _RESIDUALS[name]
         value = sign * 0.5 * (ends[0][residual] + ends[1][residual]) * np.ones(size)
         if contact is not None:
-            at = next(one for one in plant.structure.system.contacts if one.name == contact)
+            at = next(one for one in plant.structure.system.all_contacts if one.name == contact)
             if plant.structure.law(at).sticks:
                 sure, direction = signals.slides[contact], measured[at.direction]
                 value[~(sure[:-1] & sure[1:] & (direction[:-1] == direction[1:]))] = np.nan
@@ -182,12 +198,14 @@ def run_with(
     injections: Sequence[Injection],
     softness: Mapping[str, np.ndarray],
     tolerance: float = 1e-5,
+    outside: np.ndarray | None = None,
 ) -> list[dict[str, np.ndarray]]:
     """Simulate the plant with inputs put in: channel -> (N,) of each injection; nan from where a run stopped.
 
     An injection is balance -> (N - 1,) mean over each sample. A torque acts as a current, a force as F_D, from the
-    middle of a sample on where inputs are joined by lines; flows act as half of what they bring in a sample at each end
-    of it, the engine knowing of none.
+    middle of a sample on where inputs are joined by lines; flows act as half of what they bring in a step at each end
+    of it, the engine knowing of none; a sample is a step, or several of at most KICK. outside: (N,) of the second
+    input, which a force comes on top of; zero by default.
     """
     groups: dict[tuple[int, int], list[int]] = {}
     for i, one in enumerate(injections):
@@ -196,11 +214,11 @@ def run_with(
     states = np.full((len(injections), current.size, start.size), np.nan)
     for members in groups.values():
         one = injections[members[0]]
-        drive, force = current.copy(), np.zeros(current.size)
+        drive, force = current.copy(), np.zeros(current.size) if outside is None else outside.copy()
         if "torque" in one:
             drive[:-1] += one["torque"] / plant["K_T"]
         if "force" in one:
-            force[:-1] = one["force"]
+            force[:-1] += one["force"]
         wet = [i for i in members if "flow_1" in injections[i] or "flow_2" in injections[i]]
         dry = [i for i in members if i not in wet]
         if dry:
@@ -229,11 +247,14 @@ def _kicked(
     halves: np.ndarray,
     tolerance: float,
 ) -> np.ndarray:
-    """Runs (runs, N, n) whose states are moved by `halves` (N, runs, n) at both ends of each sample."""
-    advance = engine(plant.structure).open_loop
+    """Runs (runs, N, n) whose states are moved by `halves` (N, runs, n) in the halves of each sample."""
+    advance, lines = engine(plant.structure).open_loop, plant.structure.system.hold == "first_order"
     samples, runs, n = halves.shape
+    steps = max(int(np.ceil(dt / KICK - 1e-9)), 1)
+    shares = np.linspace(0.0, 1.0, steps + 1) if lines else np.zeros(steps + 1)
+    halves = halves / steps
     rows, y = np.tile(plant.vector, (runs, 1)), np.tile(start, (runs, 1))
-    modes, carry = initial_modes(plant, y), initial_carry(plant, runs, dt)
+    modes, carry = initial_modes(plant, y), initial_carry(plant, runs, dt / steps)
     out = np.full((samples, runs, n), np.nan)
     states, cells = np.empty((runs, 2, n)), np.empty((runs, 2))
     chosen, extremes = np.zeros((runs, 2, modes.shape[1]), dtype=np.int8), np.stack([y, y], axis=1)
@@ -242,13 +263,17 @@ def _kicked(
     kicks = halves.copy()
     kicks[1:] += halves[:-1]
     for k in range(samples - 1):
-        y += kicks[k]
-        # What the engine remembers of the rates at the sample's end does not hold after a kick.
-        carry[:, 1] = np.nan
-        advance(
-            rows, y, modes, carry, current[k : k + 2], force[k : k + 2], False, dt, tolerance, states, chosen, cells,
-            extremes, status,
-        )  # fmt: skip
+        for step in range(steps):
+            y += 2.0 * halves[k] if step else kicks[k]
+            # What the engine remembers of the rates at the step's end does not hold after a kick.
+            carry[:, 1] = np.nan
+            ends = shares[step : step + 2]
+            driven = current[k] + ends * (current[k + 1] - current[k])
+            pushed = force[k] + ends * (force[k + 1] - force[k])
+            advance(
+                rows, y, modes, carry, driven, pushed, lines, dt / steps, tolerance, states, chosen, cells, extremes,
+                status,
+            )  # fmt: skip
         out[k + 1] = y
         if not k % 64 and status.any():
             break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from ..plant.system import System
 from .diagnosis import Cause
 from .judge import Key
 from .next_experiment import Experiment, next_experiment
@@ -14,7 +15,7 @@ from .weigh import Weighed
 RIVALS = 4
 
 
-def advice(verdict: str, causes: Sequence[Cause]) -> str | None:
+def advice(verdict: str, causes: Sequence[Cause], system: System) -> str | None:
     """What to do where no experiment is proposed."""
     if verdict == "outside_catalogue":
         return (
@@ -23,6 +24,11 @@ def advice(verdict: str, causes: Sequence[Cause]) -> str | None:
         )
     if verdict == "ambiguous" and all(set(c.ambiguous_with) <= set(c.why_same) for c in causes):
         return "no experiment with these sensors can tell them apart; measure the quantity itself"
+    if verdict in ("ambiguous", "underdetermined") and system.prescribed:
+        return (
+            "move the rod otherwise than in this log, with another current beside it: at one speed under several "
+            "currents, and at one current with several speeds; the library of inputs is for rods that the pump moves"
+        )
     if verdict in ("ambiguous", "underdetermined"):
         return "no input of the library tells the candidates apart within the plant's limits; measure another quantity"
     return None
@@ -30,8 +36,9 @@ def advice(verdict: str, causes: Sequence[Cause]) -> str | None:
 
 def deciding_experiment(weighed: Weighed, search: Search, noise: Mapping[str, float]) -> Experiment | None:
     """What would tell the chosen hypothesis from its rivals."""
-    hydraulic = search.bench.twin.plant.structure.chambers is not None
-    if weighed.verdict not in ("ambiguous", "underdetermined") or not hydraulic:
+    structure = search.bench.twin.plant.structure
+    driven = structure.chambers is None or bool(structure.system.prescribed)
+    if weighed.verdict not in ("ambiguous", "underdetermined") or driven:
         return None
     here = set(weighed.chosen.causes)
     others = {key for keys in weighed.rivals.values() for key in keys}

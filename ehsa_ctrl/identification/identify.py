@@ -165,9 +165,7 @@ def _first(
 
 def _shown(plant: Plant, parameters: tuple[FreeParameter, ...]) -> tuple[FreeParameter, ...]:
     """Parameters that the simulation depends on: a rod that is moved from outside says nothing of its friction."""
-    needed = set()
-    for rate in plant.structure.equations.rates:
-        needed |= needs(plant.structure.equations, rate)
+    needed = needs(plant.structure.equations, *plant.structure.equations.rates)
     return tuple(parameter for parameter in parameters if parameter.name in needed or parameter.sensor is not None)
 
 

@@ -110,7 +110,9 @@ def _at_rest(plant: Plant, log: Log, samples: int) -> Start | None:
     pressures = [channel for channel, (column, _) in levels.items() if states[column].unit == "Pa"]
     if samples < REST_SAMPLES and pressures and len(levels) > len(pressures):
         return None
-    if len(levels) == len(pressures) and (samples < REST_SAMPLES or len(pressures) == 1):
+    # A rod that is held from outside lets one chamber carry its load, and no rest of its own is known.
+    held = bool(plant.structure.system.prescribed)
+    if not held and len(levels) == len(pressures) and (samples < REST_SAMPLES or len(pressures) == 1):
         levels = {}
     for column, level in levels.values():
         state[column] = level

@@ -57,8 +57,8 @@ def array_evaluator(equations: Equations, wanted: Sequence[str]) -> Callable[[Ma
     return evaluate
 
 
-def needs(equations: Equations, signal: str) -> set[str]:
-    """Names of states, inputs, measured things and parameters that a signal depends on."""
+def needs(equations: Equations, *signals: str) -> set[str]:
+    """Names of states, inputs, measured things and parameters that signals depend on."""
     tape = build_tape(equations, residuals=True)
-    nodes = [tape.nodes[ref] for ref in tape.needed([tape.refs[signal]])]
+    nodes = [tape.nodes[ref] for ref in tape.needed([tape.refs[signal] for signal in signals])]
     return {str(node.value) for node in nodes if node.op in ("input", "parameter")}

@@ -271,10 +271,10 @@ def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:
     """
     sensors, letters = dict(plant.sensors), {}
     for key, given in settings.items():
-        word, dot, channel = key.partition(".")
-        if not dot or word not in SENSOR_WORDS:
+        if not is_of_sensor(key):
             letters[key] = given
             continue
+        word, _, channel = key.partition(".")
         if channel not in sensors:
             raise InputError(f"{key}: {plant.name} has no sensor {channel!r}; {choices(channel, sensors)}")
         unit = sensors[channel].unit_of(word)
@@ -288,6 +288,12 @@ def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:
     return replace(plant, sensors=sensors).set(**read_settings(plant, letters))
 
 
+def is_of_sensor(key: str) -> bool:
+    """Whether a setting is a sensor's: bias.p1, delay.speed."""
+    word, dot, _ = key.partition(".")
+    return bool(dot) and word in SENSOR_WORDS
+
+
 def read_settings(plant: Plant, settings: Mapping[str, str | float]) -> dict[str, float]:
     """Turn {"load.stiffness": "50 N/mm"} into {"K_S": 5e4}. Raises InputError naming the key."""
     kinds = {kind.name: kind for kind in plant.structure.equations.parameters}
@@ -296,7 +302,8 @@ def read_settings(plant: Plant, settings: Mapping[str, str | float]) -> dict[str
     for key, given in settings.items():
         letter = words.get(key, key)
         if letter not in kinds:
-            known = [*words, *(name for name in kinds if name not in words.values())]
+            known = [*(word for word, name in words.items() if name in kinds)]
+            known += [name for name in kinds if name not in words.values()]
             raise InputError(
                 f"{key}: the {plant.model} model of {plant.name} has no such parameter; {choices(key, known)}"
             )

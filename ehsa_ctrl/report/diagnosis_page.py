@@ -182,7 +182,8 @@ def _glance(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         others = f"; or {' or '.join(section.cause.ambiguous_with)}" if section.cause.ambiguous_with else ""
         lines.append(("which", f"{section.name}, probability {section.probability}: {numbers}{others}"))
     if not diagnosis.effects:
-        lines.append(("which", "none of the catalogue"))
+        nearest = f"; {diagnosis.nearest}" if diagnosis.nearest else ""
+        lines.append(("which", f"none of the catalogue{nearest}"))
     after = after_model(diagnosis)
     if after is not None:
         now = f"{percent(diagnosis.gap['nominal']['total'])} to {percent(diagnosis.gap[after]['total'])}"

@@ -61,10 +61,10 @@ def models_shown(diagnosis: Diagnosis) -> list[str]:
 
 
 def traces(diagnosis: Diagnosis) -> list[Trace]:
-    """Every scored signal of the log, and the position."""
+    """Every scored signal of the log, and the position where the plant gives one."""
     log = diagnosis.log
     names = [name for name in SIGNALS if name in diagnosis.whole]
-    names += ["position"] if "position" in log.channels else []
+    names += ["position"] if "position" in {*log.channels} & {*diagnosis.plant.structure.system.outputs} else []
     after = after_model(diagnosis)
     return [
         Trace(

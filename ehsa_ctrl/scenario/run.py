@@ -18,7 +18,7 @@ from ..design.controller import SampledController
 from ..design.load import load_controller
 from ..plant.file import LOAD_LETTERS
 from ..plant.linear import three_state
-from ..plant.plant import Model, Plant, load_plant, with_settings
+from ..plant.plant import Model, Plant, is_of_sensor, load_plant, with_settings
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.sensors import Sensors
 from .assumed import over_assumed
@@ -236,5 +236,5 @@ def _known_to_linear(definition: ScenarioFile, plant: Plant) -> dict[str, str]:
     return {
         key: value
         for key, value in definition.all_settings.items()
-        if key.startswith("load.") or key in plant.parameters
+        if key.startswith("load.") or is_of_sensor(key) or key in plant.parameters
     }

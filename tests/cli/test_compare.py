@@ -85,6 +85,18 @@ def test_a_setting_of_one_model_is_for_that_model(run, log):
     assert status == 2 and "no such parameter" in err
 
 
+def test_a_setting_of_a_sensor_is_for_both_models(run, log):
+    """A speed that is believed to be scaled by two is half as fast for either model, so that both fits fall."""
+
+    def fits(*options):
+        status, out, _ = run("compare", "log.csv", "--plant", "ehsa", *options)
+        assert status == 0
+        return [float(cell) for cell in next(row for row in out.splitlines() if row.startswith("speed")).split()[1:]]
+
+    for plain, scaled in zip(fits(), fits("--set", "scale.speed=2"), strict=True):
+        assert scaled < plain - 20.0
+
+
 def test_findings_are_warnings_and_what_is_missing_is_said(run, log, tmp_path):
     """Speed in rpm, no pressures."""
     table = log.to_pandas().drop(columns=["p1", "p2"])

@@ -74,12 +74,6 @@ def test_one_wrong_number_is_named(carriage):
     assert found.effects[0].parameters["M"].value == pytest.approx(carriage["M"], rel=0.03)
 
 
-def test_a_rod_that_is_moved_from_outside_is_refused(carriage):
-    """One sentence that says what to do instead."""
-    with pytest.raises(ehsa_ctrl.InputError, match="moved from outside"):
-        ehsa_ctrl.diagnose(ehsa_ctrl.load_plant("mbari_pto"), logged(carriage))
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not SHARED.is_file(), reason="the measured record is not here")
 def test_the_published_record_shows_the_published_friction(carriage):
