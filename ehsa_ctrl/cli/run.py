@@ -237,8 +237,12 @@ def _write_report(results: list[ScenarioResult], out: Path) -> list[str]:
     from ..report.page import write_page
     from .output import command_line
 
-    figures = {f"{result.scenario.name}-{result.controller.name}": result.plot for result in results}
-    figures |= {
+    names, drawings = [], []
+    for result in results:
+        names.append(f"{result.scenario.name}-{result.controller.name}")
+        _, drawn = save(result.plot(), out / names[-1])
+        drawings.append(drawn.read_text(encoding="utf-8"))
+    figures = {
         f"{result.scenario.name}-{result.controller.name}-baseline": result.plot_baseline
         for result in results
         if result.baseline is not None and result.baseline.differences(result)
@@ -248,8 +252,8 @@ def _write_report(results: list[ScenarioResult], out: Path) -> list[str]:
         save(plot(), out / name)
     for name, loop in loops.items():
         save(loop_figure(loop), out / f"loop-{name}")
-    names = [*figures, *(f"loop-{name}" for name in loops)]
-    write_page(results, out, command=command_line())
+    names += [*figures, *(f"loop-{name}" for name in loops)]
+    write_page(results, out, command=command_line(), drawings=drawings)
     return ["report.html", *sorted(path.name for path in out.iterdir() if path.stem in names)]
 
 

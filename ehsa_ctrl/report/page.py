@@ -16,8 +16,8 @@ from ..core.unit import factor
 from ..design.analysis.loop import LoopAnalysis
 from ..scenario.metrics import METRICS
 from ..scenario.result import Judgement, ScenarioResult, few, gap
-from .document import anchors, embedded, merged_versions, write_document
-from .figures import loop_figure, scenario_figure
+from .document import anchors, embedded, inlined, merged_versions, write_document
+from .figures import loop_figure, scenario_figure, to_svg
 from .grounds import assumed_of, hashes
 from .number import number, quantity, unit
 from .swing import SwingTable
@@ -33,13 +33,16 @@ SHOWN = (
 SAID = {"pass": ("✓ passed", "good"), "fail": ("✗ failed", "bad"), "untested": ("– untested", "soft")}
 
 
-def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str) -> Path:
+def write_page(
+    results: Sequence[ScenarioResult], folder: Path, *, command: str, drawings: Sequence[str] = ()
+) -> Path:
     """Write `report.html` to the folder and return its path; the same results give the same bytes.
 
     Parameters
     ----------
     results: in the order in which they are shown; those of one scenario share a section.
     command: the command line that made them, for the page's end.
+    drawings: the SVG of each result's figure, in their order, where they were drawn already.
 
     Raises InputError if there is no result.
     """
@@ -64,7 +67,7 @@ def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str)
         mood=lambda result: SAID[result.verdict][1],
         beside=beside,
         summary=list(zip(results, names, strict=True)),
-        scenarios=_scenarios(results, names, loops),
+        scenarios=_scenarios(results, names, loops, drawings or [""] * len(results)),
         loops=list(loops.values()),
         doubtful=[
             (result, anchor, table.sentence[0])
@@ -135,6 +138,7 @@ class Run:
     result: ScenarioResult
     anchor: str
     loop: Loop | None
+    drawing: str = ""
 
     @property
     def figure(self) -> Markup:
@@ -145,7 +149,8 @@ class Run:
             f"nonlinear plant {_with_unit('MaxError', result.metrics['MaxError'][1])}; the rod sticks for "
             f"{_with_unit('StickShare', result.metrics['StickShare'][1])} of the run."
         )
-        return embedded(scenario_figure(result), words, self.anchor)
+        drawing = self.drawing or to_svg(scenario_figure(result))
+        return inlined(drawing, words, self.anchor)
 
     @property
     def swings(self) -> SwingTable | None:
@@ -241,12 +246,15 @@ def _exists(result: ScenarioResult, metric: str) -> bool:
     return not all(math.isnan(value) for value in result.metrics[metric])
 
 
-def _scenarios(results: Sequence[ScenarioResult], names: Sequence[str], loops: Mapping[str, Loop]) -> list[list[Run]]:
+def _scenarios(
+    results: Sequence[ScenarioResult], names: Sequence[str], loops: Mapping[str, Loop], drawings: Sequence[str]
+) -> list[list[Run]]:
     """Runs of the same scenario together, in the order in which the scenarios came."""
     groups: dict[tuple[str, str], list[Run]] = {}
-    for result, anchor in zip(results, names, strict=True):
+    for result, anchor, drawing in zip(results, names, drawings, strict=True):
         loop = loops[_loop_key(result)] if result.loop is not None else None
-        groups.setdefault((result.scenario.name, str(result.scenario.path)), []).append(Run(result, anchor, loop))
+        key = result.scenario.name, str(result.scenario.path)
+        groups.setdefault(key, []).append(Run(result, anchor, loop, drawing))
     return list(groups.values())
 
 

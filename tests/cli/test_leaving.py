@@ -59,7 +59,7 @@ def test_an_interrupted_campaign_says_what_is_kept_and_goes_on(tmp_path):
         _, err = running.communicate(timeout=120)
         first = len(file.read_text().splitlines()) - 1
 
-    assert running.returncode == 130
+    assert running.returncode == 130, err
     assert err.strip().splitlines()[-1].startswith("ehsa-ctrl: interrupted; the runs that were done are kept in mc")
     assert "Traceback" not in err
     assert first < 400

@@ -32,7 +32,7 @@ def drained(sealed):
     return with_every_effect(sealed).set(K_e=2e-13)
 
 
-def moved(plant, seconds=60.0, seed=3, noise=True, sensors=None):
+def moved(plant, seconds=40.0, seed=3, noise=True, sensors=None):
     """A log at 50 Hz: moves to and fro at various speeds, with a current that changes at other times.
 
     sensors: channel -> what its sensor makes of (values, time).
@@ -139,7 +139,6 @@ def test_no_gap_is_said_to_be_none(drained):
     [
         ("internal_leakage", "flow", "K_L", 6e-13),
         ("relief_valve", "flow", "P_crack", 90e5),
-        ("motor_friction", "torque", "A_FM", 0.55),
         ("drive_lag", "drive", "tau_I", 0.08),
     ],
 )
