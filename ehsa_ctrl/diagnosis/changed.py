@@ -49,8 +49,11 @@ class Change(ShownAsText):
         elif self.new:
             named = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in self.new)
             first = f"Between the logs changed: {named}."
-        else:
+        elif self.before.verdict == "no_gap" or self.before.improved is not None:
             first = f"Something changed between the logs. {self.after.sentence}"
+        else:
+            # The rig was not explained, so that what is left of it stands in the second log too.
+            first = f"Whether anything changed can't be told: no cause was found for either log. {self.after.sentence}"
         return f"{first} Before, {self.brought}."
 
     def to_dict(self) -> dict[str, Any]:

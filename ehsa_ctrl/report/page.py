@@ -33,9 +33,7 @@ SHOWN = (
 SAID = {"pass": ("✓ passed", "good"), "fail": ("✗ failed", "bad"), "untested": ("– untested", "soft")}
 
 
-def write_page(
-    results: Sequence[ScenarioResult], folder: Path, *, command: str, drawings: Sequence[str] = ()
-) -> Path:
+def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str, drawings: Sequence[str] = ()) -> Path:
     """Write `report.html` to the folder and return its path; the same results give the same bytes.
 
     Parameters

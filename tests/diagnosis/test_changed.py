@@ -91,14 +91,19 @@ def test_the_second_log_is_held_against_the_first_ones_plant(plant, monkeypatch)
 
 def test_what_is_said(plant):
     """Verdicts of the second log as changes."""
-    first = diagnosis(plant, causes=("presliding",))
+    explained = diagnosis(plant, causes=("presliding",), improved=plant)
+    unexplained = diagnosis(plant, verdict="outside_catalogue", causes=())
 
-    def said(**second):
+    def said(first=explained, **second):
         return Change(first, diagnosis(plant, **second), plant, "it was so").sentence
 
     assert said(verdict="no_gap", causes=()) == "Nothing that matters changed between the logs. Before, it was so."
     assert said(causes=("backlash", "end_stop")).startswith("Between the logs changed: backlash and end_stop.")
-    assert said(verdict="outside_catalogue", causes=()).startswith("Something changed between the logs. No effect")
+    unknown = {"verdict": "outside_catalogue", "causes": ()}
+    assert said(**unknown).startswith("Something changed between the logs. No effect")
+    assert said(unexplained, **unknown).startswith(
+        "Whether anything changed can't be told: no cause was found for either"
+    )
 
 
 @pytest.mark.slow
