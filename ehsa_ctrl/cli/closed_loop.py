@@ -154,12 +154,9 @@ def close(
 
 def _letters(case: Case, plant: Plant) -> dict[str, float]:
     """What the scenario believes of the plant, as far as this model of it has it, SI units."""
-    from ..plant.file import LOAD_LETTERS
+    from ..plant.file import letter_of
 
-    names = [
-        LOAD_LETTERS[key.removeprefix("load.")] if key.startswith("load.") else key
-        for key in case.scenario.definition.all_settings
-    ]
+    names = map(letter_of, case.scenario.definition.all_settings)
     return {name: case.nonlinear[name] for name in names if name in plant.parameters}
 
 

@@ -123,19 +123,13 @@ def load_models(plant: str, model: str, settings: dict[str, str]) -> list[Plant]
 
     Raises InputError as load_plant does, and for a setting that no model knows.
     """
-    from ..plant.file import LOAD_LETTERS
-    from ..plant.plant import is_of_sensor, load_plant, models_of
+    from ..plant.plant import knows, load_plant, models_of
 
     if model not in ("linear", "nonlinear", "both"):
         raise InputError(f"--model {model!r}: expected linear, nonlinear or both")
     if model != "both":
         return [load_plant(plant, model=model, settings=settings)]  # type: ignore[arg-type]
     plain = [load_plant(plant, model=word) for word in models_of(plant)]
-    words = {f"load.{word}": letter for word, letter in LOAD_LETTERS.items()}
-
-    def knows(each: Plant, key: str) -> bool:
-        return is_of_sensor(key) or words.get(key, key) in each.parameters
-
     for key in settings:
         if not any(knows(each, key) for each in plain):
             load_plant(plant, model=plain[-1].model, settings={key: settings[key]})

@@ -239,20 +239,17 @@ def _write_report(results: list[ScenarioResult], out: Path) -> list[str]:
 
     names, drawings = [], []
     for result in results:
-        names.append(f"{result.scenario.name}-{result.controller.name}")
-        _, drawn = save(result.plot(), out / names[-1])
+        name = f"{result.scenario.name}-{result.controller.name}"
+        _, drawn = save(result.plot(), out / name)
+        names.append(name)
         drawings.append(drawn.read_text(encoding="utf-8"))
-    figures = {
-        f"{result.scenario.name}-{result.controller.name}-baseline": result.plot_baseline
-        for result in results
-        if result.baseline is not None and result.baseline.differences(result)
-    }
+        if result.baseline is not None and result.baseline.differences(result):
+            save(result.plot_baseline(), out / f"{name}-baseline")
+            names.append(f"{name}-baseline")
     loops = {result.controller.name: result.loop for result in results if result.loop is not None}
-    for name, plot in figures.items():
-        save(plot(), out / name)
     for name, loop in loops.items():
         save(loop_figure(loop), out / f"loop-{name}")
-    names += [*figures, *(f"loop-{name}" for name in loops)]
+        names.append(f"loop-{name}")
     write_page(results, out, command=command_line(), drawings=drawings)
     return ["report.html", *sorted(path.name for path in out.iterdir() if path.stem in names)]
 

@@ -99,8 +99,8 @@ def diagnose(
     if not rippled:
         turned, kept = _turned(plant, log, validate)
     trainlog, held = _split(plant, twin, turned, kept, noise)
-    system = plant.structure.system
-    yields = plant.model == "nonlinear" and plant.structure.chambers is not None and not system.prescribed
+    structure = plant.structure
+    yields = plant.model == "nonlinear" and structure.chambers is not None and not structure.system.prescribed
     bristles = with_every_effect(plant, "lugre") if yields else None
     held = replace(held, twin=replace(held.twin, bristles=bristles))
     bare = replace(bare, twin=replace(bare.twin, log=turned, bristles=bristles))
@@ -224,7 +224,6 @@ def _written(
     gap["upper_bound"] = _bound(gap, location)
     sd = deviations(chosen.fit, judge.worth)
     causes = causes_of(plant, weighed, judge, sd, gap, common["log"]) if weighed.verdict != "outside_catalogue" else ()
-    system = plant.structure.system
     # What no log can tell apart makes a set too.
     verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
     following = deciding_experiment(weighed, search, common["noise_sd"])
@@ -245,7 +244,7 @@ def _written(
             for j in weighed.labels
         ),
         location=location,
-        next_experiment=following.words if following is not None else advice(verdict, causes, system),
+        next_experiment=following.words if following is not None else advice(verdict, causes, plant.structure.system),
         experiment=following,
         improved=improved(plant, chosen.fit.suspects, changed, sd) if named else None,
         seconds=time.monotonic() - began,

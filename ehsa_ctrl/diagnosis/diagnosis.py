@@ -243,7 +243,8 @@ class Diagnosis(ShownAsText):
             lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")
             if cause.ambiguous_with:
                 lines.append(f"    can't be told from {', '.join(cause.ambiguous_with)}")
-        lines += [f"  {words}" for words in (self.nearest,) if words]
+        if self.nearest:
+            lines.append(f"  {self.nearest}")
         if self.next_experiment:
             lines.append(f"  next experiment: {self.next_experiment}")
         return "\n".join(lines)

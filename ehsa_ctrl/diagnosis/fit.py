@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ..core.errors import InputError
-from ..plant.arrays import needs
+from ..plant.arrays import needed_to_simulate
 from .signals import gap, largest, rod_velocity, scored, signal_noise
 from .suspect import WEARS, Free, Suspect
 from .twin import Twin
@@ -96,7 +96,7 @@ class Nominal:
         """
         plant, dt = twin.plant, twin.log.sample_time
         usual = {plant.structure.system.own(name): relative for name, relative in NOMINAL.items()}
-        asked = needs(plant.structure.equations, *plant.structure.equations.rates)
+        asked = needed_to_simulate(plant.structure.equations)
         names = [name for name in usual if name in asked and plant[name] != 0.0]
         base, *moved = twin.run([{}, *({name: plant[name] * (1.0 + STEP)} for name in names)])
         if base is None:

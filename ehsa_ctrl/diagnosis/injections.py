@@ -12,7 +12,7 @@ from ..plant.plant import Plant
 from .bases import DRIVE, MEMORYLESS
 from .curves import Curve, curves_of
 from .squared_gap import Energy, SquaredGap
-from .unknown_input import filled, run_with, signals_of, smooth, unknown_inputs
+from .unknown_input import INPUTS, filled, run_with, signals_of, smooth, unknown_inputs
 
 #: Part of the gap that a further place has to explain, an unknown input of any form and one of few numbers.
 FREE_PRICE, CURVE_PRICE, NUMBER_PRICE = 0.08, 0.025, 0.0005
@@ -65,6 +65,13 @@ class Injections:
         self.unknown = unknown_inputs(plant, self.signals)
         self.curves = {name: curves_of(plant, self.signals, name, w) for name, w in self.unknown.values.items()}
         self.closed: dict[int, float] = {}
+        #: Whether the rod is moved from outside: it moves as it does whatever force that takes.
+        self.moved = bool(plant.structure.system.prescribed)
+
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """Balances that may lie behind a gap and that the log can't tell."""
+        return tuple(n for n in INPUTS if n not in self.unknown.values and not (n == "force" and self.moved))
 
     def run(self, injections: Sequence[Mapping[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
         return run_with(
@@ -74,12 +81,10 @@ class Injections:
 
     def sets(self) -> dict[frozenset[str], Trial]:
         """What every set of torque or drive, flow and force leaves of the gap, with the best forms found."""
-        # A rod that is moved from outside moves as it does whatever force that takes.
-        moved = bool(self.plant.structure.system.prescribed)
         forms = {
             "torque": self._forms("torque", [c for c in self.curves.get("torque", ()) if c.family not in DRIVE], True),
             "drive": self._forms("torque", self._of_drive(), False),
-            "force": [] if moved else self._forms("force", self.curves.get("force", ()), True),
+            "force": [] if self.moved else self._forms("force", self.curves.get("force", ()), True),
         }
         best = {place: self._best(options) for place, options in forms.items() if options}
         chosen = {place: option for place, option in best.items() if option is not None}

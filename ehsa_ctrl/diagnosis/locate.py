@@ -115,7 +115,7 @@ def locate(plant: Plant, log: Log, noise: Mapping[str, float]) -> Location:
         left = other.energy(believed)
         alone = Trial(left, float(left.sum()) / gap.whole + SENSOR_PRICE, {}, believed)
         # Where balances are silent a sensor has few rivals: it has to explain most of the gap by itself.
-        if not _quiet(case) or float(left.sum()) < 0.3 * gap.whole:
+        if not case.silent or float(left.sum()) < 0.3 * gap.whole:
             worth[frozenset({"sensor"})] = alone
         enough = min(float(left.sum()), float(best.energy.sum()), float(odd[1].energy.sum()) if odd else np.inf)
         if enough > ENOUGH * gap.whole and frozenset({"sensor"}) in worth:
@@ -127,15 +127,6 @@ def locate(plant: Plant, log: Log, noise: Mapping[str, float]) -> Location:
         sensor, right = odd[0], None
         worth[frozenset({"sensor"})] = odd[1]
     return _judged(plant, log, case, right, worth, sensor)
-
-
-def _quiet(case: Injections) -> list[str]:
-    """Balances that the log can't tell and that may lie behind a gap.
-
-    No force changes the motion of a rod that is moved from outside.
-    """
-    given = {"force"} if case.plant.structure.system.prescribed else set()
-    return [name for name in INPUTS if name not in case.unknown.values and name not in given]
 
 
 def _subsets(places: frozenset[str]) -> list[frozenset[str]]:
@@ -178,8 +169,7 @@ def _judged(
     untold = _untold(plant, log, case)
     sizes = {place: max(float(part.sum()), 0.0) for place, part in parts.items()}
     balances = {"torque": "torque", "drive": "torque", "flow": "flow_1", "force": "force"}
-    quiet = _quiet(case)
-    silent = [place for place, balance in balances.items() if balance in quiet]
+    silent = [place for place, balance in balances.items() if balance in case.silent]
     rest = max(gap.whole - sum(sizes.values()), 0.0)
     for place in silent:
         sizes[place] += rest / len(silent)
@@ -233,7 +223,7 @@ def _regimes(case: Injections, options: Mapping[str, Form]) -> tuple[Regime, ...
             values = smooth(case.unknown.values[balance], BUMP)
             shown = sorted([*first, *rest][:2], key=lambda c: (-round(c.explained, 2), c.numbers))
             found += [regime_of(c, values, case.closed.get(id(c), float("nan"))) for c in shown]
-    if case.plant.structure.system.prescribed and "force" in case.unknown.values:
+    if case.moved and "force" in case.unknown.values:
         # It lies behind no gap of a signal, and says where the believed areas and friction of the rod are off.
         values = smooth(case.unknown.values["force"], BUMP)
         found += [regime_of(c, values) for c in case.curves["force"][:2] if c.explained > 0.1]
@@ -271,7 +261,7 @@ def _over_time(
 def _untold(plant: Plant, log: Log, case: Injections) -> tuple[str, ...]:
     names = {"torque": "the torque balance", "flow_1": "the flow balances", "force": "the force balance"}
     missing = [c for c in plant.structure.system.outputs if c not in log.channels]
-    quiet = [words for name, words in names.items() if name in _quiet(case)]
+    quiet = [words for name, words in names.items() if name in case.silent]
     if not quiet:
         return ()
     return (f"without {', '.join(missing) or 'more channels'} {listed(quiet)} can't be told",)

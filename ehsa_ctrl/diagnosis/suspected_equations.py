@@ -116,7 +116,8 @@ def _anti_cavitation(twin: Twin, name: str) -> list[Way]:
     opening = replace(_free(twin, name, "P_open", max(0.05 * (top - low), FELT_PRESSURE)), lower=-1e5)
     # Where no pressure was ever below that of rest, such a valve was shut.
     levels = [low + share * (top - low) for share in (0.1, 0.3, 0.6)] if low < top else []
-    return [way for way in [_levels(name, opening, levels)] if way[1]]
+    frees, starts = _levels(name, opening, levels)
+    return [(frees, starts)] if starts else []
 
 
 def _end_stop(twin: Twin, name: str) -> list[Way]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Set
 import numpy as np
 
 from ..physics.effects import EFFECTS
-from ..plant.arrays import needs
+from ..plant.arrays import needed_to_simulate
 from .dry import dry_friction
 from .suspect import Free, Suspect, letter_of, starts_of
 from .suspected_equations import equations
@@ -17,14 +17,14 @@ from .twin import BRISTLES, DAMPING, Twin
 def suspects(twin: Twin) -> tuple[Suspect, ...]:
     """Every effect that this plant and this log could show."""
     found: list[Suspect] = []
-    wired = twin.plant.structure.equations
-    asked = needs(wired, *wired.rates)
+    structure = twin.plant.structure
+    asked = needed_to_simulate(structure.equations)
     for name, effect in EFFECTS.items():
         if effect.sensor is not None:
             found += _of_sensors(twin, name, effect.sensor)
         elif effect.letters:
             found += _of_letters(twin, name, asked)
-        elif name in wired.structure.effects and (effect.delays or asked & {p.name for p in effect.parameters}):
+        elif name in structure.effects and (effect.delays or asked & {p.name for p in effect.parameters}):
             found += equations(twin, name)
     found += _presliding(twin)
     return tuple(found)
@@ -55,7 +55,7 @@ def _typical(twin: Twin, letter: str) -> float:
 
 
 def _of_letters(twin: Twin, name: str, asked: Set[str]) -> list[Suspect]:
-    """asked: what a simulation depends on; friction of a rod that is moved from outside is not among it."""
+    """asked: what a simulation depends on."""
     effect, system = EFFECTS[name], twin.plant.structure.system
     letters = tuple(letter for letter in effect.letters if system.own(letter) in asked)
     if not letters:

@@ -19,7 +19,7 @@ from ..identification.drives import undo_sensor
 from ..plant.arrays import array_evaluator, needs
 from ..plant.plant import Plant
 from ..simulation.compiled import engine
-from ..simulation.engine import initial_carry, initial_modes, simulate_batch
+from ..simulation.engine import initial_carry, initial_modes, run_open_loop, simulate_batch
 
 #: Unknown inputs by balance; a torque and flows that help, a force that resists extension.
 INPUTS = ("torque", "flow_1", "flow_2", "force")
@@ -93,8 +93,7 @@ def signals_of(
             values[state] = undo_sensor(plant, log, channel)
             values[f"{state}_rate"] = _slope(values[state], dt, 1)
             sds[state] = noise.get(channel, 0.0)
-    for channel in {*system.measured, *(["force"] if system.cell is not None else [])} & set(log.channels):
-        values[f"{channel}_measured"] = undo_sensor(plant, log, channel)
+    values |= {f"{c}_measured": undo_sensor(plant, log, c) for c in system.measured if c in log.channels}
     if "x" in values:
         values["v"], values["v_rate"] = values["x_rate"], _slope(values["x"], dt, 2)
     elif system.prescribed:
@@ -248,10 +247,11 @@ def _kicked(
     tolerance: float,
 ) -> np.ndarray:
     """Runs (runs, N, n) whose states are moved by `halves` (N, runs, n) in the halves of each sample."""
-    advance, lines = engine(plant.structure).open_loop, plant.structure.system.hold == "first_order"
+    kernel, lines = engine(plant.structure), plant.structure.system.hold == "first_order"
     samples, runs, n = halves.shape
     steps = max(int(np.ceil(dt / KICK - 1e-9)), 1)
-    shares = np.linspace(0.0, 1.0, steps + 1) if lines else np.zeros(steps + 1)
+    fine = np.arange((samples - 1) * steps + 1) / steps
+    driven, pushed = (np.interp(fine if lines else fine // 1, np.arange(samples), u) for u in (current, force))
     halves = halves / steps
     rows, y = np.tile(plant.vector, (runs, 1)), np.tile(start, (runs, 1))
     modes, carry = initial_modes(plant, y), initial_carry(plant, runs, dt / steps)
@@ -267,12 +267,10 @@ def _kicked(
             y += 2.0 * halves[k] if step else kicks[k]
             # What the engine remembers of the rates at the step's end does not hold after a kick.
             carry[:, 1] = np.nan
-            ends = shares[step : step + 2]
-            driven = current[k] + ends * (current[k + 1] - current[k])
-            pushed = force[k] + ends * (force[k + 1] - force[k])
-            advance(
-                rows, y, modes, carry, driven, pushed, lines, dt / steps, tolerance, states, chosen, cells, extremes,
-                status,
+            at = slice(k * steps + step, k * steps + step + 2)
+            run_open_loop(
+                kernel, rows, y, modes, carry, driven[at], pushed[at], lines, dt / steps, tolerance, states, chosen,
+                cells, extremes, status=status,
             )  # fmt: skip
         out[k + 1] = y
         if not k % 64 and status.any():

@@ -159,7 +159,7 @@ def estimate_by_balances(
         if any(balance.without in log.channels for log in logs):
             continue
         left = [name for name in names if name not in found and name not in chosen]
-        free = [name for name in left if any(name in needs(equations, residual) for residual in residuals)]
+        free = [name for name in left if name in needs(equations, *residuals)]
         bent = _bent(current, residuals, free, [measured.values for measured, _ in records])
         undetermined |= dict.fromkeys(bent, f"the {balance.name} balance is not linear in it")
         free = [name for name in free if name not in bent]
@@ -273,7 +273,7 @@ def _rows(
     equations = plant.structure.equations
     known = {**plant.values, **data.values}
     extra = tuple(dict.fromkeys((*balance.terms, *balance.closed)))
-    asked = set().union(*(needs(equations, name) for name in (*residuals, *extra)))
+    asked = needs(equations, *residuals, *extra)
     if not asked <= set(known):
         return None
     samples = data.values[next(iter(data.values))].size
@@ -309,7 +309,7 @@ def _bent(plant: Plant, residuals: Sequence[str], free: Sequence[str], data: Seq
     evaluate = array_evaluator(equations, tuple(residuals))
     found = []
     for values in data:
-        if not set().union(*(needs(equations, name) for name in residuals)) <= {*plant.values, *values}:
+        if not needs(equations, *residuals) <= {*plant.values, *values}:
             continue
         known = {**plant.values, **values}
         for name in free:

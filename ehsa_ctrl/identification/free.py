@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 from ..core.unit import parse
-from ..plant.file import LOAD_LETTERS
+from ..plant.file import letter_of
 from ..plant.plant import SENSOR_WORDS, Plant
 
 #: A mass, volume or inertia may come out as small as this share of what it was believed to be.
@@ -63,17 +63,17 @@ def free_parameters(
     InputError: an unknown name, a bound on the wrong side, a prior without sd, or nothing left to estimate.
     """
     bounds, priors = dict(bounds or {}), dict(priors or {})
-    names = list(dict.fromkeys([*plant.free, *(_letter(name) for name in free)]))
+    names = list(dict.fromkeys([*plant.free, *(letter_of(name) for name in free)]))
     known = known_names(plant)
     for asked in (*names, *fix, *bounds, *priors):
-        if _letter(asked) not in known:
+        if letter_of(asked) not in known:
             raise InputError(f"{asked}: is nothing that can be estimated of {plant.name}; {choices(asked, known)}")
     for name in fix:
-        if _letter(name) not in names:
+        if letter_of(name) not in names:
             raise InputError(f"{name}: can't be fixed, it is not free; free are {', '.join(names) or 'none'}")
-        names.remove(_letter(name))
+        names.remove(letter_of(name))
     for name in (*bounds, *priors):
-        if _letter(name) not in names:
+        if letter_of(name) not in names:
             raise InputError(f"{name}: has a bound or a prior but is not free; free are {', '.join(names) or 'none'}")
     if plant.structure.delay in names:
         raise InputError(
@@ -85,8 +85,8 @@ def free_parameters(
             f"nothing is left to estimate of {plant.name} ({plant.model}): its file calls nothing identified and names "
             "nothing free; say which with --free"
         )
-    limits = {_letter(name): pair for name, pair in bounds.items()}
-    held = {_letter(name): sd for name, sd in priors.items()}
+    limits = {letter_of(name): pair for name, pair in bounds.items()}
+    held = {letter_of(name): sd for name, sd in priors.items()}
     return tuple(_parameter(plant, name, limits.get(name), name in held, held.get(name)) for name in names)
 
 
@@ -106,7 +106,7 @@ def read_quantity(plant: Plant, name: str, text: str) -> float:
     except ValueError:
         pass
     try:
-        return parse(text, _unit(plant, _letter(name)))
+        return parse(text, _unit(plant, letter_of(name)))
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 
@@ -121,10 +121,6 @@ def with_values(plant: Plant, names: Sequence[str], values: Sequence[float] | np
             changed: dict[str, Any] = {word: float(value)}
             sensors[channel] = replace(sensors[channel], **changed)
     return replace(plant.set(**letters), sensors=sensors)
-
-
-def _letter(name: str) -> str:
-    return LOAD_LETTERS.get(name.removeprefix("load."), name) if name.startswith("load.") else name
 
 
 def _unit(plant: Plant, name: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.log import Log
-from ..plant.arrays import needs
+from ..plant.arrays import needed_to_simulate
 from ..plant.plant import Plant
 from .balances import BalanceEstimate, estimate_by_balances, first_estimate
 from .checks import check_log, refuse
@@ -165,7 +165,7 @@ def _first(
 
 def _shown(plant: Plant, parameters: tuple[FreeParameter, ...]) -> tuple[FreeParameter, ...]:
     """Parameters that the simulation depends on: a rod that is moved from outside says nothing of its friction."""
-    needed = needs(plant.structure.equations, *plant.structure.equations.rates)
+    needed = needed_to_simulate(plant.structure.equations)
     return tuple(parameter for parameter in parameters if parameter.name in needed or parameter.sensor is not None)
 
 

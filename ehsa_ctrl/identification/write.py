@@ -12,7 +12,7 @@ import tomlkit
 from ..core.errors import InputError
 from ..core.parameter import Parameter
 from ..core.unit import factor
-from ..plant.file import LOAD_LETTERS
+from ..plant.file import key_of
 from ..plant.plant import SENSOR_WORDS, Plant, Sensor, load_plant
 
 
@@ -36,7 +36,6 @@ def plant_toml(plants: Sequence[Plant]) -> str:
     if len(paths) != 1 or path is None:
         raise InputError("the plants to be written must come from one TOML file; load them with load_plant")
     document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
-    words = {letter: word for word, letter in LOAD_LETTERS.items()}
     for plant in plants:
         before = load_plant(path, model=plant.model)
         _put_structure(document, before, plant)
@@ -45,8 +44,8 @@ def plant_toml(plants: Sequence[Plant]) -> str:
             if old is not None and (old.value, old.source, old.sd) == (parameter.value, parameter.source, parameter.sd):
                 continue
             own = parameter.source in ("identified", "derived") or name in document[plant.model]["parameters"]
-            if name in words:
-                _put(_table(document, "load"), words[name], parameter)
+            if key_of(name) != name:
+                _put(_table(document, "load"), key_of(name).removeprefix("load."), parameter)
             elif not own and name in document.get("parameters", {}):
                 _put(_table(document, "parameters"), name, parameter)
             else:

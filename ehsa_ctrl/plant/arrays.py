@@ -57,6 +57,11 @@ def array_evaluator(equations: Equations, wanted: Sequence[str]) -> Callable[[Ma
     return evaluate
 
 
+def needed_to_simulate(equations: Equations) -> set[str]:
+    """What any state's rate depends on: friction of a rod that is moved from outside is not among it."""
+    return needs(equations, *equations.rates)
+
+
 def needs(equations: Equations, *signals: str) -> set[str]:
     """Names of states, inputs, measured things and parameters that signals depend on."""
     tape = build_tape(equations, residuals=True)

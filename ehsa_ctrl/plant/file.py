@@ -48,6 +48,25 @@ CHANNEL_UNITS = {
 #: The words for the load in TOML and on the command line, and the letters in the equations.
 LOAD_LETTERS = {"stiffness": "K_S", "preload": "F_pre", "hardening": "k_3", "mass": "m_L", "force": "F_0"}
 
+_LETTERS = {f"load.{word}": letter for word, letter in LOAD_LETTERS.items()}
+_KEYS = {letter: key for key, letter in _LETTERS.items()}
+
+
+def letter_of(key: str) -> str:
+    """The letter in the equations of a setting: K_S of load.stiffness; every other key is its letter."""
+    return _LETTERS.get(key, key)
+
+
+def key_of(letter: str) -> str:
+    """What a user sets it by: load.stiffness for K_S; every other letter is its key."""
+    return _KEYS.get(letter, letter)
+
+
+def both(letter: str) -> str:
+    """A letter as it is told to a user, who may have typed the key: K_S (load.stiffness)."""
+    return f"{letter} ({_KEYS[letter]})" if letter in _KEYS else letter
+
+
 Source = Literal["datasheet", "identified", "literature", "assumed", "derived"]
 assert Source.__args__ == SOURCES  # type: ignore[attr-defined]
 

@@ -53,10 +53,15 @@ def _jacobian(structure: Structure) -> tuple[Callable[..., Any], Callable[..., A
     return scope["constants"], scope["entries"], entries
 
 
-def jacobian(plant: Plant, point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
-    """Exact derivatives of the rates by states (n, n) and by inputs (n, 2) at a point, friction directions given."""
+def jacobian(
+    plant: Plant, point: OperatingPoint, parameters: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Exact derivatives of the rates by states (n, n) and by inputs (n, 2) at a point, friction directions given.
+
+    parameters: (n_parameters,) values other than the plant's own, in the order of `plant.vector`.
+    """
     constants, function, entries = _jacobian(plant.structure)
-    c = constants([float(value) for value in plant.vector])
+    c = constants((plant.vector if parameters is None else parameters).tolist())
     values = function(**point.states, **point.inputs, **point.directions, c=c)
     n = len(plant.structure.equations.states)
     full = np.zeros((n, n + 2))

@@ -28,6 +28,8 @@ from .file import (
     PlantFile,
     Quantity,
     SensorFile,
+    key_of,
+    letter_of,
 )
 from .structure import Structure
 
@@ -294,19 +296,20 @@ def is_of_sensor(key: str) -> bool:
     return bool(dot) and word in SENSOR_WORDS
 
 
+def knows(plant: Plant, key: str) -> bool:
+    """Whether a setting means something to this model: each has sensors, A_FR only the nonlinear one."""
+    return is_of_sensor(key) or letter_of(key) in plant.parameters
+
+
 def read_settings(plant: Plant, settings: Mapping[str, str | float]) -> dict[str, float]:
     """Turn {"load.stiffness": "50 N/mm"} into {"K_S": 5e4}. Raises InputError naming the key."""
     kinds = {kind.name: kind for kind in plant.structure.equations.parameters}
-    words = {f"load.{word}": letter for word, letter in LOAD_LETTERS.items()}
     values = {}
     for key, given in settings.items():
-        letter = words.get(key, key)
+        letter = letter_of(key)
         if letter not in kinds:
-            known = [*(word for word, name in words.items() if name in kinds)]
-            known += [name for name in kinds if name not in words.values()]
-            raise InputError(
-                f"{key}: the {plant.model} model of {plant.name} has no such parameter; {choices(key, known)}"
-            )
+            known = choices(key, map(key_of, kinds))
+            raise InputError(f"{key}: the {plant.model} model of {plant.name} has no such parameter; {known}")
         try:
             values[letter] = _number(given, kinds[letter].unit)
         except InputError as error:

@@ -16,9 +16,9 @@ from ..core.protocol import MEASURED, Controller
 from ..design.analysis.loop import analyse_loop
 from ..design.controller import SampledController
 from ..design.load import load_controller
-from ..plant.file import LOAD_LETTERS
+from ..plant.file import key_of, letter_of
 from ..plant.linear import three_state
-from ..plant.plant import Model, Plant, is_of_sensor, load_plant, with_settings
+from ..plant.plant import Model, Plant, knows, load_plant, with_settings
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.sensors import Sensors
 from .assumed import over_assumed
@@ -31,6 +31,10 @@ from .scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
     import control
+
+
+#: Most samples of a scenario: more than an hour at 250 Hz. Beyond it a time unit is wrong.
+MOST_SAMPLES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -130,6 +134,12 @@ def prepare(
         chosen: Controller = load_controller(law, model) if isinstance(law, Path) else law
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
+    samples = definition.duration / chosen.sample_time
+    if samples > MOST_SAMPLES:
+        raise InputError(
+            f"{where}: duration = {definition.duration:g} s is {samples:.3g} samples of {chosen.name}, whose "
+            f"sample_time is {chosen.sample_time:g} s; expected at most {MOST_SAMPLES}"
+        )
     if definition.supervision is not None and isinstance(chosen, SampledController):
         chosen = replace(chosen, supervision=definition.supervision.of(linear))
     given = dict(settings or {})
@@ -228,13 +238,9 @@ def _of_model(word: str, plant: str | Path | Plant | None, model: Model) -> Plan
 
 def _is_load(key: str) -> bool:
     """Whether a setting is of the load, by its word or its letter."""
-    return key.startswith("load.") or key in LOAD_LETTERS.values()
+    return key_of(letter_of(key)).startswith("load.")
 
 
 def _known_to_linear(definition: ScenarioFile, plant: Plant) -> dict[str, str]:
     """The settings that the linear set has as well: a scenario may change A_FR, which only the nonlinear one knows."""
-    return {
-        key: value
-        for key, value in definition.all_settings.items()
-        if key.startswith("load.") or is_of_sensor(key) or key in plant.parameters
-    }
+    return {key: value for key, value in definition.all_settings.items() if knows(plant, key)}

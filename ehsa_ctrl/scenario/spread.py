@@ -12,7 +12,7 @@ from pydantic import BeforeValidator
 
 from ..core.errors import InputError
 from ..plant.draws import believed_range, read_covariance
-from ..plant.file import LOAD_LETTERS
+from ..plant.file import key_of, letter_of
 from ..plant.plant import Plant, read_settings
 
 #: Draws beyond so many standard deviations are drawn again: nobody believes a normal distribution out there.
@@ -123,8 +123,7 @@ def uncertainty_of(
 
 def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, Uncertain | None]:
     """One entry of a scenario's [spread]; None takes the parameter out."""
-    words = {f"load.{word}": letter for word, letter in LOAD_LETTERS.items()}
-    name = words.get(key, key)
+    name = letter_of(key)
 
     def read(text: str) -> float:
         try:
@@ -139,7 +138,7 @@ def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, U
             raise InputError(f"[spread] {key}: {given[0]} to {given[1]} is no range that is physically possible")
         return name, Uncertain(name, plant[name], low, high, unit=kind.unit)
     if given.strip().endswith("%"):
-        read("0" if key in words else str(plant.parameters[name].value) if name in plant.parameters else "0")
+        read("0" if key_of(name) != name else str(plant.parameters[name].value) if name in plant.parameters else "0")
         try:
             sd = abs(plant[name]) * float(given.strip()[:-1]) / 100.0
         except ValueError:

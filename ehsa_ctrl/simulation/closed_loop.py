@@ -14,7 +14,7 @@ from ..core.notebook import ShownAsText
 from ..core.protocol import MEASURED, REFERENCE, Controller
 from ..plant.plant import Plant
 from .compiled import engine
-from .engine import DONE, initial_carry, initial_modes, why_stopped
+from .engine import DONE, NO_CURRENT, UNFINISHED, initial_carry, initial_modes, why_stopped
 from .faults import Faults
 from .sensors import Sensors
 from .trajectory import Trajectory
@@ -22,8 +22,6 @@ from .trajectory import Trajectory
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
-
-NO_CURRENT = 3
 
 
 @dataclass(frozen=True)
@@ -143,11 +141,11 @@ def run_closed_loop(
     step = controller.compiled if compiled is None or compiled else None
     parameters, settings, law = plant.vector, controller.settings(), step or _idle()
 
-    def run(first: int, stop: int) -> int:
-        """Advance by the engine; with a compiled controller that is the whole run."""
-        return int(
-            kernel.closed_loop(
-                first,
+    def run(stop: int) -> int:
+        """Advance by the engine up to sample stop - 1; it comes back now and then, so that an interrupt is seen."""
+        status = UNFINISHED
+        while status == UNFINISHED:
+            status = kernel.closed_loop(
                 stop,
                 parameters,
                 state,
@@ -179,15 +177,15 @@ def run_closed_loop(
                 traced,
                 traces,
             )
-        )
+        return status
 
     if step is not None:
-        status = run(0, samples)
+        status = run(samples)
     elif compiled:
         raise InputError(f"controller {controller.name} has no compiled step")
     else:
         for k in range(samples):
-            status = run(k, k + 1)
+            status = run(k + 1)
             if status == DONE:
                 asked[k] = controller.step(reference[k], measured[k], memory)
                 traces[k] = memory[traced]
@@ -195,7 +193,10 @@ def run_closed_loop(
             if status != DONE:
                 break
     there = slice(int(np.count_nonzero(np.isfinite(states[:, 0]))))
-    stopped = why_stopped(f"{plant.name} with {controller.name}", status, (there.stop - 1) * dt)
+    last = there.stop - 1
+    inputs = np.array([np.nan_to_num(asked[max(last - lag, 0)]), outer[last]])
+    who = f"{plant.name} with {controller.name}"
+    stopped = why_stopped(plant, status, last * dt, state, inputs, mode, who)
     if stopped and (raise_on_failure or there.stop < 2):
         raise SimulationError(stopped)
     late = np.concatenate([np.zeros(lag), asked[: samples - lag]]) if lag else asked

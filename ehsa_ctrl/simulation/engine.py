@@ -6,7 +6,9 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from threading import Event
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from ..core.errors import InputError, SimulationError
 from ..plant.plant import Plant
 from .compiled import engine
 from .response import drives_of, is_response
+from .stiffness import stiffest
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -21,13 +24,14 @@ if TYPE_CHECKING:
 
 Hold = Literal["zero_order", "first_order"]
 
-DONE = 0
+DONE, NO_CURRENT, UNFINISHED = 0, 3, 5
 #: What the engine's status words mean; the key is what it returns.
 STATUS = {
     0: "",
     1: "the step length fell below any use: a state or a parameter has left the range where the equations hold",
     2: "a contact changed between sticking and sliding more than 1000 times within one sample",
     3: "the controller returned a current that is not a finite number",
+    4: "one sample takes more than 20000 steps, so that the run would not end",
 }
 
 
@@ -39,12 +43,33 @@ def initial_modes(plant: Plant, states: np.ndarray) -> np.ndarray:
 
 
 def initial_carry(plant: Plant, runs: int, sample_time: float) -> np.ndarray:
-    """Fresh working memory (runs, ...) of the engine: see `advance` in kernel.py.j2."""
+    """Fresh working memory (runs, ...) of the engine: see `load` in macros.j2."""
     equations = plant.structure.equations
-    carry = np.zeros((runs, 3 + len(equations.states) + len(plant.structure.system.contacts)))
+    carry = np.zeros((runs, 4 + len(equations.states) + len(plant.structure.system.contacts)))
     carry[:, 0] = sample_time
     carry[:, 1] = np.nan
     return carry
+
+
+def run_open_loop(
+    kernel: ModuleType,
+    parameters: np.ndarray,
+    states: np.ndarray,
+    modes: np.ndarray,
+    carry: np.ndarray,
+    *inputs_and_outputs: Any,
+    status: np.ndarray,
+    stop: Event | None = None,
+) -> None:
+    """Take every run that has not failed through its samples: arguments as of `open_loop` in open_loop.py.j2.
+
+    The engine comes back after some tenths of a second at most, so that an interrupt is seen; `stop` ends the runs of
+    a thread, where no interrupt arrives.
+    """
+    carry[:, -1] = 0.0
+    status[status == DONE] = UNFINISHED
+    while (status == UNFINISHED).any() and not (stop is not None and stop.is_set()):
+        kernel.open_loop(parameters, states, modes, carry, *inputs_and_outputs, status)
 
 
 def checked_input(values: np.ndarray | Sequence[float], name: str, length: int | None = None) -> np.ndarray:
@@ -108,7 +133,9 @@ def simulate(
         raise InputError(f"start has shape {first.shape}; the plant has {plant.rest.size} states")
     batch = _run(plant, plant.vector[None, :], first[None, :], current, outer, hold, dt, tolerance)
     there = slice(int(np.count_nonzero(np.isfinite(batch.states[0, :, 0]))))
-    stopped = why_stopped(plant.name, int(batch.status[0]), (there.stop - 1) * dt)
+    last = there.stop - 1
+    inputs = np.array([current[last], outer[last]])
+    stopped = why_stopped(plant, int(batch.status[0]), last * dt, batch.ends[0], inputs, batch.directions[0])
     if stopped and (raise_on_failure or there.stop < 2):
         raise SimulationError(stopped)
     return Trajectory(
@@ -126,9 +153,17 @@ def simulate(
     )
 
 
-def why_stopped(who: str, status: int, time: float) -> str:
-    """The sentence for an engine's status; empty for a run that was finished."""
-    return f"{who}: stopped at {time:.4g} s: {STATUS[status]}" if status != DONE else ""
+def why_stopped(
+    plant: Plant, status: int, time: float, states: np.ndarray, inputs: np.ndarray, modes: np.ndarray, who: str = ""
+) -> str:
+    """The sentence for an engine's status, with what is stiff where the run stopped; empty for a run that was finished.
+
+    who: whom it is about, the plant alone by default.
+    """
+    if status == DONE:
+        return ""
+    stiff = stiffest(plant, states, inputs, modes) if status != NO_CURRENT else ""
+    return f"{who or plant.name}: stopped at {time:.4g} s: {STATUS[status]}" + (f"; {stiff}" if stiff else "")
 
 
 @dataclass(frozen=True)
@@ -136,7 +171,8 @@ class Batch:
     """Many runs with the same input.
 
     states (runs, N, n), modes (runs, N, contacts), cell_force (runs, N), extremes (runs, 2, n), status (runs,): 0 is
-    done, else a key of STATUS; rows after a failure are nan.
+    done, else a key of STATUS; rows after a failure are nan. ends (runs, n), directions (runs, contacts): states and
+    sliding directions where each run ended, within a sample if it failed.
     """
 
     states: np.ndarray
@@ -144,6 +180,8 @@ class Batch:
     cell_force: np.ndarray
     extremes: np.ndarray
     status: np.ndarray
+    ends: np.ndarray
+    directions: np.ndarray
 
 
 def simulate_batch(
@@ -220,10 +258,15 @@ def _run(
         cell_force=np.full((runs, samples), np.nan),
         extremes=np.stack([start, start], axis=1),
         status=np.zeros(runs, dtype=np.int64),
+        ends=states,
+        directions=modes,
     )
 
+    stop = Event()
+
     def work(part: slice) -> None:
-        kernel.open_loop(
+        run_open_loop(
+            kernel,
             parameters[part],
             states[part],
             modes[part],
@@ -237,7 +280,8 @@ def _run(
             out.modes[part],
             out.cell_force[part],
             out.extremes[part],
-            out.status[part],
+            status=out.status[part],
+            stop=stop,
         )
 
     jobs = min(jobs or os.cpu_count() or 1, runs)
@@ -247,5 +291,9 @@ def _run(
         # More parts than threads, so that one slow part does not leave the other threads idle at the end.
         edges = np.linspace(0, runs, min(4 * jobs, runs) + 1).astype(int)
         with ThreadPoolExecutor(jobs) as pool:
-            list(pool.map(work, [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]))
+            try:
+                list(pool.map(work, [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]))
+            except BaseException:
+                stop.set()
+                raise
     return out

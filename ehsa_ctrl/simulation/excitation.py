@@ -8,8 +8,8 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 
-#: Longest excitation [s]: a working day.
-LONGEST = 8 * 3600.0
+#: Longest excitation [s], a working day, and most samples: that day at 250 Hz.
+LONGEST, MOST_SAMPLES = 8 * 3600.0, 7_200_000
 
 
 def noise(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.ndarray:
@@ -81,6 +81,11 @@ def excitation(
     if not (np.isfinite(duration) and 2 * sample_time <= duration <= LONGEST):
         raise InputError(
             f"duration = {duration:g} s; expected at least two samples of {sample_time:g} s and at most {LONGEST:g} s"
+        )
+    if duration > MOST_SAMPLES * sample_time:
+        raise InputError(
+            f"duration = {duration:g} s is {duration / sample_time:.3g} samples of {sample_time:g} s; expected at most "
+            f"{MOST_SAMPLES}, so choose a shorter duration or a plant with a longer [sampling] period"
         )
     if not np.isfinite(amplitude):
         raise InputError(f"amplitude = {amplitude:g} A; expected a finite number")

@@ -45,6 +45,7 @@ class _ContactText:
     effort_scale: float
     net_text: str
     friction_text: str
+    acceleration_text: str
 
 
 #: What can be asked of an engine, and the templates that make it up.
@@ -69,6 +70,7 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
     contacts = []
     for contact in structure.system.contacts:
         law = structure.law(contact)
+        rate = equations.rates[equations.index(contact.velocity)]
         band = "0.0" if law.band is None else printer.lines([tape.refs[contact.letter(law.band)]])[1][0]
         contacts.append(
             _ContactText(
@@ -80,6 +82,7 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
                 effort_scale=contact.effort_scale,
                 net_text=printer.function([tape.refs[contact.net]]) if law.sticks else "",
                 friction_text=printer.function([tape.refs[contact.friction]]) if law.sticks else "",
+                acceleration_text=printer.function([tape.refs[rate]]) if law.sticks else "",
             )
         )
     context: dict[str, Any] = {

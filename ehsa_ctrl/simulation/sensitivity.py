@@ -17,7 +17,7 @@ import numpy as np
 from ..core.errors import InputError, SimulationError, choices
 from ..plant.plant import Plant
 from .compiled import engine
-from .engine import DONE, STATUS, Hold, checked_input, initial_carry, initial_modes
+from .engine import DONE, UNFINISHED, Hold, checked_input, initial_carry, initial_modes, why_stopped
 
 
 @dataclass(frozen=True)
@@ -151,24 +151,28 @@ def _run(
         raise InputError(f"start has shape {y.shape}; the plant has {plant.rest.size} states")
     out = np.full((current.size, y.size), np.nan)
     values = np.empty((current.size, y.size, S.shape[1] - 1))
-    status = engine(plant.structure, "sensitivity").sensitivity(
-        plant.vector,
-        y,
-        initial_modes(plant, y),
-        initial_carry(plant, 1, dt)[0],
-        current,
-        outer,
-        hold == "first_order",
-        dt,
-        tolerance,
-        columns,
-        restart,
-        S,
-        out,
-        values,
-        np.stack([y, y]),
-    )
+    kernel = engine(plant.structure, "sensitivity")
+    modes, carry = initial_modes(plant, y), initial_carry(plant, 1, dt)[0]
+    extremes, status = np.stack([y, y]), UNFINISHED
+    while status == UNFINISHED:
+        status = kernel.sensitivity(
+            plant.vector,
+            y,
+            modes,
+            carry,
+            current,
+            outer,
+            hold == "first_order",
+            dt,
+            tolerance,
+            columns,
+            restart,
+            S,
+            out,
+            values,
+            extremes,
+        )
     if status != DONE:
         at = int(np.count_nonzero(~np.isnan(out[:, 0]))) - 1
-        raise SimulationError(f"{plant.name}: stopped at {at * dt:.4g} s: {STATUS[int(status)]}")
+        raise SimulationError(why_stopped(plant, int(status), at * dt, y, np.array([current[at], outer[at]]), modes))
     return out, values

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.errors import InputError, SimulationError
 from ..plant.plant import Plant
 from .compiled import engine
-from .engine import DONE, initial_carry, initial_modes, why_stopped
+from .engine import DONE, initial_carry, initial_modes, run_open_loop, why_stopped
 
 #: Two instants that are this much of a step apart are the same one: sums of steps round.
 SAME = 1e-9
@@ -104,8 +104,9 @@ class SteppedRun:
         states, _, _, status = self._run(current, force, duration / parts, parts + 1)
         if status != DONE:
             ended = self.time + duration / parts * max(int(np.count_nonzero(np.isfinite(states[:, 0]))) - 1, 0)
+            why = why_stopped(self.plant, status, ended, self._states[0], np.array([current, force]), self._modes[0])
             self.restore(before)
-            raise SimulationError(why_stopped(self.plant.name, status, ended))
+            raise SimulationError(why)
 
     def _run(
         self, current: float, force: float, dt: float, samples: int
@@ -114,7 +115,8 @@ class SteppedRun:
         states = np.full((1, samples, self._states.size), np.nan)
         modes = np.zeros((1, samples, self._modes.size), dtype=np.int8)
         cells, status = np.full((1, samples), np.nan), np.zeros(1, dtype=np.int64)
-        self._kernel.open_loop(
+        run_open_loop(
+            self._kernel,
             self._parameters,
             self._states,
             self._modes,
@@ -128,7 +130,7 @@ class SteppedRun:
             modes,
             cells,
             self._extremes,
-            status,
+            status=status,
         )
         return states[0], modes[0], cells[0], int(status[0])
 

@@ -1,0 +1,67 @@
+"""What makes a run need more steps than any actuator does: the fastest state, and the numbers that make it so."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..plant.file import both
+from ..plant.linearise import OperatingPoint, jacobian
+from ..plant.plain import evaluator
+from ..plant.plant import Plant
+
+#: Faster than this [1/s], a state is called stiff: the fastest one of an actuator with sharp valves is near 1e5.
+STIFF = 1e6
+
+#: A number counts as a cause where it changes the fastest rate by this part of its own relative change.
+COUNTS = 0.3
+
+
+def stiffest(plant: Plant, states: np.ndarray, inputs: np.ndarray, modes: np.ndarray) -> str:
+    """What is stiff where a run stopped, in words; empty if nothing is.
+
+    Parameters
+    ----------
+    states: (n,) where it stopped. inputs: (2,). modes: (contacts,) sliding directions.
+    """
+    equations = plant.structure.equations
+    point = OperatingPoint(
+        dict(zip((state.name for state in equations.states), states.tolist(), strict=True)),
+        dict(zip(equations.inputs, inputs.tolist(), strict=True)),
+        dict(zip(equations.directions, modes.tolist(), strict=True)),
+    )
+    scales = np.array([state.scale for state in equations.states])
+    try:
+        fastest, state = _fastest(plant, point, plant.vector, scales)
+        signals = evaluator(equations, plant.values)(**point.states, **point.inputs, **point.directions)
+        rates = np.abs([signals[rate] for rate in equations.rates]) / scales
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return ""
+    driven = int(np.argmax(np.where(np.isfinite(rates), rates, np.inf)))
+    if rates[driven] > max(fastest, STIFF):
+        off = equations.states[driven]
+        drives = " and ".join(f"{word} = {value:g}" for word, value in point.inputs.items())
+        return f"{off.name} changes by {rates[driven] * scales[driven]:.2g} {off.unit} per second under {drives}"
+    if not fastest > STIFF:
+        return ""
+    causes = []
+    for index, name in enumerate(equations.parameter_names):
+        value = plant.vector[index]
+        moved = plant.vector.copy()
+        moved[index] *= 1.001
+        share = (_fastest(plant, point, moved, scales)[0] / fastest - 1.0) * 1e3
+        if abs(share) > COUNTS:
+            causes.append((abs(share), f"{both(name)} = {value:g} {plant.parameters[name].unit}"))
+    # What was set far from the file's value comes first; else what counts most.
+    far = [parameter.far for parameter in plant.parameters.values() if parameter.far]
+    named = [words for _, words in sorted(causes, reverse=True)[:3]]
+    mode = f"the fastest mode is that of {equations.states[state].name}, at {fastest:.2g} 1/s"
+    said = f"{mode}, set by {', '.join(named)}"
+    return f"{said}; {far[0]}" if far else said
+
+
+def _fastest(plant: Plant, point: OperatingPoint, parameters: np.ndarray, scales: np.ndarray) -> tuple[float, int]:
+    """Largest modulus of the eigenvalues [1/s] at a point, and the state that takes part in it most."""
+    J, _ = jacobian(plant, point, parameters)
+    values, vectors = np.linalg.eig(J * scales / scales[:, None])
+    first = int(np.argmax(np.abs(values)))
+    return float(np.abs(values[first])), int(np.argmax(np.abs(vectors[:, first])))
