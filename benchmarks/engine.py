@@ -31,6 +31,7 @@ from twin import counts, twin
 
 from ehsa_ctrl.plant.structure import NONLINEAR
 from ehsa_ctrl.simulation.compiled import engine
+from ehsa_ctrl.simulation.engine import run_open_loop
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)
 
@@ -50,19 +51,19 @@ def ours(case: Case, tol: float) -> Run:
 
 def ours_batch(case: Case, tol: float, parameters: Array, threads: int) -> Run:
     """Runs with varied parameters; gives the states of the first."""
-    open_loop = engine(NONLINEAR).open_loop
+    kernel = engine(NONLINEAR)
     runs, n = len(parameters), case.current.size
     current, force = np.ascontiguousarray(case.current), np.zeros(n)
-    y, mode, carry = np.empty((runs, 5)), np.empty((runs, 2)), np.empty((runs, 10))
+    y, mode, carry = np.empty((runs, 5)), np.empty((runs, 2)), np.empty((runs, 11))
     states, modes, cell = np.empty((runs, n, 5)), np.empty((runs, n, 2), np.int8), np.empty((runs, n))
-    extremes, status = np.empty((runs, 2, 5)), np.empty(runs, np.int64)
+    extremes, status = np.empty((runs, 2, 5)), np.zeros(runs, np.int64)
 
     def part(rows: slice) -> None:
         y[rows], mode[rows], carry[rows], extremes[rows] = START, 0.0, 0.0, START
         carry[rows, 0], carry[rows, 1] = DT, np.nan
-        open_loop(
-            parameters[rows], y[rows], mode[rows], carry[rows], current, force, case.first_order, DT, tol,
-            states[rows], modes[rows], cell[rows], extremes[rows], status[rows],
+        run_open_loop(
+            kernel, parameters[rows], y[rows], mode[rows], carry[rows], current, force, case.first_order, DT, tol,
+            states[rows], modes[rows], cell[rows], extremes[rows], status=status[rows],
         )  # fmt: skip
 
     edges = np.linspace(0, runs, min(runs, 8 * threads) + 1).astype(int)

@@ -36,11 +36,13 @@ def stiffest(plant: Plant, states: np.ndarray, inputs: np.ndarray, modes: np.nda
         rates = np.abs([signals[rate] for rate in equations.rates]) / scales
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return ""
+    # What was set far from the file's value is most likely the mistake.
+    far = "".join(f"; {parameter.far}" for parameter in plant.parameters.values() if parameter.far)
     driven = int(np.argmax(np.where(np.isfinite(rates), rates, np.inf)))
     if rates[driven] > max(fastest, STIFF):
         off = equations.states[driven]
         drives = " and ".join(f"{word} = {value:g}" for word, value in point.inputs.items())
-        return f"{off.name} changes by {rates[driven] * scales[driven]:.2g} {off.unit} per second under {drives}"
+        return f"{off.name} changes by {rates[driven] * scales[driven]:.2g} {off.unit} per second under {drives}{far}"
     if not fastest > STIFF:
         return ""
     causes = []
@@ -51,12 +53,9 @@ def stiffest(plant: Plant, states: np.ndarray, inputs: np.ndarray, modes: np.nda
         share = (_fastest(plant, point, moved, scales)[0] / fastest - 1.0) * 1e3
         if abs(share) > COUNTS:
             causes.append((abs(share), f"{both(name)} = {value:g} {plant.parameters[name].unit}"))
-    # What was set far from the file's value comes first; else what counts most.
-    far = [parameter.far for parameter in plant.parameters.values() if parameter.far]
     named = [words for _, words in sorted(causes, reverse=True)[:3]]
     mode = f"the fastest mode is that of {equations.states[state].name}, at {fastest:.2g} 1/s"
-    said = f"{mode}, set by {', '.join(named)}"
-    return f"{said}; {far[0]}" if far else said
+    return f"{mode}, set by {', '.join(named)}{far}"
 
 
 def _fastest(plant: Plant, point: OperatingPoint, parameters: np.ndarray, scales: np.ndarray) -> tuple[float, int]:
