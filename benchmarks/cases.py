@@ -1,4 +1,4 @@
-"""The three tests of the engine benchmark: plant values, inputs and the measure of error, shared by all peers."""
+"""The four tests of the engine benchmark: plant values, inputs and the measure of error, shared by all peers."""
 
 from __future__ import annotations
 
@@ -55,7 +55,10 @@ class Case:
 
 
 def cases() -> dict[str, Case]:
-    """a: square wave. b: sine against a spring, first-order hold. c: white noise, far beyond the pump's speed limit."""
+    """a: square wave. b: sine against a spring, first-order hold. c: white noise, far beyond the pump's speed limit.
+
+    d: currents held for a second, against which a spring stops the rod slowly, below its Stribeck speed.
+    """
     k = np.arange(1001)
     square = np.where(k * DT % 0.5 < 0.25 - 1e-9, 1.5, -1.5)
     sine = 1.5 * np.sin(2 * np.pi * 2.0 * k * DT)
@@ -65,6 +68,9 @@ def cases() -> dict[str, Case]:
         "a": Case("a", "+-1.5 A square, 0.5 s period", square, False, 0.0),
         "b": Case("b", "1.5 A 2 Hz sine, spring", sine, True, 1e5),
         "c": Case("c", "3 A rms noise", np.append(noise, 0.0), False, 0.0),
+        "d": Case(
+            "d", "+-1.2 A held 1 s, spring: slow stops", np.where(k * DT % 2.0 < 1.0 - 1e-9, 1.2, -1.2), False, 1e5
+        ),
     }
 
 

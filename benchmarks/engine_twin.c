@@ -1,8 +1,9 @@
 /* The engine of the nonlinear EHSA by hand in C: the yardstick for the compiled one.
  *
  * Same algorithm as ehsa_ctrl/simulation/kernel.py.j2, decision by decision: Dormand-Prince 5(4) with a restart at every
- * input sample, the same control of step length, the same mode machine for the two dry contacts and the same
- * location of its events. It is compiled with -ffast-math, so no floating-point test may meet NaN or infinity.
+ * input sample, the same control of step length, the same short steps of a contact that creeps, the same mode machine for
+ * the two dry contacts and the same search for its events. It is also compiled with -ffast-math, so no floating-point
+ * test may meet NaN or infinity.
  *
  * Compile with -DCOUNT to fill `counts`; without it counting costs nothing.
  */
@@ -13,10 +14,11 @@
 #include <string.h>
 
 enum { OMEGA, P_1, P_2, V, X, STATES };
-enum { DONE, FAILED, CHATTERS };
+enum { DONE, FAILED, CHATTERS, STIFF };
 enum { RATES, STEPS, REJECTED, SHORTENED, LOCATING, EVENTS, COUNTS };
 
 #define MAX_EVENTS_PER_SAMPLE 1000
+#define MAX_STEPS_PER_SAMPLE 20000
 #define FAR 1e300 /* stands for infinity */
 
 #ifdef COUNT
@@ -178,6 +180,58 @@ static inline double hold_rod(const double *y, Inputs in, const Plant *c) {
     return d * rod_friction(y[V], d, c) - fabs(net);
 }
 
+/* Share of a step at which the parabola through three margins dips below zero though both ends are above; else 0. */
+static inline double lowest(double start, double middle, double end) {
+    double bend = start - 2.0 * middle + end, tilt = end - start;
+    if (!(start > 0.0 && end > 0.0 && bend > 0.0)) return 0.0;
+    double share = 0.5 - 0.25 * tilt / bend;
+    return share > 0.0 && share < 1.0 && middle - 0.125 * tilt * tilt / bend < 0.0 ? share : 0.0;
+}
+
+/* Where within a step a contact breaks away, or stops, and comes back; 0 for a step without such a place. */
+static inline double dip(const double *y, const double *k1, const double *end, const double *k7, double h, Inputs in,
+                         Inputs change, const Mode *m, const Plant *c) {
+    double half[STATES], share = 0.0;
+    for (int i = 0; i < STATES; i++) half[i] = 0.5 * (y[i] + end[i]) + 0.125 * h * (k1[i] - k7[i]);
+    Inputs middle = along(in, change, 0.5), then = along(in, change, 1.0);
+    if (m->d_M == 0.0)
+        share = lowest(hold_shaft(y, in, c), hold_shaft(half, middle, c), hold_shaft(end, then, c));
+    else if (!m->fresh_M && m->d_M * k1[OMEGA] < 0.0 && 0.0 < m->d_M * k7[OMEGA])
+        share = lowest(m->d_M * y[OMEGA], m->d_M * half[OMEGA], m->d_M * end[OMEGA]);
+    if (0.02 < share && share < 0.98) return share;
+    share = 0.0;
+    if (m->d_R == 0.0)
+        share = lowest(hold_rod(y, in, c), hold_rod(half, middle, c), hold_rod(end, then, c));
+    else if (!m->fresh_R && m->d_R * k1[V] < 0.0 && 0.0 < m->d_R * k7[V])
+        share = lowest(m->d_R * y[V], m->d_R * half[V], m->d_R * end[V]);
+    return 0.02 < share && share < 0.98 ? share : 0.0;
+}
+
+/* Longest step of a contact that slides ever slower, from its acceleration now and at speed 0. */
+static inline double longest(double speed, double acceleration, double at_rest) {
+    double growth = (acceleration - at_rest) / speed;
+    if (!(growth > 0.0)) return FAR;
+    double folds = growth * fabs(speed / acceleration);
+    return larger(0.12, smaller(0.3, 1.5 / folds)) / growth;
+}
+
+static inline double creep(const double *y, const double *k1, Inputs in, const Mode *m, const Plant *c, double h) {
+    double still[STATES];
+    if (m->d_M != 0.0 && y[OMEGA] != 0.0 && fabs(y[OMEGA]) < 100.0) {
+        memcpy(still, y, sizeof still);
+        still[OMEGA] = 0.0;
+        double at_rest = (shaft_net(still, in, c) - shaft_friction(0.0, m->d_M, c)) * c->per_J_M;
+        h = smaller(h, longest(y[OMEGA], k1[OMEGA], at_rest));
+    }
+    if (m->d_R != 0.0 && y[V] != 0.0 && fabs(y[V]) < 0.05) {
+        memcpy(still, y, sizeof still);
+        still[V] = 0.0;
+        double at_rest = (rod_net(still, in, c) - rod_friction(0.0, m->d_R, c)) * c->per_mass;
+        h = smaller(h, longest(y[V], k1[V], at_rest));
+    }
+    return h;
+}
+
 /* Distance to the nearest mode change in scaled units; negative: passed. */
 static inline double margin(const double *y, Inputs in, const Mode *m, const Plant *c) {
     double least = FAR;
@@ -283,8 +337,9 @@ static int advance(double *y, Mode *m, Carry *carry, Inputs from, Inputs to, dou
     else
         for (int i = 0; i < STATES; i++) k1[i] = carry->k1[i];
     double h = carry->h, t = 0.0;
-    int events = 0;
+    int events = 0, steps = 0;
     while (t < dt) {
+        if (++steps > MAX_STEPS_PER_SAMPLE) return STIFF;
         double left = dt - t;
         bool last = h >= left;
         double tried = last ? left : (2.0 * h > left ? 0.5 * left : h);
@@ -306,6 +361,12 @@ static int advance(double *y, Mode *m, Carry *carry, Inputs from, Inputs to, dou
             }
             m->fresh_M = m->fresh_M && !back_M;
             m->fresh_R = m->fresh_R && !back_R;
+        }
+        double share = dip(y, k1, end, k7, tried, now, change, m, c);
+        if (share > 0.0 && tried > 1e-6 * dt) {
+            h = share * tried;
+            TALLY(SHORTENED);
+            continue;
         }
         Inputs then = along(now, change, 1.0);
         double at_end = margin(end, then, m, c);
@@ -329,6 +390,7 @@ static int advance(double *y, Mode *m, Carry *carry, Inputs from, Inputs to, dou
             }
             double grown = tried * smaller(5.0, error > 1e-9 ? 0.9 / tenth_root(error) : 5.0);
             h = last && error <= 1e-7 ? larger(h, grown) : grown;
+            h = creep(y, k1, then, m, c, h);
         }
         for (int i = 0; i < STATES; i++) {
             low[i] = smaller(low[i], y[i]);

@@ -47,10 +47,12 @@ class Timing:
         return float(self.best.min()) if self.rounds else float("nan")
 
 
-def ratio(a: Timing, b: Timing) -> tuple[float, float]:
-    """a over b: median over the rounds of the ratio of the best calls in a round, and ratio of the minima."""
-    n = min(len(a.rounds), len(b.rounds))
-    return float(np.median(a.best[:n] / b.best[:n])), a.minimum / b.minimum
+def ratio(a: Timing, others: Sequence[Timing]) -> tuple[float, float, float]:
+    """a over the fastest of the others, from the best calls of each round: median, and 5 and 95 % of the rounds."""
+    n = min(len(timing.rounds) for timing in (a, *others))
+    ratios = a.best[:n] / np.min([other.best[:n] for other in others], axis=0)
+    low, median, high = np.quantile(ratios, [0.05, 0.5, 0.95])
+    return float(median), float(low), float(high)
 
 
 def measure(

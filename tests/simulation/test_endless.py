@@ -68,7 +68,9 @@ def test_a_sample_time_in_the_wrong_unit_is_refused(linear):
     pid = load_controller("pid_position", three_state(linear))
     fast = replace(pid, sample_time=1e-6)
 
-    with pytest.raises(InputError, match="8e.06 samples of pid_position, whose sample_time is 1e-06 s; expected at most"):
+    with pytest.raises(
+        InputError, match="8e.06 samples of pid_position, whose sample_time is 1e-06 s; expected at most"
+    ):
         run("steps_spring", controller=fast)
 
 

@@ -35,9 +35,14 @@ def random_case(plant, pid, seed):
         # Noisy, as every bench is. A converter's step would turn an error of 1e-12 m into one of a whole step.
         sensors = Sensors.of(plant, seed=seed)
         sensors = replace(sensors, by_channel={c: replace(s, step=0.0) for c, s in sensors.by_channel.items()})
-        return lambda loaded, tolerance: run_closed_loop(
-            loaded, pid, reference, sensors=sensors, tolerance=tolerance, raise_on_failure=False
-        ).trajectory, loaded
+        return (
+            lambda loaded, tolerance: (
+                run_closed_loop(
+                    loaded, pid, reference, sensors=sensors, tolerance=tolerance, raise_on_failure=False
+                ).trajectory
+            ),
+            loaded,
+        )
     ramp = np.clip(1.0 - (time - at) / over, 0.0, 1.0)
     current = top * (np.ones(time.size), ramp, np.where(time < at, 1.0, level))[kind]
     return lambda loaded, tolerance: simulate(
