@@ -105,7 +105,7 @@ def contenders() -> list[Row]:
             Row(f"C twin {flags} {tol:.0e}", partial(twin, tol=tol, flags=flags), shown=tol == 1e-6) for flags in FLAGS
         ]
     rows += [Row(f"ours {tol:.0e}, short", partial(ours, tol=tol), short=True, shown=False) for tol in TOLERANCES]
-    rows += [Row(peer, prepare, short=True) for peer, prepare in PEERS.items()]
+    rows += [Row(peer, prepare, peer=True) for peer, prepare in PEERS.items()]
     lsoda: dict[str, Any] = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": TIGHT}
     rows += [
         Row("scipy event-driven DOP853 1e-6", scipy_event_driven, slow=True),
@@ -145,7 +145,7 @@ def table(rows: list[Row], timings: Timings, records: dict[str, Case], short: di
             digits = 0 if timing.median >= 100 else 1 if timing.median >= 10 else 3
             cells.append("failed" if timing.failure else f"{timing.median:.{digits}f} ({timing.error:.1e})")
         lengths = "/".join(f"{timings[row.label, name].duration:g}" for name in records)
-        result.add_row(row.label, f"first {lengths}" if row.slow or row.short else lengths, *cells)
+        result.add_row(row.label, f"first {lengths}" if row.slow or row.peer else lengths, *cells)
     return result
 
 

@@ -15,11 +15,12 @@ Run = Callable[[], Array]
 
 @dataclass
 class Row:
-    """A contender. `slow` ones run once a round, in the first rounds only, on the beginning of the record."""
+    """A contender. Peers run once a round on the beginning of the record, `slow` ones in the first rounds only."""
 
     label: str
     prepare: Callable[[Case], Run]
     slow: bool = False
+    peer: bool = False
     short: bool = False
     shown: bool = True
 
@@ -73,7 +74,7 @@ def measure(
     result: dict[tuple[str, str], Timing] = {}
     for row in rows:
         for name, case in cases.items():
-            record = case.first(short[name]) if row.slow or row.short else case
+            record = case.first(short[name]) if row.slow or row.peer or row.short else case
             timing = result[row.label, name] = Timing(record.duration)
             say(f"first run of {row.label} on {name}")
             try:
@@ -89,14 +90,15 @@ def measure(
         say(f"round {number + 1} of {rounds}")
         shuffle(order)
         # Case by case, so that what is compared runs within a few milliseconds.
-        for row, name in sorted(order, key=lambda pair: (pair[0].slow, pair[1])):
+        for row, name in sorted(order, key=lambda pair: (pair[0].slow or pair[0].peer, pair[1])):
             if row.slow and number >= slow_rounds:
                 continue
             run, timing = runs[row.label, name], result[row.label, name]
-            if not row.slow:
+            once = row.slow or row.peer
+            if not once:
                 run()  # caches hold the previous contender's code
             times = []
-            for _ in range(1 if row.slow else calls):
+            for _ in range(1 if once else calls):
                 start = time.process_time_ns()
                 run()
                 times.append((time.process_time_ns() - start) * 1e-6 / timing.duration)

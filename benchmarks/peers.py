@@ -260,7 +260,8 @@ def mujoco_tendon(case: Case) -> Run:
   <worldbody>
     <body><joint name="shaft" type="hinge" axis="1 0 0" damping="{p["B_FM"]}" frictionloss="{p["A_FM"]}"/>
       <inertial pos="0 0 0" mass="1" diaginertia="{p["J_M"]} {p["J_M"]} {p["J_M"]}"/></body>
-    <body><joint name="rod" type="slide" axis="1 0 0" damping="{p["B_FR"]}" frictionloss="{p["A_FR"]}" stiffness="{p["K_S"]}"/>
+    <body><joint name="rod" type="slide" axis="1 0 0" damping="{p["B_FR"]}" frictionloss="{p["A_FR"]}"
+        stiffness="{p["K_S"]}"/>
       <inertial pos="0 0 0" mass="{p["M"]}" diaginertia="1 1 1"/></body>
   </worldbody>
   <tendon><fixed name="oil" stiffness="{stiffness}" springlength="0">

@@ -108,9 +108,9 @@ def simulate(
     force: (N,) N from outside, positive when it resists extension; none by default.
     start: state (n,) at the first sample; at rest by default.
     sample_time: s; the plant's own by default.
-    tolerance: error per step in units of the states' scales. What comes of it over a run is measured, not promised: with
-        1e-6 within 1e-5 of each signal's range on the benchmark's cases and within 0.5 um of rod position on 500 slow
-        stops, but for those that no arithmetic with 16 digits decides (docs/theory/engine.md).
+    tolerance: error per step in units of the states' scales. What comes of it over a run is measured, not promised:
+        with 1e-6 some 1e-5 of each signal's range on the benchmark's cases, and less than 0.5 um of rod position on
+        500 slow stops, but for those that no arithmetic with 16 digits decides (docs/theory/engine.md).
     raise_on_failure: False gives what there is of a run that could not be finished; its `stopped` says why.
 
     Returns

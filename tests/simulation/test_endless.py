@@ -52,7 +52,7 @@ def test_every_way_to_run_ends(plant, linear):
     """Closed loops, derivatives, batches and steps of a co-simulation have the same budget."""
     stiff = plant.set(M=1e-6)
     pid = load_controller("pid_position", three_state(linear))
-    with pytest.raises(SimulationError, match="ehsa with pid_position: stopped .*M = 1e-06 kg"):
+    with pytest.raises(SimulationError, match=r"ehsa with pid_position: stopped .*M = 1e-06 kg"):
         run_closed_loop(stiff, pid, np.tile([0.01, 0, 0], (500, 1)))
     with pytest.raises(SimulationError, match="M = 1e-06 kg"):
         sensitivities(stiff, ["K_T"], np.full(500, 2.0))
@@ -69,7 +69,7 @@ def test_a_sample_time_in_the_wrong_unit_is_refused(linear):
     fast = replace(pid, sample_time=1e-6)
 
     with pytest.raises(
-        InputError, match="8e.06 samples of pid_position, whose sample_time is 1e-06 s; expected at most"
+        InputError, match=r"8e.06 samples of pid_position, whose sample_time is 1e-06 s; expected at most"
     ):
         run("steps_spring", controller=fast)
 
