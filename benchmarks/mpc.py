@@ -5,8 +5,9 @@
 The shipped MPC follows jumps of +-20 mm on the nonlinear plant with the bench's sensors. Every solver then gets the
 same quadratic programs, condensed, each from its own last solution: DAQP and OSQP as the package runs them, OSQP with
 a coarser tolerance, PIQP (dense) and qpOASES (in CasADi). They take turns program by program, so that all share the
-machine's moods; for the deadline the package's own law (estimate, program and solution) then runs alone, as it would on a rig.
-Wall time counts what other programs do to a sample, CPU time does not. PIQP and CasADi come with the extra `bench`.
+machine's moods; for the deadline the package's own law (estimate, program and solution) then runs alone, as it would
+on a rig. Wall time counts what other programs do to a sample, CPU time does not. PIQP and CasADi come with the extra
+`bench`.
 """
 
 from __future__ import annotations
