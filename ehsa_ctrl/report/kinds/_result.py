@@ -11,8 +11,8 @@ from typing import Any, Literal, NamedTuple
 
 from ..number import NOTHING, number
 
-#: How a number begins as pages write them, with or without a unit; nothing and a dash are none.
-NUMBER = re.compile(r"\(?[-−]?(\d|∞)|–?$")
+#: How a number begins as pages write them, with or without a unit; nothing, a dash and "not defined" are none.
+NUMBER = re.compile(r"\(?[-−]?(\d|∞)|–?$|not defined$")
 #: Neither wrong nor quite right: one should look at it.
 DOUBT: Literal["doubt"] = "doubt"
 #: Of what one should look at, so much is said of a result among others.
