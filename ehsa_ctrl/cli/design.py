@@ -114,7 +114,7 @@ def command(
     comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'nothing in particular'}."]
     if own:
         said = ", ".join(f"{key} {value}" for key, value in own.items() if key not in asked)
-        comments.append(f"Begun as {begun.stem}, in proportion to this plant: {said}.")
+        comments.append(f"Begun as {begun.stem}, whose numbers are for the shipped EHSA; for this plant: {said}.")
     if left:
         comments.append(f"As in {begun.stem}, because {plant} states nothing of it: {', '.join(left)}.")
     comments.append("On its linear model:")
@@ -124,6 +124,7 @@ def command(
         "kind": kind,
         "settings": believed,
         "asked": {**figures, **asked},
+        "from_plant": own,
         "controller": str(output) if output is not None else None,
         "definition": found.content,
         "law": str(found.controller.law),

@@ -22,15 +22,16 @@ from .ratings import BOUNDED, Rating, ratings
 
 #: Size of a plant -> keys of controllers and scenarios that are a share of it.
 SHARES = {
-    "period": ("sample_time", "solver.deadline", "rest.knocker.width", "rest.knocker.period"),
+    "period": ("sample_time", "solver.deadline", "rest.knocker.width", "rest.knocker.period", "gains.T_f"),
     "rate": ("dither.frequency",),
     "bandwidth": ("speed.crossover", "position.crossover", "design.crossover", "tuning.crossover"),
     "samples": ("horizon",),
     "current": (
         "current_limit", "weights.current", "weights.current_rate", "limits.current_rate", "observer.current",
-        "rest.knocker.first", "rest.knocker.growth", "rest.knocker.largest", "dither.amplitude",
     ),
-    "friction": ("observer.friction",),
+    "friction": (
+        "observer.friction", "rest.knocker.first", "rest.knocker.growth", "rest.knocker.largest", "dither.amplitude",
+    ),
     "speed": ("position.speed_limit", "limits.speed", "weights.speed", "observer.leak", "supervision.speed"),
     "rod_speed": ("trajectory.speed", "reference.velocity"),
     "acceleration": ("trajectory.acceleration", "reference.acceleration"),
@@ -38,7 +39,7 @@ SHARES = {
     "level": ("schedule.nominal",),
     "reach": (
         "limits.stroke", "weights.position", "weights.integral", "reference.positions", "reference.position",
-        "reference.amplitude",
+        "reference.amplitude", "supervision.position",
     ),
     # A soft limit is weighed against being 0.1 m off, squared.
     "reach2": ("limits.penalty",),
@@ -86,7 +87,7 @@ class Carrier:
             return value if _same(ratio) else f"{_rounded(float(number) * ratio)} {unit}"
         if _same(ratio):
             return value
-        return max(round(value * ratio), 2) if isinstance(value, int) else float(_rounded(value * ratio))
+        return min(max(round(value * ratio), 2), 500) if isinstance(value, int) else float(_rounded(value * ratio))
 
     def changes(self, content: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
         """Dotted key -> value of what is another number for the plant; `known` are the keys that the form has."""

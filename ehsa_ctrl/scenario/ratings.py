@@ -49,7 +49,7 @@ def ratings(plant: Plant) -> dict[str, Rating]:
 
 
 def require_within(file: Path, definition: ControllerFile, plant: Plant) -> None:
-    """Raises InputError for a controller that may ask for more than its plant allows, with file, key and both values."""
+    """Raises InputError for a controller that may ask for more than its plant allows: file, key and both values."""
     allowed = ratings(plant)
     for key, name in BOUNDED.items():
         value: object = definition

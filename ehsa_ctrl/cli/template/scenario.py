@@ -8,15 +8,16 @@ from typing import Any
 
 import tomlkit
 
-from ...core.catalogue import plants, shipped
+from ...core.catalogue import is_shipped, plants, shipped
 from ...core.definition import read_toml
 from ...core.errors import InputError, choices
 from ...plant.file import LOAD_LETTERS
 from ...plant.plant import Plant, load_plant
+from ...scenario.carried import carrier
 from ...scenario.definition import ScenarioFile
 from ...scenario.metrics import METRICS
 from ...scenario.scenario import load_scenario
-from .annotate import QUANTITIES, Annotator, Lines, examples_of, kinds, leaves, named, toml
+from .annotate import QUANTITIES, Annotator, Lines, change, examples_of, kinds, leaves, named, toml
 
 #: For keys that no shipped scenario has.
 EXAMPLES: dict[str, Any] = {
@@ -100,6 +101,11 @@ def scenario_toml(base: str, name: str, *, plant: str | None = None, controller:
             given[key] = other
     loaded = load_plant(plants.find(str(given["plant"]), beside=path))
     examples = {**EXAMPLES, **examples_of(shipped("scenarios").values())}
+    if plant is not None:
+        to_plant = carrier(plant)
+        examples = {key: to_plant.carry(key, value) for key, value in examples.items()}
+        if is_shipped("scenarios", path):
+            change(given, to_plant.changes(given.unwrap(), ()))
     special = {
         "load": lambda there: named("load", there, _load(loaded, examples)),
         "settings": lambda there: named("settings", there, _settings(loaded)),
