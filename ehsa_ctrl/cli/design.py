@@ -67,8 +67,9 @@ def command(
     """
     from ..core.catalogue import is_shipped
     from ..core.definition import read_toml
-    from ..design.tuning.designed import design
+    from ..design.tuning.designed import design, keys_for
     from ..design.tuning.specification import begin, leaves, put
+    from ..design.tuning.tune import Tuning
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
     from ..scenario.carried import carrier
@@ -102,13 +103,19 @@ def command(
     warn_unbelieved([loaded])
     system = three_state(loaded)
     own: dict[str, Any] = {}
+    begins: dict[str, str] = {}
     left: list[str] = []
     # A controller of the user's own was chosen for who knows which plant.
     if is_shipped("controllers", begun):
         to_plant = carrier(plant, believed)
         own, left = to_plant.changes(content, leaves(chosen.file)), to_plant.unknown(content)
         content = put(content, chosen, {key: str(value) for key, value in own.items()})
-    found = design(name, chosen, content, system, figures=figures, asked=asked)
+        # A [tuning] that the options begin has a default of its own.
+        tuning = put(content, chosen, {**keys_for(chosen, figures)[0], **asked}).get("tuning", {})
+        usual = f"{Tuning().noise_gain:g} A/m"
+        if tuning and "noise_gain" not in tuning and to_plant.carry("tuning.noise_gain", usual) != usual:
+            own["tuning.noise_gain"] = begins["tuning.noise_gain"] = to_plant.carry("tuning.noise_gain", usual)
+    found = design(name, chosen, content, system, figures=figures, asked=begins | asked)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
     words += [f"{key} = {text} believed" for key, text in believed.items()]
     comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'nothing in particular'}."]

@@ -342,9 +342,9 @@ class Identification(ShownAsText):
             if reach.after:
                 for word, fits in (("before", reach.fit_percent_before), ("after", reach.fit_percent)):
                     yield f"    {name + ', ' + word:<19}" + "".join(f"{fit_cell(value):>11}" for value in fits.values())
-        words = fit_words((self.validation if self.validation.after else self.train).fit_percent)
-        if words:
-            yield f"  the fit {'held out' if self.validation.after else 'on the logs used'} is {words}"
+        where, reach = ("held out", self.validation) if self.validation.after else ("on the logs used", self.train)
+        if words := fit_words(reach.fit_percent):
+            yield f"  fit {where}: {words}"
         failed = [test for test in self.residual_tests if not test.passed]
         if failed:
             told = ", ".join(f"{test.channel} with {test.against} ({test.largest:.2g})" for test in failed[:4])

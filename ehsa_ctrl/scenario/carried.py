@@ -54,6 +54,8 @@ SHARES = {
 #: Sensors of an [observer], by the plant's channels.
 NOISY = {"speed": "speed", "pressure": "p1", "position": "position"}
 SIZES = {key: size for size, keys in SHARES.items() for key in keys}
+#: Continuous over peak current of a motor whose file states the peak torque alone: as the EHSA's.
+CONTINUOUS = 0.187
 #: What a definition that leaves these keys out has: numbers of the shipped EHSA too.
 LEFT_OUT: dict[str, Any] = {
     "observer.speed": f"{Noise.speed:g} rad/s",
@@ -121,6 +123,8 @@ def sizes(linear: Plant, nonlinear: Plant) -> dict[str, float]:
     found = {name: rating.value for name, rating in ratings(linear).items()}
     if "current_rms" in linear.limits:
         found["current"] = linear.limits["current_rms"].value
+    elif "current" in found:
+        found["current"] *= CONTINUOUS
     found |= {"period": linear.sample_time, "rate": 1.0 / linear.sample_time, "level": p["P_0"], **motion}
     oil, mass = 2.0 * p["beta"] / p["V"], p["M"] + p["m_L"]
     # Shaft and rod against the oil between them.

@@ -111,6 +111,15 @@ def test_limits_and_period_are_those_of_the_plant(run):
     )
 
 
+def test_a_tuning_that_is_begun_bounds_the_plants_own_noise(run):
+    """A third of the current bears a third of the noise: the default that nobody asked for is carried as well."""
+    halved()
+    status, out, _ = run("design", "rig", "--kind", "pid", "--Ms", "1.6")
+
+    assert status == 0
+    assert tomllib.loads(out)["tuning"] == {"Ms": 1.6, "noise_gain": "3330 A/m"}
+
+
 def test_a_base_of_ones_own_is_taken_as_it_is(run):
     """Nobody knows for which plant it was made."""
     halved()

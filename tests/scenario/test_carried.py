@@ -95,6 +95,14 @@ def test_no_current_is_more_than_the_motor_gives(rig):
     assert changes("pid_position", weak)["current_limit"] == "3.7 A"
 
 
+def test_of_a_motor_with_its_peak_torque_alone_the_current_is_the_same_share(rig):
+    """No continuous current is stated: half of the peak is half of the current."""
+    rms = next(line + "\n" for line in EHSA.splitlines() if line.startswith("current_rms"))
+    peak = rig({rms: "", "motor_torque = { value = 16.1": "motor_torque = { value = 8.05"})
+
+    assert changes("pid_position", peak)["current_limit"] == "3 A"
+
+
 def test_what_a_plant_does_not_state_stays_and_is_named(rig):
     """Without [limits] nothing is known of currents and strokes."""
     limits = EHSA[EHSA.index("[limits]") : EHSA.index("[sampling]")]
