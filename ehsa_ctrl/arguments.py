@@ -160,7 +160,8 @@ def _controller(value: Any, given: Mapping[str, Any]) -> Any:
         system = _linear_model(load_plant(plant.path, model="linear"))
     if not _is(system, "StateSpace"):
         raise LookupError(value)
-    return load_controller(os.fspath(value), system)
+    period = plant.sample_time if _is(plant, "Plant") else None
+    return load_controller(os.fspath(value), system, sample_time=period)
 
 
 def _alternatives(annotation: str) -> Iterator[str]:

@@ -110,7 +110,7 @@ def command(
         models = drawn_models(loaded, drawn, at)
     loops, robust, reviews = [], [], []
     for name in names:
-        chosen = load_controller(name, system)
+        chosen = load_controller(name, system, sample_time=loaded.sample_time)
         loops.append(analyse_loop(system, chosen, lag=lag, noise=known.noise))
         robust.append(robust_margins(models, chosen, lag=lag) if models else None)
         if review:

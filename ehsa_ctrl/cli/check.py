@@ -15,8 +15,13 @@ from .options import Json
 def command(
     files: Annotated[list[Path] | None, typer.Argument(help="TOML files; by default the whole catalogue.")] = None,
     plant: Annotated[
-        str, typer.Option(help="Plant on whose linear model controllers are designed.", autocompletion=plants)
-    ] = "ehsa",
+        str | None,
+        typer.Option(
+            help="Plant on whose linear model controllers are designed, and whose limits they must keep; else ehsa's "
+            "model.",
+            autocompletion=plants,
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Validate plants, controllers and scenarios: units, ranges, names, what refers to what; design the controllers.

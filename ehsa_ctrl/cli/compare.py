@@ -59,7 +59,7 @@ def command(
     """
     from ..identification.checks import check_log
     from ..identification.record import untold
-    from ..identification.replay import replay
+    from ..identification.replay import fit_words, replay
     from .output import prepare_folder, rests_on, to_json, warn, warn_unbelieved
     from .prepared import read_prepared
     from .progress import compiling
@@ -111,7 +111,8 @@ def command(
             print(f"  {step}")
     print(table(replays))
     for run in replays:
-        print(f"{run.plant.model} starts {run.start}")
+        words = fit_words(run.fit_percent)
+        print(f"{run.plant.model} starts {run.start}" + (f"; its fit is {words}" if words else ""))
     for sentence in cannot_tell:
         print(sentence)
     if out is not None:

@@ -65,10 +65,14 @@ def command(
     ehsa-ctrl design ehsa --kind pid --bandwidth '35 rad/s' --phase-margin '60 deg' -o classic.toml ·
     ehsa-ctrl design ehsa --kind lqr --bandwidth '40 rad/s' --Ms 1.6 --weight current='2 A' -o lqr.toml
     """
-    from ..design.tuning.designed import design
-    from ..design.tuning.specification import begin
+    from ..core.catalogue import is_shipped
+    from ..core.definition import read_toml
+    from ..design.tuning.designed import design, keys_for
+    from ..design.tuning.specification import begin, leaves, put
+    from ..design.tuning.tune import Tuning
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
+    from ..scenario.carried import carrier
     from .output import prepare_folder, rests_on, to_json, warn_unbelieved, write_text
 
     if output is not None and output.suffix != ".toml":
@@ -76,7 +80,8 @@ def command(
     if output is not None and output.exists() and not force:
         raise InputError(f"{output}: is there already; choose another name or say --force")
     folder = prepare_folder(out, "design.json", force=force) if out is not None else None
-    chosen, content = begin(kind, base)
+    chosen, begun = begin(kind, base)
+    content = read_toml(begun)
     given = {
         "bandwidth": bandwidth,
         "phase_margin": phase_margin,
@@ -91,16 +96,34 @@ def command(
     asked |= read_pairs(spec, "--spec")
     asked |= {key: text for key, text in {"current_limit": current_limit, "sample_time": sample_time}.items() if text}
     name = output.stem if output is not None else f"{kind}_designed"
-    content |= {"title": title or f"{kind} designed for {plant}", "note": ""}
-    content.pop("note")
+    content["title"] = title or f"{kind} designed for {plant}"
+    content.pop("note", None)
     believed = read_pairs(settings)
     loaded = load_plant(plant, model="linear", settings=believed)
     warn_unbelieved([loaded])
     system = three_state(loaded)
-    found = design(name, chosen, content, system, figures=figures, asked=asked)
+    own: dict[str, Any] = {}
+    begins: dict[str, str] = {}
+    left: list[str] = []
+    # A controller of the user's own was chosen for who knows which plant.
+    if is_shipped("controllers", begun):
+        to_plant = carrier(plant, believed)
+        own, left = to_plant.changes(content, leaves(chosen.file)), to_plant.unknown(content)
+        content = put(content, chosen, {key: str(value) for key, value in own.items()})
+        # A [tuning] that the options begin has a default of its own.
+        tuning = put(content, chosen, {**keys_for(chosen, figures)[0], **asked}).get("tuning", {})
+        usual = f"{Tuning().noise_gain:g} A/m"
+        if tuning and "noise_gain" not in tuning and to_plant.carry("tuning.noise_gain", usual) != usual:
+            own["tuning.noise_gain"] = begins["tuning.noise_gain"] = to_plant.carry("tuning.noise_gain", usual)
+    found = design(name, chosen, content, system, figures=figures, asked=begins | asked)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
     words += [f"{key} = {text} believed" for key, text in believed.items()]
     comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'nothing in particular'}."]
+    if own:
+        said = ", ".join(f"{key} {value}" for key, value in own.items() if key not in asked)
+        comments.append(f"Begun as {begun.stem}, whose numbers are for the shipped EHSA; for this plant: {said}.")
+    if left:
+        comments.append(f"As in {begun.stem}, because {plant} states nothing of it: {', '.join(left)}.")
     comments.append("On its linear model:")
     text = (frozen(found) if freeze else found).toml(comments)
     result: dict[str, Any] = {
@@ -108,6 +131,7 @@ def command(
         "kind": kind,
         "settings": believed,
         "asked": {**figures, **asked},
+        "from_plant": own,
         "controller": str(output) if output is not None else None,
         "definition": found.content,
         "law": str(found.controller.law),

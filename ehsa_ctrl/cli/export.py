@@ -52,7 +52,7 @@ def command(
     system = three_state(load_plant(plant, model="linear", settings=believed))
     checked = load_plant(plant, model="nonlinear", settings=believed)
     warn_unbelieved([checked])
-    chosen = load_controller(controller, system)
+    chosen = load_controller(controller, system, sample_time=checked.sample_time)
     folder = prepare_folder(out, "controller.c", force=force)
     with compiling():
         reference, measured, limited = exercise(checked, chosen, seed)
@@ -93,10 +93,12 @@ def exercise(plant: Plant, controller: SampledController, seed: int) -> tuple[np
 
     time = controller.sample_time * np.arange(round(3.0 / controller.sample_time))
     reference = np.zeros((time.size, 3))
-    reference[:, 0] = np.select([time < 0.2, time < 1.2, time < 1.6], [0.0, 0.02, 0.0], 0.0)
+    # A tenth of the stroke, of a long one 20 mm.
+    size = min(0.02, 0.1 * plant.limits["stroke"].value) if "stroke" in plant.limits else 0.02
+    reference[:, 0] = np.select([time < 0.2, time < 1.2, time < 1.6], [0.0, size, 0.0], 0.0)
     ramp = (time >= 1.8) & (time < 2.2)
-    reference[ramp, 1] = 0.02
-    reference[:, 0] += 0.02 * np.clip(time - 1.8, 0.0, 0.4)
+    reference[ramp, 1] = size
+    reference[:, 0] += size * np.clip(time - 1.8, 0.0, 0.4)
     end = float(time[-1])
     faults = Faults(
         [

@@ -97,13 +97,16 @@ def command(
         save(result.plot(), out / stem)
         if not as_json:
             print(result)
+            if require is not None:
+                print(f"  {demand(result.interval(confidence)[0], require, confidence)}")
         if result.interrupted:
             break
     grounds = rests_on(
         [result.plant for result in found if result.plant is not None],
         [*(file for result in found for file in result.files), identification],
     )
-    summary = {"campaigns": [result.to_dict(confidence) for result in found], "rests_on": grounds}
+    campaigns = [{**result.to_dict(confidence), "required": require} for result in found]
+    summary = {"campaigns": campaigns, "rests_on": grounds}
     (out / "montecarlo.json").write_text(to_json(summary) + "\n")
     write_result_page(out, "montecarlo.json")
     if as_json:
@@ -114,3 +117,10 @@ def command(
         raise KeyboardInterrupt(f"the runs that were done are kept in {out}, and the same call goes on from them")
     if require is not None and any(result.interval(confidence)[0] < require for result in found):
         raise typer.Exit(1)
+
+
+def demand(low: float, required: float, confidence: float) -> str:
+    """What was demanded of the probability and whether the runs show it: the interval's lower end counts."""
+    shown = "shown" if low >= required else "NOT SHOWN"
+    asked = f"at least {required:g} with {100 * confidence:g} % confidence"
+    return f"demanded: {asked}: {shown}, the interval begins at {low:.3g}"

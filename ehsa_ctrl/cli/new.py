@@ -63,27 +63,32 @@ def controller(
             "--from", metavar="CONTROLLER", help="The controller that it begins as.", autocompletion=controllers
         ),
     ] = None,
+    plant: Annotated[
+        str | None,
+        typer.Option(help="Plant whose limits, sample time and scales it gets; else ehsa's.", autocompletion=plants),
+    ] = None,
     as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Write ./controllers/NAME.toml: every key of its kind with unit and meaning, what can be added switched off.
 
-    Examples: ehsa-ctrl new controller mine --kind pid · ehsa-ctrl new controller calm --from lqr_friction
+    Examples: ehsa-ctrl new controller mine --kind pid · ehsa-ctrl new controller calm --from lqr_friction ·
+    ehsa-ctrl new controller strong --kind mpc --plant rig
     """
     from ..core.catalogue import controllers as catalogue
     from ..design.tuning.specification import begin
-    from .template.controller import controller_base, controller_toml, next_commands
+    from .template.controller import controller_toml, next_commands
 
     if kind is not None:
         begin(kind, base)
-    chosen = base or controller_base(kind or "pid")
+    chosen = base or begin(kind or "pid")[1].stem
     stem = _stem(name, catalogue, kind or chosen)
     _write(
         catalogue,
         stem,
         chosen,
-        lambda: controller_toml(chosen, stem),
-        next_commands(stem),
+        lambda: controller_toml(chosen, stem, plant=plant),
+        next_commands(stem, plant),
         as_json=as_json,
         force=force,
     )

@@ -278,32 +278,51 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
                 console.print(Text(f"  {failure}", "red"))
         console.print(_alone(group[0]) if len(group) == 1 else _beside(group))
         console.print()
-    passed = sum(result.verdict == "pass" for result in results)
-    untested = sum(result.verdict == "untested" for result in results)
-    more = f", {untested} untested" if untested else ""
-    console.print(f"{passed} of {len(results)} passed{more}; written to {out} (open {out / 'report.html'})")
+    if len(results) > 1:
+        console.print(_summary(results))
+    counts = {word: sum(result.verdict == word for result in results) for word in VERDICTS}
+    failed = f", {counts['fail']} failed" if counts["fail"] and len(results) > 1 else ""
+    untested = f", {counts['untested']} untested" if counts["untested"] else ""
+    console.print(
+        f"{counts['pass']} of {len(results)} passed{failed}{untested}; written to {out} (open {out / 'report.html'})"
+    )
+
+
+def _summary(results: list[ScenarioResult]) -> Table:
+    """All runs with their verdicts, a line each: what the tables above come to."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from ..scenario.result import few
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("scenario", "controller", "verdict", "why"):
+        table.add_column(heading)
+    for result in results:
+        verdict = Text(*VERDICTS[result.verdict])
+        table.add_row(result.scenario.name, result.controller.name, verdict, few(result.failures))
+    return table
 
 
 def _alone(result: ScenarioResult) -> Table:
     """One controller: linear prediction, nonlinear outcome and their gap."""
     table = _table("linear prediction", "nonlinear plant", "gap")
-    frame = result.to_pandas()
+    frame = result.table()
     for name in SHOWN:
-        row = frame.loc[name]
-        if row[["linear", "nonlinear"]].isna().all():
-            continue
-        table.add_row(name, *(f"{row[word]:.4g}" for word in ("linear", "nonlinear", "gap")), _unit(row["unit"]))
+        cells = list(frame.loc[name, ["linear", "nonlinear", "gap"]])
+        if set(cells) != {"-"}:
+            table.add_row(name, *cells, _unit(frame.loc[name, "unit"]))
     return table
 
 
 def _beside(results: list[ScenarioResult]) -> Table:
     """Several controllers on one scenario: what each did on the nonlinear plant."""
     table = _table(*(result.controller.name for result in results))
-    frames = [result.to_pandas() for result in results]
+    frames = [result.table() for result in results]
     for name in SHOWN:
-        values = [float(frame.loc[name, "nonlinear"]) for frame in frames]
-        if any(value == value for value in values):
-            table.add_row(name, *(f"{value:.4g}" for value in values), _unit(frames[0].loc[name, "unit"]))
+        cells = [frame.loc[name, "nonlinear"] for frame in frames]
+        if set(cells) != {"-"}:
+            table.add_row(name, *cells, _unit(frames[0].loc[name, "unit"]))
     return table
 
 

@@ -28,6 +28,11 @@ def shipped(kind: str) -> dict[str, Path]:
     return {path.stem: path for path in sorted(shipped_folder(kind).glob("*.toml"))}
 
 
+def is_shipped(kind: str, path: Path) -> bool:
+    """Whether this is a file that came with the package."""
+    return path.resolve() in {file.resolve() for file in shipped(kind).values()}
+
+
 @dataclass(frozen=True)
 class Catalogue(Mapping[str, Path]):
     """Names of one kind of definition and the files behind them.

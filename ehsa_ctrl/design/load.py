@@ -15,9 +15,14 @@ if TYPE_CHECKING:
     import control
 
 
-def read_controller(path: Path) -> tuple[ControllerKind, ControllerFile]:
-    """Read and validate a controller's TOML. Raises InputError with file and key."""
+def read_controller(path: Path, sample_time: float | None = None) -> tuple[ControllerKind, ControllerFile]:
+    """Read and validate a controller's TOML; sample_time [s] is its own where the file states none.
+
+    Raises InputError with file and key.
+    """
     content: dict[str, Any] = read_toml(path)
+    if sample_time is not None:
+        content.setdefault("sample_time", f"{sample_time:.9g} s")
     word = content.get("kind")
     if word not in CONTROLLER_KINDS:
         raise InputError(f"{path}: kind = {word!r}; {choices(str(word), CONTROLLER_KINDS)}")
@@ -25,19 +30,22 @@ def read_controller(path: Path) -> tuple[ControllerKind, ControllerFile]:
     return kind, validate(content, kind.file, str(path))
 
 
-def load_controller(name: str | Path, system: control.StateSpace) -> SampledController:
+def load_controller(
+    name: str | Path, system: control.StateSpace, *, sample_time: float | None = None
+) -> SampledController:
     """Load a controller by catalogue name or path and design it on a linear model.
 
     Parameters
     ----------
     system: linear model with the current as first input and an output x, e.g. `three_state(plant)`.
+    sample_time: s, the plant's, for a file that states none; 4 ms where this is left out too.
 
     Raises
     ------
     InputError: the file is absent or wrong, or the design asked for can't be reached.
     """
     path = controllers.find(name)
-    kind, definition = read_controller(path)
+    kind, definition = read_controller(path, sample_time)
     try:
         return build_controller(path.stem, kind, definition, system)
     except InputError as error:

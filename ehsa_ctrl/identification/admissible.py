@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.errors import SimulationError
-from ..core.unit import factor
 from ..plant.plant import Plant
 from ..simulation.bench import record
 from ..simulation.engine import simulate_batch
-from ..simulation.limits import NAMES, SHOWN, reached
+from ..simulation.limits import NAMES, SHOWN, reached, scale_of
 from ..simulation.trajectory import Trajectory
 from .free import FreeParameter, with_values
 
@@ -35,7 +34,7 @@ class LimitUse:
     worst_share: float
 
     def __str__(self) -> str:
-        scale, unit = factor(SHOWN[self.limit], self.unit), SHOWN[self.limit]
+        scale, unit = scale_of(self.limit, self.unit), SHOWN[self.limit]
         name = {"pressure_max": "highest pressure", "pressure_min": "lowest pressure"}.get(
             self.limit, NAMES[self.limit]
         )

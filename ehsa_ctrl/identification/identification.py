@@ -16,7 +16,7 @@ from ..simulation.trajectory import versions
 from .balances import BalanceEstimate
 from .checks import Finding
 from .estimator import Fit
-from .replay import Replay, fit_cell
+from .replay import Replay, fit_cell, fit_words
 from .uncertainty import Estimate, Uncertainty, consistent
 from .whiteness import Correlation
 from .window import sensor_sd
@@ -342,6 +342,9 @@ class Identification(ShownAsText):
             if reach.after:
                 for word, fits in (("before", reach.fit_percent_before), ("after", reach.fit_percent)):
                     yield f"    {name + ', ' + word:<19}" + "".join(f"{fit_cell(value):>11}" for value in fits.values())
+        where, reach = ("held out", self.validation) if self.validation.after else ("on the logs used", self.train)
+        if words := fit_words(reach.fit_percent):
+            yield f"  fit {where}: {words}"
         failed = [test for test in self.residual_tests if not test.passed]
         if failed:
             told = ", ".join(f"{test.channel} with {test.against} ({test.largest:.2g})" for test in failed[:4])

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from ..core.errors import InputError, SimulationError, choices
 from ..core.log import Log
 from ..core.notebook import ShownAsText
+from ..core.words import listed
 from ..plant.plant import Plant
 from ..simulation.sensors import shown
 from ..simulation.trajectory import Trajectory, versions
@@ -91,10 +92,30 @@ class Replay(ShownAsText):
             f"{len(log)} samples, {log.time[-1] - log.time[0]:g} s",
             f"  starts {self.start}",
         ]
-        lines += [f"  {channel:<10} {fit_cell(percent):>9} % fit" for channel, percent in self.fit_percent.items()]
+        lines += [
+            f"  {channel:<10} {fit_cell(percent):>9} % fit" + ("" if math.isnan(percent) else f", {quality(percent)}")
+            for channel, percent in self.fit_percent.items()
+        ]
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
 
     __repr__ = __str__
+
+
+#: From this fit [%] on a channel is called good, below the other one poor, and fair between: what is left of the signal
+#: is at most a tenth of its own scatter, or more than three tenths.
+GOOD, POOR = 90.0, 70.0
+
+
+def quality(percent: float) -> Literal["good", "fair", "poor"]:
+    """A fit in percent as a word, by GOOD and POOR."""
+    return "good" if percent >= GOOD else "fair" if percent >= POOR else "poor"
+
+
+def fit_words(fits: Mapping[str, float]) -> str:
+    """Channels by the quality of their fit, the worst first: "poor in p1 and p2; good in speed"; "" for none."""
+    known = {channel: quality(fit) for channel, fit in fits.items() if not math.isnan(fit)}
+    groups = {word: [channel for channel in known if known[channel] == word] for word in ("poor", "fair", "good")}
+    return "; ".join(f"{word} in {listed(channels)}" for word, channels in groups.items() if channels)
 
 
 def fit_cell(percent: float) -> str:

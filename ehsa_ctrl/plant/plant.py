@@ -236,6 +236,10 @@ def load_plant(
     part: ModelFile | None = getattr(file, model, None)
     if part is None:
         known = [word for word in ("linear", "nonlinear") if getattr(file, word) is not None]
+        if model == "linear" and known:
+            raise InputError(
+                f"{path}: has no [linear] model, on which controllers are designed; it has [{known[0]}] alone"
+            )
         raise InputError(f"{path}: has no [{model}] model; {choices(model, known)}")
     try:
         structure = Structure(part.shaft_friction, part.rod_friction, part.chambers, tuple(part.effects), file.system)

@@ -10,11 +10,12 @@ from pathlib import Path
 from ..core.errors import InputError
 from ..identification.checks import Finding
 from ..identification.preparation import Step
-from ..identification.replay import Replay
+from ..identification.replay import GOOD, POOR, Replay, fit_words, quality
 from .channel import name_of
 from .document import Picture, embedded, merged_versions, write_document
 from .figures import replay_figure
 from .grounds import assumed_of, hashes
+from .kinds._result import BANNERS, FITS
 from .number import number
 
 
@@ -29,9 +30,12 @@ class Replayed:
         return f"{self.replay.plant.model} model"
 
     @property
-    def good(self) -> bool:
-        """Whether the run reached the log's end and is nowhere worse than the mean; the rest the reader decides."""
-        return not self.replay.stopped and not any(fit <= 0.0 for fit in self.replay.fit_percent.values())
+    def banner(self) -> str:
+        """Class of its banner, by the worst fit of a channel; a run that ended early has failed."""
+        known = [fit for fit in self.replay.fit_percent.values() if not math.isnan(fit)]
+        if self.replay.stopped:
+            return BANNERS[False]
+        return BANNERS[FITS[quality(min(known))] if known else None]
 
     @property
     def sentence(self) -> str:
@@ -45,8 +49,9 @@ class Replayed:
         ordered = sorted(known, key=lambda channel: known[channel])
         worst, best = ordered[0], ordered[-1]
         if len(ordered) == 1:
-            return f"The fit of {worst} is {number(known[worst])} %."
-        return f"The fit is from {number(known[worst])} % ({worst}) to {number(known[best])} % ({best})."
+            return f"The fit of {worst} is {number(known[worst])} %, {quality(known[worst])}."
+        ends = f"from {number(known[worst])} % ({worst}) to {number(known[best])} % ({best})"
+        return f"The fit is {ends}: {fit_words(known)}."
 
 
 def write_comparison_page(
@@ -78,6 +83,7 @@ def write_comparison_page(
         folder,
         headline=f"{plant.name} beside {name_of(log)}",
         models=models,
+        named=(GOOD, POOR),
         fits=[(channel, [number(run.fit_percent.get(channel, math.nan)) for run in replays]) for channel in channels],
         section={"name": plant.name, "pictures": _pictures(replays, models)},
         findings=list(findings),

@@ -12,12 +12,14 @@ from ..core.errors import InputError
 from ..core.words import listed
 from ..identification.assumed import Drift
 from ..identification.identification import Identification
+from ..identification.replay import GOOD, POOR
 from ..identification.uncertainty import Estimate
 from .channel import name_of, shown
 from .document import Picture, anchors, embedded, merged_versions, write_document
 from .drift import DriftTable
 from .figures import correlation_figure, identification_figure, parameters_figure, residuals_figure
 from .grounds import assumed_of, hashes
+from .kinds._result import BANNERS, LOOKS
 from .number import NOTHING, number, uncertain, unit
 from .verdict import Verdict, verdict, weights
 
@@ -200,6 +202,9 @@ def write_identification_page(
         models=_models(identifications),
         findings=list(findings),
         marks=MARKS,
+        looks=LOOKS,
+        banners=BANNERS,
+        named=(GOOD, POOR),
         files=_files(identifications),
         versions=merged_versions(found.provenance for found in identifications),
         assumed=assumed_of(found.plant for found in identifications),

@@ -60,6 +60,7 @@ def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str,
         columns=[name for name in SHOWN if any(_exists(result, name) for result in results)],
         metrics=METRICS,
         shown=shown,
+        cell=cell,
         few=few,
         said=lambda result: SAID[result.verdict][0],
         mood=lambda result: SAID[result.verdict][1],
@@ -83,6 +84,11 @@ def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str,
 def shown(metric: str, value: float) -> str:
     """A metric's SI value as a number in the unit that a person reads."""
     return number(value / factor(METRICS[metric].shown, METRICS[metric].unit))
+
+
+def cell(result: ScenarioResult, metric: str, value: float) -> str:
+    """The same of a run, or that its reference does not define it."""
+    return "not defined" if result.scenario.definition.undefined(metric) else shown(metric, value)
 
 
 @dataclass(frozen=True)
@@ -164,8 +170,8 @@ class Run:
     def comparison(self) -> list[tuple[str, ...]]:
         """Metric, linear prediction, nonlinear outcome, their gap, unit and meaning; without what never happened."""
         return [
-            (name, *(shown(name, value) for value in (linear, nonlinear, gap(linear, nonlinear))), *_about(name))
-            for name, (linear, nonlinear) in self.result.metrics.items()
+            (name, *(cell(self.result, name, value) for value in (*pair, gap(*pair))), *_about(name))
+            for name, pair in self.result.metrics.items()
             if _exists(self.result, name)
         ]
 
@@ -203,7 +209,7 @@ class Run:
 def beside(runs: Sequence[Run]) -> list[tuple[str, list[str], str]]:
     """Metric, its value on the nonlinear plant with each controller, and its unit; without what never happened."""
     return [
-        (name, [shown(name, run.result.metrics[name][1]) for run in runs], unit(METRICS[name].shown))
+        (name, [cell(run.result, name, run.result.metrics[name][1]) for run in runs], unit(METRICS[name].shown))
         for name in METRICS
         if any(_exists(run.result, name) for run in runs)
     ]
@@ -241,7 +247,9 @@ def _bounds(judgement: Judgement) -> str:
 
 
 def _exists(result: ScenarioResult, metric: str) -> bool:
-    return not all(math.isnan(value) for value in result.metrics[metric])
+    """Whether there is something to say of a metric, if only that it is not defined here."""
+    known = not all(math.isnan(value) for value in result.metrics[metric])
+    return known or bool(result.scenario.definition.undefined(metric))
 
 
 def _scenarios(

@@ -18,7 +18,7 @@ from markupsafe import Markup
 from ..core.errors import InputError
 from .document import Picture, anchors, inlined, write_document
 from .kinds import kinds
-from .kinds._result import Kind, Result
+from .kinds._result import DOUBT, Kind, Result
 
 #: File of the page of a tree.
 FILE = "overview.html"
@@ -53,7 +53,7 @@ class Section:
 
     @property
     def doubtful(self) -> bool:
-        return self.result.state is not True
+        return self.result.state in (False, DOUBT)
 
     @property
     def failed(self) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from ..core.words import listed
 from ..identification.identification import Identification
+from ..identification.replay import quality
 from ..identification.window import sensor_sd
 from .channel import name_of
+from .kinds._result import FITS, Sentence, worst_of
 from .number import number
 
 #: A channel weighed by more than this times its sensor's noise was weighed by its residual: the model does not fit.
@@ -18,13 +20,13 @@ FELL = 1.0
 
 
 class Verdict(NamedTuple):
-    """Sentences, and whether all is well with each; None for one that is neither good nor bad."""
+    """Sentences, and whether all is well with each, see kinds._result.Sentence."""
 
-    sentences: tuple[tuple[str, bool | None], ...]
+    sentences: tuple[Sentence, ...]
 
     @property
-    def good(self) -> bool:
-        return all(good is not False for _, good in self.sentences)
+    def state(self) -> bool | Literal["doubt"] | None:
+        return worst_of(self.sentences)
 
 
 def verdict(identification: Identification) -> Verdict:
@@ -62,7 +64,7 @@ def _determined(identification: Identification) -> tuple[str, bool]:
     return "; ".join([many, *(f"{word}: {listed(names)}" for word, names in others.items())]) + ".", not others
 
 
-def _reached(identification: Identification) -> tuple[str, bool]:
+def _reached(identification: Identification) -> Sentence:
     """The worst channel's fit before and after, on logs held out if there are any."""
     held_out = bool(identification.validation.after)
     reach = identification.validation if held_out else identification.train
@@ -79,8 +81,9 @@ def _reached(identification: Identification) -> tuple[str, bool]:
     came = "from a run that ended early" if math.isnan(before) else f"from {number(before)} %"
     fell = [channel for channel, fit in known.items() if fit < reach.fit_percent_before[channel] - FELL]
     lower = f"; the fit of {listed(fell)} fell" if fell else ""
-    good = known[worst] > 0.0 and not fell
-    return f"{where}the worst fit, that of {worst}, went {came} to {number(known[worst])} %{lower}.", good
+    reached = f"{number(known[worst])} % ({quality(known[worst])})"
+    state = False if fell else FITS[quality(known[worst])]
+    return f"{where}the worst fit, that of {worst}, went {came} to {reached}{lower}.", state
 
 
 def _left(identification: Identification) -> tuple[str, bool | None]:

@@ -6,21 +6,23 @@ from pathlib import Path
 
 from ..core.definition import read_toml
 from ..core.errors import InputError
-from ..design.load import load_controller
+from ..design.load import load_controller, read_controller
 from ..plant.linear import three_state
 from ..plant.plant import load_plant
 from .baseline import baseline_files, read_baseline
+from .ratings import require_within
 from .run import prepare
 from .scenario import load_scenario
 from .spread import uncertainty_of
 
 
-def check_definition(path: Path, *, plant: str | Path = "ehsa") -> str:
+def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
     """Return the kind ("plant", "controller", "scenario") of a valid definition.
 
     Parameters
     ----------
-    plant: on whose linear model a controller is designed, to see that it can be.
+    plant: on whose linear model a controller is designed, to see that it can be, and whose limits it must keep; the
+        shipped EHSA's model and nobody's limits where none is named.
 
     Raises InputError, one sentence with file and key, for the first mistake: of form, of a unit, of a value, a name
     that refers to nothing, a controller that can't be designed.
@@ -34,7 +36,10 @@ def check_definition(path: Path, *, plant: str | Path = "ehsa") -> str:
             raise InputError(f"{path}: has neither a [linear] nor a [nonlinear] model")
         return "plant"
     if "kind" in content:
-        load_controller(path, three_state(load_plant(plant, model="linear")))
+        loaded = load_plant(plant or "ehsa", model="linear")
+        if plant is not None:
+            require_within(path, read_controller(path, loaded.sample_time)[1], loaded)
+        load_controller(path, three_state(loaded), sample_time=loaded.sample_time)
         return "controller"
     if "why" in content or "reference" in content:
         scenario = load_scenario(path)

@@ -141,6 +141,13 @@ class ScenarioFile(Definition):
             )
         return self
 
+    @model_validator(mode="after")
+    def _defined(self) -> ScenarioFile:
+        for name in self.limits:
+            if why := self.undefined(name):
+                raise ValueError(f"[limits] {name}: is not defined here, for {why}; limit another metric, as MaxError")
+        return self
+
     @field_validator("why")
     @classmethod
     def _said(cls, why: str) -> str:
@@ -197,6 +204,15 @@ class ScenarioFile(Definition):
             cuts = [start, *(edge for edge in edges if start < edge < min(end, self.duration)), end]
             spans += list(zip(cuts[:-1], cuts[1:], strict=True))
         return spans
+
+    def undefined(self, metric: str) -> str:
+        """Why a metric is not defined for this scenario's reference; empty where it is."""
+        match METRICS[metric].of:
+            case "step" if not self.reference.jumps():
+                return f"the target of [reference] kind = {self.reference.kind!r} does not jump"
+            case "hold" if not self.reference.holds():
+                return f"the target of [reference] kind = {self.reference.kind!r} is never held"
+        return ""
 
     @property
     def first_fault(self) -> float | None:

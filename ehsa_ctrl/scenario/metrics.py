@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -27,11 +28,15 @@ FLOORS = {
 
 @dataclass(frozen=True)
 class Metric:
-    """What a number is: its SI unit, the unit a person reads, and a line of explanation."""
+    """What a number is: its SI unit, the unit a person reads, and a line of explanation.
+
+    `of`: what a reference must have for it: a "step" of the target, a "hold" of a place, or nothing ("run").
+    """
 
     unit: str
     shown: str
     meaning: str
+    of: Literal["run", "step", "hold"] = "run"
 
     @property
     def floor(self) -> float:
@@ -52,29 +57,32 @@ class Metric:
         return f"{value / factor(self.shown, self.unit):.4g}{unit}"
 
 
+#: Times are in ms and lengths in mm, so that they can be compared within a table.
 METRICS = {
-    "RiseTime": Metric("s", "ms", "from 10 to 90 % of the step, the slowest step"),
+    "RiseTime": Metric("s", "ms", "from 10 to 90 % of the step, the slowest step", "step"),
     "SettlingTime": Metric(
-        "s", "ms", "until the position stays within 2 % of the step (at least 0.1 mm), slowest step"
+        "s", "ms", "until the position stays within 2 % of the step (at least 0.1 mm), slowest step", "step"
     ),
-    "SettlingTimeAbs": Metric("s", "ms", "until the position stays within 0.1 mm of the target, slowest step"),
-    "ShortestTime": Metric("s", "ms", "the shortest settling time that current and pump allow, of the slowest step"),
-    "SettlingRatio": Metric("1", "1", "settling time over the shortest possible one, worst step"),
-    "Overshoot": Metric("1", "%", "beyond the target, in % of the step, worst step"),
-    "Undershoot": Metric("1", "%", "the wrong way at first, in % of the step, worst step"),
+    "SettlingTimeAbs": Metric("s", "ms", "until the position stays within 0.1 mm of the target, slowest step", "step"),
+    "ShortestTime": Metric(
+        "s", "ms", "the shortest settling time that current and pump allow, of the slowest step", "step"
+    ),
+    "SettlingRatio": Metric("1", "1", "settling time over the shortest possible one, worst step", "step"),
+    "Overshoot": Metric("1", "%", "beyond the target, in % of the step, worst step", "step"),
+    "Undershoot": Metric("1", "%", "the wrong way at first, in % of the step, worst step", "step"),
     "Peak": Metric("m", "mm", "largest distance from zero"),
-    "PeakTime": Metric("s", "s", "when that is"),
-    "SteadyStateError": Metric("m", "um", "mean error in the last tenth before the next change, worst step"),
-    "SteadyStateErrorMax": Metric("m", "um", "largest error there"),
+    "PeakTime": Metric("s", "ms", "when that is"),
+    "SteadyStateError": Metric("m", "mm", "mean error in the last tenth before the next change, worst step", "hold"),
+    "SteadyStateErrorMax": Metric("m", "mm", "largest error there", "hold"),
     "MaxError": Metric("m", "mm", "largest error, after the first change of target"),
     "RMSError": Metric("m", "mm", "root mean square of the error, whole run"),
     "IAE": Metric("m s", "mm s", "integral of |e|"),
     "ISE": Metric("m2 s", "mm2 s", "integral of e^2"),
     "ITAE": Metric("m s2", "mm s2", "integral of t |e|, t from the first change of target"),
     "ITSE": Metric("m2 s2", "mm2 s2", "integral of t e^2, t from the first change of target"),
-    "HuntingAmplitude": Metric("m", "um", "peak to peak while holding the last target, if it hunts"),
-    "HuntingPeriod": Metric("s", "s", "of that"),
-    "Slips": Metric("1", "1", "times the rod breaks away while it should hold the last target"),
+    "HuntingAmplitude": Metric("m", "mm", "peak to peak while holding the last target, if it hunts", "hold"),
+    "HuntingPeriod": Metric("s", "ms", "of that", "hold"),
+    "Slips": Metric("1", "1", "times the rod breaks away while it should hold the last target", "hold"),
     "StickShare": Metric("1", "%", "share of the run in which the rod sticks"),
     "SaturationShare": Metric("1", "%", "share of the run with the current at its limit, or the drive's"),
     "CurrentRMS": Metric("A", "A", "root mean square of the current"),

@@ -45,8 +45,8 @@ class Steps(Definition):
         return values
 
     def jumps(self) -> list[float]:
-        """Times at which the target jumps, s."""
-        return list(self.times)
+        """Times at which the target jumps, s; a target that is given again is no jump."""
+        return [at for at, way in zip(self.times, np.diff([0.0, *self.positions]), strict=True) if way != 0.0]
 
     def holds(self) -> list[Hold]:
         """From when to when a target is to be held, s; the last one to the end of the run."""

@@ -196,6 +196,7 @@ class ScenarioResult:
                 }
                 for name, (linear, nonlinear) in self.metrics.items()
             },
+            "not_defined": {name: why for name in METRICS if (why := self.scenario.definition.undefined(name))},
             "margins": self.loop.to_dict() if self.loop else None,
             "linear_model_passed_limits": [str(item) for item in self.linear.trajectory.exceeded],
             "assumed": {p.name: p.value for p in self._numbers if p.source == "assumed"},
@@ -217,6 +218,19 @@ class ScenarioResult:
             rows.append((name, metric.shown, pair[0] / scale, pair[1] / scale, gap(*pair) / scale))
         return pandas.DataFrame(rows, columns=["metric", "unit", "linear", "nonlinear", "gap"]).set_index("metric")
 
+    def cell(self, metric: str, value: float) -> str:
+        """A value of this run [SI unit] as a table has it, in the metric's shown unit; "-" for what did not happen."""
+        if self.scenario.definition.undefined(metric):
+            return "not defined"
+        return "-" if np.isnan(value) else f"{value / factor(METRICS[metric].shown, METRICS[metric].unit):.4g}"
+
+    def table(self) -> pandas.DataFrame:
+        """As to_pandas, in words."""
+        frame = self.to_pandas()
+        cells = [[self.cell(name, value) for value in (*pair, gap(*pair))] for name, pair in self.metrics.items()]
+        frame[["linear", "nonlinear", "gap"]] = cells
+        return frame
+
     def plot(self) -> Figure:
         """Reference, position, speed, pressures and current, linear and nonlinear."""
         from ..report.figures import scenario_figure
@@ -231,15 +245,14 @@ class ScenarioResult:
 
     def __str__(self) -> str:
         verdict = "passed" if self.passed else "FAILED: " + few(self.failures)
-        table = self.to_pandas().to_string(float_format=lambda value: f"{value:.4g}")
-        return f"{self.scenario.name} with {self.controller.name}: {verdict}\n{table}"
+        return f"{self.scenario.name} with {self.controller.name}: {verdict}\n{self.table().to_string()}"
 
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
         import html
 
-        return f"<p>{html.escape(str(self).splitlines()[0])}</p>" + str(self.to_pandas().to_html(float_format="%.4g"))
+        return f"<p>{html.escape(str(self).splitlines()[0])}</p>" + str(self.table().to_html())
 
 
 def gap(linear: float, nonlinear: float) -> float:

@@ -15,7 +15,7 @@ from ..core.errors import InputError
 from ..core.protocol import MEASURED, Controller
 from ..design.analysis.loop import analyse_loop
 from ..design.controller import SampledController
-from ..design.load import load_controller
+from ..design.load import load_controller, read_controller
 from ..plant.file import key_of, letter_of
 from ..plant.linear import three_state
 from ..plant.plant import Model, Plant, knows, load_plant, with_settings
@@ -26,6 +26,7 @@ from .baseline import baseline_path, read_baseline
 from .definition import Measuring, ScenarioFile
 from .fault import faults_of
 from .metrics import METRICS, loop_metrics
+from .ratings import require_within
 from .result import Judgement, ScenarioResult
 from .scenario import Scenario, load_scenario
 
@@ -131,7 +132,9 @@ def prepare(
         linear = with_settings(base, _known_to_linear(definition, base))
         believed = _of_model("plant", plant, "nonlinear") or load_plant(checked, model="nonlinear")
         nonlinear = with_settings(believed, definition.all_settings)
-        chosen: Controller = load_controller(law, model) if isinstance(law, Path) else law
+        if isinstance(law, Path):
+            require_within(law, read_controller(law, base.sample_time)[1], believed)
+        chosen: Controller = load_controller(law, model, sample_time=base.sample_time) if isinstance(law, Path) else law
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     samples = definition.duration / chosen.sample_time

@@ -35,6 +35,11 @@ NAMES = {
 }
 
 
+def scale_of(limit: str, unit: str) -> float:
+    """By what a limit's value [unit] is divided to be read in SHOWN: NAMES calls half the stroke, from the middle."""
+    return factor(SHOWN[limit], unit) * (2.0 if limit == "stroke" else 1.0)
+
+
 @dataclass(frozen=True)
 class Exceedance:
     """A limit that a run passed: its name, the limit, the worst value and when a sample first lay beyond it.
@@ -49,10 +54,9 @@ class Exceedance:
     first: float
 
     def __str__(self) -> str:
-        # A stroke goes both ways from the middle; what a person sees on the rig is the position.
-        scale = factor(SHOWN[self.limit], self.unit) * (2 if self.limit == "stroke" else 1)
         when = "" if np.isnan(self.first) else f", first at {self.first:.3f} s"
         verb = "fell to" if self.limit == "pressure_min" else "reached"
+        scale = scale_of(self.limit, self.unit)
         reached = self.reached / scale
         figure = f"{reached:.0f}" if abs(reached) >= 1000 else f"{reached:.4g}"
         return f"{NAMES[self.limit]} {verb} {figure} {SHOWN[self.limit]} (limit {self.allowed / scale:.4g}){when}"

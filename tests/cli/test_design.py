@@ -76,8 +76,8 @@ def test_json_and_figures(run):
 def test_every_kind_can_be_designed(run):
     """Without a word of specification: each kind has a shipped controller to start from."""
     for kind in CONTROLLER_KINDS:
-        name, content = begin(kind)
-        assert name.name == kind == content["kind"]
+        name, path = begin(kind)
+        assert name.name == kind == tomllib.loads(path.read_text())["kind"]
 
     status, out, _ = run("design", "ehsa", "--kind", "cascade", "--bandwidth", "20 rad/s", "--phase-margin", "70 deg")
 
@@ -85,6 +85,75 @@ def test_every_kind_can_be_designed(run):
     written = tomllib.loads(out)
     assert written["position"]["crossover"] == "20 rad/s"
     assert written["speed"] == tomllib.loads(Path(ehsa_ctrl.controllers["cascade_position"]).read_text())["speed"]
+
+
+def halved():
+    """A plant of one's own: half the stroke and a third of the current of the EHSA, sampled twice as often."""
+    text = ehsa_ctrl.plants["ehsa"].read_text()
+    for old, new in (("stroke = { value = 200", "stroke = { value = 100"), ("value = 2.51", "value = 0.83667"),
+                     ("period = { value = 4", "period = { value = 2")):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new)
+    Path("plants").mkdir()
+    Path("plants/rig.toml").write_text(text)
+
+
+def test_limits_and_period_are_those_of_the_plant(run):
+    """Said in the file; what is asked for by an option is taken as it is."""
+    halved()
+    status, out, _ = run("design", "rig", "--kind", "cascade", "--current-limit", "1.5 A")
+
+    assert status == 0
+    written = tomllib.loads(out)
+    assert (written["sample_time"], written["current_limit"]) == ("2 ms", "1.5 A")
+    assert (
+        "# Begun as cascade_position, whose numbers are for the shipped EHSA; for this plant: sample_time 2 ms" in out
+    )
+
+
+def test_a_tuning_that_is_begun_bounds_the_plants_own_noise(run):
+    """A third of the current bears a third of the noise: the default that nobody asked for is carried as well."""
+    halved()
+    status, out, _ = run("design", "rig", "--kind", "pid", "--Ms", "1.6")
+
+    assert status == 0
+    assert tomllib.loads(out)["tuning"] == {"Ms": 1.6, "noise_gain": "3330 A/m"}
+
+
+def test_a_base_of_ones_own_is_taken_as_it_is(run):
+    """Nobody knows for which plant it was made."""
+    halved()
+    Path("own.toml").write_text(ehsa_ctrl.controllers["cascade_position"].read_text())
+    status, out, _ = run("design", "rig", "--kind", "cascade", "--base", "own.toml")
+
+    assert status == 0 and tomllib.loads(out)["sample_time"] == "4 ms"
+    assert "Begun as" not in out
+
+
+@pytest.mark.parametrize("kind", ["mpc", "pid"])
+def test_a_new_controller_carries_its_plants_numbers(run, kind):
+    """Limits, sample time and scales; the examples that are switched off as well; `check` has nothing to say."""
+    halved()
+    assert run("new", "controller", "mine", "--kind", kind, "--plant", "rig")[0] == 0
+    text = Path("controllers/mine.toml").read_text()
+    written = tomllib.loads(text)
+
+    assert (written["sample_time"], written["current_limit"]) == ("2 ms", "2 A")
+    assert "Limits, sample time and scales are for the plant rig." in text and "4 ms" not in text
+    if kind == "mpc":
+        assert written["limits"]["stroke"] == "47.5 mm" and written["weights"]["position"] == "0.25 mm"
+        # What was said of the old number is not said of the new one.
+        assert "of 100 mm to either side" not in text
+    assert run("check", "controllers/mine.toml", "--plant", "rig")[0] == 0
+
+
+def test_a_new_scenario_stays_within_its_plants_stroke(run):
+    """Half the stroke, half the way."""
+    halved()
+    assert run("new", "scenario", "mine", "--from", "long_move", "--plant", "rig")[0] == 0
+
+    assert tomllib.loads(Path("scenarios/mine.toml").read_text())["reference"]["positions"] == ["40 mm"]
+    assert run("check", "scenarios/mine.toml")[0] == 0
 
 
 @pytest.mark.slow

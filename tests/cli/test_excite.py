@@ -16,7 +16,7 @@ def test_the_table_is_for_people(run):
 
     assert (status, err) == (0, "")
     assert "expected sd" in out and "at worst" in out
-    assert "stroke" in out and "% of the way to 200" in out
+    assert "stroke" in out and "% of the way to 100" in out
     assert sum(line.split()[0] in ("J_M", "A_FM", "A_FR", "K_L") for line in out.splitlines() if line.strip()) == 4
     assert "--out DIR" in out
 

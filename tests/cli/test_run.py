@@ -57,6 +57,39 @@ def test_controllers_stand_side_by_side(run, scenario, mine):
 
 
 @pytest.mark.slow
+def test_many_runs_end_with_a_line_for_each(run, scenario, mine):
+    """Below all tables: scenario, controller, verdict and why, and how many passed and failed."""
+    scenario('\n[limits]\nMaxError = { max = "3.2 mm" }\n')
+    status, out, _ = run("run", "short", "--controller", "pid_position,slow")
+    *_, heading, first, second, counts, _ = (line.split() for line in out.splitlines() + [""])
+
+    assert status == 1
+    assert heading == ["scenario", "controller", "verdict", "why"]
+    assert first == ["short", "pid_position", "passed"]
+    assert second[:4] == ["short", "slow", "FAILED", "MaxError"]
+    assert " ".join(counts).startswith("1 of 2 passed, 1 failed; written to")
+
+
+@pytest.mark.slow
+def test_a_metric_without_a_meaning_here_is_called_not_defined(run, scenario):
+    """A smooth move has no step to overshoot: in words, where the number would be."""
+    _, out, _ = run("run", "short")
+    (row,) = [line for line in out.splitlines() if line.startswith("Overshoot")]
+
+    assert row.split() == ["Overshoot", *3 * ["not", "defined"], "%"]
+    assert "nan" not in out
+
+
+def test_check_says_a_limit_on_what_is_not_defined(run, scenario, tmp_path):
+    """Before anything runs, with file, key and the reason."""
+    scenario('\n[limits]\nOvershoot = { max = "5 %" }\n')
+    status, _, err = run("check", "scenarios/short.toml")
+
+    assert status == 2
+    assert "short.toml: [limits] Overshoot: is not defined here" in err and "'moves' does not jump" in err
+
+
+@pytest.mark.slow
 def test_what_is_untested_is_said(run, scenario, tmp_path):
     """Neither passed nor failed; the exit status is 0."""
     scenario("")
@@ -177,8 +210,11 @@ def test_montecarlo_goes_on_where_it_was(run, scenario, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("require", "expected"), [(0.5, 0), (0.999, 1)])
 def test_montecarlo_can_require_a_probability(run, scenario, require, expected):
-    """Judged by the interval's lower end: ten runs never prove 99.9 %."""
-    assert run("montecarlo", "short", "--runs", 10, "--require", require)[0] == expected
+    """Judged by the interval's lower end, in words too: ten runs never prove 99.9 %."""
+    status, out, _ = run("montecarlo", "short", "--runs", 10, "--require", require)
+
+    assert status == expected
+    assert f"demanded: at least {require} with 95 % confidence: {'NOT SHOWN' if expected else 'shown'}" in out
 
 
 @pytest.mark.parametrize(

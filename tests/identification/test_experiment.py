@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from ehsa_ctrl import InputError, design_experiment, excitation, forecast, load_plant, read_log, record, simulate
-from ehsa_ctrl.identification.admissible import shares, variations
+from ehsa_ctrl.identification.admissible import LimitUse, shares, variations
 from ehsa_ctrl.identification.estimator import fit
 from ehsa_ctrl.identification.free import free_parameters
 from ehsa_ctrl.identification.rehearsal import rehearse
@@ -28,6 +28,15 @@ def with_limits(plant, **values):
     """The same plant with other limits, SI units."""
     changed = {name: replace(plant.limits[name], value=value) for name, value in values.items()}
     return replace(plant, limits={**plant.limits, **changed})
+
+
+def test_a_stroke_is_said_as_the_distance_from_the_middle():
+    """Half of a stroke of 200 mm lies to either side, so that a rod at 43 mm is on 43 % of its way to 100 mm."""
+    use = LimitUse("stroke", "m", allowed=0.2, reached=0.086, worst=0.12, share=0.43, worst_share=0.6)
+
+    assert str(use) == (
+        "stroke: the rod's distance from the middle 43 mm (43 % of the way to 100), at worst 60 mm (60 %)"
+    )
 
 
 def test_the_limits_are_kept_on_the_plant_and_its_variations(plant, proposal):

@@ -7,6 +7,7 @@ import pytest
 
 from ehsa_ctrl import InputError, excitation, fit_percent, load_plant, read_plant_log, record, replay, simulate
 from ehsa_ctrl.core.log import Log
+from ehsa_ctrl.identification.replay import fit_words
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +27,14 @@ def test_fit_percent_is_its_definition():
     assert fit_percent(y, np.full(4, 4.0)) == pytest.approx(0.0)
     assert fit_percent(y, 4.0 + 0.5 * (y - 4.0)) == pytest.approx(50.0)
     assert np.isnan(fit_percent(np.full(4, 0.1), y))
+
+
+def test_a_fit_is_called_good_from_90_percent_and_poor_below_70():
+    """In words, the worst first; a channel without a fit is left out."""
+    assert fit_words({"speed": 90.0, "p1": 56.0, "p2": 70.0, "position": np.nan, "force": -3.0}) == (
+        "poor in p1 and force; fair in p2; good in speed"
+    )
+    assert fit_words({"speed": np.nan}) == ""
 
 
 def test_the_right_plant_leaves_the_sensors_noise(bench):

@@ -220,12 +220,12 @@ def test_a_verdict_is_bad_where_something_is(fitting, failing, vague):
     early = dataclasses.replace(fitting, validation=Reach((ended,), fitting.validation.before))
     untested = dataclasses.replace(fitting, fit=None, residual_tests=())
 
-    assert verdict(fitting).good and verdict(untested).good
-    assert [verdict(each).good for each in (failing, vague, worse, early)] == [False] * 4
-    assert not verdict(dataclasses.replace(fitting, interrupted=True)).good
+    assert False not in (verdict(fitting).state, verdict(untested).state)
+    assert [verdict(each).state for each in (failing, vague, worse, early)] == [False] * 4
+    assert verdict(dataclasses.replace(fitting, interrupted=True)).state is False
     assert "fell" in verdict(worse).sentences[1][0]
     assert verdict(early).sentences[1][0].endswith("the simulation ended early: the rod left its stroke.")
-    assert not verdict(dataclasses.replace(untested, without="the start is too far off")).good
+    assert verdict(dataclasses.replace(untested, without="the start is too far off")).state is False
 
 
 def test_balances_say_how_well_they_close(fitting):

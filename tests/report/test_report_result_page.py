@@ -265,3 +265,28 @@ def test_a_flip_is_said_at_the_top_of_the_run_page(gentle, tmp_path):
     assert "No verdict changes" in texts["fine"].split("<table")[0]
     assert rows[0][0] == "as believed" and rows[1][:2] == ["K_T", "0.87 N m/A"]
     assert rows[2][2] == "300" and rows[2][-1] == "✗ Overshoot 300 %"
+
+
+@pytest.mark.parametrize(("fit", "state"), [(95.0, True), (80.0, DOUBT), (56.0, False), (-20.0, False)])
+def test_a_fit_is_green_only_where_it_is_good(gentle, harsh, fitting, tmp_path, fit, state):
+    """From 90 % good, below 70 % poor, in between something to look at; of several channels the worst one counts."""
+    content = contents(gentle, harsh, fitting)["comparison.json"] | {"findings": []}
+    content["models"] = {"linear": {"fit_percent": {"speed": 99.0, "p1": fit}, "stopped": ""}}
+    found = kinds()["comparison.json"].read(content, tmp_path)
+
+    assert found.state is state or found.state == state
+    assert ("poor in p1" in found.sentences[0][0]) == (state is False)
+    assert "good in speed" in found.sentences[0][0]
+
+
+@pytest.mark.parametrize(("required", "state"), [(None, None), (0.95, False), (0.85, True)])
+def test_a_share_of_passing_runs_is_judged_by_what_was_demanded(gentle, harsh, fitting, tmp_path, required, state):
+    """187 of 200 with its interval, against the demand; without one there is no mark of success."""
+    content = contents(gentle, harsh, fitting)["montecarlo.json"]
+    (each,) = content["campaigns"]
+    each |= {"runs": 200, "passes": 187, "probability": 0.935, "interval": [0.891, 0.965], "interrupted": False}
+    found = kinds()["montecarlo.json"].read({"campaigns": [each | {"required": required}]}, tmp_path)
+
+    assert found.state is state
+    assert "187 of 200 runs pass, probability 0.935 (95 % interval 0.891 to 0.965)" in found.lead[0]
+    assert found.mark(found.state)[0] == {None: "–", False: "✗", True: "✓"}[state]

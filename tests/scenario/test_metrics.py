@@ -9,6 +9,7 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.scenario.hunting import hunting
 from ehsa_ctrl.scenario.metrics import METRICS, loop_metrics
+from ehsa_ctrl.scenario.reference import Steps
 from ehsa_ctrl.scenario.step import step_metrics
 from ehsa_ctrl.simulation.closed_loop import ClosedLoop
 
@@ -227,6 +228,22 @@ def test_every_metric_is_shown_in_a_unit_that_fits():
         assert metric.read(1.0), name
         assert metric.floor > 0, name
         assert metric.meaning and metric.close(1.0, 1.0, 0.0)
+
+
+def test_lengths_of_a_table_share_a_unit_and_so_do_times():
+    """Metrics of one quantity can be compared without converting: no um beside mm, no s beside ms."""
+    units = {}
+    for metric in METRICS.values():
+        units.setdefault(metric.unit, set()).add(metric.shown)
+
+    assert units["m"] == {"mm"} and units["s"] == {"ms"}
+
+
+def test_a_target_that_is_given_again_is_no_jump():
+    """Metrics of a step are those of the steps that there are; a "step" of no size has none."""
+    steps = Steps(kind="steps", times=["0 s", "1 s", "2 s"], positions=["0 mm", "5 mm", "5 mm"])
+
+    assert steps.jumps() == [1.0]
 
 
 @pytest.mark.parametrize(

@@ -132,6 +132,14 @@ def test_a_force_cuts_a_hold():
         ({"supervision": {"pressure_min": "3 bar", "pressure_max": "2 bar"}}, "less than pressure_max"),
         ({"spread": {"K_T": [1, 2, 3]}}, "expected one standard deviation"),
         ({"baseline": {"time": "-1 ms"}}, "at least 0"),
+        (
+            {"reference": MOVING["trapezoid"] | {"kind": "trapezoid"}, "limits": {"Overshoot": {"max": "5 %"}}},
+            r"my.toml: \[limits\] Overshoot: is not defined here, for the target of .* 'trapezoid' does not jump",
+        ),
+        (
+            {"reference": {"kind": "sine", "amplitude": "1 mm", "frequency": "1 Hz"}, "limits": {"Slips": {"max": 3}}},
+            r"\[limits\] Slips: is not defined here, for the target of .* 'sine' is never held",
+        ),
     ],
 )
 def test_a_mistake_is_a_sentence_with_its_key(change, says):

@@ -311,6 +311,17 @@ def examples_of(files: Iterable[Path]) -> dict[str, Any]:
     return found
 
 
+def change(given: Any, values: Mapping[str, Any]) -> None:
+    """Give dotted keys of a TOML document other values; a comment on the old value goes."""
+    for key, value in values.items():
+        *tables, name = key.split(".")
+        place = given
+        for table in tables:
+            place = place.setdefault(table, {})
+        place[name] = value
+        place.item(name).trivia.comment = ""
+
+
 def leaves(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Dotted key -> value of a definition; of an array of tables the first one's."""
     found: dict[str, Any] = {}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import tomlkit
 
-from ...core.catalogue import controllers, shipped
+from ...core.catalogue import controllers, is_shipped, shipped
 from ...core.definition import read_toml
 from ...design.kinds import CONTROLLER_KINDS
 from ...design.load import read_controller
-from ...design.tuning.specification import begin
-from .annotate import QUANTITIES, Annotator, examples_of
+from ...design.tuning.specification import leaves as known_keys
+from ...scenario.carried import carrier
+from .annotate import QUANTITIES, Annotator, change, examples_of
 
 #: For keys that no shipped controller has.
 EXAMPLES = {
@@ -35,25 +36,22 @@ EXAMPLES = {
 }
 
 
-def next_commands(name: str) -> list[str]:
+def next_commands(name: str, plant: str | None = None) -> list[str]:
     """What to call next."""
+    on = f" --plant {plant}" if plant is not None else ""
     return [
-        f"ehsa-ctrl check controllers/{name}.toml",
-        f"ehsa-ctrl analyse ehsa --controller {name}",
-        f"ehsa-ctrl run steps_spring --controller {name}",
+        f"ehsa-ctrl check controllers/{name}.toml{on}",
+        f"ehsa-ctrl analyse {plant or 'ehsa'} --controller {name}",
+        f"ehsa-ctrl run steps_spring --controller {name}{on}",
     ]
 
 
-def controller_base(kind: str) -> str:
-    """The shipped controller that one of this kind begins as. Raises InputError for an unknown kind."""
-    _, content = begin(kind)
-    return next(name for name in controllers if read_toml(controllers[name]) == content)
-
-
-def controller_toml(base: str, name: str) -> str:
+def controller_toml(base: str, name: str, *, plant: str | None = None) -> str:
     """The shipped (or the user's) controller `base`, commented, as a file of another name.
 
-    Raises InputError: no such controller, or one that is wrong.
+    plant: whose limits, sample time and scales a shipped controller gets, and every example; else the shipped EHSA's.
+
+    Raises InputError: no such controller or plant, or one that is wrong.
     """
     path = controllers.find(base)
     kind, _ = read_controller(path)
@@ -62,11 +60,20 @@ def controller_toml(base: str, name: str) -> str:
     files = [path for _, path in sorted(shipped("controllers").items())]
     files.sort(key=lambda other: read_toml(other).get("kind") != kind.name)
     examples = {**EXAMPLES, **examples_of(files)}
+    if plant is not None:
+        to_plant = carrier(plant)
+        examples = {key: to_plant.carry(key, value) for key, value in examples.items()}
+        if is_shipped("controllers", path):
+            change(given, to_plant.changes(given.unwrap(), known_keys(kind.file)))
+            given.pop("note", None)
+        # What notes say of numbers holds for the plant that they are of.
+        examples.pop("note", None)
     head = [
         f"{name}: a controller of the kind {kind.name!r}, {kind.summary}; the kinds are {', '.join(CONTROLLER_KINDS)}.",
         "It is designed on the linear model of the plant that it is used with. Positive current extends the rod; "
         "positions are positive towards extension.",
-        *(f"  {line}" for line in next_commands(name)),
+        *([f"Limits, sample time and scales are for the plant {plant}."] if plant is not None else []),
+        *(f"  {line}" for line in next_commands(name, plant)),
         QUANTITIES,
     ]
     return Annotator(kind.file, given, examples).text(head)

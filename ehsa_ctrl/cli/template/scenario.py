@@ -8,15 +8,16 @@ from typing import Any
 
 import tomlkit
 
-from ...core.catalogue import plants, shipped
+from ...core.catalogue import is_shipped, plants, shipped
 from ...core.definition import read_toml
 from ...core.errors import InputError, choices
 from ...plant.file import LOAD_LETTERS
 from ...plant.plant import Plant, load_plant
+from ...scenario.carried import carrier
 from ...scenario.definition import ScenarioFile
 from ...scenario.metrics import METRICS
 from ...scenario.scenario import load_scenario
-from .annotate import QUANTITIES, Annotator, Lines, examples_of, kinds, leaves, named, toml
+from .annotate import QUANTITIES, Annotator, Lines, change, examples_of, kinds, leaves, named, toml
 
 #: For keys that no shipped scenario has.
 EXAMPLES: dict[str, Any] = {
@@ -40,7 +41,7 @@ EXAMPLES: dict[str, Any] = {
     "supervision.pressure_max": "200 bar",
 }
 #: A limit that is seldom too strict, in the unit that a person reads.
-LOOSE = {"s": "5", "ms": "2000", "mm": "5", "um": "500", "%": "30", "A": "3", "J": "500"}
+LOOSE = {"ms": "2000", "mm": "5", "%": "30", "A": "3", "J": "500"}
 
 
 def reference_kinds() -> list[str]:
@@ -90,7 +91,8 @@ def scenario_toml(base: str, name: str, *, plant: str | None = None, controller:
 
     Raises InputError: no such scenario, plant or controller, or one that is wrong.
     """
-    path = load_scenario(base).path
+    begun = load_scenario(base)
+    path = begun.path
     assert path is not None
     given = tomlkit.parse(path.read_text(encoding="utf-8"))
     given["title"] = f"{name}, begun as {path.stem}"
@@ -99,10 +101,15 @@ def scenario_toml(base: str, name: str, *, plant: str | None = None, controller:
             given[key] = other
     loaded = load_plant(plants.find(str(given["plant"]), beside=path))
     examples = {**EXAMPLES, **examples_of(shipped("scenarios").values())}
+    if plant is not None:
+        to_plant = carrier(plant)
+        examples = {key: to_plant.carry(key, value) for key, value in examples.items()}
+        if is_shipped("scenarios", path):
+            change(given, to_plant.changes(given.unwrap(), ()))
     special = {
         "load": lambda there: named("load", there, _load(loaded, examples)),
         "settings": lambda there: named("settings", there, _settings(loaded)),
-        "limits": lambda there: named("limits", there, _limits()),
+        "limits": lambda there: named("limits", there, _limits(begun.definition)),
         "spread": lambda there: _spread(there, examples),
     }
     head = [
@@ -133,9 +140,11 @@ def _settings(plant: Plant) -> list[tuple[str, str, str | None]]:
     ]
 
 
-def _limits() -> list[tuple[str, str, str | None]]:
+def _limits(definition: ScenarioFile) -> list[tuple[str, str, str | None]]:
     rows: list[tuple[str, str, str | None]] = []
     for name, metric in METRICS.items():
+        if definition.undefined(name):
+            continue
         size = LOOSE.get(metric.shown, "10")
         bound = toml(f"{size} {metric.shown}") if metric.shown != "1" else size
         unit = "" if metric.shown == "1" else f" [{metric.shown}]"

@@ -122,7 +122,7 @@ class LoopAnalysis(ShownAsText):
         late = f", {1e3 * self.delay:.3g} ms late" if self.delay else ""
         head = f"loop with {self.controller}, broken at the current{late}"
         if not self.stable:
-            return f"{head}\n  closed loop NOT STABLE: spectral radius {np.max(np.abs(self.poles), initial=nan):.4g}"
+            return f"{head}\n  closed loop NOT STABLE: spectral radius {np.max(np.abs(self.poles), initial=0.0):.4g}"
         low, high = self.disk_gain
         noise = f"; current from sensor noise {1e3 * self.current_noise:.3g} mA rms" if self.current_noise >= 0 else ""
         return (

@@ -19,7 +19,8 @@ class ControllerFile(Definition):
 
     schema: version of this form. kind: of the feedback law.
     title: one line for lists and tables. note: what a reader should know.
-    sample_time: of the loop. current_limit: largest current that it asks for, to either side.
+    sample_time: of the loop; left out, the period of the plant that it is used with.
+    current_limit: largest current that it asks for, to either side.
     [trajectory], [feedforward], [rest], [dither]: stages around the feedback law; each is off where it is left out.
     """
 

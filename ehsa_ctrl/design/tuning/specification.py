@@ -7,6 +7,7 @@ import difflib
 import textwrap
 import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
@@ -22,8 +23,8 @@ ALTERNATIVES = ("design", "tuning", "gains")
 OPTIONS = {"weights": "--weight", "limits": "--limit"}
 
 
-def begin(kind: str, base: str | None = None) -> tuple[ControllerKind, dict[str, Any]]:
-    """The kind and the content of the definition that a design starts from.
+def begin(kind: str, base: str | None = None) -> tuple[ControllerKind, Path]:
+    """The kind and the file of the definition that a design starts from.
 
     Parameters
     ----------
@@ -35,14 +36,14 @@ def begin(kind: str, base: str | None = None) -> tuple[ControllerKind, dict[str,
     if kind not in CONTROLLER_KINDS:
         raise InputError(f"--kind {kind!r}: no such kind of controller; {choices(kind, CONTROLLER_KINDS)}")
     if base is not None:
-        content = read_toml(controllers.find(base))
-        if content.get("kind") != kind:
-            raise InputError(f"--base {base}: is a {content.get('kind')!r} controller; expected kind = {kind!r}")
-        return CONTROLLER_KINDS[kind], content
+        path = controllers.find(base)
+        found = read_toml(path).get("kind")
+        if found != kind:
+            raise InputError(f"--base {base}: is a {found!r} controller; expected kind = {kind!r}")
+        return CONTROLLER_KINDS[kind], path
     for name in sorted(controllers, key=lambda name: name != f"{kind}_position"):
-        content = read_toml(controllers[name])
-        if content.get("kind") == kind:
-            return CONTROLLER_KINDS[kind], content
+        if read_toml(controllers[name]).get("kind") == kind:
+            return CONTROLLER_KINDS[kind], controllers[name]
     raise InputError(f"there is no {kind!r} controller to start from; give one with --base FILE")
 
 

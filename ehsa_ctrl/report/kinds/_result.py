@@ -11,8 +11,8 @@ from typing import Any, Literal, NamedTuple
 
 from ..number import NOTHING, number
 
-#: How a number begins as pages write them, with or without a unit; nothing and a dash are none.
-NUMBER = re.compile(r"\(?[-−]?(\d|∞)|–?$")
+#: How a number begins as pages write them, with or without a unit; nothing, a dash and "not defined" are none.
+NUMBER = re.compile(r"\(?[-−]?(\d|∞)|–?$|not defined$")
 #: Neither wrong nor quite right: one should look at it.
 DOUBT: Literal["doubt"] = "doubt"
 #: Of what one should look at, so much is said of a result among others.
@@ -20,9 +20,17 @@ LED = 3
 #: A sentence, and whether all is well with it; None for one that says nothing of that.
 Sentence = tuple[str, bool | Literal["doubt"] | None]
 #: Marks and classes of colour, told apart without colour too: fine, failed, a warning.
-LOOKS = {True: ("✓", "good"), False: ("✗", "bad"), DOUBT: ("△", "doubt")}
+LOOKS = {True: ("✓", "good"), False: ("✗", "bad"), DOUBT: ("△", "doubt"), None: ("–", "soft")}
 #: The banner's class, by the state of what it is about.
-BANNERS: dict[bool | str, str] = {True: "", False: " fail", DOUBT: " look"}
+BANNERS: dict[bool | str | None, str] = {True: "", False: " fail", DOUBT: " look", None: " plain"}
+#: What a fit by its quality is.
+FITS: dict[str, bool | Literal["doubt"]] = {"good": True, "fair": DOUBT, "poor": False}
+
+
+def worst_of(sentences: Sequence[Sentence]) -> bool | Literal["doubt"] | None:
+    """The worst state of these sentences: False, else "doubt", else True; None if none is judged."""
+    states = {good for _, good in sentences}
+    return next((state for state in (False, DOUBT, True) if state in states), None)
 
 
 class Table(NamedTuple):
@@ -71,12 +79,9 @@ class Result:
     covers: Sequence[str] = ()
 
     @property
-    def state(self) -> bool | Literal["doubt"]:
-        """True if all is well with every sentence, False if it is not with one, else "doubt"."""
-        states = {good for _, good in self.sentences}
-        if False in states:
-            return False
-        return DOUBT if DOUBT in states else True
+    def state(self) -> bool | Literal["doubt"] | None:
+        """The worst of its sentences."""
+        return worst_of(self.sentences)
 
     @property
     def banner(self) -> str:
@@ -91,7 +96,7 @@ class Result:
         left = len(doubtful) - LED
         return [*first, *doubtful] if left <= 1 else [*first, *doubtful[:LED], f"And {left} more."]
 
-    def mark(self, state: bool | str) -> tuple[str, str]:
+    def mark(self, state: bool | str | None) -> tuple[str, str]:
         """The mark of a sentence or of the whole, and its class."""
         return LOOKS[state]
 

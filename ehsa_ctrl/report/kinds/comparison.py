@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ._result import DOUBT, Drawing, Kind, Result, Sentence, fit_table, settings_of, written
+from ...identification.replay import fit_words, quality
+from ._result import DOUBT, FITS, Drawing, Kind, Result, Sentence, fit_table, settings_of, written
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Result:
@@ -20,10 +21,9 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
             continue
         ordered = sorted(known, key=lambda channel: known[channel])
         worst, best = ordered[0], ordered[-1]
-        words = (
-            f"{name} model: the fit is from {written(known[worst])} % ({worst}) to {written(known[best])} % ({best})."
-        )
-        sentences.append((words, True if known[worst] > 0.0 else DOUBT))
+        ends = f"from {written(known[worst])} % ({worst}) to {written(known[best])} % ({best})"
+        words = f"{name} model: the fit is {ends}: {fit_words(known)}."
+        sentences.append((words, FITS[quality(known[worst])]))
     sentences += [(f"Doubtful in the log: {_words(finding)}.", DOUBT) for finding in content["findings"]]
     return Result(
         title=f"Comparison of {Path(str(content['log'])).name} with {content['plant']}",

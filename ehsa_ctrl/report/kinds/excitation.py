@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...core.unit import factor
 from ...core.words import listed
-from ...simulation.limits import SHOWN
+from ...simulation.limits import SHOWN, scale_of
 from ..number import unit
 from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, percent, settings_of, written
 
@@ -70,10 +69,10 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
 
 
 def _limit(name: str, each: Mapping[str, Any]) -> list[str]:
-    usual = SHOWN.get(name, each["unit"])
-    scale = factor(usual, each["unit"])
+    scale = scale_of(name, each["unit"])
     values = (written(each[key], scale) for key in ("allowed", "reached", "worst"))
-    return [name.replace("_", " "), *values, unit(usual)]
+    words = "distance from the middle" if name == "stroke" else name.replace("_", " ")
+    return [words, *values, unit(SHOWN[name])]
 
 
 KIND = Kind("excitation.json", "experiment", _read)

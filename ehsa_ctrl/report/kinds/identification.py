@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ...core.words import listed
+from ...identification.replay import fit_words, quality
 from ..number import uncertain, unit
-from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, fit_table, percent, settings_of, written
+from ._result import DOUBT, FITS, Drawing, Kind, Result, Sentence, Table, fit_table, percent, settings_of, written
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Result:
@@ -56,7 +57,8 @@ def _sentences(model: str, each: Mapping[str, Any]) -> list[Sentence]:
     if held:
         worst = min(held, key=lambda name: held[name])
         where = "a held-out log" if fits.get("validate") else "the logs used, none was held out"
-        found.append((f"The worst fit on {where} is {written(held[worst])} % ({worst}).", held[worst] > 0.0))
+        words = f"The worst fit on {where} is {written(held[worst])} % ({worst}): {fit_words(held)}."
+        found.append((words, FITS[quality(held[worst])]))
     found += [(f"{words.rstrip('.')}.", DOUBT) for words in each["warnings"]]
     if each["interrupted"]:
         found.append(("The search was interrupted: this is the best that it had.", DOUBT))

@@ -39,8 +39,9 @@ def _sentences(each: Mapping[str, Any]) -> list[Sentence]:
             f"{each['scenario']} with {each['controller']}: {each['passes']} of {each['runs']} runs pass, probability "
             f"{written(each['probability'], 1.0, 3)} ({percent(each['confidence'])} interval {written(low, 1.0, 3)} to "
             f"{written(high, 1.0, 3)}).",
-            None if 0 < each["passes"] < each["runs"] else each["passes"] > 0,
-        )
+            None,
+        ),
+        _demand(each),
     ]
     decisive = [item["name"] for item in each["influences"] if item["decisive"]]
     if decisive:
@@ -48,6 +49,16 @@ def _sentences(each: Mapping[str, Any]) -> list[Sentence]:
     if each["interrupted"]:
         found.append(("Interrupted: there are fewer runs than were asked for.", DOUBT))
     return found
+
+
+def _demand(each: Mapping[str, Any]) -> Sentence:
+    """The lower end of the interval against what is demanded; a share alone is neither good nor bad."""
+    required, low = each.get("required"), each["interval"][0]
+    if required is None:
+        return "No probability was demanded of it, so that nothing is judged here.", None
+    words = "shown" if low >= required else "not shown"
+    start = f"the interval begins at {written(low, 1.0, 3)}"
+    return f"Demanded is a probability of at least {written(required)}: {words}, {start}.", low >= required
 
 
 def _tables(each: Mapping[str, Any]) -> list[Table]:

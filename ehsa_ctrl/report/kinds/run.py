@@ -74,6 +74,8 @@ def _name(run: Mapping[str, Any]) -> str:
 
 
 def _value(run: Mapping[str, Any], name: str) -> str:
+    if name in run.get("not_defined", {}):
+        return "not defined"
     metric = METRICS[name]
     return written(run["metrics"].get(name, {}).get("nonlinear"), factor(metric.shown, metric.unit))
 

@@ -1,0 +1,65 @@
+"""What a plant allows: where a controller's limits meet those of the plant that it is used with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from ..core.errors import InputError
+from ..design.kinds import ControllerFile
+from ..plant.plant import Plant
+
+#: Key of a controller's TOML -> the rating of the plant that bounds it.
+BOUNDED = {
+    "current_limit": "current",
+    "position.speed_limit": "speed",
+    "limits.speed": "speed",
+    "limits.pressure": "pressure",
+    "limits.stroke": "reach",
+    "trajectory.speed": "rod_speed",
+}
+
+
+class Rating(NamedTuple):
+    """The most that a plant allows of something: value, its SI unit, and from which keys of its file that follows."""
+
+    value: float
+    unit: str
+    source: str
+
+
+def ratings(plant: Plant) -> dict[str, Rating]:
+    """What a plant's [limits] allow: current, speed (of the shaft), rod_speed, pressure (difference), reach (to either
+    side of the middle); without those of which the file states nothing."""
+    limit = {name: parameter.value for name, parameter in plant.limits.items()}
+    found = {}
+    if "motor_torque" in limit:
+        found["current"] = Rating(limit["motor_torque"] / plant["K_T"], "A", "motor_torque / K_T")
+    speeds = {name: limit[name] for name in ("pump_speed", "motor_speed") if name in limit}
+    if speeds:
+        slowest = min(speeds, key=lambda name: speeds[name])
+        found["speed"] = Rating(speeds[slowest], "rad/s", slowest)
+        found["rod_speed"] = Rating(speeds[slowest] * plant["D"] / plant["A"], "m/s", f"{slowest} D / A")
+    if "pressure_max" in limit:
+        lowest = limit.get("pressure_min", 0.0)
+        found["pressure"] = Rating(limit["pressure_max"] - lowest, "Pa", "pressure_max - pressure_min")
+    if "stroke" in limit:
+        found["reach"] = Rating(0.5 * limit["stroke"], "m", "stroke / 2")
+    return found
+
+
+def require_within(file: Path, definition: ControllerFile, plant: Plant) -> None:
+    """Raises InputError for a controller that may ask for more than its plant allows: file, key and both values."""
+    allowed = ratings(plant)
+    for key, name in BOUNDED.items():
+        value: object = definition
+        for word in key.split("."):
+            value = getattr(value, word, None)
+        if isinstance(value, float) and name in allowed and value > allowed[name].value * (1 + 1e-9):
+            most, unit, source = allowed[name]
+            table, _, word = key.rpartition(".")
+            raise InputError(
+                f"{file}: {f'[{table}] ' if table else ''}{word} = {value:.4g} {unit} is more than the plant "
+                f"{plant.name} allows, {most:.4g} {unit} ({source}); lower it, or begin a controller for this plant "
+                f"with ehsa-ctrl new controller NAME --plant {plant.name}"
+            )
