@@ -15,7 +15,7 @@ LOADS = {"src", "srcset", "href", "xlink:href", "data", "action", "poster"}
 TAGS = {
     "html", "head", "meta", "title", "style", "body", "main", "header", "section", "article", "h1", "h2", "h3", "p",
     "ul", "ol", "li", "dl", "dt", "dd", "a", "span", "small", "br", "wbr", "div", "table", "caption", "thead", "tbody",
-    "tr", "th", "td", "figure", "figcaption", "img", "pre", "code",
+    "tr", "th", "td", "figure", "figcaption", "img", "pre", "code", "strong",
 }  # fmt: skip
 
 
