@@ -15,10 +15,11 @@ independent sensors.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ..core.compiled import cached_njit
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def accumulate(by_state: np.ndarray, by_parameter: np.ndarray, begin: np.ndarray) -> np.ndarray:
     """Derivatives of the states along a run, (N, n, q + k): by q directions of the initial state, by k parameters.
 
@@ -40,7 +41,7 @@ def accumulate(by_state: np.ndarray, by_parameter: np.ndarray, begin: np.ndarray
     return out
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def filter_gains(
     by_state: np.ndarray, by_input: np.ndarray, column: np.ndarray, scale: np.ndarray, sd: np.ndarray, input_sd: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +86,7 @@ def filter_gains(
     return gains, spread
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def whiten(
     by_state: np.ndarray,
     by_input: np.ndarray,
@@ -128,7 +129,7 @@ def whiten(
     return out
 
 
-@njit(cache=True, nogil=True)
+@cached_njit(nogil=True)
 def input_errors(
     by_state: np.ndarray,
     by_input: np.ndarray,

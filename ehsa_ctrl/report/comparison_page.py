@@ -105,12 +105,10 @@ def write_comparison_page(
 def _pictures(replays: Sequence[Replay], models: Sequence[Replayed]) -> list[Picture]:
     words = " ".join(f"{model.name}: {model.sentence}" for model in models)
     kinds = (
-        ("whole", "All of the log", False, "Free runs, driven by the logged drive and nothing else."),
-        ("detail", "In detail", True, "The second in which the drive varies most."),
+        ("All of the log", False, "Free runs, driven by the logged drive and nothing else."),
+        ("In detail", True, "The second in which the drive varies most."),
     )
     return [
-        Picture(
-            heading, embedded(replay_figure(replays, detail=detail), f"Measured and simulated. {words}", name), caption
-        )
-        for name, heading, detail, caption in kinds
+        Picture(heading, embedded(replay_figure(replays, detail=detail), f"Measured and simulated. {words}"), caption)
+        for heading, detail, caption in kinds
     ]

@@ -166,7 +166,7 @@ def diagnosis_figures(diagnosis: Diagnosis) -> dict[str, tuple[str, Figure]]:
 
 def _picture(diagnosis: Diagnosis, name: str, heading: str, figure: Figure) -> Picture:
     words = f"{heading} of the diagnosis of {name_of(diagnosis.log)}. {diagnosis.sentence}"
-    return Picture(heading, embedded(figure, words, name.replace("_", "-")), CAPTIONS[name])
+    return Picture(heading, embedded(figure, words), CAPTIONS[name])
 
 
 def _glance(diagnosis: Diagnosis) -> list[tuple[str, str]]:

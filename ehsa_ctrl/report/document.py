@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import quote
 
 import jinja2
 from markupsafe import Markup
@@ -14,12 +17,15 @@ from matplotlib.figure import Figure
 from .figures import to_svg
 from .number import number, unit
 
+#: Letters beside a-z, 0-9 and _.-~ that mean nothing in a data: URL nor in an attribute of HTML.
+PLAIN = " !$()*+,/:;=?@"
+
 
 class Picture(NamedTuple):
     """A figure in a page: its heading, itself, and what to look for."""
 
     heading: str
-    svg: Markup
+    image: Markup
     caption: str
 
 
@@ -40,29 +46,30 @@ def write_document(
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "unit": unit, **(filters or {})}
-    page = environment.get_template(template).render(**content)
+    # The page may use this style and nothing else: no script, no other file, no network.
+    style = environment.get_template("page.css").render()
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    page = environment.get_template(template).render(style_digest=digest, **content)
     path = Path(folder) / file
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8")
+    # A name of a file may hold bytes that are no letters.
+    path.write_text(page, encoding="utf-8", errors="replace")
     return path
 
 
-def embedded(figure: Figure, words: str, name: str) -> Markup:
-    """A figure as an SVG inside a page: said in words for those who don't see it, its ids apart from other figures'."""
-    return inlined(to_svg(figure), words, name)
+def embedded(figure: Figure, words: str) -> Markup:
+    """A figure of ours inside a page, and in words for those who don't see it."""
+    return image(to_svg(figure).encode(), "svg+xml", words)
 
 
-def inlined(svg: str, words: str, name: str) -> Markup:
-    """The text of one of our SVG files as it stands inside a page, as `embedded` has it."""
-    svg = svg[svg.index("<svg") :]
-    # What a page can't use: name spaces, comments, and a style that would hold for the whole page.
-    svg = re.sub(r"\s*(<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->)", "", svg, flags=re.DOTALL)
-    box = re.search(r'viewBox="[^"]+"', svg)
-    head = f'<svg role="img" aria-label="{Markup.escape(words)}" {box[0] if box else ""}>'
-    svg = head + svg[svg.index(">") + 1 :]
-    svg = re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{name}-", svg)
-    # matplotlib's own text, in which every word is an outline; `words` is escaped.
-    return Markup(svg.strip())
+def image(content: bytes, kind: str, words: str) -> Markup:
+    """A file inside a page, as an <img>: in one a browser runs no script and loads nothing, whatever the file holds.
+
+    kind: of image/..., "svg+xml" or "png". words: what it shows, for those who don't see it.
+    """
+    # An SVG is shorter with a percent sign where a letter has a meaning in HTML or in a URL, pixels are as base64.
+    written = f",{quote(content, safe=PLAIN)}", f";base64,{base64.b64encode(content).decode()}"
+    return Markup('<img alt="{}" src="data:image/{}{}">').format(words, kind, min(written, key=len))
 
 
 def anchors(names: Iterable[str]) -> list[str]:

@@ -57,9 +57,9 @@ class Section:
     @property
     def pictures(self) -> list[Picture]:
         found = []
-        for number_of, (heading, figure, caption) in enumerate(self._figures()):
+        for heading, figure, caption in self._figures():
             words = f"{heading} of the {self.name}. {' '.join(words for words, _ in self.verdict.sentences)}"
-            found.append(Picture(heading, embedded(figure, words, f"{self.anchor}-{number_of}"), caption))
+            found.append(Picture(heading, embedded(figure, words), caption))
         return found
 
     def _figures(self) -> Iterator[tuple[str, Figure, str]]:

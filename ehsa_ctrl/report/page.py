@@ -16,7 +16,7 @@ from ..core.unit import factor
 from ..design.analysis.loop import LoopAnalysis
 from ..scenario.metrics import METRICS
 from ..scenario.result import Judgement, ScenarioResult, few, gap
-from .document import anchors, embedded, inlined, merged_versions, write_document
+from .document import anchors, embedded, image, merged_versions, write_document
 from .figures import loop_figure, scenario_figure, to_svg
 from .grounds import assumed_of, hashes
 from .number import number, quantity, unit
@@ -110,7 +110,7 @@ class Loop:
         words = (
             f"Bode plot of the open loop with {self.analysis.controller}, its margins, and |S| and |T|. {self.sentence}"
         )
-        return embedded(loop_figure(self.analysis), words, self.anchor)
+        return embedded(loop_figure(self.analysis), words)
 
     @property
     def sentence(self) -> str:
@@ -154,7 +154,7 @@ class Run:
             f"{_with_unit('StickShare', result.metrics['StickShare'][1])} of the run."
         )
         drawing = self.drawing or to_svg(scenario_figure(result))
-        return inlined(drawing, words, self.anchor)
+        return image(drawing.encode(), "svg+xml", words)
 
     @property
     def swings(self) -> SwingTable | None:

@@ -5,18 +5,18 @@ Nothing is simulated again. A page of a tree is what one shows to others: every 
 
 from __future__ import annotations
 
-import base64
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from urllib.parse import quote
 
 from markupsafe import Markup
+from pydantic import BaseModel
 
 from ..core.errors import InputError
-from .document import Picture, anchors, inlined, write_document
+from .document import Picture, anchors, image, write_document
 from .kinds import kinds
 from .kinds._result import DOUBT, Kind, Result
 
@@ -24,13 +24,28 @@ from .kinds._result import DOUBT, Kind, Result
 FILE = "overview.html"
 #: An SVG of more letters than this makes a page slow: it is shown as pixels where these are there.
 LARGEST = 600_000
+#: A file of more bytes is no figure of ours, and would make the page useless.
+TOO_LARGE = 8_000_000
+#: Endings of figures, and what follows image/ in their type.
+KINDS = {".svg": "svg+xml", ".png": "png"}
 
 
-class Noted(NamedTuple):
-    """A parameter's name and note, as a JSON has them."""
+class Assumed(BaseModel):
+    """An assumed parameter, as a JSON has it."""
 
+    plant: str
     name: str
+    value: str
+    range: str
     note: str
+
+
+class RestsOn(BaseModel):
+    """What a result rests on, as its JSON has it: see `grounds`."""
+
+    assumed: list[Assumed] = []
+    files: dict[str, str] = {}
+    command: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,7 +60,7 @@ class Section:
     folder: Path
     place: str
     anchor: str
-    rests_on: Mapping[str, Any]
+    rests_on: RestsOn
 
     @property
     def title(self) -> str:
@@ -63,9 +78,8 @@ class Section:
     def pictures(self) -> list[Picture]:
         said = " ".join(words for words, _ in self.result.sentences)
         found = []
-        for number_of, drawing in enumerate(self.result.drawings):
-            name = f"{self.anchor}-{number_of}"
-            picture = _drawn(self.folder, drawing.stem, f"{drawing.heading}. {said}", name)
+        for drawing in self.result.drawings:
+            picture = _drawn(self.folder, drawing.stem, f"{drawing.heading}. {said}")
             if picture is not None:
                 found.append(Picture(drawing.heading, picture, drawing.caption))
         return found
@@ -77,18 +91,22 @@ class Section:
         return (Path(self.place) / self.kind.page).as_posix() if there else ""
 
     @property
-    def assumed(self) -> list[tuple[str, Noted, str, str]]:
+    def link(self) -> str:
+        """The same as a URL: a folder may be called javascript:, or hold a # or %."""
+        return quote(os.fsencode(self.page))
+
+    @property
+    def assumed(self) -> list[tuple[str, Assumed, str, str]]:
         """Rows of the table of assumed parameters."""
-        rows = self.rests_on.get("assumed", [])
-        return [(row["plant"], Noted(row["name"], row["note"]), row["value"], row["range"]) for row in rows]
+        return [(row.plant, row, row.value, row.range) for row in self.rests_on.assumed]
 
     @property
     def files(self) -> list[tuple[str, str]]:
-        return list(self.rests_on.get("files", {}).items())
+        return list(self.rests_on.files.items())
 
     @property
     def command(self) -> str:
-        return str(self.rests_on.get("command", ""))
+        return self.rests_on.command
 
 
 def write_result_page(folder: Path, name: str) -> Path:
@@ -160,22 +178,27 @@ def _section(kind: Kind, folder: Path, place: str, anchor: str) -> Section:
     path = folder / kind.name
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        return Section(kind, kind.read(content, folder), folder, place, anchor, content.get("rests_on") or {})
+        rests_on = RestsOn.model_validate(content.get("rests_on") or {})
+        return Section(kind, kind.read(content, folder), folder, place, anchor, rests_on)
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror})") from None
-    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
         raise InputError(f"{path}: is not what ehsa-ctrl writes under this name") from None
 
 
-def _drawn(folder: Path, stem: str, words: str, name: str) -> Markup | None:
-    """A figure that is there: as lines, as pixels where these would be too many, None where neither is."""
-    svg, png = folder / f"{stem}.svg", folder / f"{stem}.png"
-    if svg.is_file() and (svg.stat().st_size <= LARGEST or not png.is_file()):
-        text = svg.read_text(encoding="utf-8", errors="replace")
-        # What is no figure of ours stays out: a page that is sent around runs nothing.
-        if "<svg" in text and "<script" not in text:
-            return inlined(text, words, name)
-    if png.is_file():
-        data = base64.b64encode(png.read_bytes()).decode()
-        return Markup('<img alt="{}" src="data:image/png;base64,{}">').format(words, data)
-    return None
+def _drawn(folder: Path, stem: str, words: str) -> Markup | None:
+    """A figure that is there: as lines, as pixels where these would be too many; None where neither is."""
+    # The names of some come out of the JSON; none leads out of the folder.
+    if Path(stem).name != stem:
+        return None
+    try:
+        files = [file for end in KINDS if (file := folder / f"{stem}{end}").is_file()]
+        if not files:
+            return None
+        file = files[-1] if files[0].stat().st_size > LARGEST else files[0]
+        if file.stat().st_size <= TOO_LARGE:
+            return image(file.read_bytes(), KINDS[file.suffix], words)
+        why = f"is larger than {TOO_LARGE // 1_000_000} MB"
+    except OSError as error:
+        why = f"can't be read ({error.strerror})"
+    return Markup('<p class="soft">The figure is left out: {} {}.</p>').format(stem, why)

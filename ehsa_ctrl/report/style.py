@@ -17,6 +17,7 @@ import matplotlib
 import matplotlib.style
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from ..core.unit import factor
 from .number import unit
@@ -130,6 +131,19 @@ SIGNALS = {
 
 class Sheet(Figure):
     """A figure that a notebook shows by itself, though pyplot knows nothing of it."""
+
+    def draw(self, renderer: Any) -> None:
+        """Draw with names as they are: one with a $ is no formula, and one may hold bytes that are no letters.
+
+        Only the numbers of an axis are formulas, matplotlib's own.
+        """
+        axes = [axis for ax in self.axes for axis in (ax.xaxis, ax.yaxis)]
+        ticks = [tick for axis in axes for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())]
+        numbers = {text for tick in ticks for text in (tick.label1, tick.label2)}
+        for text in set(self.findobj(Text)) - numbers:
+            text.set_parse_math(False)
+            text.set_text(text.get_text().encode(errors="replace").decode())
+        super().draw(renderer)
 
     def _repr_png_(self) -> bytes:
         stream = BytesIO()

@@ -30,8 +30,10 @@ def centring_step(reference: np.ndarray, measured: np.ndarray, memory: np.ndarra
 def _compiled() -> Callable[..., float]:
     import numba
 
+    from ..core.compiled import cached_njit
+
     vector = numba.float64[::1]
-    return numba.njit(numba.float64(vector, vector, vector, vector), cache=True)(centring_step)
+    return cached_njit(numba.float64(vector, vector, vector, vector))(centring_step)
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ def test_one_page_of_a_folder(run, results, tmp_path):
     for place in ("bench", "beside", "pid"):
         assert (tmp_path / "all" / place / "report.html").is_file()
         assert f"in {place}<" in text
-    assert text.count("<svg") >= 5
+    assert text.count("<img") >= 5
     assert "ehsa-ctrl simulate ehsa --excitation steps" in text
 
 

@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
+from ehsa_ctrl.cli.output import to_json
 from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.identification.identification import Reach
 from ehsa_ctrl.identification.identify import identify
+from ehsa_ctrl.report.grounds import grounds
 from ehsa_ctrl.scenario.definition import ScenarioFile
 from ehsa_ctrl.scenario.run import run
 from ehsa_ctrl.scenario.scenario import Scenario
+
+from .contents import contents
 
 GENTLE = {
     "schema": 1,
@@ -109,3 +113,18 @@ def vague(fitting):
     )  # fmt: skip
     unsure = dataclasses.replace(fitting.uncertainty, names=names, covariance=covariance)
     return dataclasses.replace(fitting, estimates=rows, uncertainty=unsure, validation=Reach((), ()))
+
+
+@pytest.fixture(scope="session")
+def tree(gentle, harsh, fitting, tmp_path_factory):
+    """A folder of each kind, with a figure in one and what each rests on."""
+    root = tmp_path_factory.mktemp("results")
+    rests_on = {**grounds([gentle.plant]), "command": "ehsa-ctrl <do> it"}
+    for name, content in contents(gentle, harsh, fitting).items():
+        folder = root / name.removesuffix(".json")
+        folder.mkdir()
+        (folder / name).write_text(to_json({**content, "rests_on": rests_on}))
+    svg = '<?xml version="1.0"?><svg viewBox="0 0 1 1" width="1pt"><g id="figure_1"><path id="a"/></g></svg>'
+    (root / "simulation" / "simulation.svg").write_text(svg)
+    (root / "design" / "step.svg").write_text(svg.replace("<g", "<script>alert(1)</script><g"))
+    return root

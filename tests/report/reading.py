@@ -1,12 +1,22 @@
 """How tests read pages and figures."""
 
+import base64
+import hashlib
+import re
 from html.parser import HTMLParser
+from urllib.parse import unquote_to_bytes
 
 from ehsa_ctrl.report.style import style
 
 VOID = {"meta", "br", "wbr", "link", "img", "hr", "input"}
 #: Attributes by which a page loads something.
 LOADS = {"src", "srcset", "href", "xlink:href", "data", "action", "poster"}
+#: All that a page of ours is made of.
+TAGS = {
+    "html", "head", "meta", "title", "style", "body", "main", "header", "section", "article", "h1", "h2", "h3", "p",
+    "ul", "ol", "li", "dl", "dt", "dd", "a", "span", "small", "br", "wbr", "div", "table", "caption", "thead", "tbody",
+    "tr", "th", "td", "figure", "figcaption", "img", "pre", "code", "strong",
+}  # fmt: skip
 
 
 class Page(HTMLParser):
@@ -52,6 +62,39 @@ class Page(HTMLParser):
     def table(self, *heads):
         """Rows of the first table whose head begins so."""
         return next(rows[1:] for rows in self.tables if tuple(rows[0][: len(heads)]) == heads)
+
+
+def loads_nothing(text):
+    """Fail unless a page runs nothing and loads nothing from outside, and forbids it to itself.
+
+    A figure is within the page, as an <img>; links lead within the page or to a file beside it.
+    """
+    page = Page(text)
+    style = re.search(r"<style>(.*?)</style>", text, flags=re.DOTALL)[1]
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    policies = [meta["content"] for meta in page.with_tag("meta") if meta.get("http-equiv")]
+
+    assert policies == [
+        f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; form-action 'none'"
+    ]
+    assert text.index("Content-Security-Policy") < text.index("<style>")
+    assert "@import" not in style and "url(" not in style
+    for tag, attributes in page.tags:
+        assert tag in TAGS, tag
+        assert not {name for name in attributes if name.startswith("on") or name == "style"}, (tag, attributes)
+        for name, value in attributes.items():
+            if name in LOADS:
+                wanted = r"data:image/(svg\+xml|png)(;base64)?,.*" if tag == "img" else r"#.*|[\w./%~-]+"
+                assert re.fullmatch(wanted, value), (tag, name, value[:80])
+
+
+def figures(text):
+    """The files that the pictures of a page hold."""
+    found = []
+    for attributes in Page(text).with_tag("img"):
+        head, content = attributes["src"].split(",", 1)
+        found.append(base64.b64decode(content) if head.endswith("base64") else unquote_to_bytes(content))
+    return found
 
 
 def words_are_apart(figure):

@@ -4,19 +4,19 @@ import re
 from functools import cache
 
 import pytest
-from markupsafe import Markup
 
 from ehsa_ctrl.diagnosis.changed import Change
 from ehsa_ctrl.diagnosis.diagnosis import Candidate
 from ehsa_ctrl.report import diagnosis_page
 from ehsa_ctrl.report.diagnosis_page import ORDER, VERDICTS, diagnosis_figures, write_diagnosis_page
 from ehsa_ctrl.report.diagnosis_signals import signals_table
+from ehsa_ctrl.report.document import image
 from ehsa_ctrl.report.figures.candidates import fate
 from ehsa_ctrl.report.number import uncertain
 
 from . import diagnoses
 from .diagnoses import diagnosis
-from .reading import LOADS, Page
+from .reading import Page, loads_nothing
 
 pytestmark = pytest.mark.slow
 
@@ -39,8 +39,8 @@ def pages(tmp_path_factory):
     return found
 
 
-def empty(figure, words, name):
-    return Markup('<svg role="img" aria-label="{}"></svg>').format(words)
+def empty(figure, words):
+    return image(b"", "svg+xml", words)
 
 
 @pytest.fixture(params=diagnoses.VERDICTS)
@@ -66,22 +66,16 @@ def test_every_tag_is_closed_and_every_table_described(pages, verdict):
     assert all(attributes.get("scope") in ("col", "row") for attributes in page.with_tag("th"))
     assert len(page.with_tag("caption")) == len(page.with_tag("table"))
     assert all(len(row) == len(rows[0]) for rows in page.tables for row in rows)
-    assert all(len(attributes["aria-label"]) > 60 for attributes in page.with_tag("svg"))
+    assert all(len(attributes["alt"]) > 60 for attributes in page.with_tag("img"))
 
 
 def test_the_page_loads_nothing(pages, verdict):
-    """No network, no other file, no script; what is drawn as pixels is inside."""
-    text = pages[verdict]
-    for tag, attributes in parsed(text).tags:
-        assert tag not in ("script", "link", "iframe", "img", "object")
-        for name, value in attributes.items():
-            if name in LOADS:
-                assert value.startswith(("#", "data:image/png;base64,")), (tag, name, value[:40])
-    assert "http://" not in text and "https://" not in text and "@import" not in text
+    """No network, no other file, no script: one file that can be sent around."""
+    loads_nothing(pages[verdict])
 
 
 def test_links_lead_somewhere_and_ids_are_unique(pages, verdict):
-    """Figures share their letters' names: in one page each needs its own."""
+    """Every part of the page can be linked to."""
     ids = [attributes["id"] for _, attributes in parsed(pages[verdict]).tags if "id" in attributes]
     targets = re.findall(r'(?:xlink:)?href="#([^"]+)"|url\(#([^)]+)\)', pages[verdict])
 
@@ -205,7 +199,7 @@ def test_the_end_says_what_the_numbers_rest_on(pages, verdict):
 def test_no_gap_makes_a_short_page(pages):
     """One figure, no cause, nothing tried."""
     assert list(diagnosis_figures(diagnosis("no_gap"))) == ["signals"]
-    assert pages["no_gap"].count("<svg") == 1
+    assert pages["no_gap"].count("<img") == 1
 
 
 def test_the_same_diagnosis_gives_the_same_page(pages, tmp_path):

@@ -23,7 +23,7 @@ from ehsa_ctrl.report.figures import (
     to_svg,
     trajectory_figure,
 )
-from ehsa_ctrl.report.style import RASTER_POINTS, ROLES
+from ehsa_ctrl.report.style import RASTER_POINTS, ROLES, Sheet
 
 from .reading import words_are_apart
 
@@ -290,3 +290,15 @@ def test_a_wrong_overlay_is_refused_in_a_sentence(panels, words):
     """The error says what was wrong and what was expected."""
     with pytest.raises(InputError, match=words):
         overlay_figure(TIME, panels)
+
+
+def test_a_name_with_a_dollar_is_no_formula_and_numbers_of_a_logarithmic_axis_are():
+    """Half a formula in a file's name would not even be drawn."""
+    figure = Sheet()
+    ax = figure.add_subplot(title="$\\frac{$ of \udc80")
+    ax.loglog([1.0, 1e6], [1.0, 1e6], label="$a_{b$")
+    ax.legend()
+    to_svg(figure)
+
+    assert ax.get_title() == "$\\frac{$ of ?"
+    assert all(label.get_parse_math() for label in ax.get_xticklabels())

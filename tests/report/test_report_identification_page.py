@@ -16,7 +16,7 @@ from ehsa_ctrl.report.identification_page import write_identification_page
 from ehsa_ctrl.report.number import NOTHING, number, uncertain
 from ehsa_ctrl.report.verdict import verdict
 
-from .reading import LOADS, Page
+from .reading import Page, loads_nothing
 
 pytestmark = pytest.mark.slow
 
@@ -72,24 +72,18 @@ def test_every_tag_is_closed_and_every_table_described(text):
     assert page.wrong == [] and page.open == []
     assert all(attributes.get("scope") in ("col", "row") for attributes in page.with_tag("th"))
     assert len(page.with_tag("caption")) == len(page.with_tag("table"))
-    assert page.with_tag("svg")
-    for attributes in page.with_tag("svg"):
-        assert attributes["role"] == "img" and len(attributes["aria-label"]) > 60
+    assert page.with_tag("img")
+    for attributes in page.with_tag("img"):
+        assert len(attributes["alt"]) > 60
 
 
 def test_the_page_loads_nothing(text):
-    """No network, no other file, no script; what is drawn as pixels is inside."""
-    for tag, attributes in Page(text).tags:
-        assert tag not in ("script", "link", "iframe", "img", "object")
-        for name, value in attributes.items():
-            if name in LOADS:
-                assert value.startswith(("#", "data:image/png;base64,")), (tag, name, value[:40])
-    assert "http://" not in text and "https://" not in text
-    assert "@import" not in text and not re.search(r"url\((?!#)", text)
+    """No network, no other file, no script: one file that can be sent around."""
+    loads_nothing(text)
 
 
 def test_links_lead_somewhere_and_ids_are_unique(text):
-    """Figures share their letters' names: in one page each needs its own."""
+    """Every part of the page can be linked to."""
     ids = [attributes["id"] for _, attributes in Page(text).tags if "id" in attributes]
     targets = re.findall(r'(?:xlink:)?href="#([^"]+)"|url\(#([^)]+)\)', text)
 

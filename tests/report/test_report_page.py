@@ -11,7 +11,7 @@ from ehsa_ctrl.report.number import number, unit
 from ehsa_ctrl.report.page import write_page
 from ehsa_ctrl.scenario.metrics import METRICS
 
-from .reading import LOADS, Page
+from .reading import Page, loads_nothing
 
 
 @pytest.fixture(scope="module")
@@ -38,19 +38,13 @@ def test_every_tag_is_closed(page):
     assert page.wrong == [] and page.open == []
 
 
-def test_the_page_loads_nothing(text, page):
+def test_the_page_loads_nothing(text):
     """No network, no other file, no script: one file that can be sent around."""
-    for tag, attributes in page.tags:
-        assert tag not in ("script", "link", "iframe", "img", "object")
-        for name, value in attributes.items():
-            if name in LOADS:
-                assert value.startswith("#"), (tag, name, value)
-    assert "http://" not in text and "https://" not in text
-    assert "@import" not in text and not re.search(r"url\((?!#)", text)
+    loads_nothing(text)
 
 
 def test_links_lead_somewhere_and_ids_are_unique(text, page):
-    """Figures share their letters' names: in one page each needs its own."""
+    """Every part of the page can be linked to."""
     ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
     targets = re.findall(r'(?:xlink:)?href="#([^"]+)"|url\(#([^)]+)\)', text)
 
@@ -123,7 +117,7 @@ def test_a_scenario_has_one_section_for_all_its_controllers(text, page, gentle):
 
     assert text.count("<h2>A small step &amp; a push</h2>") == 1
     assert text.count(gentle.scenario.definition.why) == 1
-    assert len(page.with_tag("svg")) == 4
+    assert len(page.with_tag("img")) == 4
     assert headings[0] == "1" and headings.count("1") == 1
     for before, after in zip(headings[:-1], headings[1:], strict=True):
         assert int(after) <= int(before) + 1
@@ -177,8 +171,8 @@ def test_the_end_says_what_the_numbers_rest_on(page, gentle):
 
 def test_figures_are_said_in_words(page):
     """Who does not see a figure hears what it shows."""
-    for attributes in page.with_tag("svg"):
-        assert attributes["role"] == "img" and len(attributes["aria-label"]) > 60
+    for attributes in page.with_tag("img"):
+        assert len(attributes["alt"]) > 60
 
 
 def test_headings_of_tables_have_a_scope_and_the_page_a_language(page):

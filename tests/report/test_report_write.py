@@ -34,7 +34,7 @@ def test_a_result_is_a_page(of_each, name, tmp_path):
     page = Page(text)
 
     assert path == tmp_path / "new" / "folder" / file
-    assert page.wrong == [] and page.open == [] and text.count("<svg") >= 1
+    assert page.wrong == [] and page.open == [] and text.count("<img") >= 1
     assert "Command:" not in text
 
 

@@ -50,14 +50,3 @@ def test_a_second_start_does_not_compile_and_an_edit_does(tmp_path):
     assert warm == (cold[0], "0 1")
     assert edited[1] == "1 0"
     assert edited[0] > 1.5 * cold[0]
-
-
-def test_a_cache_that_can_not_be_written_is_no_obstacle(tmp_path, monkeypatch):
-    """A read-only home sends the cache to a temporary folder."""
-    from ehsa_ctrl.core import compiled
-
-    blocked = tmp_path / "file"
-    blocked.write_text("")
-    monkeypatch.setenv("EHSA_CTRL_CACHE", str(blocked / "below"))
-
-    assert compiled.cache_folder().is_dir()

@@ -79,7 +79,7 @@ def _compiled() -> Any:
     from ..stages.pipeline import HEAD, source_text
 
     functions = (target_current, regulator_current, estimate, predict, ahead, prepare)
-    text = [HEAD, *(f'@njit(error_model="numpy", cache=True)\n{source_text(function)}' for function in functions)]
+    text = [HEAD, *(f'@cached_njit(error_model="numpy")\n{source_text(function)}' for function in functions)]
     return load_compiled("\n\n\n".join(text), "the estimate of an MPC")
 
 

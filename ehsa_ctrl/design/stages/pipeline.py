@@ -65,6 +65,8 @@ from math import atan, cos, exp, inf, isfinite, log, pi, sin, sqrt, tan, tanh
 
 import numpy as np
 from numba import float64, njit, types
+
+from ehsa_ctrl.core.compiled import cached_njit
 """
 
 
@@ -83,7 +85,7 @@ def compiled_pipeline(law: Callable[..., float], uses: tuple[Callable[..., Any],
     text.append(f'@njit(error_model="numpy")\n{source_text(pipeline, without="law")}')
     text.append(
         "VECTOR = types.Array(float64, 1, 'C')\n\n"
-        "@njit(float64(VECTOR, VECTOR, VECTOR, VECTOR), error_model='numpy', nogil=True, cache=True)\n"
+        "@cached_njit(float64(VECTOR, VECTOR, VECTOR, VECTOR), error_model='numpy', nogil=True)\n"
         "def step(reference, measured, memory, settings):\n"
         "    return pipeline(reference, measured, memory, settings)\n"
     )

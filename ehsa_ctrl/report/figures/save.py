@@ -19,7 +19,9 @@ def to_svg(figure: Figure) -> str:
     stream = StringIO()
     with style():
         figure.savefig(stream, format="svg", dpi=DPI, metadata=NO_DATE)
-    return re.sub(r'(?<= d=")[^"]+', lambda path: re.sub(r"\d+\.\d{3,}", _shorter, path[0]), stream.getvalue())
+    return re.sub(
+        r'(?<= d=")[^"]+', lambda path: re.sub(r"\d+\.\d{3,}", _shorter, path[0]).replace("\n", ""), stream.getvalue()
+    )
 
 
 def _shorter(digits: re.Match[str]) -> str:

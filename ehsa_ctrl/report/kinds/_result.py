@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import pydantic
+
 from ..number import NOTHING, number
 
 #: How a number begins as pages write them, with or without a unit; nothing, a dash and "not defined" are none.
@@ -58,9 +60,9 @@ class Drawing(NamedTuple):
     caption: str = ""
 
 
-@dataclass(frozen=True)
+@pydantic.dataclasses.dataclass(frozen=True)
 class Result:
-    """What one JSON says.
+    """What one JSON says. Its fields are checked: a file may be another program's, or edited.
 
     Attributes
     ----------

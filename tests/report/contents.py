@@ -1,0 +1,71 @@
+"""The JSON of each kind of result, as commands leave it."""
+
+from ehsa_ctrl.diagnosis.batch import Batch, Row
+
+from .diagnoses import diagnosis
+
+PROVENANCE = {"python": "3.11", "ehsa_ctrl": "0.1.0"}
+AWKWARD = "rig <script>alert(1)</script>"
+LOOP = {
+    "controller": AWKWARD, "crossover": 35.0, "phase_margin": 60.0, "gain_margin": 5.8, "delay_margin": 0.03, "Ms": 1.4,
+    "Mt": 1.1, "disk_margin": None, "stable": True, "current_noise": 0.09,
+}  # fmt: skip
+
+
+def contents(gentle, harsh, fitting):
+    """The JSON of each kind: of real results where these are at hand, else what the command's own test checks."""
+    found = diagnosis("ambiguous")
+    fitted = {**fitting.to_dict(), "model": "nonlinear", "plant": "ehsa", "settings": {}}
+    rows = (
+        Row.of("logs/a.csv", found),
+        Row.of("logs/b.csv", diagnosis("no_gap")),
+        Row("logs/c.csv", error="too short"),
+    )
+    return {
+        "results.json": {"scenarios": [gentle.to_dict(), harsh.to_dict()]},
+        "identification.json": fitted,
+        "diagnosis.json": found.to_dict(),
+        "summary.json": Batch("ehsa", 0.03, rows).to_dict(),
+        "comparison.json": {
+            "plant": "ehsa", "log": f"{AWKWARD}.csv", "settings": {}, "from": 0.0, "to": 4.0, "provenance": PROVENANCE,
+            "models": {"linear": {"fit_percent": {"speed": -36.6, "p1": 63.6}, "stopped": ""},
+                       "nonlinear": {"fit_percent": {"speed": None, "p1": None}, "stopped": "left the range."}},
+            "findings": [{"kind": "dead", "channel": "p1", "severity": "error", "sentence": "p1 is dead"}],
+        },
+        "analysis.json": {
+            "plant": "ehsa", "model": "linear", "poles": [[0.0, 0.0], [-293.3, 327.8]],
+            "natural_frequencies": [0.0, 439.9], "damping": [None, 0.667], "zeros": {"speed": [[-295.0, 327.0]]},
+            "dc_gain": {"speed": 370.0}, "loops": [LOOP],
+        },
+        "design.json": {
+            "plant": "ehsa", "kind": "pid", "settings": {}, "asked": {"Ms": "1.5"}, "controller": None,
+            "law": "parallel PID", "loop": LOOP | {"stable": False}, "overshoot": 0.3, "settling_time": 0.2,
+        },
+        "montecarlo.json": {
+            "campaigns": [{
+                "scenario": "steps", "controller": "pid", "runs": 100, "passes": 96, "probability": 0.96,
+                "confidence": 0.95, "interval": [0.9, 0.99], "seed": 3, "interrupted": True,
+                "uncertain": ["K_T evenly between 1 and 1.4 N m/A"],
+                "influences": [{"name": "K_T", "measure": "ks", "value": 0.7, "chance": 1e-9, "passing": 1.1,
+                                "failing": 1.3, "decisive": True}],
+                "failures": {"SteadyStateError": 4}, "provenance": PROVENANCE,
+            }],
+        },
+        "excitation.json": {
+            "plant": "ehsa", "model": "nonlinear", "settings": {}, "input": "noise", "duration": 10.0, "seed": 0,
+            "current": None, "next": ["ehsa-ctrl simulate ehsa"], "provenance": PROVENANCE,
+            "parameters": {"M": {"believed": 16.5, "sd": 0.2, "relative_sd": 0.012, "relative_sd_at_worst": 0.02,
+                                 "unit": "kg", "verdict": "well determined"},
+                           "K_T": {"believed": 1.2, "sd": None, "relative_sd": None, "relative_sd_at_worst": None,
+                                   "unit": "N m/A", "verdict": "not identifiable from this log"}},
+            "limits": {"pump_speed": {"allowed": 471.0, "reached": 245.0, "worst": 344.0, "unit": "rad/s",
+                                      "share": 0.5, "worst_share": 0.73}},
+            "variations": {"draws": 8, "spread": 0.3},
+            "candidates": [{"input": "noise", "score": 0.02, "not_determined": 0}],
+        },
+        "simulation.json": {
+            "plant": AWKWARD, "model": "nonlinear", "settings": {"K_T": "1.1"}, "samples": 501, "sample_time": 0.004,
+            "stopped": "", "limits_passed": ["pump speed reached 5000 rpm"], "pressure_level_drift": 2e5, "seed": 0,
+            "log": "log.csv", "provenance": PROVENANCE,
+        },
+    }  # fmt: skip
