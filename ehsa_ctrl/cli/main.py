@@ -126,7 +126,8 @@ def main() -> None:
         else:
             unwritten, status = unwritten or error, 2
     if unwritten is not None:
-        say(f"{unwritten.filename or 'the output'}: can't be read or written ({unwritten.strerror or unwritten})")
+        what = f"{unwritten.filename}: can't be read or" if unwritten.filename else "the output can't be"
+        say(f"{what} written ({unwritten.strerror or unwritten})")
     sys.exit(status or 0)
 
 

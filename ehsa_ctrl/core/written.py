@@ -43,7 +43,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
         yield draft
         draft.replace(path)
     except OSError as error:
-        raise InputError(f"{path}: can't be written ({_reason(error)})") from None
+        raise InputError(f"{path}: can't be written ({_reason(error)})") from error
     finally:
         draft.unlink(missing_ok=True)
         _remove_empty(made)
@@ -113,9 +113,13 @@ class ResultFolder:
             draft.mkdir(parents=True)
             yield draft
             self._swap(draft)
-        except OSError as error:
+        except (OSError, InputError) as error:
+            # A file written with `replacing` is named by its place in the draft, which nobody knows.
+            cause = error.__cause__ if isinstance(error, InputError) else error
+            if not isinstance(cause, OSError):
+                raise
             kept = "; what it held before is unchanged" if self.folder not in made else ""
-            raise InputError(f"{self.folder}: can't be written ({_reason(error)}){kept}") from None
+            raise InputError(f"{self.folder}: can't be written ({_reason(cause)}){kept}") from cause
         except KeyboardInterrupt as stopped:
             raise KeyboardInterrupt(str(stopped) or f"the result is not kept, {self.folder} is as it was") from None
         finally:
@@ -157,7 +161,7 @@ class ResultFolder:
             if name in ours:
                 why = f"there is a result already; choose another folder or {self.how}"
             else:
-                why = f"{self._whose(name)}; move it away or choose another folder"
+                why = self._whose(name)
             if draft is not None:
                 place = _free(self.folder / self.owner)
                 draft.rename(place)
@@ -170,14 +174,17 @@ class ResultFolder:
         return {name: digest for name, digest in listed.items() if _hash(self.folder / name) == digest}
 
     def _whose(self, name: str) -> str:
-        """What is known of a file that is not an unedited one of ours."""
+        """Why a file that is not an unedited one of ours stays, and what to do."""
         for manifest in sorted(self.folder.glob(f"{PREFIX}*.json")):
             if name in _listed(manifest):
                 owner = manifest.stem.removeprefix(PREFIX)
                 if owner != self.owner:
-                    return f"belongs to the result of {owner} in this folder"
-                return f"was edited since {owner} wrote it"
-        return f"was not written by {self.owner}, or before it kept a list of its files"
+                    return f"belongs to the result of {owner} in this folder; choose another folder"
+                return f"was edited since {owner} wrote it; move it away or choose another folder"
+        return (
+            f"was not written by {self.owner}, or before it kept a list of its files; move it away or choose another "
+            "folder"
+        )
 
 
 def _listed(manifest: Path) -> Mapping[str, str]:

@@ -126,6 +126,17 @@ def test_a_shared_letter_that_one_model_gave_up_goes_to_the_other(tmp_path):
     assert ehsa_ctrl.load_plant(path, model="linear")["V"] == 2.042e-3
 
 
+def test_a_written_plant_is_replaced_only_when_told(plant, tmp_path):
+    """A file of that name may be a plant that somebody has edited."""
+    path = write_plant(tmp_path / "rig.toml", plant)
+    path.write_text("mine")
+
+    with pytest.raises(InputError, match=r"rig\.toml: is there already; choose another name or say force=True"):
+        write_plant(path, plant)
+    assert path.read_text() == "mine"
+    assert ehsa_ctrl.load_plant(write_plant(path, plant, force=True)).values == plant.values
+
+
 def test_free_letters_that_are_gone_are_not_named(tmp_path):
     """A file's list of free letters loses those of a law that was changed, and gains what the plant frees."""
     path = tmp_path / "rig.toml"
