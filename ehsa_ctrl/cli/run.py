@@ -300,9 +300,11 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
     passed = sum(result.verdict == "pass" for result in results)
     untested = sum(result.verdict == "untested" for result in results)
     more = f", {untested} untested" if untested else ""
-    series = out / (f"{_stem(results[0])}.csv" if len(results) == 1 else "*.csv")
+    series = f"{_stem(results[0])}.csv" if len(results) == 1 else "SCENARIO-CONTROLLER.csv"
     console.print(
-        f"{passed} of {len(results)} passed{more}; written to {out} (open {out / 'report.html'}; time series: {series})"
+        f"{passed} of {len(results)} passed{more}; written to {out} (open {out / 'report.html'}; time series: {series})",
+        markup=False,
+        soft_wrap=True,
     )
 
 
