@@ -301,11 +301,8 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
     untested = sum(result.verdict == "untested" for result in results)
     more = f", {untested} untested" if untested else ""
     series = f"{_stem(results[0])}.csv" if len(results) == 1 else "SCENARIO-CONTROLLER.csv"
-    console.print(
-        f"{passed} of {len(results)} passed{more}; written to {out} (open {out / 'report.html'}; time series: {series})",
-        markup=False,
-        soft_wrap=True,
-    )
+    where = f"written to {out} (open {out / 'report.html'}; time series: {series})"
+    console.print(f"{passed} of {len(results)} passed{more}; {where}", markup=False, soft_wrap=True)
 
 
 def _alone(result: ScenarioResult) -> Table:

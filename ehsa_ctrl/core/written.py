@@ -181,10 +181,7 @@ class ResultFolder:
                 if owner != self.owner:
                     return f"belongs to the result of {owner} in this folder; choose another folder"
                 return f"was edited since {owner} wrote it; move it away or choose another folder"
-        return (
-            f"was not written by {self.owner}, or before it kept a list of its files; move it away or choose another "
-            "folder"
-        )
+        return f"is not listed as written by {self.owner}; move it away or choose another folder"
 
 
 def _listed(manifest: Path) -> Mapping[str, str]:
@@ -193,7 +190,8 @@ def _listed(manifest: Path) -> Mapping[str, str]:
         files = json.loads(manifest.read_text(encoding="utf-8"))["files"].items()
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return {}
-    return {name: digest for name, digest in files if not Path(name).is_absolute() and ".." not in Path(name).parts}
+    inside = {name: digest for name, digest in files if not Path(name).is_absolute() and ".." not in Path(name).parts}
+    return {name: digest for name, digest in inside.items() if isinstance(digest, str)}
 
 
 def _hash(path: Path) -> str | None:

@@ -101,7 +101,8 @@ def test_a_users_file_survives_under_every_name(run, place, command):
         mine.write_text("mine")
         status, out, err = run(*CALLS[command], "--out", "out", "--force")
 
-        assert status == 2 and out == "" and err.splitlines()[-1].startswith(f"ehsa-ctrl: {mine}: was not written by")
+        assert status == 2 and out == ""
+        assert err.splitlines()[-1].startswith(f"ehsa-ctrl: {mine}: is not listed as written by")
         assert mine.read_text() == "mine" and not list(Path("out").glob(".*"))
         shutil.rmtree("out")
 
@@ -244,5 +245,5 @@ def test_an_old_result_without_a_list_of_its_files_is_refused_by_name(run, tmp_p
     before = content("out")
     status, _, err = run(*CALLS["simulate"], "--out", "out", "--force")
 
-    assert status == 2 and "out/log.csv: was not written by simulate, or before it kept a list of its files" in err
+    assert status == 2 and "out/log.csv: is not listed as written by simulate" in err
     assert content("out") == before

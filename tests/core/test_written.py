@@ -60,7 +60,7 @@ def test_files_that_the_new_result_lacks_can_stay(tmp_path):
 def test_a_users_file_is_refused_by_name(tmp_path, force):
     """Force or not, and before the work where the name is known."""
     (tmp_path / "x").write_text("mine")
-    with pytest.raises(InputError, match=r"x: was not written by bench, .*; move it away or choose another folder$"):
+    with pytest.raises(InputError, match="x: is not listed as written by bench; move it away or choose another folder"):
         ResultFolder(tmp_path, "bench", force).check("x")
 
     assert seen(tmp_path) == ({"x": "mine"}, set())
@@ -92,7 +92,7 @@ def test_a_result_that_is_refused_after_the_work_is_not_lost(tmp_path):
     """A file in the way that could not be known of: the new result goes to a folder of its own, which is named."""
     (tmp_path / "late").write_text("mine")
     for place in ("bench-new", "bench-new-2"):
-        with pytest.raises(InputError, match=rf"late: was not written .* \(the new result is kept in \S+{place}\)"):
+        with pytest.raises(InputError, match=rf"late: is not listed .* \(the new result is kept in \S+{place}\)"):
             write(tmp_path, {"x": "1", "late": "2"})
         assert seen(tmp_path / place)[0] == {"x": "1", "late": "2"}
     assert (tmp_path / "late").read_text() == "mine" and not (tmp_path / "x").exists()
@@ -161,7 +161,7 @@ def test_a_manifest_does_not_reach_beyond_its_folder(tmp_path, listed):
     assert outside.read_text() == "mine" and (tmp_path / "in" / "x").read_text() == "2"
 
     manifest.write_text("no json")
-    with pytest.raises(InputError, match="x: was not written by bench"):
+    with pytest.raises(InputError, match="x: is not listed as written by bench"):
         ResultFolder(tmp_path / "in", "bench", force=True).check("x")
 
 
