@@ -65,7 +65,7 @@ found = e.identify(believed, log, validate=[steps])
 print(found)
 assert found.explained
 save(found.plot(), FOLDER / "2_identified")
-e.write_plant(FOLDER / "identified.toml", found.plant, sliding_linear(found.plant))
+e.write_plant(FOLDER / "identified.toml", found.plant, sliding_linear(found.plant), force=True)
 
 # %% 3. Controllers are designed on the identified plant's linear set ...
 rig_model = e.three_state(e.load_plant(FOLDER / "identified.toml", model="linear"))
@@ -133,7 +133,7 @@ measured = e.identify(
 print(measured)
 corrected = measured.plant
 assert measured.explained and abs(corrected["c_f"] - 0.12) < 0.01
-e.write_plant(FOLDER / "corrected.toml", corrected)
+e.write_plant(FOLDER / "corrected.toml", corrected, force=True)
 
 # %% 5. A better controller: gains for the corrected plant as it slides, feed-forward with what the pump takes
 slides = e.three_state(sliding_linear(corrected.set(K_S=0.0)))

@@ -71,6 +71,7 @@ def command(
     Examples: ehsa-ctrl analyse ehsa · ehsa-ctrl analyse ehsa --controller pid_position --out results/loop ·
     ehsa-ctrl analyse ehsa --controller pid_position,lqr_position --draws 200 --stiffness '0,50 kN/m,100 kN/m' --review
     """
+    from ..core.written import ResultFolder
     from ..design.analysis.loop import analyse_loop
     from ..design.analysis.robustness import robust_margins
     from ..design.analysis.system import analyse
@@ -78,7 +79,7 @@ def command(
     from ..design.review import review as look_through
     from ..plant.conditions import conditions
     from ..plant.plant import load_plant
-    from .output import prepare_folder, rests_on, to_json, warn_unbelieved
+    from .output import rests_on, to_json, warn_unbelieved
 
     if model not in ("linear", "nonlinear"):
         raise InputError(f"--model {model!r}: expected linear or nonlinear")
@@ -94,7 +95,11 @@ def command(
         raise InputError("draws, conditions, --lag and --review are about a loop; give its --controller")
     if covariance is not None and not draws:
         raise InputError("--covariance is what plants are drawn from; say how many with --draws")
-    folder = prepare_folder(out, "analysis.json", force=force) if out is not None else None
+    place = None
+    if out is not None:
+        ends = [f"-{Path(name).stem}" for name in names] if len(names) > 1 else [""] * len(names)
+        figures = ["bode", *(f"{word}{end}" for word in ("loop", "nyquist") for end in ends)]
+        place = ResultFolder(out, "analyse", force).check("analysis.json", "report.html", figures=figures)
     believed = read_pairs(settings)
     loaded = load_plant(plant, model=model, settings=believed)  # type: ignore[arg-type]
     warn_unbelieved([loaded])
@@ -120,21 +125,22 @@ def command(
         result |= {"loop": loops[0].to_dict(), "loops": [loop.to_dict() for loop in loops]}
     result |= {"robust": [margins.to_dict() for margins in robust if margins is not None]} if many else {}
     result |= {"reviews": [one.to_dict() for one in reviews]} if review else {}
-    if folder is not None:
+    if place is not None:
         from ..core.catalogue import controllers
         from ..report.result_page import write_result_page
 
         result["rests_on"] = rests_on([loaded], [*map(controllers.find, names), covariance])
-        (folder / "analysis.json").write_text(to_json(result) + "\n")
-        _draw(folder, analysis, loops, robust)
-        write_result_page(folder, "analysis.json")
+        with place.draft() as draft:
+            (draft / "analysis.json").write_text(to_json(result) + "\n")
+            _draw(draft, analysis, loops, robust)
+            write_result_page(draft, "analysis.json")
     if as_json:
         print(to_json(result))
         return
     print(analysis)
     _print(loops, robust, reviews)
-    if folder is not None:
-        print(f"written to {folder}")
+    if out is not None:
+        print(f"written to {out}")
 
 
 def _numbers(option: str, text: str, unit: str) -> list[float]:

@@ -57,17 +57,21 @@ def command(
     Examples: ehsa-ctrl compare log.csv --plant ehsa · ehsa-ctrl compare log.csv --plant my/rig.toml --model nonlinear
     --set load.stiffness=50e3 --from 2 --to 12 --zero p1,p2 --out results/compare
     """
+    from ..core.written import ResultFolder
     from ..identification.checks import check_log
     from ..identification.record import untold
     from ..identification.replay import fit_words, replay
-    from .output import prepare_folder, rests_on, to_json, warn, warn_unbelieved
+    from .output import rests_on, to_json, warn, warn_unbelieved
     from .prepared import read_prepared
     from .progress import compiling
 
     believed = load_models(plant, model, read_pairs(settings))
     warn_unbelieved(believed)
+    place = None
     if out is not None:
-        prepare_folder(out, "comparison.json", force=force)
+        place = ResultFolder(out, "compare", force).check(
+            "comparison.json", "compare.csv", "report.html", figures=["compare"]
+        )
     last = believed[-1]
     preparation = read_preparation(start, stop, zero, rest, resample, align)
     with compiling():
@@ -100,8 +104,9 @@ def command(
     for run in replays:
         if run.stopped:
             warn(f"{run.plant.model} model: {run.stopped}; no fit is given")
-    if out is not None:
-        _write(out, result, replays, findings, cannot_tell, steps)
+    if place is not None:
+        with place.draft() as draft:
+            _write(draft, result, replays, findings, cannot_tell, steps)
     if as_json:
         print(to_json(result))
         return

@@ -67,19 +67,24 @@ def command(
     """
     from ..core.catalogue import is_shipped
     from ..core.definition import read_toml
+    from ..core.written import ResultFolder, refuse_existing, write_text
     from ..design.tuning.designed import design, keys_for
     from ..design.tuning.specification import begin, leaves, put
     from ..design.tuning.tune import Tuning
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
     from ..scenario.carried import carrier
-    from .output import prepare_folder, rests_on, to_json, warn_unbelieved, write_text
+    from .output import rests_on, to_json, warn_unbelieved
 
     if output is not None and output.suffix != ".toml":
         raise InputError(f"-o {output}: expected a file that ends in .toml")
-    if output is not None and output.exists() and not force:
-        raise InputError(f"{output}: is there already; choose another name or say --force")
-    folder = prepare_folder(out, "design.json", force=force) if out is not None else None
+    if output is not None:
+        refuse_existing(output, force=force)
+    place = None
+    if out is not None:
+        place = ResultFolder(out, "design", force).check(
+            "design.json", "report.html", figures=["loop", "nyquist", "step"]
+        )
     chosen, begun = begin(kind, base)
     content = read_toml(begun)
     given = {
@@ -139,7 +144,7 @@ def command(
     }
     if output is not None:
         write_text(output, text)
-    if folder is not None:
+    if place is not None:
         from ..design.analysis.step import step_response
         from ..report.figures import loop_figure, nyquist_figure, save, step_figure
         from ..report.result_page import write_result_page
@@ -147,18 +152,19 @@ def command(
         steps = step_response(system, found.controller)
         result |= {"overshoot": steps.overshoot, "settling_time": steps.settling_time}
         result["rests_on"] = rests_on([loaded], [output])
-        (folder / "design.json").write_text(to_json(result) + "\n")
-        save(loop_figure(found.loop), folder / "loop")
-        save(nyquist_figure(found.loop), folder / "nyquist")
-        save(step_figure(steps), folder / "step")
-        write_result_page(folder, "design.json")
+        with place.draft() as draft:
+            (draft / "design.json").write_text(to_json(result) + "\n")
+            save(loop_figure(found.loop), draft / "loop")
+            save(nyquist_figure(found.loop), draft / "nyquist")
+            save(step_figure(steps), draft / "step")
+            write_result_page(draft, "design.json")
     if as_json:
         print(to_json(result))
         return
     print(text.rstrip() if output is None else f"{found.controller}\n{found.loop}")
-    for place in (output, folder):
-        if place is not None:
-            print(f"written to {place}")
+    for written in (output, out):
+        if written is not None:
+            print(f"written to {written}")
 
 
 def frozen(found: Any) -> Any:

@@ -92,8 +92,9 @@ def command(
     log.csv --plant ehsa --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3
     """
     from ..core.errors import InputError
+    from ..core.written import ResultFolder
     from ..plant.plant import load_plant, models_of
-    from .output import prepare_folder, to_json, warn_unbelieved
+    from .output import to_json, warn_unbelieved
     from .prepared import sentences
 
     if model not in ("linear", "nonlinear"):
@@ -120,14 +121,19 @@ def command(
             address=address, check=not unchecked, out=out, force=force, as_json=as_json, write=_write,
         )  # fmt: skip
         return
+    place = None
     if out is not None:
-        prepare_folder(out, "diagnosis.json", force=force)
+        place = ResultFolder(out, "diagnose", force).check(
+            *names_of(believed, before is not None, scenario is not None),
+            figures=[*FIGURES, *(["closed_loop"] if scenario is not None else [])],
+        )
     found, change, closed, steps = _found(
         believed, logs[0], validate, before, scenario, controller, preparation, replay=replay, threshold=threshold,
         jobs=jobs, check=not unchecked,
     )  # fmt: skip
-    if out is not None:
-        _write(out, found, change, closed, (logs[0], validate, before), steps)
+    if place is not None:
+        with place.draft() as draft:
+            _write(draft, found, change, closed, (logs[0], validate, before), steps)
     if as_json:
         more = {"closed_loop": closed.to_dict()} if closed is not None else {}
         print(to_json({**(found if change is None else change).to_dict(), **more, "preparation": steps}))
@@ -231,13 +237,18 @@ def _print_closed(closed: Closed) -> None:
         )
 
 
-def write_next(out: Path, experiment: Experiment | None) -> None:
-    """The input of the proposed experiment, next_experiment.csv; what an earlier diagnosis left there goes."""
-    from ..diagnosis.next_experiment import FILE
+#: Figures that a diagnosis has or may have.
+FIGURES = ("signals", "where", "unknown_inputs", "candidates", "shrinkage")
 
-    (out / FILE).unlink(missing_ok=True)
-    if experiment is not None:
-        experiment.write(out / FILE)
+
+def names_of(plant: Plant, before: bool = False, closed: bool = False) -> list[str]:
+    """Files that a diagnosis has or may have beside its figures, the main one first."""
+    from ..diagnosis.next_experiment import FILE
+    from ..report.diagnosis_page import FILE as PAGE
+
+    names = ["diagnosis.json", PAGE, f"{plant.name}_improved.toml", "signals.csv", "causes.csv", FILE]
+    names += ["before.json", f"{plant.name}_before.toml"] if before else []
+    return [*names, "closed_loop.json"] if closed else names
 
 
 def next_lines(experiment: Experiment | None, out: Path | None) -> list[str]:
@@ -265,6 +276,7 @@ def _write(
 
     files: logs that hashes are given of; those of the diagnosis alone by default. steps: what was done to them.
     """
+    from ..diagnosis.next_experiment import FILE
     from ..identification.write import write_plant
     from ..report.diagnosis_page import diagnosis_figures, write_diagnosis_page
     from ..report.diagnosis_signals import signals_table
@@ -272,9 +284,8 @@ def _write(
     from .output import command_line, rests_on, to_json
     from .prepared import sentences
 
-    for name in ("before.json", "closed_loop.json", "closed_loop.png", "closed_loop.svg"):
-        (out / name).unlink(missing_ok=True)
-    write_next(out, found.experiment)
+    if found.experiment is not None:
+        found.experiment.write(out / FILE)
     read = [file for file in files or (found.log.path,) if file is not None]
     answer = {
         **(found if change is None else change).to_dict(),

@@ -44,41 +44,47 @@ def diagnose_batch(
     Raises InputError: two logs of one name, an output folder of other diagnoses, a log that can't be prepared so. Exits
     2 if no log could be diagnosed.
     """
+    from ..core.written import ResultFolder
     from ..diagnosis.batch import diagnose_many
-    from .output import prepare_folder, rests_on, to_json
+    from .diagnose import FIGURES, names_of
+    from .output import rests_on, to_json
     from .progress import compiling, counting
 
     stems = [log.stem for log in logs]
     twice = next((stem for stem in stems if stems.count(stem) > 1), None)
     if twice is not None:
         raise InputError(f"log {twice!r} is given twice; folders of the result are named by it")
-    file = None
+    place, file = None, None
     if out is not None:
-        prepare_folder(out, "", force=True)
         file = out / "diagnoses.jsonl"
-        if force:
-            file.unlink(missing_ok=True)
+        # What was written of the logs so far is replaced as they are continued.
+        place = ResultFolder(out, "diagnose_batch", force=True).check("summary.json", "summary.csv", "report.html")
+        if force or not file.exists():
+            for stem in stems:
+                ResultFolder(out / stem, "diagnose", force).check(*names_of(believed), figures=FIGURES)
 
     with compiling():
         ready, steps = _prepared(believed, logs, preparation)
 
     def keep(name: str, found: Diagnosis) -> None:
         if out is not None:
-            write(prepare_folder(out / Path(name).stem, "", force=True), found, steps=steps[name])
+            with ResultFolder(out / Path(name).stem, "diagnose", force=True).draft() as draft:
+                write(draft, found, steps=steps[name])
 
     with compiling(), counting() as watch:
         batch = diagnose_many(
             believed, ready, threshold=threshold, check=check, jobs=jobs, backend=backend, address=address, file=file,
-            watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
+            anew=force, watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
         )  # fmt: skip
     done = [step for name in map(str, logs) for step in steps.get(name, ())]
     summary = {**batch.to_dict(), "preparation": done, "rests_on": rests_on([believed], logs)}
-    if out is not None:
+    if place is not None:
         from ..report.result_page import write_result_page
 
-        (out / "summary.json").write_text(to_json(summary) + "\n")
-        batch.to_pandas().to_csv(out / "summary.csv", float_format="%.7g")
-        write_result_page(out, "summary.json")
+        with place.draft() as draft:
+            (draft / "summary.json").write_text(to_json(summary) + "\n")
+            batch.to_pandas().to_csv(draft / "summary.csv", float_format="%.7g")
+            write_result_page(draft, "summary.json")
     if as_json:
         print(to_json(summary))
     else:

@@ -50,9 +50,10 @@ def command(
     Examples: ehsa-ctrl excite ehsa --out results/excite · ehsa-ctrl excite ehsa --kind noise --duration 40 ·
     ehsa-ctrl excite my/rig.toml --set load.stiffness=50e3 --free K_T --fix M --margin 0.3 --out results/excite
     """
+    from ..core.written import ResultFolder
     from ..identification.experiment import design_experiment
     from ..plant.plant import load_plant
-    from .output import prepare_folder, rests_on, to_json, warn, warn_unbelieved
+    from .output import rests_on, to_json, warn, warn_unbelieved
     from .progress import compiling, counting
 
     if model not in ("linear", "nonlinear"):
@@ -60,10 +61,11 @@ def command(
     pairs = read_pairs(settings)
     loaded = load_plant(plant, model=model, settings=pairs)  # type: ignore[arg-type]
     warn_unbelieved([loaded])
+    place = None
     if out is not None:
-        prepare_folder(out, "excitation.json", force=force)
-        if (out / "current.csv").exists() and not force:
-            raise InputError(f"{out / 'current.csv'}: is there already; choose another folder or say --force")
+        place = ResultFolder(out, "excite", force).check(
+            "excitation.json", "current.csv", "report.html", figures=["excitation"]
+        )
     with compiling(), counting() as watch:
         found = design_experiment(
             loaded, duration=duration, kind=kind, free=names(free), fix=names(fix), amplitude=amplitude,
@@ -80,14 +82,15 @@ def command(
         "current": str(out / "current.csv") if out is not None else None,
         "rests_on": rests_on([loaded]),
     }
-    if out is not None:
+    if place is not None:
         from ..report.figures import save
         from ..report.result_page import write_result_page
 
-        found.write(out / "current.csv")
-        (out / "excitation.json").write_text(to_json(result) + "\n")
-        save(found.plot(), out / "excitation")
-        write_result_page(out, "excitation.json")
+        with place.draft() as draft:
+            found.write(draft / "current.csv")
+            (draft / "excitation.json").write_text(to_json(result) + "\n")
+            save(found.plot(), draft / "excitation")
+            write_result_page(draft, "excitation.json")
     for name, trades in found.undetermined.items():
         warn(
             f"{name} is not determined by this input"

@@ -41,11 +41,12 @@ def command(
     Examples: ehsa-ctrl export pid_position --out deploy/pid · ehsa-ctrl export mpc_position --plant my/rig.toml
     --set K_T=1.1 --out deploy/mpc
     """
-    from ..design.export import export_controller
+    from ..core.written import ResultFolder
+    from ..design.export import FILES, export_controller
     from ..design.load import load_controller
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
-    from .output import prepare_folder, to_json, warn_unbelieved
+    from .output import to_json, warn_unbelieved
     from .progress import compiling
 
     believed = read_pairs(settings)
@@ -53,11 +54,11 @@ def command(
     checked = load_plant(plant, model="nonlinear", settings=believed)
     warn_unbelieved([checked])
     chosen = load_controller(controller, system, sample_time=checked.sample_time)
-    folder = prepare_folder(out, "controller.c", force=force)
+    ResultFolder(out, "export", force).check("controller.c", *FILES)
     with compiling():
         reference, measured, limited = exercise(checked, chosen, seed)
     deployment = export_controller(chosen, reference, measured)
-    deployment.write(folder)
+    deployment.write(out, force=force)
     if as_json:
         lost = int((measured != measured).any(axis=1).sum())
         result = {
@@ -71,12 +72,12 @@ def command(
             "step_size": deployment.rho,
             "distance_from_exact": deployment.vector.distance,
             "samples_unsolved": deployment.vector.left,
-            "files": sorted(str(folder / name) for name in deployment.files),
+            "files": sorted(str(out / name) for name in deployment.files),
         }
         print(to_json(result))
         return
     print(deployment)
-    print(f"written to {folder}; then\n  make -C {folder} test")
+    print(f"written to {out}; then\n  make -C {out} test")
 
 
 def exercise(plant: Plant, controller: SampledController, seed: int) -> tuple[np.ndarray, np.ndarray, int]:

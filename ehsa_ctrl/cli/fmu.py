@@ -31,6 +31,7 @@ def command(
 
     Examples: ehsa-ctrl fmu ehsa --out rig.fmu · ehsa-ctrl fmu my/rig.toml --set load.stiffness=50e3 --out deploy
     """
+    from ..core.written import ResultFolder
     from ..plant.plant import load_plant
     from ..simulation.fmu.export import export_fmu
     from ..simulation.fmu.variables import variables_of
@@ -41,7 +42,14 @@ def command(
     believed = read_pairs(settings)
     loaded = load_plant(plant, model=model, settings=believed)  # type: ignore[arg-type]
     warn_unbelieved([loaded])
-    path = export_fmu(loaded, out if out.suffix == ".fmu" else out / f"{loaded.name}.fmu", force=force)
+    path = out
+    if out.suffix == ".fmu":
+        export_fmu(loaded, out, force=force)
+    else:
+        # The user names the folder, not the file: in it only our own is replaced.
+        path = out / f"{loaded.name}.fmu"
+        with ResultFolder(out, "fmu", force).check(path.name).draft() as draft:
+            export_fmu(loaded, draft / path.name)
     variables = variables_of(loaded)
     if as_json:
         result = {

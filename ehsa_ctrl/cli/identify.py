@@ -107,7 +107,8 @@ def command(
     ehsa-ctrl identify a.csv b.csv --plant my/rig.toml --free K_T --prior K_T=0.05 --fix M ·
     ehsa-ctrl identify log.csv --plant ehsa --model both --set load.stiffness=50e3 --out results/rig
     """
-    from .output import prepare_folder, rests_on, to_json, warn, warn_unbelieved
+    from ..core.written import ResultFolder
+    from .output import rests_on, to_json, warn, warn_unbelieved
     from .progress import compiling, watching
 
     models = _models(plant, model, read_pairs(settings))
@@ -120,8 +121,13 @@ def command(
         raise InputError(f"--method {method!r}: expected simulation or balances")
     if set(map(_resolved, validate)) & set(map(_resolved, logs)) and start is None and stop is None:
         raise InputError(f"{validate[0]}: is used for the estimate and to validate it; give another log")
+    place, written = None, f"{models[-1].name}_identified.toml"
     if out is not None:
-        prepare_folder(out, "identification.json", force=force)
+        ends = [f"-{each.model}" for each in models] if len(models) > 1 else [""]
+        place = ResultFolder(out, "identify", force).check(
+            "identification.json", written, "report.html", *(f"parameters{end}.csv" for end in ends),
+            figures=[f"{word}{end}" for word in ("fit", "parameters", "correlation", "residuals") for end in ends],
+        )  # fmt: skip
     preparation = read_preparation(start, stop, zero, rest, resample, align)
     results = []
     with compiling(), watching() as watch:
@@ -148,7 +154,9 @@ def command(
     found = [result[0] for result in results]
     for finding in {str(finding) for each in found for finding in each.findings}:
         warn(finding)
-    written = _write(out, found, answer, linear, drifts) if out is not None else None
+    if place is not None:
+        with place.draft() as draft:
+            _write(draft, found, {**answer, "written": place.folder / written}, linear, drifts)
     if as_json:
         print(to_json(answer))
         for sentence in {sentence for each in found for sentence in each.warnings}:
@@ -160,8 +168,8 @@ def command(
             print(sentence)
         if len(found) > 1:
             print(_models_table(found))
-        if written is not None:
-            print(f"written to {out}; use it as --plant {written}")
+        if out is not None:
+            print(f"written to {out}; use it as --plant {out / written}")
     if any(identification.interrupted for identification in found):
         warn("interrupted: what is written is the best so far")
         raise typer.Exit(130)
@@ -243,8 +251,8 @@ def _one(
 
 def _write(
     out: Path, found: list[Identification], answer: dict[str, Any], linear: str, drifts: list[tuple[Drift, ...]]
-) -> Path:
-    """Plant, JSON, table, figures and page; returns the plant's path."""
+) -> None:
+    """Plant, JSON, table, figures and page."""
     from ..identification.sliding import sliding_linear
     from ..identification.write import write_plant
     from ..report.figures import (
@@ -260,8 +268,8 @@ def _write(
     plants = [each.plant for each in found]
     if linear == "sliding":
         plants.insert(0, sliding_linear(plants[0]))
-    written = write_plant(out / f"{found[-1].believed.name}_identified.toml", *plants)
-    (out / "identification.json").write_text(to_json({**answer, "written": written}) + "\n")
+    write_plant(out / Path(answer["written"]).name, *plants)
+    (out / "identification.json").write_text(to_json(answer) + "\n")
     for each in found:
         suffix = f"-{each.plant.model}" if len(found) > 1 else ""
         each.to_pandas().to_csv(out / f"parameters{suffix}.csv")
@@ -272,7 +280,6 @@ def _write(
         if each.residual_tests:
             save(residuals_figure(each), out / f"residuals{suffix}")
     write_identification_page(found, out, command=command_line(), drifts=drifts)
-    return written
 
 
 def _models_table(found: list[Identification]) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -30,7 +31,7 @@ from . import (
     run,
     simulate,
 )
-from .output import remove_empty, say
+from .output import say
 
 EPILOG = """\
 Exit status: 0 done; 1 ran, but a scenario's limit failed; 2 the input was wrong, said in one sentence; 130 interrupted.
@@ -83,8 +84,10 @@ def main() -> None:
     """Run the command line and exit: 0, 1 or 2 as the epilog says."""
     # Small matrices by the thousand: threads of the linear algebra cost several times what they bring.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    _open_closed()
     if len(sys.argv) == 1:
         sys.argv.append("--help")
+    unwritten: OSError | None = None
     try:
         status = app(prog_name="ehsa-ctrl", standalone_mode=False)
     except EhsaError as error:
@@ -97,35 +100,42 @@ def main() -> None:
         if not sentence:
             # A group of commands that was called alone has printed its help.
             sentence = "say which: " + ", ".join(getattr(getattr(context, "command", None), "commands", ()))
-        print(f"{command}: {sentence}; see {command} --help", file=sys.stderr)
+        say(f"{sentence}; see {command} --help", who=f"{command}:")
         status = 2
     except MemoryError as error:
-        print(f"ehsa-ctrl: out of memory ({error}); ask for fewer samples or runs", file=sys.stderr)
+        say(f"out of memory ({error}); ask for fewer samples or runs")
         status = 2
     except (Interrupted, typer.Abort, KeyboardInterrupt) as stopped:
         kept = f"; {stopped}" if str(stopped) else ""
-        print(f"ehsa-ctrl: interrupted{kept}", file=sys.stderr)
+        say(f"interrupted{kept}")
         status = 130
     except BrokenPipeError:
         status = 0
+    except OSError as error:
+        unwritten, status = error, 2
     except SystemExit as stopped:
         # rich leaves with 1 where nobody reads on; to us that is a limit that failed.
         status = stopped.code if isinstance(stopped.code, int) and stopped.code != 1 else 0
-    if status:
-        remove_empty()
-    if not _flushed():
-        status = 0
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        # What is left goes nowhere; Python would try again at its end, and complain.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            status = 0
+        else:
+            unwritten, status = unwritten or error, 2
+    if unwritten is not None:
+        what = f"{unwritten.filename}: can't be read or" if unwritten.filename else "the output can't be"
+        say(f"{what} written ({unwritten.strerror or unwritten})")
     sys.exit(status or 0)
 
 
-def _flushed() -> bool:
-    """Whether standard output was read to its end; if not (`| head`), Python is kept from complaining of it."""
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return False
-    return True
+def _open_closed() -> None:
+    """Let a stream that the caller has closed (`>&-`) lead nowhere: its number must not become that of a result."""
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("r" if name == "stdin" else "w"))  # noqa: SIM115 - until the end
 
 
 if __name__ == "__main__":

@@ -64,10 +64,11 @@ def command(
     · ehsa-ctrl montecarlo my/scenario.toml --identification results/rig/identification.json --backend dask
     --address tcp://head:8786 --jobs -1
     """
+    from ..core.written import ResultFolder
     from ..report.figures import save
     from ..report.result_page import write_result_page
     from ..scenario.montecarlo import monte_carlo
-    from .output import prepare_folder, rests_on, to_json
+    from .output import rests_on, to_json
     from .progress import compiling, counting
 
     if not 0.0 < confidence < 1.0:
@@ -80,21 +81,20 @@ def command(
         chosen = [name.strip() for name in controller.split(",") if name.strip()]
         if not chosen:
             raise InputError(f"--controller {controller!r}: names no controller")
-    prepare_folder(out, "", force=True)
+    stems = [Path(scenario).stem + (f"-{Path(name).stem}" if name else "") for name in chosen]
+    # What was written of the runs so far is replaced as they are continued; figures of other campaigns stay.
+    place = ResultFolder(out, "montecarlo", force=True, keep=True)
+    place.check("montecarlo.json", "report.html", figures=stems)
     found = []
-    for name in chosen:
-        stem = Path(scenario).stem + (f"-{Path(name).stem}" if name else "")
-        file = out / f"{stem}.jsonl"
-        if force:
-            file.unlink(missing_ok=True)
+    for name, stem in zip(chosen, stems, strict=True):
         with compiling(), counting() as watch:
             result = monte_carlo(
                 scenario, runs=runs, seed=seed, controller=name, plant=plant, design=design,
                 settings=believed, identification=identification, jobs=jobs, backend=backend, address=address,
-                file=file, watch=watch and (lambda done, total, stem=stem: watch(stem, done, total)),
+                file=out / f"{stem}.jsonl", anew=force,
+                watch=watch and (lambda done, total, stem=stem: watch(stem, done, total)),
             )  # fmt: skip
         found.append(result)
-        save(result.plot(), out / stem)
         if not as_json:
             print(result)
             if require is not None:
@@ -107,8 +107,11 @@ def command(
     )
     campaigns = [{**result.to_dict(confidence), "required": require} for result in found]
     summary = {"campaigns": campaigns, "rests_on": grounds}
-    (out / "montecarlo.json").write_text(to_json(summary) + "\n")
-    write_result_page(out, "montecarlo.json")
+    with place.draft() as draft:
+        for result, stem in zip(found, stems, strict=False):
+            save(result.plot(), draft / stem)
+        (draft / "montecarlo.json").write_text(to_json(summary) + "\n")
+        write_result_page(draft, "montecarlo.json")
     if as_json:
         print(to_json(summary))
     else:

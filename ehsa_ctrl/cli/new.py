@@ -166,18 +166,18 @@ def _write(
     beside: list[tuple[Path, Path]] | None = None,
 ) -> None:
     """Write the file, and what goes beside it, and say what to do next."""
-    from .output import to_json, warn, write_text
+    from ..core.written import refuse_existing, replacing, write_text
+    from .output import to_json, warn
 
     path = Path(catalogue.kind) / f"{stem}.toml"
-    if path.exists() and not force:
-        raise InputError(f"{path}: is there already; choose another name or say --force")
+    refuse_existing(path, force=force)
     shadowed = stem in catalogue and catalogue[stem].resolve() != path.resolve()
     content = text()
-    write_text(path, content)
     for source, target in beside or []:
         if not target.exists():
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source, target)
+            with replacing(target) as draft:
+                shutil.copyfile(source, draft)
+    write_text(path, content)
     if shadowed:
         warn(f"{stem} is also the name of a shipped {catalogue.kind[:-1]}, which is no longer found from this folder")
     if as_json:

@@ -1,4 +1,4 @@
-"""Where results go: files in a folder that is never overwritten unasked, JSON on standard output, tables for people."""
+"""What commands say: JSON on standard output, sentences on standard error, and what a result rests on."""
 
 from __future__ import annotations
 
@@ -9,46 +9,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import InputError
-
 if TYPE_CHECKING:
     from ..plant.plant import Plant
-
-
-#: Folders that were made for results, the innermost first.
-_made: list[Path] = []
-
-
-def prepare_folder(folder: Path, result: str, *, force: bool) -> Path:
-    """Create the folder for a result. Raises InputError if it holds `result` already, unless force is set."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file; give a folder")
-    if (folder / result).exists() and not force:
-        raise InputError(f"{folder / result}: there is a result already; choose another folder or say --force")
-    _made.extend(place for place in (folder, *folder.parents) if not place.exists())
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: can't be created ({error.strerror})") from None
-    return folder
-
-
-def remove_empty() -> None:
-    """Remove the folders that were made for a result that did not come: an input that was wrong leaves nothing."""
-    while _made:
-        # What is not empty, or not there, stays so.
-        with suppress(OSError):
-            _made.pop(0).rmdir()
-
-
-def write_text(path: Path, text: str) -> Path:
-    """Write a file, with its folder. Raises InputError for one that can't be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: can't be written ({error.strerror})") from None
-    return path
 
 
 def plain(value: Any) -> Any:
@@ -93,22 +55,20 @@ def warn_unbelieved(plants: Iterable[Plant]) -> None:
         warn(sentence)
 
 
-def say(sentence: str) -> None:
+def say(sentence: str, *, who: str = "ehsa-ctrl:") -> None:
     """What is wrong, on standard error; one line, whatever the argument or the file name that it quotes."""
     import sys
 
-    print("ehsa-ctrl:", " ".join(sentence.splitlines()), file=sys.stderr)
+    # Where standard error can't be written to, the exit status has to do.
+    with suppress(OSError):
+        print(who, " ".join(sentence.splitlines()), file=sys.stderr, flush=True)
 
 
 def note(sentence: str) -> None:
     """Something that was assumed and is probably right, on standard error."""
-    import sys
-
-    print(f"ehsa-ctrl: note: {sentence}", file=sys.stderr)
+    say(sentence, who="ehsa-ctrl: note:")
 
 
 def warn(sentence: str) -> None:
     """A warning on standard error; the command goes on."""
-    import sys
-
-    print(f"ehsa-ctrl: warning: {sentence}", file=sys.stderr)
+    say(sentence, who="ehsa-ctrl: warning:")

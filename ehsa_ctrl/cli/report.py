@@ -24,15 +24,18 @@ def command(
 
     Examples: ehsa-ctrl report results · ehsa-ctrl report demo --force · ehsa-ctrl report results --out to_send
     """
+    from ..core.written import ResultFolder
     from ..report.result_page import FILE, results_in, write_overview
-    from .output import prepare_folder, to_json, warn
+    from .output import to_json, warn
 
     place = out or folder
     sections, wrong = results_in(folder, place)
-    prepare_folder(place, FILE, force=force)
+    result = ResultFolder(place, "report", force).check(FILE)
     for sentence in wrong:
         warn(f"left out: {sentence}")
-    page = write_overview(sections, place, folder.resolve().name)
+    with result.draft() as draft:
+        write_overview(sections, draft, folder.resolve().name)
+    page = place / FILE
     if as_json:
         results = [
             {

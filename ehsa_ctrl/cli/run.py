@@ -17,7 +17,11 @@ from .options import Force, Json, read_pairs
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from ..core.written import ResultFolder
     from ..scenario.result import ScenarioResult
+
+#: How the name of a figure of an old baseline ends.
+OLD = "-old-baseline"
 
 
 def command(
@@ -55,8 +59,8 @@ def command(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="Folder for results.json, report.html and figures; by default results, or results-2 and so on where "
-            "there is a result already.",
+            help="Folder for results.json, report.html, time series and figures; by default results, or results-2 and "
+            "so on where there is a result already.",
         ),
     ] = None,
     as_json: Json = False,
@@ -82,7 +86,8 @@ def command(
     ehsa-ctrl run --update-baselines --reason "softer spring in the rig"
     """
     from ..core.catalogue import scenarios as catalogue
-    from .output import prepare_folder, rests_on, to_json, warn
+    from ..core.written import ResultFolder
+    from .output import rests_on, to_json, warn
     from .progress import compiling
 
     if update_baselines and (plant or design or settings):
@@ -102,12 +107,19 @@ def command(
     for name in names:
         catalogue.find(name)
     for kind, given in (("scenario", names), ("controller", [name for name in chosen if name])):
-        stems = [Path(name).stem for name in given]
-        twice = [stem for stem in stems if stems.count(stem) > 1]
+        words = [Path(name).stem for name in given]
+        twice = [word for word in words if words.count(word) > 1]
         if twice:
             raise InputError(f"{kind} {twice[0]!r} is given twice; files of the result are named by it")
-    out = prepare_folder(out or _next_results(force), "results.json", force=force)
-    _remove_old(out)
+    out = out or _next_results(force)
+    pairs = [_pair(name, other) for name in names for other in chosen]
+    stems = ["-".join(pair) for pair in pairs]
+    place = ResultFolder(out, "run", force).check(
+        "results.json", "report.html", *(f"{stem}.csv" for stem in stems),
+        figures=[*stems, *(f"loop-{name}" for _, name in pairs)],
+    )  # fmt: skip
+    if update_baselines:
+        _old_baselines(out).check(figures=[f"{stem}{OLD}" for stem in stems])
     todo = [(name, other) for name in names for other in chosen]
     try:
         with compiling():
@@ -119,17 +131,17 @@ def command(
     if update_baselines:
         results = _update(results, reason, out, quiet=as_json)
     failed = [result for result in results if not result.passed]
-    files = _write_report(results, out)
-    summary = {
-        "passed": not failed,
-        "scenarios": [result.to_dict() for result in results],
-        "files": files,
-        "rests_on": rests_on(
-            [run.trajectory.plant for result in results for run in (result.nonlinear, result.linear)],
-            [file for result in results for file in result.files],
-        ),
-    }
-    (out / "results.json").write_text(to_json(summary) + "\n")
+    with place.draft() as draft:
+        summary = {
+            "passed": not failed,
+            "scenarios": [result.to_dict() for result in results],
+            "files": _write_files(results, draft),
+            "rests_on": rests_on(
+                [run.trajectory.plant for result in results for run in (result.nonlinear, result.linear)],
+                [file for result in results for file in result.files],
+            ),
+        }
+        (draft / "results.json").write_text(to_json(summary) + "\n")
     if as_json:
         print(to_json(summary))
     else:
@@ -199,17 +211,24 @@ def _next_results(force: bool) -> Path:
     return folder
 
 
-def _remove_old(out: Path) -> None:
-    """Remove the files that an earlier result in this folder names as its own: some would not be replaced."""
-    import json
+def _stem(result: ScenarioResult) -> str:
+    """How the files of a run are called."""
+    return f"{result.scenario.name}-{result.controller.name}"
 
-    try:
-        old = json.loads((out / "results.json").read_text(encoding="utf-8")).get("files", [])
-    except (OSError, ValueError, AttributeError):
-        return
-    for name in old:
-        if isinstance(name, str) and Path(name).name == name:
-            (out / name).unlink(missing_ok=True)
+
+def _pair(scenario: str, controller: str | None) -> tuple[str, str]:
+    """The names of scenario and controller before the run."""
+    from ..scenario.scenario import load_scenario
+
+    loaded = load_scenario(scenario)
+    return loaded.name, Path(controller or loaded.definition.controller).stem
+
+
+def _old_baselines(out: Path) -> ResultFolder:
+    """Figures of baselines that are about to change; they are looked at before the result is written."""
+    from ..core.written import ResultFolder
+
+    return ResultFolder(out, "baselines", force=True, keep=True)
 
 
 def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: bool) -> list[ScenarioResult]:
@@ -222,8 +241,9 @@ def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: boo
         if lines and not quiet:
             print("\n  ".join([f"{result.scenario.name} with {result.controller.name}:", *lines]))
             if result.baseline is not None:
-                name = f"{result.scenario.name}-{result.controller.name}-old-baseline"
-                save(result.plot_baseline(), out / name)
+                name = f"{_stem(result)}{OLD}"
+                with _old_baselines(out).draft() as draft:
+                    save(result.plot_baseline(), draft / name)
                 print(f"  figure: {out / name}.png")
     if not any(lines for _, lines in changed):
         return results
@@ -231,27 +251,26 @@ def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: boo
     return [updated(result, reason)[0] for result in results]
 
 
-def _write_report(results: list[ScenarioResult], out: Path) -> list[str]:
-    """Figures and page; returns the names of the files."""
+def _write_files(results: list[ScenarioResult], folder: Path) -> list[str]:
+    """Time series, figures and page; returns the names of the files."""
     from ..report.figures import loop_figure, save
     from ..report.page import write_page
     from .output import command_line
 
-    names, drawings = [], []
+    drawings = []
     for result in results:
-        name = f"{result.scenario.name}-{result.controller.name}"
-        _, drawn = save(result.plot(), out / name)
-        names.append(name)
+        name = _stem(result)
+        result.time_series().to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
+        _, drawn = save(result.plot(), folder / name)
         drawings.append(drawn.read_text(encoding="utf-8"))
         if result.baseline is not None and result.baseline.differences(result):
-            save(result.plot_baseline(), out / f"{name}-baseline")
-            names.append(f"{name}-baseline")
-    loops = {result.controller.name: result.loop for result in results if result.loop is not None}
-    for name, loop in loops.items():
-        save(loop_figure(loop), out / f"loop-{name}")
-        names.append(f"loop-{name}")
-    write_page(results, out, command=command_line(), drawings=drawings)
-    return ["report.html", *sorted(path.name for path in out.iterdir() if path.stem in names)]
+            save(result.plot_baseline(), folder / f"{name}-baseline")
+    for name, loop in {result.controller.name: result.loop for result in results}.items():
+        if loop is not None:
+            save(loop_figure(loop), folder / f"loop-{name}")
+    drawn_of = sorted(path.name for path in folder.iterdir())
+    write_page(results, folder, command=command_line(), drawings=drawings)
+    return ["report.html", *drawn_of]
 
 
 #: What the table on the terminal shows; the page has all metrics.
@@ -283,9 +302,10 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
     counts = {word: sum(result.verdict == word for result in results) for word in VERDICTS}
     failed = f", {counts['fail']} failed" if counts["fail"] and len(results) > 1 else ""
     untested = f", {counts['untested']} untested" if counts["untested"] else ""
-    console.print(
-        f"{counts['pass']} of {len(results)} passed{failed}{untested}; written to {out} (open {out / 'report.html'})"
-    )
+    series = f"{_stem(results[0])}.csv" if len(results) == 1 else "SCENARIO-CONTROLLER.csv"
+    where = f"written to {out} (open {out / 'report.html'}; time series: {series})"
+    passed = f"{counts['pass']} of {len(results)} passed{failed}{untested}"
+    console.print(f"{passed}; {where}", markup=False, soft_wrap=True)
 
 
 def _summary(results: list[ScenarioResult]) -> Table:

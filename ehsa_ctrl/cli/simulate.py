@@ -39,10 +39,11 @@ def command(
     ehsa-ctrl simulate ehsa --input current.csv --set load.stiffness=50e3 --out results/loaded
     """
     from ..core.log import read_log
+    from ..core.written import ResultFolder
     from ..plant.plant import load_plant
     from ..simulation.bench import record
     from ..simulation.excitation import excitation as make
-    from .output import prepare_folder, rests_on, to_json, warn_unbelieved
+    from .output import rests_on, to_json, warn_unbelieved
     from .prepared import say_notes
     from .progress import compiling
 
@@ -60,10 +61,11 @@ def command(
         time, current = make(
             str(excitation), amplitude=amplitude, duration=duration, sample_time=loaded.sample_time, seed=seed
         )
-    prepare_folder(out, "log.csv", force=force)
+    place = ResultFolder(out, "simulate", force).check(
+        "log.csv", "simulation.json", "report.html", figures=["simulation"]
+    )
     with compiling():
         log, run = record(loaded, time, current, seed=seed, sensor_noise=not no_noise, centre=centre)
-    log.write(out / "log.csv")
     result = {
         "plant": plant,
         "model": model,
@@ -81,12 +83,14 @@ def command(
         "log": str(out / "log.csv"),
         "rests_on": rests_on([loaded], [input_file]),
     }
-    (out / "simulation.json").write_text(to_json(result) + "\n")
     from ..report.figures import save
     from ..report.result_page import write_result_page
 
-    save(run.plot(), out / "simulation")
-    write_result_page(out, "simulation.json")
+    with place.draft() as draft:
+        log.write(draft / "log.csv")
+        (draft / "simulation.json").write_text(to_json(result) + "\n")
+        save(run.plot(), draft / "simulation")
+        write_result_page(draft, "simulation.json")
     if as_json:
         print(to_json(result))
     else:

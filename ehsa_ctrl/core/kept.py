@@ -4,18 +4,60 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, Generic, TypeVar
 
 from .errors import InputError
+from .written import write_text
 
 T = TypeVar("T")
 
 
-def read_kept(
-    path: Path, key: str, mark: str, parse: Callable[[str], T], *, none: str, other: str, wrong: str
-) -> list[T]:
-    """What a file holds; one that is not there is begun, its head {key: mark}.
+@dataclass
+class Kept(Generic[T]):
+    """What a file holds, and how it goes on.
+
+    Attributes
+    ----------
+    path: None keeps nothing. results: of earlier sessions.
+    """
+
+    path: Path | None
+    results: list[T] = field(default_factory=list)
+    _head: str = ""
+
+    def append(self, lines: Iterable[str]) -> None:
+        """Add results, a line each. Raises InputError for a file that can't be written; what it held is kept."""
+        text = "".join(line + "\n" for line in lines)
+        if self.path is None or not text:
+            return
+        if self._head:
+            write_text(self.path, self._head + text)
+            self._head = ""
+            return
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(text)
+        except OSError as error:
+            raise InputError(
+                f"{self.path}: can't be written ({error.strerror}); what was done is kept, and the same call goes on "
+                "from there"
+            ) from None
+
+
+def open_kept(
+    path: Path | None,
+    key: str,
+    mark: Any,
+    parse: Callable[[str], T],
+    *,
+    anew: bool,
+    none: str,
+    other: str,
+    wrong: str,
+) -> Kept[T]:
+    """Continue a file, or begin it with its first results, its head {key: mark}.
 
     A last line that was cut off by an interrupt is dropped, from the file too: the next one must not be joined to it.
 
@@ -23,22 +65,26 @@ def read_kept(
     ----------
     mark: what makes results comparable, so that they may stand in one file.
     parse: turns a line into a result; raises ValueError, KeyError or TypeError for one that is none.
+    anew: begin again; a file of this kind is replaced when the first result is there, no other one ever is.
     none, other, wrong: end of the sentence for a file that is no such file, for one with another mark, and for a line
         in the middle that is no result.
 
     Raises
     ------
-    InputError: with one of these sentences.
+    InputError: with one of these sentences, or for a file that can't be read or written.
     """
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({key: mark}) + "\n", encoding="utf-8")
-        return []
-    head, *lines = path.read_text(encoding="utf-8").split("\n")
+    begun = json.dumps({key: mark}) + "\n"
+    if path is None or not path.exists():
+        return Kept(path, [], begun)
     try:
+        head, *lines = path.read_text(encoding="utf-8").split("\n")
         found = json.loads(head)[key]
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from None
     except (ValueError, KeyError, TypeError):
         raise InputError(f"{path}: {none}") from None
+    if anew:
+        return Kept(path, [], begun)
     if found != mark:
         raise InputError(f"{path}: {other}")
     results, whole = [], [head]
@@ -52,11 +98,6 @@ def read_kept(
                 raise InputError(f"{path}: line {number} {wrong}; mend or delete it") from None
             continue
         whole.append(line)
-    path.write_text("\n".join(whole) + "\n", encoding="utf-8")
-    return results
-
-
-def append_kept(path: Path, lines: Iterable[str]) -> None:
-    """Add results, a line each."""
-    with path.open("a", encoding="utf-8") as file:
-        file.writelines(line + "\n" for line in lines)
+    if [*whole, ""] != [head, *lines]:
+        write_text(path, "\n".join(whole) + "\n")
+    return Kept(path, results)

@@ -12,6 +12,7 @@ import numpy as np
 
 from .errors import InputError, choices
 from .notebook import ShownAsText
+from .written import replacing
 
 if TYPE_CHECKING:
     import pandas
@@ -156,17 +157,23 @@ class Log(ShownAsText):
     def write(self, path: str | Path) -> None:
         """Write in the format of a measured log: .parquet, .mat (version 5), else CSV with the sensors' decimals.
 
-        Raises InputError for Parquet without pyarrow.
+        A file of that name is replaced, once the new one is whole.
+
+        Raises InputError for Parquet without pyarrow, and for a path that can't be written.
         """
-        path, table = Path(path), self.to_pandas()
+        with replacing(path) as draft:
+            self._write(Path(path), draft)
+
+    def _write(self, path: Path, draft: Path) -> None:
+        table = self.to_pandas()
         if path.suffix.lower() == ".mat":
             from scipy.io import savemat
 
-            savemat(path, {name: table[name].to_numpy() for name in table.columns})
+            savemat(draft, {name: table[name].to_numpy() for name in table.columns})
             return
         if path.suffix.lower() in (".parquet", ".pq"):
             try:
-                table.to_parquet(path, index=False)
+                table.to_parquet(draft, index=False)
             except ImportError:
                 raise InputError(
                     f'{path}: writing Parquet needs pyarrow; install it with pip install "ehsa_ctrl[parquet]"'
@@ -174,7 +181,7 @@ class Log(ShownAsText):
             return
         for name in table.columns:
             table[name] = table[name].round(CHANNELS[name].decimals if name in CHANNELS else 9)
-        table.to_csv(path, index=False)
+        table.to_csv(draft, index=False)
 
 
 def read_log(

@@ -6,7 +6,7 @@ import hashlib
 import html
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, fields
 from functools import partial
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import EhsaError, InputError
-from ..core.kept import append_kept, read_kept
+from ..core.kept import Kept, open_kept
 from ..core.log import Log
 from ..core.parallel import as_done, workers
 from ..identification.record import read_plant_log
@@ -149,6 +149,7 @@ def diagnose_many(
     backend: str = "loky",
     address: str | None = None,
     file: str | Path | None = None,
+    anew: bool = False,
     watch: Callable[[int, int], None] | None = None,
     keep: Callable[[str, Diagnosis], None] | None = None,
 ) -> Batch:
@@ -163,6 +164,7 @@ def diagnose_many(
     file: where each row is appended as it comes, a JSON line each. A file of the same plant and threshold is
         continued: logs that it has are not diagnosed again unless they have changed; those that failed are.
     watch: called with how many logs are done and how many there will be.
+    anew: begin the file again instead, once the first row is there.
     keep: called with each file and its diagnosis as it comes, which is not kept in the result then.
 
     Returns
@@ -182,8 +184,8 @@ def diagnose_many(
         raise InputError(f"{twice}: is given twice; give it once")
     if not 0.0 < threshold < 1.0:
         raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
-    path = None if file is None else Path(file)
-    earlier = _earlier(path, _mark(plant, threshold, check))
+    kept = _earlier(None if file is None else Path(file), _mark(plant, threshold, check), anew)
+    earlier = {row.file: row for row in kept.results}
     rows: dict[str, Row] = {}
     diagnoses: dict[str, Diagnosis] = {}
     todo: list[tuple[str, Log, str]] = []
@@ -199,7 +201,7 @@ def diagnose_many(
             rows[name] = before
         else:
             todo.append((name, read, digest))
-    _append(path, [row for row in rows.values() if row.error])
+    kept.append(_line(row) for row in rows.values() if row.error)
     interrupted = False
     try:
         with workers(backend, jobs, address) as count:
@@ -216,7 +218,7 @@ def diagnose_many(
                             diagnoses[name] = found
                         else:
                             keep(name, found)
-                    _append(path, [rows[name]])
+                    kept.append([_line(rows[name])])
                     if watch is not None:
                         watch(len(rows), len(named))
     except KeyboardInterrupt:
@@ -266,26 +268,22 @@ def _mark(plant: Plant, threshold: float, check: bool) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _earlier(path: Path | None, mark: str) -> dict[str, Row]:
-    """Rows that are in this file, the last of each log; a file that is not there is begun.
-
-    A last line that was cut off by an interrupt is dropped.
+def _earlier(path: Path | None, mark: str, anew: bool) -> Kept[Row]:
+    """Rows that are in this file; the last of each log counts.
 
     Raises InputError for a file of another plant or threshold, or one that is none.
     """
-    if path is None:
-        return {}
-    rows = read_kept(
+    return open_kept(
         path,
         "diagnoses",
         mark,
         _row,
+        anew=anew,
         none="is no file of diagnoses; give another one",
         other="holds diagnoses against another plant or with another threshold; give another folder, or --force to "
         "begin anew",
         wrong="is no row of a diagnosis",
     )
-    return {row.file: row for row in rows}
 
 
 def _row(line: str) -> Row:
@@ -297,6 +295,5 @@ def _row(line: str) -> Row:
     return Row(**(content | numbers | {"set": tuple(content["set"])}))
 
 
-def _append(path: Path | None, rows: Iterable[Row]) -> None:
-    if path is not None:
-        append_kept(path, (json.dumps(row.to_dict()) for row in rows))
+def _line(row: Row) -> str:
+    return json.dumps(row.to_dict())

@@ -20,6 +20,7 @@ import numpy as np
 from ..core.catalogue import plants
 from ..core.errors import InputError
 from ..core.notebook import ShownAsText
+from ..core.written import write_text
 from ..plant.file import LOAD_LETTERS
 from ..plant.plant import Plant, load_plant
 from .fit import Nominal
@@ -81,13 +82,12 @@ class Experiment(ShownAsText):
         return min(d for pair, d in self.distance.items() if pair not in self.alike)
 
     def write(self, path: str | Path) -> Path:
-        """Write columns t, current as `ehsa-ctrl simulate --input` reads them."""
+        """Write columns t, current as `ehsa-ctrl simulate --input` reads them, over a file of that name."""
         import pandas
 
-        path = Path(path)
         time = self.sample_time * np.arange(self.current.size)
-        pandas.DataFrame({"t": time.round(6), "current": self.current.round(6)}).to_csv(path, index=False)
-        return path
+        table = pandas.DataFrame({"t": time.round(6), "current": self.current.round(6)})
+        return write_text(path, table.to_csv(index=False))
 
     def command_in(self, folder: str | Path) -> str:
         """The command where the input was written to FILE in a folder, and the log goes beside it."""

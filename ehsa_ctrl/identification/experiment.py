@@ -21,6 +21,7 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 from ..core.notebook import ShownAsText
+from ..core.written import write_text
 from ..plant.plant import Plant
 from ..simulation.trajectory import Trajectory, versions
 from .admissible import LimitUse
@@ -104,13 +105,11 @@ class Experiment(ShownAsText):
         return self.forecast.undetermined
 
     def write(self, path: str | Path) -> Path:
-        """Write columns t, current as `ehsa-ctrl simulate --input` reads them."""
+        """Write columns t, current as `ehsa-ctrl simulate --input` reads them, over a file of that name."""
         import pandas
 
-        path = Path(path)
         table = pandas.DataFrame({"t": self.time.round(6), "current": self.current.round(6)})
-        table.to_csv(path, index=False)
-        return path
+        return write_text(path, table.to_csv(index=False))
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a candidate, best first: its parts, criterion, and the relative sd of each parameter."""

@@ -12,6 +12,7 @@ import tomlkit
 from ..core.errors import InputError
 from ..core.parameter import Parameter
 from ..core.unit import factor
+from ..core.written import FORCE_ARGUMENT, refuse_existing, write_text
 from ..plant.file import key_of
 from ..plant.plant import SENSOR_WORDS, Plant, Sensor, load_plant
 
@@ -57,13 +58,14 @@ def plant_toml(plants: Sequence[Plant]) -> str:
     return str(tomlkit.dumps(document))
 
 
-def write_plant(path: str | Path, *plants: Plant) -> Path:
-    """Write `plant_toml` to a file and return its path. Raises InputError as that does."""
-    path = Path(path)
-    text = plant_toml(plants)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+def write_plant(path: str | Path, *plants: Plant, force: bool = False) -> Path:
+    """Write `plant_toml` to a file and return its path.
+
+    force: replace a file that is there. Raises InputError as `plant_toml` does, for a file that is there without
+    `force`, and for a path that can't be written.
+    """
+    refuse_existing(Path(path), force=force, how=FORCE_ARGUMENT)
+    return write_text(path, plant_toml(plants))
 
 
 def _put_structure(document: Any, before: Plant, plant: Plant) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import InputError
+from ..core.written import FORCE_ARGUMENT, ResultFolder
 from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import Diagnosis
 from ..identification.identification import Identification
@@ -55,7 +56,7 @@ def write_report(result: Any, folder: str | Path, *, force: bool = False) -> Pat
     ----------
     result: what `run`, `identify`, `diagnose`, `what_changed` or `replay` gives; of `run`, `identify` (both models) and
         `replay` also several in a list, which share a page. Other results are drawn by their `plot()`.
-    force: replace a page that is there.
+    force: replace a page that an earlier call wrote.
 
     Returns
     -------
@@ -63,8 +64,8 @@ def write_report(result: Any, folder: str | Path, *, force: bool = False) -> Pat
 
     Raises
     ------
-    InputError: a result without a page, results of two kinds, a page that is there already, a folder that can't be
-        written to.
+    InputError: a result without a page, results of two kinds, a page that is there already (without force, or where it
+        is not one that this function wrote), a folder that can't be written to.
     """
     found = list(result) if isinstance(result, list | tuple) else [result]
     if not found:
@@ -79,12 +80,7 @@ def write_report(result: Any, folder: str | Path, *, force: bool = False) -> Pat
     if others or (len(found) > 1 and not several):
         what = f"{kind.__name__} and {', '.join(sorted(others))}" if others else f"{len(found)} of {kind.__name__}"
         raise InputError(f"write_report: {what} don't share a page; write them to a folder each")
-    place = Path(folder)
-    if place.is_file():
-        raise InputError(f"{place}: is a file; give a folder")
-    if (place / name).exists() and not force:
-        raise InputError(f"{place / name}: there is a page already; choose another folder or say force=True")
-    try:
-        return write(found, place)
-    except OSError as error:
-        raise InputError(f"{place / name}: can't be written ({error.strerror})") from None
+    place = ResultFolder(Path(folder), "write_report", force, how=FORCE_ARGUMENT)
+    with place.check(name).draft() as draft:
+        write(found, draft)
+    return place.folder / name

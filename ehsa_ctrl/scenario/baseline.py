@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 from ..core.definition import Definition, In, Metre, RadianPerSecond, Second
 from ..core.errors import InputError
 from ..core.unit import factor
+from ..core.written import write_text
 from .funnel import Tube, tube, worst_exit
 from .metrics import METRICS
 
@@ -197,12 +198,7 @@ def write_baseline(result: ScenarioResult, reason: str) -> Path:
         },
         "signals": {name: [_rounded(value) for value in run[name][points]] for name in ("time", *SIGNALS)},
     }
-    try:
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(_text(content), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: can't be written ({error.strerror})") from None
-    return path
+    return write_text(path, _text(content))
 
 
 def differences(result: ScenarioResult) -> tuple[str, ...]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.kept import append_kept, read_kept
+from ..core.kept import Kept, open_kept
 
 
 @dataclass(frozen=True)
@@ -33,45 +33,28 @@ class Outcome:
     failures: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Campaign:
-    """The file of a campaign, if it has one, and what was in it.
+def open_campaign(path: Path | None, mark: str, *, anew: bool = False) -> Kept[Outcome]:
+    """Continue the campaign in this file, or begin it; see `open_kept`.
 
-    path: None keeps nothing. outcomes: of earlier sessions.
+    mark: what makes two campaigns the same. anew: replace the campaign that is in the file.
+
+    Raises InputError for a file of another campaign, or one that is none.
     """
-
-    path: Path | None
-    outcomes: tuple[Outcome, ...] = ()
-
-    @classmethod
-    def open(cls, path: Path | None, mark: str) -> Campaign:
-        """Continue the campaign in this file, or begin it.
-
-        mark: what makes two campaigns the same. A last line that was cut off by an interrupt is dropped.
-
-        Raises InputError for a file of another campaign, or one that is none.
-        """
-        if path is None:
-            return cls(None)
-        outcomes = read_kept(
-            path,
-            "campaign",
-            mark,
-            _outcome,
-            none="is no file of a Monte Carlo campaign; give another one",
-            other="holds runs of another campaign (scenario, plant, controller, uncertainty or seed differ); give "
-            "another folder, or --force to begin anew",
-            wrong="is no result of a run",
-        )
-        return cls(path, tuple(outcomes))
-
-    def append(self, outcomes: Iterable[Outcome]) -> None:
-        """Add results to the file."""
-        if self.path is not None:
-            append_kept(self.path, map(_line, outcomes))
+    return open_kept(
+        path,
+        "campaign",
+        mark,
+        _outcome,
+        anew=anew,
+        none="is no file of a Monte Carlo campaign; give another one",
+        other="holds runs of another campaign (scenario, plant, controller, uncertainty or seed differ); give "
+        "another folder, or --force to begin anew",
+        wrong="is no result of a run",
+    )
 
 
-def _line(outcome: Outcome) -> str:
+def line_of(outcome: Outcome) -> str:
+    """A run as it stands in the file."""
     content = vars(outcome) | {"margin": outcome.margin if math.isfinite(outcome.margin) else str(outcome.margin)}
     return json.dumps(content)
 

@@ -18,7 +18,7 @@ from ..core.parallel import in_rounds, workers
 from ..core.protocol import Controller
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
-from .campaign import Campaign, Outcome
+from .campaign import Outcome, line_of, open_campaign
 from .influence import Influence, influences
 from .metrics import METRICS
 from .result import failures_of
@@ -151,6 +151,7 @@ def monte_carlo(
     backend: str | None = None,
     address: str | None = None,
     file: str | Path | None = None,
+    anew: bool = False,
     watch: Callable[[int, int], None] | None = None,
 ) -> MonteCarlo:
     """Run a scenario many times, each on a plant drawn from what is uncertain, with its own seed of sensor noise.
@@ -166,6 +167,7 @@ def monte_carlo(
     jobs, backend, address: see `core.parallel.workers`; by default threads for a compiled controller, whose
         simulation runs outside Python's lock, and processes for one in plain Python.
     file: where each result is appended as it comes; a file of the same campaign is continued.
+    anew: begin the file again instead, once the first results are there.
     watch: called with how many runs are done and how many there will be.
 
     Returns
@@ -188,8 +190,8 @@ def monte_carlo(
         )
     except InputError as error:
         raise InputError(f"{case.scenario.path or case.scenario.name}: {error}") from None
-    campaign = Campaign.open(None if file is None else Path(file), _mark(case, uncertainty, seed))
-    done = {outcome.run: outcome for outcome in campaign.outcomes if outcome.run < runs}
+    campaign = open_campaign(None if file is None else Path(file), _mark(case, uncertainty, seed), anew=anew)
+    done = {outcome.run: outcome for outcome in campaign.results if outcome.run < runs}
     todo = [number for number in range(runs) if number not in done]
     work = partial(_some, case, uncertainty, seed)
     backend = backend or ("loky" if case.controller.compiled is None else "threading")
@@ -197,7 +199,7 @@ def monte_carlo(
     try:
         with workers(backend, jobs, address) as count:
             for part in in_rounds(work, todo, count=min(count, max(len(todo) // CHUNK, 1)), chunk=CHUNK):
-                campaign.append(part)
+                campaign.append(map(line_of, part))
                 done |= {outcome.run: outcome for outcome in part}
                 if watch is not None:
                     watch(len(done), runs)

@@ -94,13 +94,16 @@ class ScenarioTest(pytest.Item):
         """Figure of the run, and the signals with their tubes as a table."""
         if not self.config.getoption("--scenario-out"):
             return
-        folder = Path(self.config.getoption("--scenario-out"))
-        folder.mkdir(parents=True, exist_ok=True)
+        from ..core.written import ResultFolder
+
         name = f"{result.scenario.name}-{result.controller.name}"
-        result.plot().savefig(folder / f"{name}.png")
-        if result.baseline is not None:
-            result.baseline.to_pandas(result).to_csv(folder / f"{name}-baseline.csv", index=False)
-            result.plot_baseline().savefig(folder / f"{name}-baseline.png")
+        # A manifest for each run: several processes may test at once.
+        place = ResultFolder(Path(self.config.getoption("--scenario-out")), f"pytest-{name}", force=True)
+        with place.draft() as draft:
+            result.plot().savefig(draft / f"{name}.png")
+            if result.baseline is not None:
+                result.baseline.to_pandas(result).to_csv(draft / f"{name}-baseline.csv", index=False)
+                result.plot_baseline().savefig(draft / f"{name}-baseline.png")
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Sentences instead of a traceback for what a user can do something about."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..core.parameter import Parameter
-from ..core.protocol import Controller
+from ..core.protocol import MEASURED, Controller
 from ..core.unit import factor
 from ..design.analysis.loop import LoopAnalysis
 from ..plant.plant import Plant
@@ -230,6 +230,22 @@ class ScenarioResult:
         cells = [[self.cell(name, value) for value in (*pair, gap(*pair))] for name, pair in self.metrics.items()]
         frame[["linear", "nonlinear", "gap"]] = cells
         return frame
+
+    def time_series(self) -> pandas.DataFrame:
+        """One row a sample of the run on the nonlinear plant, SI units; as CSV it is a log that every command reads.
+
+        Columns: t, current and what the sensors gave, named as in a log (nan where a reading was lost); reference, the
+        position asked for; then the true signals of both models, with _linear and _nonlinear behind their names.
+        """
+        import pandas
+
+        run = self.nonlinear
+        columns = {"t": run.trajectory.time, "current": run.trajectory["current"]}
+        columns |= dict(zip(MEASURED, run.measured.T, strict=True)) | {"reference": run.reference[:, 0]}
+        table = pandas.DataFrame(columns).dropna(axis="columns", how="all")
+        for word, loop in (("linear", self.linear), ("nonlinear", run)):
+            table = table.join(loop.trajectory.to_pandas().drop(columns="time").add_suffix(f"_{word}"))
+        return table
 
     def plot(self) -> Figure:
         """Reference, position, speed, pressures and current, linear and nonlinear."""

@@ -276,7 +276,7 @@ rows
 # It is written as a plant of its own. These lines are new beside the ones whose values moved:
 
 # %%
-e.write_plant("plants/corrected.toml", corrected)  # found by its name in a folder plants/
+e.write_plant("plants/corrected.toml", corrected, force=True)  # found by its name in a folder plants/
 before, after = e.plants["ehsa"].read_text().splitlines(), Path("plants/corrected.toml").read_text().splitlines()
 for line in difflib.unified_diff(before, after, lineterm="", n=0):
     if re.match(r"\+(effects|c_f|K_T|A_FM|stiffness)", line):
@@ -472,7 +472,7 @@ plt.show()
 # The shipped scenario says it too, with its limits, on the corrected plant and on the rig:
 
 # %%
-e.write_plant("plants/rig.toml", rig)
+e.write_plant("plants/rig.toml", rig, force=True)
 rows = {}
 for where in ("corrected", "rig"):
     for name, law in {"shipped": shipped, "redesigned": redesigned}.items():

@@ -295,10 +295,10 @@ linear["first half"]
 # plant. That one holds between two standstills, while shaft and rod slide.
 
 # %%
-e.write_plant("plants/identified.toml", found.plant)  # found by name in a folder plants/
-e.write_plant("plants/first.toml", found.plant, linear["first half"].plant)
-e.write_plant("plants/second.toml", found.plant, linear["second half"].plant)
-e.write_plant("plants/sliding.toml", found.plant, sliding_linear(found.plant))
+e.write_plant("plants/identified.toml", found.plant, force=True)  # found by name in a folder plants/
+e.write_plant("plants/first.toml", found.plant, linear["first half"].plant, force=True)
+e.write_plant("plants/second.toml", found.plant, linear["second half"].plant, force=True)
+e.write_plant("plants/sliding.toml", found.plant, sliding_linear(found.plant), force=True)
 
 designs = {"Table 2": "ehsa", "fitted, first half": "first", "fitted, second half": "second", "sliding": "sliding"}
 models = {name: e.load_plant(plant, model="linear") for name, plant in designs.items()}

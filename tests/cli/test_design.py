@@ -68,7 +68,7 @@ def test_json_and_figures(run):
     assert result["settings"] == {"K_T": "1.1"}
     assert 0 < result["settling_time"] < 1
     files = {path.name for path in Path("result").iterdir()}
-    assert files == {"design.json", "report.html"} | {
+    assert files == {"design.json", "report.html", ".ehsa_ctrl-design.json"} | {
         f"{name}.{end}" for name in ("loop", "nyquist", "step") for end in ("png", "svg")
     }
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas
 import pytest
 
-from ehsa_ctrl.cli.diagnose import next_lines, write_next
+from ehsa_ctrl.cli.diagnose import next_lines
 from ehsa_ctrl.diagnosis.next_experiment import FILE, Experiment
 
 
@@ -24,7 +24,7 @@ def test_the_command_that_is_printed_finds_the_file_that_is_written(run, tmp_pat
     """Run as it stands, it makes the log of the proposed current."""
     found = experiment(f"ehsa-ctrl simulate ehsa {options} --out results/next")
     (tmp_path / "d").mkdir()
-    write_next(Path("d"), found)
+    found.write(Path("d") / FILE)
     told, command = next_lines(found, Path("d"))
 
     assert str(Path("d") / FILE) in told
@@ -35,10 +35,7 @@ def test_the_command_that_is_printed_finds_the_file_that_is_written(run, tmp_pat
 
 
 def test_without_a_folder_the_command_is_only_said_where_it_needs_no_file(tmp_path):
-    """An input in a file is had with --out; an earlier proposal does not stay in a folder."""
+    """An input in a file is had with --out."""
     assert "--out" in next_lines(experiment(f"ehsa-ctrl simulate ehsa --input {FILE} --out x"), None)[0]
     assert "simulate ehsa --excitation" in next_lines(experiment("ehsa-ctrl simulate ehsa --excitation a"), None)[1]
     assert next_lines(None, tmp_path) == []
-    (tmp_path / FILE).write_text("old")
-    write_next(tmp_path, None)
-    assert not (tmp_path / FILE).exists()

@@ -17,6 +17,7 @@ def test_source_test_and_vector_are_written(run, tmp_path):
 
     assert (status, err) == (0, "")
     expected = {"controller.c", "controller.h", "test.c", "Makefile", "README.md", "test_vector.csv"}
+    expected |= {".ehsa_ctrl-export.json"}
     assert {path.name for path in (tmp_path / "deploy").iterdir()} == expected
     assert len(table) == result["samples"] == 750
     assert result["samples_limited"] >= 1 and np.isclose(table["current"].abs().max(), 6.0)
@@ -32,11 +33,13 @@ def test_a_result_is_not_overwritten_unasked(run, tmp_path):
     """A second call needs --force; without --json it says how to go on."""
     status, out, _ = run("export", "pid_position", "--out", "deploy")
     assert status == 0 and "make -C deploy test" in out
-    (tmp_path / "deploy" / "controller.c").write_text("mine")
     status, _, err = run("export", "pid_position", "--out", "deploy")
-
     assert status == 2 and "there is a result already" in err
-    assert (tmp_path / "deploy" / "controller.c").read_text() == "mine"
+
+    (tmp_path / "deploy" / "Makefile").write_text("mine")
+    status, _, err = run("export", "pid_position", "--out", "deploy", "--force")
+    assert status == 2 and "deploy/Makefile: was edited since export wrote it" in err
+    (tmp_path / "deploy" / "Makefile").unlink()
     assert run("export", "pid_position", "--out", "deploy", "--force")[0] == 0
     assert "ehsa_step" in (tmp_path / "deploy" / "controller.c").read_text()
 

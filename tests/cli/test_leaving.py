@@ -2,10 +2,12 @@
 
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -28,6 +30,33 @@ def test_a_reader_that_leaves_is_no_failure(tmp_path, arguments):
 
     assert done.returncode == 0
     assert done.stderr == b""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("arguments", [("list", "plants"), ("list", "effects", "--json"), ("--help",), ("list", "nix")])
+def test_an_output_that_cannot_be_written_is_one_sentence(tmp_path, arguments):
+    """A full disk behind standard output: status 2; behind standard error: the status alone says it."""
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*CALL, *arguments], cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+        silent = subprocess.run([*CALL, "list", "nix"], cwd=tmp_path, stdout=full, stderr=full, check=False)
+
+    assert done.returncode == silent.returncode == 2
+    if "nix" not in arguments:
+        assert done.stderr == "ehsa-ctrl: the output can't be written (No space left on device)\n"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="a Unix shell closes them")
+@pytest.mark.parametrize(("closed", "status"), [(">&-", 0), (">&- 2>&-", 0), ("<&- >&-", 0), ("nix 2>&-", 2)])
+def test_a_closed_output_is_no_failure(tmp_path, closed, status):
+    """Nothing is said where nobody listens, and no file that is written gets the output's number."""
+    shell = f"{shlex.join(CALL)} list plants" if status == 0 else f"{shlex.join(CALL)} list"
+    done = subprocess.run(f"{shell} {closed}", shell=True, cwd=tmp_path, capture_output=True, check=False)
+
+    assert (done.returncode, done.stderr) == (status, b"")
 
 
 @pytest.mark.slow

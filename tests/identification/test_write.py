@@ -76,7 +76,7 @@ def test_a_written_plant_runs_as_the_one_that_was_written(plant, tmp_path):
     bristles = plant.with_structure(replace(plant.structure, rod_friction="lugre"), sigma_0_FR=1e8, sigma_1_FR=0.0)
 
     for rig in (every, bristles):
-        again = ehsa_ctrl.load_plant(write_plant(tmp_path / "rig.toml", rig))
+        again = ehsa_ctrl.load_plant(write_plant(tmp_path / "rig.toml", rig, force=True))
 
         assert np.array_equal(ehsa_ctrl.simulate(again, current).states, ehsa_ctrl.simulate(rig, current).states)
 
@@ -87,7 +87,7 @@ def test_another_friction_law_is_written_and_its_letters_with_it(plant, tmp_path
     smooth = plant.with_structure(replace(plant.structure, rod_friction="viscous"))
 
     for rig in (bristles, smooth):
-        again = ehsa_ctrl.load_plant(write_plant(tmp_path / "rig.toml", rig))
+        again = ehsa_ctrl.load_plant(write_plant(tmp_path / "rig.toml", rig, force=True))
 
         assert again.structure == rig.structure and again.values == rig.values
     assert "A_FR" not in again.parameters
@@ -126,6 +126,17 @@ def test_a_shared_letter_that_one_model_gave_up_goes_to_the_other(tmp_path):
     assert ehsa_ctrl.load_plant(path, model="linear")["V"] == 2.042e-3
 
 
+def test_a_written_plant_is_replaced_only_when_told(plant, tmp_path):
+    """A file of that name may be a plant that somebody has edited."""
+    path = write_plant(tmp_path / "rig.toml", plant)
+    path.write_text("mine")
+
+    with pytest.raises(InputError, match=r"rig\.toml: is there already; choose another name or say force=True"):
+        write_plant(path, plant)
+    assert path.read_text() == "mine"
+    assert ehsa_ctrl.load_plant(write_plant(path, plant, force=True)).values == plant.values
+
+
 def test_free_letters_that_are_gone_are_not_named(tmp_path):
     """A file's list of free letters loses those of a law that was changed, and gains what the plant frees."""
     path = tmp_path / "rig.toml"
@@ -134,7 +145,7 @@ def test_free_letters_that_are_gone_are_not_named(tmp_path):
     smooth = rig.with_structure(replace(rig.structure, rod_friction="viscous"))
 
     for plant, free in ((smooth, ("J_M",)), (replace(rig, free=("J_M", "M")), ("J_M", "M"))):
-        assert ehsa_ctrl.load_plant(write_plant(tmp_path / "written.toml", plant)).free == free
+        assert ehsa_ctrl.load_plant(write_plant(tmp_path / "written.toml", plant, force=True)).free == free
 
 
 def test_an_effects_own_letter_never_goes_to_both_models(tmp_path):
@@ -173,6 +184,6 @@ def test_what_never_happens_is_written_as_infinite(plant, tmp_path):
     rig = plant.with_effects("relief_valve", "anti_cavitation", P_crack=float("inf"), P_open=float("-inf"))
     rig = replace(rig, parameters={**rig.parameters, "P_crack": replace(rig.parameters["P_crack"], sd=1e5)})
 
-    again = ehsa_ctrl.load_plant(write_plant(tmp_path / "rig.toml", rig))
+    again = ehsa_ctrl.load_plant(write_plant(tmp_path / "rig.toml", rig, force=True))
 
     assert again.values == rig.values

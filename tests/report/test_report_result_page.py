@@ -12,6 +12,7 @@ from ehsa_ctrl.report.kinds import kinds
 from ehsa_ctrl.report.kinds._result import DOUBT, Result, Table
 from ehsa_ctrl.report.result_page import results_in, write_overview, write_result_page
 
+from .contents import contents
 from .reading import Page, figures, loads_nothing
 
 

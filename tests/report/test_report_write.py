@@ -42,9 +42,13 @@ def test_a_page_is_replaced_only_when_told(gentle, tmp_path):
     """One sentence, and what to say."""
     e.write_report(gentle, tmp_path)
 
-    with pytest.raises(e.InputError, match=r"report\.html: there is a page already; .* force=True"):
+    with pytest.raises(e.InputError, match=r"report\.html: there is a result already; .* force=True"):
         e.write_report(gentle, tmp_path)
-    assert e.write_report(gentle, tmp_path, force=True).is_file()
+    page = e.write_report(gentle, tmp_path, force=True)
+    page.write_text("edited")
+    with pytest.raises(e.InputError, match=r"report\.html: was edited since write_report wrote it"):
+        e.write_report(gentle, tmp_path, force=True)
+    assert page.read_text() == "edited"
 
 
 def test_what_has_no_page_is_said(gentle, fitting, tmp_path):

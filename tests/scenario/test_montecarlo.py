@@ -7,7 +7,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.scenario.campaign import Campaign, Outcome
+from ehsa_ctrl.scenario.campaign import Outcome, line_of, open_campaign
 from ehsa_ctrl.scenario.influence import influences
 from ehsa_ctrl.scenario.montecarlo import MonteCarlo, monte_carlo
 from ehsa_ctrl.scenario.run import prepare
@@ -115,9 +115,9 @@ def test_an_outcome_survives_its_file(tmp_path):
         Outcome(0, True, 0.5, 7, {"K_T": 1.1}, {"IAE": 0.25}),
         Outcome(1, False, float("-inf"), 8, {"K_T": 1.3}, {}, ('it said "no"',)),
     )
-    Campaign.open(file, "x").append(outcomes)
+    open_campaign(file, "x").append(map(line_of, outcomes))
 
-    assert Campaign.open(file, "x").outcomes == outcomes
+    assert open_campaign(file, "x").results == list(outcomes)
 
 
 @pytest.mark.slow

@@ -68,7 +68,7 @@ def test_baselines_are_recorded_with_a_reason_and_then_hold(run, pytester):
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*x leaves its tube by*", "*because: first look; changed since then: *"])
     seen = {path.name for path in (pytester.path / "seen").iterdir()}
-    assert {"good-pid_position.png", "good-pid_position-baseline.png", "good-pid_position-baseline.csv"} == seen
+    assert {"good-pid_position.png", "good-pid_position-baseline.png", "good-pid_position-baseline.csv"} < seen
 
     result = run("--update-baselines", "--reason", "stiffer seal")
     result.assert_outcomes(passed=1)

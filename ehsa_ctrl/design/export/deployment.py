@@ -6,7 +6,6 @@ problem and the fallback are translated and OSQP writes its solver.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from ...core.written import FORCE_ARGUMENT, ResultFolder
 from ..controller import SampledController
 from ..law import Law
 from ..laws.mpc import Mpc
@@ -38,7 +38,9 @@ TOLERANCE, TOLERANCE_MPC = 1e-9, 1e-6
 #: Of the exact solver, so many that it never stops early.
 EXACT_ITERATIONS = 10_000
 FOLDER = Path(__file__).parent / "templates"
-FILES = ("controller.h", "controller.c", "test.c", "Makefile", "README.md")
+VECTOR = "test_vector.csv"
+#: What is written of every controller; of an MPC the solver as well.
+FILES = ("controller.h", "controller.c", "test.c", "Makefile", "README.md", VECTOR)
 #: Title and function of each stage, and where its settings stand.
 TITLES = (
     ("supervision", supervise, 0, S_PLAN),
@@ -66,14 +68,16 @@ class Deployment:
     solver: EmbeddedOsqp | None = field(default=None, repr=False)
     rho: float | None = None
 
-    def write(self, folder: Path) -> None:
-        """Write all files; the solver's go to `osqp/`."""
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in self.files.items():
-            (folder / name).write_text(text, encoding="utf-8")
-        shutil.rmtree(folder / "osqp", ignore_errors=True)
-        if self.solver is not None:
-            self.solver.generate(folder / "osqp")
+    def write(self, folder: str | Path, *, force: bool = False) -> None:
+        """Write all files; the solver's go to `osqp/`. force: replace an earlier export.
+
+        Raises InputError for an earlier export without `force`, and for other files that are in the way.
+        """
+        with ResultFolder(Path(folder), "export", force, how=FORCE_ARGUMENT).draft() as draft:
+            for name, text in self.files.items():
+                (draft / name).write_text(text, encoding="utf-8")
+            if self.solver is not None:
+                self.solver.generate(draft / "osqp")
 
     def __str__(self) -> str:
         lines = [f"{self.name}: {len(self.vector.current)} samples of a run, to be met within {self.tolerance:g} A"]
@@ -167,8 +171,8 @@ def _files(controller: SampledController, vector: Vector, tolerance: float, rho:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    files = {name: environment.get_template(f"{name}.j2").render(context) for name in FILES}
-    return {**files, "test_vector.csv": vector.to_csv()}
+    files = {name: environment.get_template(f"{name}.j2").render(context) for name in FILES if name != VECTOR}
+    return {**files, VECTOR: vector.to_csv()}
 
 
 def _settings(controller: SampledController) -> list[str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...core.errors import InputError
+from ...core.written import refuse_existing, replacing
 from .exported import write_exported
 
 if TYPE_CHECKING:
@@ -59,8 +60,7 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
     path = Path(path)
     if path.suffix != ".fmu":
         raise InputError(f"{path}: expected the path of a file that ends in .fmu")
-    if path.exists() and not force:
-        raise InputError(f"{path}: is there already; choose another name or say --force (force=True)")
+    refuse_existing(path, force=force, how="say --force (force=True)")
     try:
         from pythonfmu.builder import FmuBuilder
     except ImportError:
@@ -68,12 +68,8 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
     from importlib.metadata import version
 
     name = identifier(plant.name)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{path.parent}: can't be created ({error.strerror})") from None
     known_paths, module = list(sys.path), f"{name}_slave"
-    with tempfile.TemporaryDirectory() as folder:
+    with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
         files = write_exported(plant, Path(folder))
         # The same plant gives the same FMU, but for its date: what runs may be told apart by what it is.
         guid = uuid.uuid5(uuid.NAMESPACE_URL, "".join(file.read_text(encoding="utf-8") for file in files))
@@ -84,13 +80,11 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
         try:
             FmuBuilder.build_FMU(
                 script,
-                dest=path,
+                dest=draft,
                 project_files=files,
                 canGetAndSetFMUstate=True,
                 canSerializeFMUstate=True,
             )
-        except OSError as error:
-            raise InputError(f"{path}: can't be written ({error.strerror})") from None
         finally:
             # The builder imports the script by name, from a folder that is about to go.
             sys.path[:] = known_paths
