@@ -69,10 +69,10 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
 
 
 def _limit(name: str, each: Mapping[str, Any]) -> list[str]:
-    scale = scale_of(name, each["unit"])
+    scale = scale_of(name, each["unit"]) if name in SHOWN else 1.0
     values = (written(each[key], scale) for key in ("allowed", "reached", "worst"))
     words = "distance from the middle" if name == "stroke" else name.replace("_", " ")
-    return [words, *values, unit(SHOWN[name])]
+    return [words, *values, unit(SHOWN.get(name, each["unit"]))]
 
 
 KIND = Kind("excitation.json", "experiment", _read)
