@@ -57,7 +57,7 @@ def command(
     Examples: ehsa-ctrl compare log.csv --plant ehsa · ehsa-ctrl compare log.csv --plant my/rig.toml --model nonlinear
     --set load.stiffness=50e3 --from 2 --to 12 --zero p1,p2 --out results/compare
     """
-    from ..identification.checks import check_log
+    from ..identification.checks import check_log, refuse
     from ..identification.record import untold
     from ..identification.replay import replay
     from .output import prepare_folder, rests_on, to_json, warn, warn_unbelieved
@@ -72,13 +72,15 @@ def command(
     preparation = read_preparation(start, stop, zero, rest, resample, align)
     with compiling():
         raw, ready, steps = read_prepared(log, last, preparation)
-        findings = check_log(raw if resample is None else ready, last)
+        findings = check_log(ready, last)
+        refuse(ready, (finding for finding in findings if finding.kind == "time_unit"))
         replays = [replay(each, ready) for each in believed]
     if all(run.stopped for run in replays):
         for finding in findings:
             warn(str(finding))
         raise SimulationError("; ".join(run.stopped for run in replays))
-    cannot_tell = untold(raw, last)
+    missing = untold(raw, last)
+    cannot_tell = list(missing.values())
     result: dict[str, Any] = {
         "log": log,
         "plant": plant,
@@ -90,7 +92,7 @@ def command(
         "models": {run.plant.model: _figures(run) for run in replays},
         "preparation": [step.to_dict() for step in steps],
         "findings": [finding.to_dict() for finding in findings],
-        "untold": list(cannot_tell),
+        "untold": cannot_tell,
         "assumed": [name for name, p in last.parameters.items() if p.source == "assumed"],
         "provenance": replays[0].provenance,
         "rests_on": rests_on(believed, [log]),
@@ -112,8 +114,8 @@ def command(
     print(table(replays))
     for run in replays:
         print(f"{run.plant.model} starts {run.start}")
-    for sentence in cannot_tell:
-        print(sentence)
+    if "force" in missing:
+        print(missing["force"])
     if out is not None:
         print(f"written to {out}")
 
