@@ -146,7 +146,7 @@ def command(
     if len(results) > 1:
         answer["models"] = {believed.model: result[1] for believed, result in zip(models, results, strict=True)}
     found = [result[0] for result in results]
-    findings = {str(finding) for each in found for finding in each.findings}
+    findings = dict.fromkeys(str(finding) for each in found for finding in each.findings)
     for finding in findings:
         warn(finding)
     written = _write(out, found, answer, linear, drifts) if out is not None else None
@@ -158,7 +158,7 @@ def command(
         for identification in found:
             print(identification)
         for sentence in answer["untold"]:
-            if not any(finding.startswith(sentence) for finding in findings):
+            if not any(sentence in finding for finding in findings):
                 print(sentence)
         if len(found) > 1:
             print(_models_table(found))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Literal
@@ -51,6 +51,10 @@ class Finding:
 
     def __str__(self) -> str:
         return self.sentence
+
+    def of(self, log: Log, among: Sequence[Log]) -> Finding:
+        """The same, with the log's name where there are several."""
+        return self if len(among) < 2 else replace(self, sentence=f"{log.name}: {self.sentence}")
 
     def to_dict(self) -> dict[str, Any]:
         return {"kind": self.kind, "channel": self.channel, "severity": self.severity, "sentence": self.sentence}

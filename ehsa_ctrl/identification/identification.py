@@ -308,7 +308,7 @@ class Identification(ShownAsText):
         return identification_figure(self)
 
     def _lines(self) -> Iterator[str]:
-        used = ", ".join(run.log.path.name if run.log.path else "a log" for run in self.train.after)
+        used = ", ".join(run.log.name for run in self.train.after)
         how = "free run" if self.window is None else f"windows of {self.window:.3g} s"
         if self.method == "balances" and self.balances is not None:
             how = f"balances, {self.balances.method}"

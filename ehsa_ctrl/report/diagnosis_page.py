@@ -13,7 +13,6 @@ from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import MODELS, Diagnosis
 from ..diagnosis.signals import SIGNALS
 from . import diagnosis_rows as rows
-from .channel import name_of
 from .closed_loop import OTHER, closed_table
 from .diagnosis_cause import CauseSection, sentence
 from .diagnosis_signals import after_model, after_words, models_shown, signal_shown
@@ -102,7 +101,7 @@ def write_diagnosis_page(
         folder,
         file=FILE,
         diagnosis=diagnosis,
-        log=name_of(diagnosis.log),
+        log=diagnosis.log.name,
         mark=mark,
         heading=heading,
         good=good,
@@ -165,7 +164,7 @@ def diagnosis_figures(diagnosis: Diagnosis) -> dict[str, tuple[str, Figure]]:
 
 
 def _picture(diagnosis: Diagnosis, name: str, heading: str, figure: Figure) -> Picture:
-    words = f"{heading} of the diagnosis of {name_of(diagnosis.log)}. {diagnosis.sentence}"
+    words = f"{heading} of the diagnosis of {diagnosis.log.name}. {diagnosis.sentence}"
     return Picture(heading, embedded(figure, words, name.replace("_", "-")), CAPTIONS[name])
 
 

@@ -13,7 +13,7 @@ from ..core.words import listed
 from ..identification.assumed import Drift
 from ..identification.identification import Identification
 from ..identification.uncertainty import Estimate
-from .channel import name_of, shown
+from .channel import shown
 from .document import Picture, anchors, embedded, merged_versions, write_document
 from .drift import DriftTable
 from .figures import correlation_figure, identification_figure, parameters_figure, residuals_figure
@@ -67,7 +67,7 @@ class Section:
         runs = found.validation.after or found.train.after
         for index, run in enumerate(runs[:DRAWN]):
             yield (
-                f"Before and after on {name_of(run.log)}",
+                f"Before and after on {run.log.name}",
                 identification_figure(found, index),
                 "Free runs, driven by the logged drive and nothing else. Right: the second in which the drive varies "
                 "most. A run far off the measurement leaves its panel.",
@@ -136,7 +136,7 @@ class Section:
                 worst = min(known, key=lambda channel: known[channel], default="")
                 words = f"{number(known[worst])} % ({worst})" if worst else NOTHING
                 story = f"starts {run.start}" + (f"; {run.stopped}" if run.stopped else "")
-                rows.append((name_of(run.log), purpose, words, story))
+                rows.append((run.log.name, purpose, words, story))
         return rows
 
     @property
@@ -156,8 +156,8 @@ class Section:
         if found.method == "balances" and found.balances is not None:
             by = f"balances, {found.balances.method}"
         beside = " beside" if found.method == "balances" else ""
-        facts = [("method", by), ("logs used", listed([name_of(run.log) for run in found.train.after]))]
-        facts.append(("held out", listed([name_of(run.log) for run in found.validation.after]) or "none"))
+        facts = [("method", by), ("logs used", listed([run.log.name for run in found.train.after]))]
+        facts.append(("held out", listed([run.log.name for run in found.validation.after]) or "none"))
         if found.fit is not None:
             length = "whole logs in free run" if found.window is None else f"windows of {number(found.window)} s"
             facts.append((f"simulation{beside}", length))

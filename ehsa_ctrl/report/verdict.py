@@ -8,7 +8,6 @@ from typing import NamedTuple
 from ..core.words import listed
 from ..identification.identification import Identification
 from ..identification.window import sensor_sd
-from .channel import name_of
 from .number import number
 
 #: A channel weighed by more than this times its sensor's noise was weighed by its residual: the model does not fit.
@@ -66,7 +65,7 @@ def _reached(identification: Identification) -> tuple[str, bool]:
     """The worst channel's fit before and after, on logs held out if there are any."""
     held_out = bool(identification.validation.after)
     reach = identification.validation if held_out else identification.train
-    names = listed([name_of(run.log) for run in reach.after])
+    names = listed([run.log.name for run in reach.after])
     where = f"In free run on {names}, {'held out' if held_out else 'used to identify as none was held out'}, "
     ended = [run.stopped for run in reach.after if run.stopped]
     if ended:

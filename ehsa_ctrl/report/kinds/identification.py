@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...core.words import listed
+from ...core.words import listed, told_apart
 from ..number import uncertain, unit
 from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, fit_table, percent, settings_of, written
 
@@ -42,7 +42,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
 
 def _logs(content: Mapping[str, Any]) -> str:
     """Names of the logs that were used; of many their number."""
-    names = [Path(str(log)).name for log in content["logs"]["train"]]
+    names = told_apart([str(log) for log in content["logs"]["train"]])
     return listed(names) if 0 < len(names) < 4 else f"{len(names)} logs"
 
 
