@@ -136,7 +136,7 @@ def _table(batch: Batch) -> Table:
     table = Table(box=None, pad_edge=False)
     for column in ("log", "verdict", "cause", "place"):
         table.add_column(column, overflow="fold")
-    for column in ("probability", "gap, %", "after, %", "s"):
+    for column in ("probability", "held-out gap, %", "after, %", "s"):
         table.add_column(column, justify="right")
     for name, row in zip(told_apart([row.file for row in batch.rows]), batch.rows, strict=True):
         if row.error:

@@ -11,6 +11,7 @@ import jinja2
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from ..plant.file import both
 from .figures import to_svg
 from .number import number, unit
 
@@ -39,7 +40,7 @@ def write_document(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "unit": unit, **(filters or {})}
+    environment.filters |= {"number": number, "unit": unit, "both": both, **(filters or {})}
     page = environment.get_template(template).render(**content)
     path = Path(folder) / file
     path.parent.mkdir(parents=True, exist_ok=True)

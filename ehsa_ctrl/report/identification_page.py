@@ -13,6 +13,7 @@ from ..core.words import listed
 from ..identification.assumed import Drift
 from ..identification.identification import Identification
 from ..identification.uncertainty import Estimate
+from ..plant.file import both
 from .channel import shown
 from .document import Picture, anchors, embedded, merged_versions, write_document
 from .drift import DriftTable
@@ -111,10 +112,10 @@ class Section:
         for estimate in self.identification.estimates:
             if estimate.name in other:
                 its = other[estimate.name]
-                both = (estimate.sd**2 + its.sd**2) ** 0.5
-                apart = number(round(abs(estimate.value - its.value) / both, 1)) if 0 < both < float("inf") else NOTHING
+                sd = (estimate.sd**2 + its.sd**2) ** 0.5
+                apart = number(round(abs(estimate.value - its.value) / sd, 1)) if 0 < sd < float("inf") else NOTHING
                 words = (uncertain(estimate.value, estimate.sd), uncertain(its.value, its.sd))
-                rows.append((estimate.name, *words, unit(estimate.unit), apart))
+                rows.append((both(estimate.name), *words, unit(estimate.unit), apart))
         return rows
 
     @property
@@ -237,11 +238,12 @@ def _written(estimate: Estimate, meanings: dict[str, str]) -> dict[str, str]:
     low, high = estimate.interval
     notes = [f"at its {estimate.at_bound} bound"] if estimate.at_bound else []
     if estimate.trades:
-        notes.append(f"trades with {listed(estimate.trades)}")
+        notes.append(f"trades with {listed(map(both, estimate.trades))}")
     if estimate.prior_sd is not None:
         notes.append(f"held at {number(estimate.start)} ± {number(estimate.prior_sd)}")
     word, dot, channel = estimate.name.partition(".")
     return {
+        "name": both(estimate.name),
         "value": uncertain(estimate.value, estimate.sd),
         "unit": unit(estimate.unit),
         "relative": f"{100.0 * estimate.relative_sd:.2g} %" if estimate.relative_sd < 10.0 else NOTHING,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from ..core.words import listed
 from ..identification.identification import Identification
 from ..identification.window import sensor_sd
+from ..plant.file import both
 from .number import number
 
 #: A channel weighed by more than this times its sensor's noise was weighed by its residual: the model does not fit.
@@ -57,7 +58,7 @@ def _determined(identification: Identification) -> tuple[str, bool]:
     others: dict[str, list[str]] = {}
     for estimate in estimates:
         if not estimate.identifiable:
-            others.setdefault(estimate.verdict, []).append(estimate.name)
+            others.setdefault(estimate.verdict, []).append(both(estimate.name))
     return "; ".join([many, *(f"{word}: {listed(names)}" for word, names in others.items())]) + ".", not others
 
 

@@ -128,7 +128,7 @@ def test_a_log_that_is_not_of_this_loop_is_refused(scenario, plant):
     log = recorded(case, plant.set(K_S=20e3))
 
     check_replay(case, plant.set(K_S=20e3), log)
-    with pytest.raises(InputError, match=r"K_S is 20000 in scenario moves and 0 as believed of the log"):
+    with pytest.raises(InputError, match=r"K_S \(load.stiffness\) is 20000 in scenario moves and 0 as believed"):
         check_replay(case, plant, log)
     slow = Log(2.0 * log.time, log.channels)
     with pytest.raises(InputError, match=r"is sampled every 0\.008 s, controller pid_position every 0\.004 s"):
@@ -160,7 +160,7 @@ def test_a_log_that_is_not_of_this_loop_is_refused(scenario, plant):
         (("log.csv", "--scenario", "mov"), "no scenario 'mov'; did you mean 'moves'?"),
         (("log.csv", "--scenario", "moves", "--controller", "pd"), "no controller 'pd'"),
         (("log.csv", "--scenario", "carriage"), "scenario carriage is for emps"),
-        (("log.csv", "--scenario", "moves", "--replay"), "K_S is 20000 in scenario moves and 0 as believed"),
+        (("log.csv", "--scenario", "moves", "--replay"), "K_S (load.stiffness) is 20000 in scenario moves and 0"),
     ],
 )
 def test_what_is_wrong_is_a_sentence(run, scenario, tmp_path, plant, arguments, says):

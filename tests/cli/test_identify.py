@@ -86,6 +86,7 @@ def test_wrong_calls_are_sentences(run, tmp_path, arguments, said):
     assert said in " ".join(err.split()), err
 
 
+@pytest.mark.slow
 def test_a_finding_says_of_which_log_it_is(run, tmp_path):
     """Two logs of one name, both without speed: each by its folder."""
     log, _ = ehsa_ctrl.record(ehsa_ctrl.load_plant("ehsa"), *ehsa_ctrl.excitation("noise", amplitude=3, duration=4))

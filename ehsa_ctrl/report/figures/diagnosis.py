@@ -114,9 +114,11 @@ def _words(diagnosis: Diagnosis, trace: Trace) -> str:
         return "no gap given:\nit drifts in\nfree run"
     after = after_model(diagnosis)
     if after is None:
-        return f"gap {percent(diagnosis.gap['nominal'][trace.name])}"
+        return f"held-out gap\n{percent(diagnosis.gap['nominal'][trace.name])}"
     pairs = [("before", "nominal"), ("after", after)]
-    return "\n".join(["gap", *(f"{word} {percent(diagnosis.gap[model][trace.name])}" for word, model in pairs)])
+    return "\n".join(
+        ["held-out gap", *(f"{word} {percent(diagnosis.gap[model][trace.name])}" for word, model in pairs)]
+    )
 
 
 def percent(gap: float) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.words import listed, told_apart
+from ...plant.file import both
 from ..number import uncertain, unit
 from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, fit_table, percent, settings_of, written
 
@@ -48,7 +49,7 @@ def _logs(content: Mapping[str, Any]) -> str:
 
 def _sentences(model: str, each: Mapping[str, Any]) -> list[Sentence]:
     parameters = each["parameters"]
-    poor = [name for name, p in parameters.items() if not p["identifiable"]]
+    poor = [both(name) for name, p in parameters.items() if not p["identifiable"]]
     words = f"{model} model: {len(parameters) - len(poor)} of {len(parameters)} parameters well determined"
     found: list[Sentence] = [(f"{words}{'; not ' + listed(poor) if poor else ''}.", True if not poor else DOUBT)]
     fits = each["fit_percent"]
@@ -69,7 +70,7 @@ def _tables(model: str, each: Mapping[str, Any]) -> list[Table]:
         sd = float("inf") if p["sd"] is None else p["sd"]
         relative = percent(sd / abs(p["value"]), 2) if p["value"] and p["sd"] is not None else "–"
         mark = "✓" if p["identifiable"] else "✗"
-        rows.append([name, uncertain(p["value"], sd), relative, written(p["start"]), unit(p["unit"]),
+        rows.append([both(name), uncertain(p["value"], sd), relative, written(p["start"]), unit(p["unit"]),
                      f"{mark} {p['verdict']}"])  # fmt: skip
     head = ["name", "value, one sd", "relative", "start", "unit", "verdict"]
     fits = each["fit_percent"]
