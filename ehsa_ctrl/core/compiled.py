@@ -59,7 +59,7 @@ def load_compiled(text: str, title: str) -> ModuleType:
             draft.write_text(text, encoding="utf-8")
             draft.replace(file)
         if not any(folder.glob("**/*.nbi")):
-            log.info("compiling %s: once, some seconds", title)
+            log.info("compiling %s: once, 10 s to a minute, longer on a busy machine", title)
         return _load(name, file)
 
 

@@ -54,7 +54,8 @@ CAPTIONS = {
     "on held-out data, the sensor's noise taken off, over the standard deviation of the signal; 0 % is within noise. "
     "A run far off the measurement leaves its panel.",
     "where": "Of the whole log. Left: shares of the squared gap. The balances know no effect: each is asked what it "
-    "lacks, and how much of the gap vanishes when that is put into a simulation. Right: when the gap comes, and what is left of it then.",
+    "lacks, and how much of the gap vanishes when that is put into a simulation. Right: when the gap comes, and "
+    "what is left of it then.",
     "unknown_inputs": "What each balance lacks, smoothed, and along what it goes: mean in bins, the band is one "
     "standard deviation within a bin. A positive torque or flow helps, a positive force resists extension; what goes "
     "against the motion is shown times its sign: a positive torque helps the motion, a positive force resists it. How "

@@ -1,5 +1,6 @@
 """Letters that nobody typed are told with the key that sets them, wherever a person reads them."""
 
+import numpy as np
 import pytest
 
 from ehsa_ctrl import load_plant
