@@ -144,7 +144,7 @@ def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> tuple[str, ...]:
         findings = check_log(log, plant)
         if check:
             refuse(log, findings)
-        sentences += [finding.of(log, logs).sentence for finding in findings]
+        sentences += [finding.of(log).sentence for finding in findings]
         length = float(log.time[-1] - log.time[0])
         if length < SHORTEST:
             raise InputError(

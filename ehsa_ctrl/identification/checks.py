@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Literal
@@ -52,9 +52,9 @@ class Finding:
     def __str__(self) -> str:
         return self.sentence
 
-    def of(self, log: Log, among: Sequence[Log]) -> Finding:
-        """The same, with the log's name where there are several."""
-        return self if len(among) < 2 else replace(self, sentence=f"{log.name}: {self.sentence}")
+    def of(self, log: Log) -> Finding:
+        """The same, with the log's name where it has others beside it."""
+        return replace(self, sentence=f"{log.name}: {self.sentence}") if log.label else self
 
     def to_dict(self) -> dict[str, Any]:
         return {"kind": self.kind, "channel": self.channel, "severity": self.severity, "sentence": self.sentence}
@@ -65,7 +65,7 @@ def check_log(log: Log, plant: Plant) -> tuple[Finding, ...]:
     first.
 
     Signs and units are those of a free run of `plant` with the log's drive, which is right enough for both. They are
-    left out where nothing moves or where the run does not say enough. The prepared log may differ: check what was read.
+    left out where nothing moves or where the run does not say enough. Check a log as it will be used, prepared.
     """
     return tuple(sorted(_findings(log, plant), key=lambda finding: finding.severity != "error"))
 
@@ -123,7 +123,8 @@ def _findings(log: Log, plant: Plant) -> Iterator[Finding]:
                 f"{one} and {other} are equal in every row: the same column was logged or mapped twice",
             )  # fmt: skip
             return
-    yield from _constant_drive(plant, log, drives, alive)
+    if not dead:
+        yield from _constant_drive(plant, log, drives, alive)
     sentence = wrong_clock(plant, log)
     if sentence:
         yield Finding("time_unit", "t", "error", sentence)
@@ -200,7 +201,7 @@ def _noisy(plant: Plant, log: Log, channel: str) -> bool:
     second = np.concatenate([np.diff(piece, 2) for piece in pieces])
     blocks = second[: second.size // 25 * 25].reshape(-1, 25)
     declared = plant.sensors[channel].sd if channel in plant.sensors else 0.0
-    return bool(blocks.size and np.min(np.std(blocks, axis=1)) > 0.2 * np.sqrt(6.0) * declared > 0.0)
+    return bool(blocks.size and np.min(np.std(blocks, axis=1)) > 0.2 * np.sqrt(6.0) * declared)
 
 
 def _stuck(plant: Plant, log: Log, channels: list[str], told: list[str], noisy: set[str]) -> Iterator[Finding]:
@@ -211,7 +212,8 @@ def _stuck(plant: Plant, log: Log, channels: list[str], told: list[str], noisy: 
     stretches: dict[tuple[int, int], list[str]] = {}
     for channel in told:
         first, length = longest_run(log[channel])
-        frozen = channel in noisy and first > 0 and length * log.sample_time >= FROZEN_TIME and length >= 10
+        sure = channel in noisy and channel in plant.sensors and first > 0
+        frozen = sure and length * log.sample_time >= FROZEN_TIME and length >= 10
         if frozen or _stands(plant, log, channel, channels, first, length):
             stretches.setdefault((first, length), []).append(channel)
     for (first, length), stuck in stretches.items():

@@ -133,7 +133,7 @@ def identify(
         train=_reach(identified, plant, logs),
         validation=_reach(identified, plant, validate),
         residual_tests=_residual_tests(best) if best is not None else (),
-        findings=tuple(finding.of(log, every) for log, each in zip(every, findings, strict=True) for finding in each),
+        findings=tuple(finding.of(log) for log, each in zip(every, findings, strict=True) for finding in each),
         window=None if whole or search is None else float(np.median(_lengths(search.long))),
         interrupted=interrupted,
         seconds=time.monotonic() - began,
