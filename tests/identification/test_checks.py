@@ -46,7 +46,7 @@ def test_a_right_log_raises_no_alarm(plant, name, sensor_noise, stiffness):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("folder", ["labelled", "withheld"])
+@pytest.mark.parametrize("folder", ["labelled", "withheld", "hard/labelled", "hard/withheld"])
 def test_the_other_benchs_logs_raise_no_alarm(shared_logs, folder):
     """Whatever effect is in them: it is neither a unit, nor a sign, nor a dead or clipped channel."""
     logs = sorted((shared_logs.parent / folder).glob("*.csv"))
