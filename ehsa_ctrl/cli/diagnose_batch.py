@@ -122,6 +122,7 @@ def _print(batch: Batch, out: Path | None) -> None:
 
     console = Console(highlight=False)
     console.print(_table(batch))
+    console.print("gap, after: of all signals, on held-out data, as believed and with the causes")
     for row in batch.failed:
         console.print(Text(row.error, "red"))
     words = ", ".join(f"{count} {word}" for word, count in batch.counts.items())
@@ -136,7 +137,7 @@ def _table(batch: Batch) -> Table:
     table = Table(box=None, pad_edge=False)
     for column in ("log", "verdict", "cause", "place"):
         table.add_column(column, overflow="fold")
-    for column in ("probability", "held-out gap, %", "after, %", "s"):
+    for column in ("probability", "gap, %", "after, %", "s"):
         table.add_column(column, justify="right")
     for name, row in zip(told_apart([row.file for row in batch.rows]), batch.rows, strict=True):
         if row.error:
