@@ -105,6 +105,8 @@ def case_of(scenario: str, controller: str | None, plant: Plant) -> Case:
 
 def check_replay(case: Case, believed: Plant, log: Log) -> None:
     """Raises InputError for a log that can't have been recorded under this loop."""
+    from ..plant.file import both
+
     dt = case.controller.sample_time
     where = log.path or "the log"
     if abs(log.sample_time / dt - 1.0) > 1e-3:
@@ -116,7 +118,7 @@ def check_replay(case: Case, believed: Plant, log: Log) -> None:
     for letter, value in letters.items():
         if not np.isclose(believed[letter], value, rtol=1e-9, atol=0.0):
             raise InputError(
-                f"--replay: {letter} is {value:g} in scenario {case.scenario.name} and {believed[letter]:g} as "
+                f"--replay: {both(letter)} is {value:g} in scenario {case.scenario.name} and {believed[letter]:g} as "
                 "believed of the log; say the same of both with --set"
             )
 

@@ -58,7 +58,7 @@ def command(
     --set load.stiffness=50e3 --from 2 --to 12 --zero p1,p2 --out results/compare
     """
     from ..core.written import ResultFolder
-    from ..identification.checks import check_log
+    from ..identification.checks import check_log, refuse
     from ..identification.record import untold
     from ..identification.replay import fit_words, replay
     from .output import rests_on, to_json, warn, warn_unbelieved
@@ -76,13 +76,15 @@ def command(
     preparation = read_preparation(start, stop, zero, rest, resample, align)
     with compiling():
         raw, ready, steps = read_prepared(log, last, preparation)
-        findings = check_log(raw if resample is None else ready, last)
+        findings = check_log(ready, last)
+        refuse(ready, (finding for finding in findings if finding.kind == "time_unit"))
         replays = [replay(each, ready) for each in believed]
     if all(run.stopped for run in replays):
         for finding in findings:
             warn(str(finding))
         raise SimulationError("; ".join(run.stopped for run in replays))
-    cannot_tell = untold(raw, last)
+    missing = untold(raw, last)
+    cannot_tell = list(missing.values())
     result: dict[str, Any] = {
         "log": log,
         "plant": plant,
@@ -94,7 +96,7 @@ def command(
         "models": {run.plant.model: _figures(run) for run in replays},
         "preparation": [step.to_dict() for step in steps],
         "findings": [finding.to_dict() for finding in findings],
-        "untold": list(cannot_tell),
+        "untold": cannot_tell,
         "assumed": [name for name, p in last.parameters.items() if p.source == "assumed"],
         "provenance": replays[0].provenance,
         "rests_on": rests_on(believed, [log]),
@@ -118,8 +120,8 @@ def command(
     for run in replays:
         words = fit_words(run.fit_percent)
         print(f"{run.plant.model} starts {run.start}" + (f"; its fit is {words}" if words else ""))
-    for sentence in cannot_tell:
-        print(sentence)
+    if "force" in missing:
+        print(missing["force"])
     if out is not None:
         print(f"written to {out}")
 

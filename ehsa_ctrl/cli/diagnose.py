@@ -197,8 +197,9 @@ def _found(
     case = case_of(scenario, controller, believed) if scenario is not None else None
     if case is not None and replay:
         check_replay(case, believed, measured)
-    for sentence in untold(measured, believed):
-        warn(sentence)
+    missing = untold(measured, believed)
+    if "force" in missing:
+        warn(missing["force"])
     change = None
     with compiling(), counting() as watch:
         if earlier is not None:

@@ -35,40 +35,42 @@ def diagnose_batch(
     as_json: bool,
     write: Callable[..., None],
 ) -> None:
-    """Diagnose the logs, write OUT/STEM for each as it comes and OUT/summary.csv and .json at the end, print a table.
+    """Diagnose the logs, write OUT/NAME for each as it comes and OUT/summary.csv and .json at the end, print a table.
 
     write: puts the files of one diagnosis into a folder; is given the folder, the diagnosis and, as `steps`, what was
         done to its log. A log that can't be read is a row that says so; one that can't be prepared as asked ends it all
         before any work.
 
-    Raises InputError: two logs of one name, an output folder of other diagnoses, a log that can't be prepared so. Exits
+    Raises InputError: a log given twice, an output folder of other diagnoses, a log that can't be prepared so. Exits
     2 if no log could be diagnosed.
     """
+    from ..core.words import folders_of
     from ..core.written import ResultFolder
     from ..diagnosis.batch import diagnose_many
     from .diagnose import FIGURES, names_of
     from .output import rests_on, to_json
     from .progress import compiling, counting
 
-    stems = [log.stem for log in logs]
-    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    files = [log.resolve() for log in logs]
+    twice = next((log for log, file in zip(logs, files, strict=True) if files.count(file) > 1), None)
     if twice is not None:
-        raise InputError(f"log {twice!r} is given twice; folders of the result are named by it")
+        raise InputError(f"{twice}: is given twice; give it once")
+    folders = dict(zip(map(str, logs), folders_of(logs), strict=True))
     place, file = None, None
     if out is not None:
         file = out / "diagnoses.jsonl"
         # What was written of the logs so far is replaced as they are continued.
         place = ResultFolder(out, "diagnose_batch", force=True).check("summary.json", "summary.csv", "report.html")
         if force or not file.exists():
-            for stem in stems:
-                ResultFolder(out / stem, "diagnose", force).check(*names_of(believed), figures=FIGURES)
+            for folder in folders.values():
+                ResultFolder(out / folder, "diagnose", force).check(*names_of(believed), figures=FIGURES)
 
     with compiling():
         ready, steps = _prepared(believed, logs, preparation)
 
     def keep(name: str, found: Diagnosis) -> None:
         if out is not None:
-            with ResultFolder(out / Path(name).stem, "diagnose", force=True).draft() as draft:
+            with ResultFolder(out / folders[name], "diagnose", force=True).draft() as draft:
                 write(draft, found, steps=steps[name])
 
     with compiling(), counting() as watch:
@@ -126,6 +128,7 @@ def _print(batch: Batch, out: Path | None) -> None:
 
     console = Console(highlight=False)
     console.print(_table(batch))
+    console.print("gap, after: of all signals, on held-out data, as believed and with the causes")
     for row in batch.failed:
         console.print(Text(row.error, "red"))
     words = ", ".join(f"{count} {word}" for word, count in batch.counts.items())
@@ -135,13 +138,14 @@ def _print(batch: Batch, out: Path | None) -> None:
 def _table(batch: Batch) -> Table:
     from rich.table import Table
 
+    from ..core.words import told_apart
+
     table = Table(box=None, pad_edge=False)
     for column in ("log", "verdict", "cause", "place"):
         table.add_column(column, overflow="fold")
     for column in ("probability", "gap, %", "after, %", "s"):
         table.add_column(column, justify="right")
-    for row in batch.rows:
-        name = Path(row.file).name
+    for name, row in zip(told_apart([row.file for row in batch.rows]), batch.rows, strict=True):
         if row.error:
             table.add_row(name, "failed")
             continue

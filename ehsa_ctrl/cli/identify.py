@@ -152,7 +152,8 @@ def command(
     if len(results) > 1:
         answer["models"] = {believed.model: result[1] for believed, result in zip(models, results, strict=True)}
     found = [result[0] for result in results]
-    for finding in {str(finding) for each in found for finding in each.findings}:
+    findings = dict.fromkeys(str(finding) for each in found for finding in each.findings)
+    for finding in findings:
         warn(finding)
     if place is not None:
         with place.draft() as draft:
@@ -165,7 +166,8 @@ def command(
         for identification in found:
             print(identification)
         for sentence in answer["untold"]:
-            print(sentence)
+            if not any(sentence in finding for finding in findings):
+                print(sentence)
         if len(found) > 1:
             print(_models_table(found))
         if out is not None:
@@ -215,12 +217,12 @@ def _one(
     from .prepared import read_prepared, whole
 
     steps: list[dict[str, Any]] = []
-    missing: list[str] = []
+    missing: dict[str, str] = {}
 
     def ready(path: Path, how: Preparation) -> Log:
         read = read_prepared(path, believed, how, tell=tell)
         steps.extend(read.stated)
-        missing.extend(sentence for sentence in untold(read.log, believed) if sentence not in missing)
+        missing.update(untold(read.log, believed))
         return read.log
 
     used = [ready(path, preparation) for path in logs]
@@ -240,7 +242,7 @@ def _one(
         believed, used, validate=held_out, free=free, fix=fix, bounds=limits, priors=priors, method=method,
         window=window, starts=starts, seed=seed, watch=watch,
     )  # fmt: skip
-    answer = {**found.to_dict(), "model": believed.model, "preparation": steps, "untold": missing}
+    answer = {**found.to_dict(), "model": believed.model, "preparation": steps, "untold": list(missing.values())}
     if profiles:
         lines = [profile(found, name) for name in profiles]
         answer["profiles"] = {

@@ -18,7 +18,7 @@ class _Notice(logging.Handler):
 
         # A structure's own words are Python; of the plant at hand nobody needs them.
         text = re.sub(r"for (\w+ )?Structure\(.*\)", "for a plant of this structure", record.getMessage())
-        Console(stderr=True, highlight=False, markup=False).print(text, style="dim")
+        Console(stderr=True, highlight=False, markup=False).print(text, style="dim", soft_wrap=True)
 
 
 @contextmanager

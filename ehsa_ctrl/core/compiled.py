@@ -112,7 +112,7 @@ def load_compiled(text: str, title: str) -> ModuleType:
             with suppress(OSError, NotImplementedError):
                 stack.enter_context(FileLock(folder / f"{key}.lock", timeout=PATIENCE))
         if folder is None or not any(folder.glob(f"{key}-*.code")):
-            log.info("compiling %s: once, some seconds", title)
+            log.info("compiling %s: once, 10 s to a minute, longer on a busy machine", title)
         module = ModuleType(name)
         # numba looks the module up by its name while it compiles; unregistered, it would compile everything twice.
         sys.modules[name] = module

@@ -128,7 +128,7 @@ def read_dialect(path: Path) -> Dialect:
         rows=tuple(body),
         numbers=tuple(i + 1 for i in rows),
         header_row=(comments[-1] if commented else head) + 1,
-        note=f"{path.name}: read with {listed(said)}" if said else "",
+        note=f"{path}: read with {listed(said)}" if said else "",
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from .errors import InputError, choices
 from .notebook import ShownAsText
+from .words import told_apart
 from .written import replacing
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ class Log(ShownAsText):
     missing: channels that were looked for and are not there.
     notes: what was assumed in reading it, in sentences.
     before: what was recorded before this piece, if it was cut out of a longer log.
+    label: what it is called beside others, see `named`; empty for the file's name.
     """
 
     time: np.ndarray
@@ -86,6 +88,12 @@ class Log(ShownAsText):
     missing: tuple[str, ...] = ()
     before: Log | None = field(default=None, compare=False, repr=False)
     notes: tuple[str, ...] = field(default=(), compare=False)
+    label: str = field(default="", compare=False, repr=False)
+
+    @property
+    def name(self) -> str:
+        """What a title or a sentence calls it."""
+        return self.label or (self.path.name if self.path else "a log")
 
     def __getitem__(self, channel: str) -> np.ndarray:
         if channel not in self.channels:
@@ -101,7 +109,7 @@ class Log(ShownAsText):
 
     def __str__(self) -> str:
         lines = [
-            f"{self.path.name if self.path else 'a log'}: {len(self)} samples from {self.time[0]:g} to "
+            f"{self.name}: {len(self)} samples from {self.time[0]:g} to "
             f"{self.time[-1]:g} s, {1 / self.sample_time:.6g} Hz"
         ]
         for name, values in self.channels.items():
@@ -184,6 +192,14 @@ class Log(ShownAsText):
         table.to_csv(draft, index=False)
 
 
+def named(logs: Sequence[Log]) -> list[Log]:
+    """The logs, those from files called so that they can be told apart."""
+    if len(logs) < 2:
+        return list(logs)
+    labels = iter(told_apart([log.path for log in logs if log.path is not None]))
+    return [log if log.path is None else replace(log, label=next(labels)) for log in logs]
+
+
 def read_log(
     path: str | Path,
     required: Sequence[str],
@@ -254,16 +270,16 @@ def _log(
     values = {channel: scales[channel] * table.numbers(at.column) + at.offset for channel, at in places.items()}
     time = values.pop("t")
     check_time(path, time, uniform=uniform, lines=table.lines)
-    notes, name = list(table.notes), Path(path).name
+    notes = list(table.notes)
     converted = [f"{c} from {table.units[at.column]}" for c, at in places.items() if scales[c] != at.scale]
     if converted:
-        notes.append(f"{name}: converted as its row of units says: {', '.join(converted)}")
+        notes.append(f"{path}: converted as its row of units says: {', '.join(converted)}")
     for channel, at in (columns or {}).items():
         if channel in wanted and channel not in places:
             near = choices(at.column, table.names)
-            notes.append(f"{name}: has no column {at.column!r}, where the plant's [log] looks for {channel}; {near}")
+            notes.append(f"{path}: has no column {at.column!r}, where the plant's [log] looks for {channel}; {near}")
     if write:
-        notes.append(f"{name}: has columns that look like channels and are not read; {write}")
+        notes.append(f"{path}: has columns that look like channels and are not read; {write}")
     return Log(time, values, notes=tuple(notes))
 
 

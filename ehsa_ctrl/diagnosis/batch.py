@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from ..core.errors import EhsaError, InputError
 from ..core.kept import Kept, open_kept
 from ..core.log import Log
 from ..core.parallel import as_done, workers
+from ..core.words import told_apart
 from ..identification.record import read_plant_log
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
@@ -182,6 +183,7 @@ def diagnose_many(
     twice = next((name for name in named if named.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"{twice}: is given twice; give it once")
+    labels = dict(zip(named, told_apart(named), strict=True))
     if not 0.0 < threshold < 1.0:
         raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
     kept = _earlier(None if file is None else Path(file), _mark(plant, threshold, check), anew)
@@ -200,7 +202,7 @@ def diagnose_many(
         if before is not None and before.digest == digest and not before.error:
             rows[name] = before
         else:
-            todo.append((name, read, digest))
+            todo.append((name, replace(read, label=labels[name]), digest))
     kept.append(_line(row) for row in rows.values() if row.error)
     interrupted = False
     try:

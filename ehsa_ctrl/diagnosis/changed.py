@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
-from ..core.log import Log
+from ..core.log import Log, named
 from ..core.notebook import ShownAsText
 from ..plant.plant import Plant
 from .diagnose import Watch, diagnose
@@ -109,6 +109,7 @@ def what_changed(
     """
     if before is after or (before.path is not None and before.path == after.path):
         raise InputError(f"{after.path or 'the log'}: is given as the log before and the one after; give two logs")
+    before, after = named([before, after])
     told = _told(watch, "before")
     first = diagnose(plant, before, threshold=threshold, jobs=jobs, watch=told, check=check)
     rig, brought = _rig(first)

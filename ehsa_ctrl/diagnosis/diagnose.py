@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.log import Log
+from ..core.log import Log, named
 from ..identification.checks import check_log, refuse
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
@@ -75,7 +75,9 @@ def diagnose(
     began = time.monotonic()
     if not 0.0 < threshold < 1.0:
         raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
-    findings = _checked(plant, [log] if validate is None else [log, validate], check)
+    logs = named([log] if validate is None else [log, validate])
+    log, validate = logs[0], None if validate is None else logs[1]
+    findings = _checked(plant, logs, check)
     noise = noise_of(log)
     twin = with_every_effect(plant)
     rippled = ripple_of(plant) > 0.0
@@ -142,7 +144,7 @@ def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> tuple[str, ...]:
         findings = check_log(log, plant)
         if check:
             refuse(log, findings)
-        sentences += [finding.sentence for finding in findings]
+        sentences += [finding.of(log).sentence for finding in findings]
         length = float(log.time[-1] - log.time[0])
         if length < SHORTEST:
             raise InputError(

@@ -11,6 +11,7 @@ import numpy as np
 from ..core.log import Log
 from ..core.notebook import ShownAsText
 from ..physics.effects import EFFECTS
+from ..plant.file import both
 from ..plant.plant import Plant
 from .signals import SIGNALS, gap, largest, scored, signal_noise
 
@@ -230,16 +231,19 @@ class Diagnosis(ShownAsText):
         lines = [
             self.sentence,
             f"  held out: {self.held_out}",
-            "  gap, %      " + "".join(f"{s:>14}" for s in _shown(self)),
+            "  gap there, %" + "".join(f"{s:>14}" for s in _shown(self)),
         ]
         for model, gaps in self.gap.items():
             lines.append(f"  {model:<12}" + "".join(f"{100.0 * gaps[s]:>14.2f}" for s in _shown(self)))
         if self.where:
             lines.append(
-                "  where: " + ", ".join(f"{place} {100 * share:.0f} %" for place, share in self.where if share >= 0.01)
+                "  where, over the whole log: "
+                + ", ".join(f"{place} {100 * share:.0f} %" for place, share in self.where if share >= 0.01)
             )
         for cause in self.effects:
-            numbers = ", ".join(f"{n} = {p.value:.4g} +- {p.sd:.2g} {p.unit}" for n, p in cause.parameters.items())
+            numbers = ", ".join(
+                f"{both(n)} = {p.value:.4g} +- {p.sd:.2g} {p.unit}" for n, p in cause.parameters.items()
+            )
             lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")
             if cause.ambiguous_with:
                 lines.append(f"    can't be told from {', '.join(cause.ambiguous_with)}")
@@ -269,9 +273,17 @@ def _place(d: Diagnosis) -> str:
 
 
 def verdict_sentence(d: Diagnosis) -> str:
-    """One sentence that a person understands at a glance."""
-    worst = max((s for s in d.whole if s != "total"), key=lambda s: d.whole[s])
-    size = f"{100 * largest(d.whole):.3g} % in {worst.replace('_', ' ')}"
+    """One sentence that a person understands at a glance.
+
+    Its gap is that of the held-out data, as in the table; that of the whole log, which the verdict goes by, where the
+    held-out data shows none.
+    """
+    shown = d.gap["nominal"]
+    seen = d.verdict != "no_gap" and largest(shown) >= d.threshold
+    shown = shown if seen else d.whole
+    worst = max((s for s in shown if s != "total"), key=lambda s: shown[s])
+    data = "on held-out data" if seen else "over the whole log"
+    size = f"{100 * shown[worst]:.3g} % in {worst.replace('_', ' ')} {data}"
     limit = f"{100 * d.threshold:g} %"
     if d.verdict == "no_gap":
         return f"No gap that matters: the largest is {size}, below {limit}."
@@ -279,9 +291,9 @@ def verdict_sentence(d: Diagnosis) -> str:
     closed = ""
     if d.verdict in ("effect", "ambiguous") and d.gap["nominal"]["total"] > 0.0:
         share = 1.0 - d.gap["with_effects"]["total"] / d.gap["nominal"]["total"]
-        closes = "closes" if len(d.effects) == 1 else "close"
-        closed = f", which {closes} {100 * share:.0f} % of the gap on held-out data"
-        after = d.whole_with_effects if largest(d.gap["nominal"]) < d.threshold else None
+        closes, where = "closes" if len(d.effects) == 1 else "close", "there" if seen else "on held-out data"
+        closed = f", which {closes} {100 * share:.0f} % of the gap of all signals {where}"
+        after = None if seen else d.whole_with_effects
         if after is not None:
             before = 100 * largest(d.whole)
             closed = (

@@ -70,14 +70,13 @@ def whole(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> St
     found = find_start(plant, log, log.before)
     names = [state.name for state in plant.structure.equations.states]
     start = None if np.array_equal(found.state, plant.rest) else dict(zip(names, found.state.tolist(), strict=True))
-    name = log.path.name if log.path else "a log"
-    return Stretch(Twin(twin, log, start), 0, noise, name)
+    return Stretch(Twin(twin, log, start), 0, noise, log.name)
 
 
 def last_part(plant: Plant, twin: Plant, log: Log, noise: Mapping[str, float]) -> tuple[Log, Stretch]:
     """What is left to fit with, and the last third, begun in the state that the second before it shows."""
     edge = int(round(len(log) * (1.0 - KEPT_BACK)))
-    words = f"the last third of {log.path.name if log.path else 'the log'}, from {log.time[edge]:g} s on"
+    words = f"the last third of {log.name if log.path else 'the log'}, from {log.time[edge]:g} s on"
     if _hidden(plant, log):
         # A state that no sensor shows is known where the log begins, and from there on by the run alone.
         return log.rows(0, edge), replace(whole(plant, twin, log, noise), first=edge, words=words)

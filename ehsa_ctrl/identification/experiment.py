@@ -22,6 +22,7 @@ import numpy as np
 from ..core.errors import InputError, choices
 from ..core.notebook import ShownAsText
 from ..core.written import write_text
+from ..plant.file import both
 from ..plant.plant import Plant
 from ..simulation.trajectory import Trajectory, versions
 from .admissible import LimitUse
@@ -181,7 +182,8 @@ class Experiment(ShownAsText):
         yield f"{self.plant.name} ({self.plant.model}): {self.chosen.words}; {self.time[-1]:g} s from rest"
         yield self.forecast.table(self.at_worst if self.draws else None)
         for name, trades in self.undetermined.items():
-            yield f"  {name}: no candidate determines it" + (f"; it trades with {', '.join(trades)}" if trades else "")
+            others = f"; it trades with {', '.join(map(both, trades))}" if trades else ""
+            yield f"  {both(name)}: no candidate determines it{others}"
         others = f"; at worst of {self.draws} plants with parameters up to {100 * self.spread:.0f} % off"
         yield "limits" + (others if self.draws else "")
         for use in self.limits:

@@ -11,6 +11,7 @@ import numpy as np
 from ..core.errors import InputError, SimulationError
 from ..core.log import Log
 from ..core.notebook import ShownAsText
+from ..plant.file import both
 from ..plant.plant import Plant
 from ..simulation.bench import record
 from ..simulation.sensors import shown
@@ -81,8 +82,8 @@ class Forecast(ShownAsText):
             if relative[e.name] == np.inf and np.isfinite(e.sd):
                 words = "believed to be zero, so that it has no relative sd"
             if e.trades and words:
-                words += f", trades with {', '.join(e.trades)}"
-            lines.append(f"  {e.name:<14} {e.value:>11.5g} {sd:>12} {share}  {e.unit:<10} {words}".rstrip())
+                words += f", trades with {', '.join(map(both, e.trades))}"
+            lines.append(f"  {both(e.name):<14} {e.value:>11.5g} {sd:>12} {share}  {e.unit:<10} {words}".rstrip())
         return "\n".join(lines)
 
     def to_pandas(self) -> pandas.DataFrame:

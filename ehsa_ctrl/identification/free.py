@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 from ..core.unit import parse
-from ..plant.file import letter_of
+from ..plant.file import both, letter_of
 from ..plant.plant import SENSOR_WORDS, Plant
 
 #: A mass, volume or inertia may come out as small as this share of what it was believed to be.
@@ -70,11 +70,15 @@ def free_parameters(
             raise InputError(f"{asked}: is nothing that can be estimated of {plant.name}; {choices(asked, known)}")
     for name in fix:
         if letter_of(name) not in names:
-            raise InputError(f"{name}: can't be fixed, it is not free; free are {', '.join(names) or 'none'}")
+            raise InputError(
+                f"{name}: can't be fixed, it is not free; free are {', '.join(map(both, names)) or 'none'}"
+            )
         names.remove(letter_of(name))
     for name in (*bounds, *priors):
         if letter_of(name) not in names:
-            raise InputError(f"{name}: has a bound or a prior but is not free; free are {', '.join(names) or 'none'}")
+            raise InputError(
+                f"{name}: has a bound or a prior but is not free; free are {', '.join(map(both, names)) or 'none'}"
+            )
     if plant.structure.delay in names:
         raise InputError(
             f"{plant.structure.delay}: has no derivative to be estimated by; a dead time of the drive is the same as "

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..core.notebook import ShownAsText
+from ..plant.file import both
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .balances import BalanceEstimate
@@ -308,23 +309,24 @@ class Identification(ShownAsText):
         return identification_figure(self)
 
     def _lines(self) -> Iterator[str]:
-        used = ", ".join(run.log.path.name if run.log.path else "a log" for run in self.train.after)
+        used = ", ".join(run.log.name for run in self.train.after)
         how = "free run" if self.window is None else f"windows of {self.window:.3g} s"
         if self.method == "balances" and self.balances is not None:
             how = f"balances, {self.balances.method}"
         yield f"{self.plant.name} ({self.plant.model}) identified from {used}, {how}; computed in {self.seconds:.1f} s"
         if self.interrupted:
             yield "  interrupted: this is the best so far, not the minimum"
-        yield f"  {'':<12} {'value':>11} {'sd':>9} {'':>8} {'start':>11} {'unit':<10}"
+        width = max(12, *(len(both(e.name)) for e in self.estimates))
+        yield f"  {'':<{width}} {'value':>11} {'sd':>9} {'':>8} {'start':>11} {'unit':<10}"
         for e in self.estimates:
             relative = f"{100 * e.relative_sd:.2g} %" if e.relative_sd < 10 else "-"
             words: str = "" if e.identifiable else e.verdict
             if e.at_bound:
                 words += f", at its {e.at_bound} bound"
             if e.trades and not e.identifiable:
-                words += f", trades with {', '.join(e.trades)}"
+                words += f", trades with {', '.join(map(both, e.trades))}"
             sd = f"{e.sd:.2g}" if math.isfinite(e.sd) else "-"
-            numbers = f"  {e.name:<12} {e.value:>11.5g} {sd:>9} {relative:>8} {e.start:>11.5g}"
+            numbers = f"  {both(e.name):<{width}} {e.value:>11.5g} {sd:>9} {relative:>8} {e.start:>11.5g}"
             yield f"{numbers} {e.unit:<10} {words}".rstrip()
         if self.method == "balances" and self.balances is not None:
             for balance in self.balances.balances:
@@ -362,8 +364,8 @@ class Identification(ShownAsText):
         for e in self.beside:
             sd = f"{e.sd:.2g}" if math.isfinite(e.sd) else "-"
             words = "" if e.identifiable else e.verdict
-            yield f"    {e.name:<10} {e.value:>11.5g} {sd:>9} {e.unit:<10} {words}".rstrip()
-        differ = ", ".join(self.differing)
+            yield f"    {both(e.name):<10} {e.value:>11.5g} {sd:>9} {e.unit:<10} {words}".rstrip()
+        differ = ", ".join(map(both, self.differing))
         yield (
             (f"  {differ} differ: " if differ else "  no parameter differs by more than two deviations: ")
             + "balances weigh the error of a force at every instant, the simulation what it adds up to; what the model "

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.log import Log
+from ..core.log import Log, named
 from ..plant.arrays import needed_to_simulate
 from ..plant.plant import Plant
 from .balances import BalanceEstimate, estimate_by_balances, first_estimate
@@ -84,9 +84,11 @@ def identify(
         raise InputError(f"window = {window:g} s; expected more than 0")
     if starts < 1:
         raise InputError(f"starts = {starts}; expected 1 or more")
+    every = named([*logs, *validate])
+    logs, validate = every[: len(logs)], every[len(logs) :]
     parameters = free_parameters(plant, free=free, fix=fix, bounds=bounds, priors=priors)
-    findings = [check_log(log, plant) for log in [*logs, *validate]]
-    for log, found in zip([*logs, *validate], findings, strict=True):
+    findings = [check_log(log, plant) for log in every]
+    for log, found in zip(every, findings, strict=True):
         if check:
             refuse(log, found)
     chosen = method or plant.estimation.method
@@ -131,7 +133,7 @@ def identify(
         train=_reach(identified, plant, logs),
         validation=_reach(identified, plant, validate),
         residual_tests=_residual_tests(best) if best is not None else (),
-        findings=tuple(finding for each in findings for finding in each),
+        findings=tuple(finding.of(log) for log, each in zip(every, findings, strict=True) for finding in each),
         window=None if whole or search is None else float(np.median(_lengths(search.long))),
         interrupted=interrupted,
         seconds=time.monotonic() - began,
@@ -210,7 +212,7 @@ def size_of(plant: Plant, parameter: FreeParameter, value: float, logs: Sequence
 
 def _with_provenance(plant: Plant, table: Sequence[Estimate], logs: Sequence[Log]) -> Plant:
     """The same plant, its new numbers marked as identified."""
-    files = ", ".join(log.path.name for log in logs if log.path is not None)
+    files = ", ".join(log.name for log in logs if log.path is not None)
     note = f"identified from {files}" if files else "identified"
     changed = dict(plant.parameters)
     for estimate in table:

@@ -235,8 +235,8 @@ def align(
     why, delay, strength = run.stopped, 0.0, 0.0
     if not why:
         measured, simulated, middle = run.log[channel], run.simulated[channel], len(run.log) // 2
-        delay, strength = _delay(measured, simulated, dt)
-        halves = [_delay(measured[part], simulated[part], dt) for part in (slice(middle), slice(middle, None))]
+        delay, strength = delay_of(measured, simulated, dt)
+        halves = [delay_of(measured[part], simulated[part], dt) for part in (slice(middle), slice(middle, None))]
         apart = abs(halves[0][0] - halves[1][0])
         if strength < WEAKEST:
             why = f"its rate and the replay's correlate by {strength:.2f} only, {WEAKEST:g} is needed"
@@ -255,8 +255,13 @@ def align(
     return replace(log, channels=moved), Step("align", words, figures)
 
 
-def _delay(measured: np.ndarray, simulated: np.ndarray, dt: float) -> tuple[float, float]:
-    """How much later `measured` (N,) is than `simulated` [s], and the correlation of their rates at that shift."""
+def delay_of(
+    measured: np.ndarray, simulated: np.ndarray, dt: float, *, longest: float = LONGEST_DELAY
+) -> tuple[float, float]:
+    """How much later `measured` (N,) is than `simulated` [s], and the correlation of their rates at that shift.
+
+    It is looked for up to `longest` [s].
+    """
     a, b = np.diff(measured), np.diff(simulated)
     a, b = a - np.mean(a), b - np.mean(b)
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
@@ -264,7 +269,7 @@ def _delay(measured: np.ndarray, simulated: np.ndarray, dt: float) -> tuple[floa
         return 0.0, 0.0
     product = correlate(a, b) / size
     lags = correlation_lags(a.size, b.size)
-    near = np.abs(lags) <= max(int(LONGEST_DELAY / dt), 2)
+    near = np.abs(lags) <= max(int(longest / dt), 2)
     product, lags = product[near], lags[near]
     best = int(np.argmax(product))
     # A parabola through the peak; over some samples where the peak is that broad, because it is noisy then.

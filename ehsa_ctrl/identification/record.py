@@ -63,15 +63,17 @@ SHORT = 1.0 / 300.0
 
 
 def wrong_time_unit(log: Log, plant: Plant) -> str:
-    """A sentence if the samples are too far apart for time in s, or too close for a mapping from ms; else empty."""
+    """A sentence if samples are too far apart or too close for time in s; else empty. Minutes: see `wrong_clock`."""
     ratio = log.sample_time / plant.sample_time
     at = plant.log.get("t")
     column, mapped = (at.column, at.scale) if at is not None else ("t", 1.0)
-    if ratio < SHORT and mapped < 1.0:
+    if ratio < SHORT:
+        probably = f'in s already: write t = {{ column = "{column}" }}'
+        if mapped >= 1.0:
+            probably = f'in h: write t = {{ column = "{column}", scale = {3600 * mapped:g} }}'
         return (
             f"{log.path or 'the log'}: column {column!r} has steps of {log.sample_time:.3g} s, 1/{1 / ratio:.3g} of "
-            f'the sample time of {plant.name}; it is probably in s already: write t = {{ column = "{column}" }} in the '
-            "plant's [log] table"
+            f"the sample time of {plant.name}; it is probably {probably} in the plant's [log] table"
         )
     if ratio < 100.0:
         return ""
@@ -83,13 +85,14 @@ def wrong_time_unit(log: Log, plant: Plant) -> str:
     )
 
 
-def untold(log: Log, plant: Plant) -> tuple[str, ...]:
-    """What this log can't tell, a sentence for each channel that is missing."""
+def untold(log: Log, plant: Plant) -> dict[str, str]:
+    """What this log can't tell, a sentence for each channel that is missing; `missing` of it, and every output."""
     outputs = plant.structure.system.outputs
-    return tuple(
-        f"without {channel} the log does not tell "
+    missing = dict.fromkeys([*(name for name in outputs if name not in log.channels), *log.missing])
+    return {
+        channel: f"without {channel} the log does not tell "
         + (UNTOLD_FORCE if channel == "force" else UNTOLD.get(outputs.get(channel, ""), f"what {channel} shows"))
-        for channel in log.missing
+        for channel in missing
         # A speed that is missing is the slope of the position.
         if outputs.get(channel) != "v" or "x" not in {outputs[c] for c in outputs if c in log.channels}
-    )
+    }

@@ -88,7 +88,7 @@ class Replay(ShownAsText):
     def __str__(self) -> str:
         log = self.log
         lines = [
-            f"{self.plant.name} ({self.plant.model}) beside {log.path.name if log.path else 'a log'}: "
+            f"{self.plant.name} ({self.plant.model}) beside {log.name}: "
             f"{len(log)} samples, {log.time[-1] - log.time[0]:g} s",
             f"  starts {self.start}",
         ]

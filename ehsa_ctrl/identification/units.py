@@ -51,7 +51,7 @@ def wrong_units(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
                         ),
                     )
                     return
-    ratio = _gear(plant, log)
+    ratio = gear(plant, log)
     for channel, size in sizes.items():
         si = CHANNELS[channel].unit
         if 1 / OFF < size < OFF:
@@ -90,7 +90,7 @@ def _sizes(plant: Plant, log: Log, scales: Mapping[str, float]) -> dict[str, flo
             continue
         measured, simulated = log[channel], run[state]
         if state == "x":
-            lag = max(int(round(0.1 / log.sample_time)), 1)
+            lag = min(max(int(round(0.1 / log.sample_time)), 1), len(log) // 4)
             measured, simulated = measured[lag:] - measured[:-lag], simulated[lag:] - simulated[:-lag]
         declared = plant.sensors[channel].sd if channel in plant.sensors else sensor_sd(plant, log, channel)
         if np.std(simulated) > 10.0 * declared and np.std(measured) > 0.0:
@@ -128,13 +128,13 @@ def _level_agrees(plant: Plant, log: Log, channel: str, scale: float) -> bool:
     return abs(math.log(level * scale / rest)) < abs(math.log(level / rest))
 
 
-def _gear(plant: Plant, log: Log) -> float | None:
+def gear(plant: Plant, log: Log) -> float | None:
     """Rod travel over what the shaft has pumped, 1 if both units are right; None without both, or without a pump."""
     system, values = plant.structure.system, plant.values
     by_state = {state: channel for channel, state in system.outputs.items() if channel in log.channels}
     if not {"omega", "x"} <= by_state.keys() or not {"D", "A"} <= values.keys():
         return None
-    lag = max(int(round(0.1 / log.sample_time)), 1)
+    lag = min(max(int(round(0.1 / log.sample_time)), 1), len(log) // 4)
     travelled = log[by_state["x"]][lag:] - log[by_state["x"]][:-lag]
     turned = np.convolve(log[by_state["omega"]], np.ones(lag), mode="valid") * log.sample_time
     size = float(np.std(turned)) * values["D"] / values["A"]

@@ -8,6 +8,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
+from .file import both
 from .linear import three_state
 from .linearise import linearise, reduce_to_difference
 from .plant import Plant
@@ -61,7 +62,7 @@ class Condition:
         parts = []
         for name in self.named:
             letter, unit, scale = WORDS[name]
-            parts.append(f"{letter} = {getattr(self, name) / scale:.6g} {unit}")
+            parts.append(f"{both(letter)} = {getattr(self, name) / scale:.6g} {unit}")
         return ", ".join(parts)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 from .conditions import Condition, operating_points
+from .file import both
 from .plant import Plant
 
 if TYPE_CHECKING:
@@ -204,7 +205,7 @@ def difference(plant: Plant, nominal: Plant, *, most: int = 4) -> str:
             continue
         relative = (parameter.value - before) / abs(before) if before else math.inf
         words = f"{100 * relative:+.2g} %" if before else f"{parameter.value:g} {parameter.unit}"
-        parts.append((abs(relative), f"{name} {words}"))
+        parts.append((abs(relative), f"{both(name)} {words}"))
     ordered = [words for _, words in sorted(parts, key=lambda part: -part[0])]
     return ", ".join(ordered[:most] + ["..."] * (len(ordered) > most)) or "nominal"
 
@@ -214,7 +215,7 @@ def drawn_models(
 ) -> dict[str, control.StateSpace]:
     """Linear models of a plant at each condition, then of drawn plants, the conditions taken in turn.
 
-    Labels say what is different: "K_S = 50 kN/m", "draw 7 at K_S = 50 kN/m: M +12 %, ...".
+    Labels say what is different: "K_S (load.stiffness) = 50 kN/m", "draw 7 at beta = 5e+08 Pa: M +12 %, ...".
     """
     models = operating_points(plant, conditions)
     for k, drawn in enumerate(plants):

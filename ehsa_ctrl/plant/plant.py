@@ -28,6 +28,7 @@ from .file import (
     PlantFile,
     Quantity,
     SensorFile,
+    both,
     key_of,
     letter_of,
 )
@@ -134,9 +135,9 @@ class Plant(ShownAsText):
         """Sentences on values that were set for one run and lie outside the range in which the file believes them, or
         so far from the file's own that another unit must be meant."""
         return tuple(
-            p.far
-            or f"{p.name} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the range in which "
-            f"{self.name} believes it"
+            (p.far and both(p.name) + p.far.removeprefix(p.name).replace(p.name, key_of(p.name)))
+            or f"{both(p.name)} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the range in "
+            f"which {self.name} believes it"
             for p in self.parameters.values()
             if p.source == "given" and (p.far or not p.lower <= p.value <= p.upper)
         )
@@ -195,7 +196,7 @@ class Plant(ShownAsText):
             lines.append(f"  chambers: {structure.chambers}")
         if structure.effects:
             lines.append(f"  effects: {', '.join(structure.effects)}")
-        lines += [f"  {p.name:<10} {p.value:>12.6g} {p.unit:<10} {p.source}" for p in self.parameters.values()]
+        lines += [f"  {both(p.name):<22} {p.value:>12.6g} {p.unit:<10} {p.source}" for p in self.parameters.values()]
         return "\n".join(lines)
 
     def to_pandas(self) -> pandas.DataFrame:

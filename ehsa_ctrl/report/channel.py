@@ -37,11 +37,6 @@ def shown(channel: str) -> Shown:
     return Shown(WORDS.get(channel, channel), usual, factor(usual, own))
 
 
-def name_of(log: Log) -> str:
-    """The log's file, as a title has it."""
-    return log.path.name if log.path else "a log"
-
-
 def liveliest(log: Log, channel: str) -> slice:
     """Samples of the second (or the quarter of a short log) in which a channel varies most."""
     samples = len(log)

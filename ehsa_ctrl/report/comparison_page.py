@@ -11,7 +11,6 @@ from ..core.errors import InputError
 from ..identification.checks import Finding
 from ..identification.preparation import Step
 from ..identification.replay import GOOD, POOR, Replay, fit_words, quality
-from .channel import name_of
 from .document import Picture, embedded, merged_versions, write_document
 from .figures import replay_figure
 from .grounds import assumed_of, hashes
@@ -81,7 +80,7 @@ def write_comparison_page(
     return write_document(
         "comparison.html.j2",
         folder,
-        headline=f"{plant.name} beside {name_of(log)}",
+        headline=f"{plant.name} beside {log.name}",
         models=models,
         named=(GOOD, POOR),
         fits=[(channel, [number(run.fit_percent.get(channel, math.nan)) for run in replays]) for channel in channels],

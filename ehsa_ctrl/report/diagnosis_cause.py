@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ..core.words import listed
 from ..diagnosis.diagnosis import Cause, Diagnosis, Estimated
 from ..physics.effects import EFFECTS
+from ..plant.file import both
 from ..plant.plant import Plant, Sensor
 from .channel import SHOWN
 from .diagnosis_signals import signal_shown
@@ -81,7 +82,7 @@ class CauseSection:
             f"{signal_shown(name).words} {percent(gap)}" for name, gap in self.cause.alone.items() if name != "total"
         )
         if alone:
-            rows.append(("alone it makes", f"a gap of {alone}"))
+            rows.append(("alone it makes", f"a gap of {alone}, in the larger of fitted and held-out data"))
         return rows
 
 
@@ -101,7 +102,7 @@ def _number(diagnosis: Diagnosis, cause: Cause, name: str, found: Estimated) -> 
     believed = plant[name] if name in plant.parameters else own[name].neutral if name in own else math.inf
     meaning = own[name].meaning if name in own else meanings.get(name, "")
     return Number(
-        name, uncertain(found.value / scale, found.sd / scale), unit(usual),
+        both(name), uncertain(found.value / scale, found.sd / scale), unit(usual),
         "not there" if math.isinf(believed) else number(believed / scale), meaning,
     )  # fmt: skip
 

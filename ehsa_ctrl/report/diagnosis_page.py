@@ -13,7 +13,6 @@ from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import MODELS, Diagnosis
 from ..diagnosis.signals import SIGNALS
 from . import diagnosis_rows as rows
-from .channel import name_of
 from .closed_loop import OTHER, closed_table
 from .diagnosis_cause import CauseSection, sentence
 from .diagnosis_signals import after_model, after_words, models_shown, signal_shown
@@ -54,8 +53,9 @@ CAPTIONS = {
     "signals": "Free runs, driven by the logged drive and nothing else. A gap is the RMS of measured minus simulated "
     "on held-out data, the sensor's noise taken off, over the standard deviation of the signal; 0 % is within noise. "
     "A run far off the measurement leaves its panel.",
-    "where": "Left: shares of the squared gap. The balances know no effect: each is asked what it lacks, and how much "
-    "of the gap vanishes when that is put into a simulation. Right: when the gap comes, and what is left of it then.",
+    "where": "Of the whole log. Left: shares of the squared gap. The balances know no effect: each is asked what it "
+    "lacks, and how much of the gap vanishes when that is put into a simulation. Right: when the gap comes, and "
+    "what is left of it then.",
     "unknown_inputs": "What each balance lacks, smoothed, and along what it goes: mean in bins, the band is one "
     "standard deviation within a bin. A positive torque or flow helps, a positive force resists extension; what goes "
     "against the motion is shown times its sign: a positive torque helps the motion, a positive force resists it. How "
@@ -102,7 +102,7 @@ def write_diagnosis_page(
         folder,
         file=FILE,
         diagnosis=diagnosis,
-        log=name_of(diagnosis.log),
+        log=diagnosis.log.name,
         mark=mark,
         heading=heading,
         good=good,
@@ -165,7 +165,7 @@ def diagnosis_figures(diagnosis: Diagnosis) -> dict[str, tuple[str, Figure]]:
 
 
 def _picture(diagnosis: Diagnosis, name: str, heading: str, figure: Figure) -> Picture:
-    words = f"{heading} of the diagnosis of {name_of(diagnosis.log)}. {diagnosis.sentence}"
+    words = f"{heading} of the diagnosis of {diagnosis.log.name}. {diagnosis.sentence}"
     return Picture(heading, embedded(figure, words), CAPTIONS[name])
 
 
@@ -176,7 +176,7 @@ def _glance(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     lines = []
     if diagnosis.where:
         shares = [f"{place} {100.0 * share:.0f} %" for place, share in diagnosis.where if share >= 0.01]
-        lines.append(("where", ", ".join(shares)))
+        lines.append(("where", f"{', '.join(shares)} of the gap over the whole log"))
     for section in (CauseSection(cause, diagnosis) for cause in diagnosis.effects):
         numbers = ", ".join(f"{n.name} = {n.value} {n.unit}".rstrip() for n in section.numbers)
         others = f"; or {' or '.join(section.cause.ambiguous_with)}" if section.cause.ambiguous_with else ""

@@ -8,6 +8,7 @@ from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import Diagnosis
 from ..diagnosis.locate import PLACES
 from ..diagnosis.signals import SIGNALS
+from ..plant.file import both
 from .channel import shown
 from .diagnosis_signals import models_shown, signal_shown
 from .figures.candidates import candidate_name, fate
@@ -118,7 +119,7 @@ def changes(change: Change) -> list[tuple[str, str, str, str]]:
     """Letter, value as believed, value of the rig when the first log was made, unit; of what differs."""
     believed, rig = change.before.plant, change.rig
     return [
-        (name, number(believed[name]), number(parameter.value), unit(parameter.unit))
+        (both(name), number(believed[name]), number(parameter.value), unit(parameter.unit))
         for name, parameter in rig.parameters.items()
         if name in believed.parameters and abs(parameter.value - believed[name]) > 1e-6 * abs(believed[name])
     ]
@@ -128,7 +129,7 @@ def facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """What was diagnosed, and what it took."""
     log, plant = diagnosis.log, diagnosis.plant
     given = ", ".join(
-        f"{p.name} = {number(p.value)} {unit(p.unit)}".rstrip()
+        f"{both(p.name)} = {number(p.value)} {unit(p.unit)}".rstrip()
         for p in plant.parameters.values()
         if p.source == "given"
     )

@@ -14,6 +14,7 @@ import jinja2
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from ..plant.file import both
 from .figures import to_svg
 from .number import number, unit
 
@@ -45,7 +46,7 @@ def write_document(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "unit": unit, **(filters or {})}
+    environment.filters |= {"number": number, "unit": unit, "both": both, **(filters or {})}
     # The page may use this style and nothing else: no script, no other file, no network.
     style = environment.get_template("page.css").render()
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from ..core.words import listed
 from ..identification.assumed import Drift, Refit
 from ..identification.identification import Identification
+from ..plant.file import both
 from .grounds import written
 from .number import NOTHING, number
 
@@ -30,13 +31,16 @@ class DriftTable:
     @property
     def head(self) -> list[tuple[str, str]]:
         """Name and value of each end."""
-        return [(drift.parameter.name, written(drift.parameter, end.value)) for drift, end in self._ends]
+        return [(both(drift.parameter.name), written(drift.parameter, end.value)) for drift, end in self._ends]
 
     @property
     def rows(self) -> list[tuple[str, list[str]]]:
         """Name, and by how many percent its estimate moves at each end."""
         return [
-            (estimate.name, [_moved(end.values.get(estimate.name, math.nan), estimate.value) for _, end in self._ends])
+            (
+                both(estimate.name),
+                [_moved(end.values.get(estimate.name, math.nan), estimate.value) for _, end in self._ends],
+            )
             for estimate in self.identification.estimates
         ]
 
@@ -64,7 +68,7 @@ def _moved(value: float, estimate: float) -> str:
 
 
 def _sentence(found: Identification, drift: Drift) -> tuple[str, bool | None]:
-    name = drift.parameter.name
+    name = both(drift.parameter.name)
     possible = [end for end in drift.ends if not end.excluded]
     ends = [written(drift.parameter, end.value) for end in drift.ends if end.excluded]
     if not possible:
@@ -79,5 +83,5 @@ def _sentence(found: Identification, drift: Drift) -> tuple[str, bool | None]:
     size, moved, end = worst
     against = f"; the log speaks against {listed(ends)}" if ends else ""
     at = written(drift.parameter, end.value)
-    moves = f"{moved} moves by {number(100.0 * float(f'{size:.2g}'))} %"
+    moves = f"{both(moved)} moves by {number(100.0 * float(f'{size:.2g}'))} %"
     return f"{name}: at {at}, which the log does not exclude, {moves}{against}.", size < MATTERS

@@ -14,7 +14,8 @@ from ..identification.assumed import Drift
 from ..identification.identification import Identification
 from ..identification.replay import GOOD, POOR
 from ..identification.uncertainty import Estimate
-from .channel import name_of, shown
+from ..plant.file import both
+from .channel import shown
 from .document import Picture, anchors, embedded, merged_versions, write_document
 from .drift import DriftTable
 from .figures import correlation_figure, identification_figure, parameters_figure, residuals_figure
@@ -69,7 +70,7 @@ class Section:
         runs = found.validation.after or found.train.after
         for index, run in enumerate(runs[:DRAWN]):
             yield (
-                f"Before and after on {name_of(run.log)}",
+                f"Before and after on {run.log.name}",
                 identification_figure(found, index),
                 "Free runs, driven by the logged drive and nothing else. Right: the second in which the drive varies "
                 "most. A run far off the measurement leaves its panel.",
@@ -113,10 +114,10 @@ class Section:
         for estimate in self.identification.estimates:
             if estimate.name in other:
                 its = other[estimate.name]
-                both = (estimate.sd**2 + its.sd**2) ** 0.5
-                apart = number(round(abs(estimate.value - its.value) / both, 1)) if 0 < both < float("inf") else NOTHING
+                sd = (estimate.sd**2 + its.sd**2) ** 0.5
+                apart = number(round(abs(estimate.value - its.value) / sd, 1)) if 0 < sd < float("inf") else NOTHING
                 words = (uncertain(estimate.value, estimate.sd), uncertain(its.value, its.sd))
-                rows.append((estimate.name, *words, unit(estimate.unit), apart))
+                rows.append((both(estimate.name), *words, unit(estimate.unit), apart))
         return rows
 
     @property
@@ -138,7 +139,7 @@ class Section:
                 worst = min(known, key=lambda channel: known[channel], default="")
                 words = f"{number(known[worst])} % ({worst})" if worst else NOTHING
                 story = f"starts {run.start}" + (f"; {run.stopped}" if run.stopped else "")
-                rows.append((name_of(run.log), purpose, words, story))
+                rows.append((run.log.name, purpose, words, story))
         return rows
 
     @property
@@ -158,8 +159,8 @@ class Section:
         if found.method == "balances" and found.balances is not None:
             by = f"balances, {found.balances.method}"
         beside = " beside" if found.method == "balances" else ""
-        facts = [("method", by), ("logs used", listed([name_of(run.log) for run in found.train.after]))]
-        facts.append(("held out", listed([name_of(run.log) for run in found.validation.after]) or "none"))
+        facts = [("method", by), ("logs used", listed([run.log.name for run in found.train.after]))]
+        facts.append(("held out", listed([run.log.name for run in found.validation.after]) or "none"))
         if found.fit is not None:
             length = "whole logs in free run" if found.window is None else f"windows of {number(found.window)} s"
             facts.append((f"simulation{beside}", length))
@@ -242,11 +243,12 @@ def _written(estimate: Estimate, meanings: dict[str, str]) -> dict[str, str]:
     low, high = estimate.interval
     notes = [f"at its {estimate.at_bound} bound"] if estimate.at_bound else []
     if estimate.trades:
-        notes.append(f"trades with {listed(estimate.trades)}")
+        notes.append(f"trades with {listed(map(both, estimate.trades))}")
     if estimate.prior_sd is not None:
         notes.append(f"held at {number(estimate.start)} ± {number(estimate.prior_sd)}")
     word, dot, channel = estimate.name.partition(".")
     return {
+        "name": both(estimate.name),
         "value": uncertain(estimate.value, estimate.sd),
         "unit": unit(estimate.unit),
         "relative": f"{100.0 * estimate.relative_sd:.2g} %" if estimate.relative_sd < 10.0 else NOTHING,

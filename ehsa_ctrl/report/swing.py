@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ..core.unit import factor
 from ..core.words import listed
+from ..plant.file import both
 from ..scenario.assumed import End, Swing
 from ..scenario.metrics import METRICS
 from ..scenario.result import ScenarioResult
@@ -46,7 +47,7 @@ class SwingTable:
         is another verdict than the believed value has."""
         return [
             (
-                swing.parameter.name if index == 0 else "",
+                both(swing.parameter.name) if index == 0 else "",
                 written(swing.parameter, end.value),
                 [_read(name, end.metrics.get(name, math.nan)) for name in self.metrics],
                 _said(end),
@@ -62,7 +63,7 @@ class SwingTable:
         """Whether the verdict holds over all ranges, and whether that is so."""
         many = f"{len(self.swings)} assumed parameter{'s' if len(self.swings) != 1 else ''}"
         flips = [
-            f"{swing.parameter.name} = {written(swing.parameter, end.value)}"
+            f"{both(swing.parameter.name)} = {written(swing.parameter, end.value)}"
             for swing in self.swings
             for end in swing.ends
             if end.passed != swing.kept

@@ -9,7 +9,7 @@ from ..core.words import listed
 from ..identification.identification import Identification
 from ..identification.replay import quality
 from ..identification.window import sensor_sd
-from .channel import name_of
+from ..plant.file import both
 from .kinds._result import FITS, Sentence, worst_of
 from .number import number
 
@@ -60,7 +60,7 @@ def _determined(identification: Identification) -> tuple[str, bool]:
     others: dict[str, list[str]] = {}
     for estimate in estimates:
         if not estimate.identifiable:
-            others.setdefault(estimate.verdict, []).append(estimate.name)
+            others.setdefault(estimate.verdict, []).append(both(estimate.name))
     return "; ".join([many, *(f"{word}: {listed(names)}" for word, names in others.items())]) + ".", not others
 
 
@@ -68,7 +68,7 @@ def _reached(identification: Identification) -> Sentence:
     """The worst channel's fit before and after, on logs held out if there are any."""
     held_out = bool(identification.validation.after)
     reach = identification.validation if held_out else identification.train
-    names = listed([name_of(run.log) for run in reach.after])
+    names = listed([run.log.name for run in reach.after])
     where = f"In free run on {names}, {'held out' if held_out else 'used to identify as none was held out'}, "
     ended = [run.stopped for run in reach.after if run.stopped]
     if ended:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..plant.file import both
 from .campaign import Outcome
 
 #: Fewer runs than this on one side say nothing; the margin's rank correlation is looked at instead.
@@ -48,16 +49,17 @@ class Influence:
         return vars(self) | {"decisive": self.decisive}
 
     def __str__(self) -> str:
+        name = both(self.name)
         if not self.decisive:
-            return f"no parameter decides it: the nearest is {self.name} (probability of chance {self.chance:.2g})"
+            return f"no parameter decides it: the nearest is {name} (probability of chance {self.chance:.2g})"
         if self.measure == "ks":
             side = "high" if self.failing > self.passing else "low"
             return (
-                f"{self.name} decides it: runs fail where it is {side} (median {self.failing:.4g}, {self.passing:.4g} "
+                f"{name} decides it: runs fail where it is {side} (median {self.failing:.4g}, {self.passing:.4g} "
                 f"where they pass; Kolmogorov-Smirnov distance {self.value:.2f})"
             )
         way = "grows" if self.value > 0 else "falls"
-        return f"{self.name} matters most: the least margin {way} with it (rank correlation {self.value:.2f})"
+        return f"{name} matters most: the least margin {way} with it (rank correlation {self.value:.2f})"
 
 
 def influences(outcomes: Sequence[Outcome], names: Sequence[str]) -> tuple[Influence, ...]:

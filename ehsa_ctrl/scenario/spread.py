@@ -12,7 +12,7 @@ from pydantic import BeforeValidator
 
 from ..core.errors import InputError
 from ..plant.draws import believed_range, read_covariance
-from ..plant.file import key_of, letter_of
+from ..plant.file import both, key_of, letter_of
 from ..plant.plant import Plant, read_settings
 
 #: Draws beyond so many standard deviations are drawn again: nobody believes a normal distribution out there.
@@ -50,8 +50,8 @@ class Uncertain:
 
     def __str__(self) -> str:
         if self.sd is None:
-            return f"{self.name} evenly between {self.lower:g} and {self.upper:g} {self.unit}"
-        return f"{self.name} = {self.value:g} {self.unit}, sd {self.sd:g}"
+            return f"{both(self.name)} evenly between {self.lower:g} and {self.upper:g} {self.unit}"
+        return f"{both(self.name)} = {self.value:g} {self.unit}, sd {self.sd:g}"
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,6 @@ from .kernel_text import kernel_text
 def engine(structure: Structure, part: str = "open_loop") -> ModuleType:
     """The compiled engine of a structure; `part` is one of `kernel_text.PARTS`.
 
-    The first call ever for a structure compiles (some ten seconds); later starts load the result.
+    The first call ever for a structure compiles (see docs/theory/engine.md for how long); later starts load the result.
     """
     return load_compiled(kernel_text(structure, part), f"the {part.replace('_', '-')} engine for {structure}")

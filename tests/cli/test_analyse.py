@@ -19,7 +19,7 @@ def test_the_worst_plant_is_named(run):
     for one, name in zip(found["robust"], ("pid_position", "lqr_position"), strict=True):
         worst = one["worst"]["disk_margin"]
         assert one["controller"] == name and one["plants"] == 6 and one["stable"]
-        assert "K_S = " in worst["plant"]
+        assert "K_S (load.stiffness) = " in worst["plant"]
         assert worst["value"] < next(loop["disk_margin"] for loop in found["loops"] if loop["controller"] == name)
 
 
@@ -51,7 +51,7 @@ def test_a_single_spring_is_a_condition(run):
     (robust,) = json.loads(out)["robust"]
 
     assert status == 0
-    assert robust["worst"]["Ms"]["plant"] == "K_S = 100 kN/m"
+    assert robust["worst"]["Ms"]["plant"] == "K_S (load.stiffness) = 100 kN/m"
 
 
 @pytest.mark.parametrize(

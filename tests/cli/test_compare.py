@@ -106,7 +106,7 @@ def test_findings_are_warnings_and_what_is_missing_is_said(run, log, tmp_path):
 
     assert status == 0
     assert "warning: speed varies" in err and "probably in rpm" in err
-    assert "without p1 the log does not tell" in out and "without force" not in out
+    assert "warning: without p1 the log does not tell" in err and "without force" not in out + err
 
 
 def test_somebody_elses_log_is_mapped_by_the_plant(run, log, tmp_path):
@@ -234,3 +234,24 @@ def test_a_value_of_another_unit_is_warned_of(run, setting, says):
 
     assert status == 0
     assert says in err and ("warning" in err) == bool(says)
+
+
+def test_time_in_minutes_is_refused(run, log, tmp_path):
+    """A fit over the wrong time says nothing."""
+    table = log.to_pandas()
+    table["t"] /= 60
+    table.to_csv(tmp_path / "log.csv", index=False)
+    status, out, err = run("compare", "log.csv", "--plant", "ehsa", "--model", "nonlinear")
+
+    assert status == 2 and out == ""
+    assert err.startswith("ehsa-ctrl: log.csv: column 't'") and "probably in minutes" in err
+
+
+def test_a_part_that_is_left_out_is_not_warned_of(run, log, tmp_path):
+    """A spike of 900 bar at 3 s, and --to 2."""
+    table = log.to_pandas()
+    table.loc[750, "p1"] = 9e7
+    table.to_csv(tmp_path / "log.csv", index=False)
+
+    assert "p1 jumps to 9e+07 Pa at 3 s" in run("compare", "log.csv", "--plant", "ehsa", "--model", "nonlinear")[2]
+    assert run("compare", "log.csv", "--plant", "ehsa", "--model", "nonlinear", "--to", "2")[2] == ""

@@ -128,7 +128,7 @@ def test_a_log_that_is_not_of_this_loop_is_refused(scenario, plant):
     log = recorded(case, plant.set(K_S=20e3))
 
     check_replay(case, plant.set(K_S=20e3), log)
-    with pytest.raises(InputError, match=r"K_S is 20000 in scenario moves and 0 as believed of the log"):
+    with pytest.raises(InputError, match=r"K_S \(load.stiffness\) is 20000 in scenario moves and 0 as believed"):
         check_replay(case, plant, log)
     slow = Log(2.0 * log.time, log.channels)
     with pytest.raises(InputError, match=r"is sampled every 0\.008 s, controller pid_position every 0\.004 s"):
@@ -147,7 +147,7 @@ def test_a_log_that_is_not_of_this_loop_is_refused(scenario, plant):
         (("log.csv", "other.csv", "--from", "9"), "log.csv: from 9 to 4 s there are 0 samples"),
         (("log.csv", "other.csv", "--zero", "p3"), "log.csv: no zero of 'p3'"),
         (("log.csv", "--scenario", "moves", "--replay", "--to", "3"), "leave --from and --to out"),
-        (("log.csv", "log.csv"), "log 'log' is given twice"),
+        (("log.csv", "log.csv"), "log.csv: is given twice; give it once"),
         (("log.csv", "other.csv", "--before", "a.csv"), "--before goes with one log, not with 2"),
         (("log.csv", "other.csv", "--validate", "a.csv"), "--validate goes with one log, not with 2"),
         (("log.csv", "other.csv", "--scenario", "moves"), "--scenario goes with one log, not with 2"),
@@ -160,7 +160,7 @@ def test_a_log_that_is_not_of_this_loop_is_refused(scenario, plant):
         (("log.csv", "--scenario", "mov"), "no scenario 'mov'; did you mean 'moves'?"),
         (("log.csv", "--scenario", "moves", "--controller", "pd"), "no controller 'pd'"),
         (("log.csv", "--scenario", "carriage"), "scenario carriage is for emps"),
-        (("log.csv", "--scenario", "moves", "--replay"), "K_S is 20000 in scenario moves and 0 as believed"),
+        (("log.csv", "--scenario", "moves", "--replay"), "K_S (load.stiffness) is 20000 in scenario moves and 0"),
     ],
 )
 def test_what_is_wrong_is_a_sentence(run, scenario, tmp_path, plant, arguments, says):
@@ -203,6 +203,19 @@ def test_several_logs_get_a_folder_each(run, tmp_path, plant):
     assert again["logs"][0] == written["logs"][0]
     assert not page.exists()
     assert run("diagnose", "short.csv", "no.csv", "--plant", "ehsa", "--jobs", 1)[0] == 2
+
+
+def test_logs_of_one_name_go_by_their_folders(run, tmp_path, plant):
+    """In the table and in the result's folders; the same file twice is refused by its path."""
+    for folder in "ab":
+        (tmp_path / folder).mkdir()
+        bench(f"{folder}/log.csv", plant, seconds=1.0)
+    status, out, err = run("diagnose", "a/log.csv", "b/log.csv", "--plant", "ehsa", "--jobs", 1, "--out", "out")
+
+    assert status == 2 and "twice" not in err
+    assert "a/log.csv  failed" in out and "b/log.csv  failed" in out
+    status, out, err = run("diagnose", "a/log.csv", "./a/../a/log.csv", "--plant", "ehsa")
+    assert (status, err) == (2, "ehsa-ctrl: a/log.csv: is given twice; give it once\n")
 
 
 @pytest.mark.slow

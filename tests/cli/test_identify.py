@@ -84,3 +84,18 @@ def test_wrong_calls_are_sentences(run, tmp_path, arguments, said):
 
     assert status == 2
     assert said in " ".join(err.split()), err
+
+
+@pytest.mark.slow
+def test_a_finding_says_of_which_log_it_is(run, tmp_path):
+    """Two logs of one name, both without speed: each by its folder."""
+    log, _ = ehsa_ctrl.record(ehsa_ctrl.load_plant("ehsa"), *ehsa_ctrl.excitation("noise", amplitude=3, duration=4))
+    for folder in "ab":
+        (tmp_path / folder).mkdir()
+        log.to_pandas().drop(columns="speed").to_csv(tmp_path / folder / "log.csv", index=False)
+    fixed = "J_M,A_FM,C_FM,V_10,V_20,K_L,M,A_FR,B_FR,C_FR"
+    status, out, err = run("identify", "a/log.csv", "b/log.csv", "--plant", "ehsa", "--starts", 1, "--fix", fixed)
+
+    assert status == 0 and "identified from a/log.csv, b/log.csv" in out
+    assert all(f"warning: {folder}/log.csv: without speed the log does not tell" in err for folder in "ab")
+    assert "without speed" not in out

@@ -179,3 +179,21 @@ def test_processes_find_what_this_one_finds(tmp_path):
     alone = ehsa_ctrl.diagnose(believed, ehsa_ctrl.read_plant_log(logs[1], believed), jobs=1)
     assert found.rows[1].gap_after == pytest.approx(alone.gap["with_effects"]["total"], rel=1e-6)
     assert found.diagnoses[str(logs[1])].to_dict()["effects"] == alone.to_dict()["effects"]
+
+
+def test_logs_of_one_name_are_told_apart_by_their_folders(plant, calls, files, tmp_path, monkeypatch):
+    """Each knows what it is called beside the others."""
+    paths = [tmp_path / folder / "log.csv" for folder in ("morning", "evening")]
+    for file, path in zip(files, paths, strict=False):
+        path.parent.mkdir()
+        file.rename(path)
+    plain, names = module.diagnose, []
+
+    def diagnose(plant, log, **how):
+        names.append(log.name)
+        return plain(plant, log, **how)
+
+    monkeypatch.setattr(module, "diagnose", diagnose)
+    diagnose_many(plant, paths)
+
+    assert names == ["morning/log.csv", "evening/log.csv"]

@@ -165,4 +165,4 @@ def test_held_out_data_without_the_gap_is_said_to_be_so():
         )  # fmt: skip
 
     assert "over the whole log it goes from 11.9 to 0.4 %" in sentence(0.0016)
-    assert "closes 98 % of the gap on held-out data" in sentence(0.1)
+    assert "closes 98 % of the gap of all signals there" in sentence(0.1)

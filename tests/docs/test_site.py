@@ -6,6 +6,8 @@ import re
 import shlex
 import sys
 import tomllib
+from fnmatch import fnmatch
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -121,6 +123,29 @@ def test_every_command_that_is_shown_is_one(page, line):
     for word in words:
         if re.match(r"--?[A-Za-z]", word):
             assert word.partition("=")[0] in known, f"{page}: {line}"
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_files_that_a_page_works_with_are_made_on_it(page):
+    """By an earlier command or by a file that is shown, so that the page can be followed in an empty folder."""
+    made = set()
+    for _, language, title, text in BLOCK.findall(PAGES[page]):
+        made |= {title} if language == "toml" else set()
+        for line in text.replace("\\\n", " ").splitlines() if language == "sh" else ():
+            words = shlex.split(line, comments=True)
+            if words[:1] != ["ehsa-ctrl"]:
+                continue
+            made |= {f"plants/{words[3]}.toml"} if words[1:3] == ["new", "plant"] else set()
+            for before, word in pairwise(words):
+                if before in ("--out", "-o"):
+                    made.add(word)
+                elif "/" in word and "://" not in word and re.fullmatch(r"[\w./*-]+", word):
+                    assert any(fnmatch(file, word) or fnmatch(f"{file}/{Path(word).name}", word) for file in made), line
+
+
+def test_no_page_installs_from_an_index():
+    """An extra is installed in a clone, where every page that needs one begins."""
+    assert not [page for page, text in PAGES.items() if re.search(r'pip install "?ehsa_ctrl', text)]
 
 
 @pytest.mark.parametrize(("page", "title", "text"), [b for b in blocks("python") if not b[1]])

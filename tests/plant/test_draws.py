@@ -107,9 +107,9 @@ def test_a_file_without_covariance_is_refused(tmp_path, text):
 def test_conditions_are_combined_and_named(linear):
     """Two springs and two masses are four models, which have them."""
     models = operating_points(linear, conditions(stiffnesses=[0.0, 50e3], masses=[0.0, 100.0]))
-    last = models["K_S = 50 kN/m, m_L = 100 kg"]
+    last = models["K_S (load.stiffness) = 50 kN/m, m_L (load.mass) = 100 kg"]
 
-    assert next(iter(models)) == "K_S = 0 kN/m, m_L = 0 kg" and len(models) == 4
+    assert next(iter(models)) == "K_S (load.stiffness) = 0 kN/m, m_L (load.mass) = 0 kg" and len(models) == 4
     np.testing.assert_allclose(last.A, three_state(linear.set(K_S=50e3, m_L=100.0)).A)
 
 
@@ -129,8 +129,8 @@ def test_draws_take_the_conditions_in_turn(linear):
     models = drawn_models(linear, drawn, conditions(stiffnesses=[0.0, 50e3]))
     labels = list(models)
 
-    assert labels[:2] == ["K_S = 0 kN/m", "K_S = 50 kN/m"] and len(labels) == 5
-    assert labels[3].startswith("draw 2 at K_S = 50 kN/m: ")
+    assert labels[:2] == ["K_S (load.stiffness) = 0 kN/m", "K_S (load.stiffness) = 50 kN/m"] and len(labels) == 5
+    assert labels[3].startswith("draw 2 at K_S (load.stiffness) = 50 kN/m: ")
     np.testing.assert_allclose(models[labels[3]].A, three_state(drawn[1].set(K_S=50e3)).A)
     assert next(iter(drawn_models(linear, drawn))) == "nominal"
 
@@ -138,7 +138,7 @@ def test_draws_take_the_conditions_in_turn(linear):
 def test_a_difference_is_told_by_its_size(linear):
     """In percent, the largest first; what was zero in its unit."""
     assert difference(linear.set(M=1.1 * linear["M"], J_M=0.8 * linear["J_M"]), linear) == "J_M -20 %, M +10 %"
-    assert difference(linear.set(m_L=20.0), linear) == "m_L 20 kg"
+    assert difference(linear.set(m_L=20.0), linear) == "m_L (load.mass) 20 kg"
     assert difference(linear, linear) == "nominal"
 
 

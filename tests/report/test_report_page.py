@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.plant.file import both
 from ehsa_ctrl.report.number import number, unit
 from ehsa_ctrl.report.page import write_page
 from ehsa_ctrl.scenario.metrics import METRICS
@@ -158,7 +159,7 @@ def test_the_end_says_what_the_numbers_rest_on(page, gentle):
     """Assumed parameters with value, unit and note; seed, versions and command."""
     rows = {row[1]: row for row in page.table("plant", "name", "value")}
     runs = page.table("scenario", "controller", "sample timems")
-    assumed = {name for name, p in gentle.plant.parameters.items() if p.source == "assumed"}
+    assumed = {both(name) for name, p in gentle.plant.parameters.items() if p.source == "assumed"}
     words = "".join(page.words)
 
     assert assumed <= set(rows) and "K_T" in assumed

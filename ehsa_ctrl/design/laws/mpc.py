@@ -74,7 +74,7 @@ def prepare(
 
 @cache
 def _compiled() -> Any:
-    """`estimate`, `prepare` and the others that run each sample beside the solver, compiled: once, some seconds."""
+    """`estimate`, `prepare` and the others that run each sample beside the solver, compiled once: some 10 s."""
     from ...core.compiled import load_compiled
     from ..stages.pipeline import HEAD, source_text
 

@@ -74,7 +74,7 @@ from ehsa_ctrl.core.compiled import cached_njit
 def compiled_pipeline(law: Callable[..., float], uses: tuple[Callable[..., Any], ...]) -> Callable[..., float]:
     """The pipeline around a law, compiled: float64(reference, measured, memory, settings).
 
-    The first call ever compiles (some seconds), later ones load the result.
+    The first call ever compiles (some 10 s), later ones load the result.
     """
     from ...core.compiled import load_compiled
 

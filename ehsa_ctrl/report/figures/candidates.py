@@ -90,7 +90,13 @@ def candidates_figure(diagnosis: Diagnosis) -> Figure:
             bbox_to_anchor=(0, 0), ncols=4, borderaxespad=0.0, borderpad=0.0, fontsize=8.5,
         )  # fmt: skip
         header.text(
-            1.0 - 0.05 / WIDTH, 0.0, "largest gap", transform=header.transAxes, ha="right", va="bottom", fontsize=8.5
+            1.0 - 0.05 / WIDTH,
+            0.0,
+            "largest gap, held out",
+            transform=header.transAxes,
+            ha="right",
+            va="bottom",
+            fontsize=8.5,
         )
     return figure
 

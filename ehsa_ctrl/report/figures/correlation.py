@@ -11,6 +11,7 @@ from matplotlib.patches import Rectangle
 from ...core.errors import InputError
 from ...identification.identification import Identification
 from ...identification.uncertainty import TRADES
+from ...plant.file import both
 from ..style import BLACK, BLUE, WIDTH, style
 from ._layout import GAP, sheet, stack
 
@@ -40,7 +41,8 @@ def correlation_figure(identification: Identification) -> Figure:
     # Balances are solved one after the other: how their errors hang together is not known.
     blind = ~np.isfinite(found.sd) | (found.sd <= 0.0) | (identification.method == "balances")
     cell = min(CELL, ALL / count)
-    longest = LETTER * max(map(len, found.names))
+    names = list(map(both, found.names))
+    longest = LETTER * max(map(len, names))
     # Names below are turned by 45 deg.
     heights = [count * cell, max(0.7 * longest - 0.3, 0.0)]
     left = max(0.3 + longest, 0.9)
@@ -64,8 +66,8 @@ def correlation_figure(identification: Identification) -> Figure:
             for column in range(row):
                 _write(ax, row, column, float(lower[row, column]), min(8.0, 15.0 * cell))
         centres = edges[:-1] + 0.5
-        ax.set_xticks(centres, found.names, rotation=45, ha="right", rotation_mode="anchor")
-        ax.set_yticks(centres, found.names)
+        ax.set_xticks(centres, names, rotation=45, ha="right", rotation_mode="anchor")
+        ax.set_yticks(centres, names)
         ax.tick_params(length=0)
         ax.set_xlim(0, count)
         ax.set_ylim(count, 0)

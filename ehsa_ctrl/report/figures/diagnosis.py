@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from ...diagnosis.diagnosis import Diagnosis
-from ..channel import name_of, shown
+from ..channel import shown
 from ..diagnosis_signals import Trace, after_model, after_words, traces, widest
 from ..number import number
 from ..style import BLACK, BLUE, GREY, ROLES, style
@@ -40,7 +40,7 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
     driven = diagnosis.plant.structure.system.drive
     drive = shown(driven)
     heights = [ROW] * (len(rows) + 1)
-    title = f"{diagnosis.plant.name} ({diagnosis.plant.model}) beside {name_of(log)}"
+    title = f"{diagnosis.plant.name} ({diagnosis.plant.model}) beside {log.name}"
     with style():
         figure, top = sheet(title, header=HEADER + GAP, heights=heights)
         (header,) = stack(figure, [HEADER], top=top - HEADER - GAP, left=0.15, right=0.15)
@@ -114,9 +114,11 @@ def _words(diagnosis: Diagnosis, trace: Trace) -> str:
         return "no gap given:\nit drifts in\nfree run"
     after = after_model(diagnosis)
     if after is None:
-        return f"gap {percent(diagnosis.gap['nominal'][trace.name])}"
+        return f"held-out gap\n{percent(diagnosis.gap['nominal'][trace.name])}"
     pairs = [("before", "nominal"), ("after", after)]
-    return "\n".join(["gap", *(f"{word} {percent(diagnosis.gap[model][trace.name])}" for word, model in pairs)])
+    return "\n".join(
+        ["held-out gap", *(f"{word} {percent(diagnosis.gap[model][trace.name])}" for word, model in pairs)]
+    )
 
 
 def percent(gap: float) -> str:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from ...identification.experiment import Experiment
 from ...identification.uncertainty import POOR, WELL
+from ...plant.file import both
 from ..number import number
 from ..style import BLUE, GREY, LIMIT, PRESSURES, PURPLE, ROLES, SIGNALS, style
 from . import _panels as panel
@@ -75,7 +76,7 @@ def _bars(ax: Axes, relative: dict[str, float], worst: dict[str, float]) -> None
     ax.set_xlim(smallest, largest)
     for bound in (WELL, POOR):
         ax.axvline(100 * bound, **LIMIT | {"linestyle": (0, (4, 2)), "linewidth": 0.9})
-    ax.set_yticks(range(len(relative)), list(relative))
+    ax.set_yticks(range(len(relative)), [both(name).replace(" ", "\n") for name in relative])
     ax.set_ylim(len(relative) - 0.4, -0.6)
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="y", visible=False)

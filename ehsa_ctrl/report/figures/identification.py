@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from ...core.errors import InputError
 from ...identification.identification import Identification
 from ...identification.replay import Replay
-from ..channel import liveliest, name_of, shown
+from ..channel import liveliest, shown
 from ..number import number
 from ..style import BLUE, ROLES, style
 from . import _panels as panel
@@ -55,7 +55,7 @@ def identification_figure(identification: Identification, index: int = 0) -> Fig
     rows = liveliest(log, drives[0])
     heights = [ROW] * len(channels)
     plant = identification.plant
-    title = f"{plant.name} ({plant.model}) beside {name_of(log)}, {'held out' if held_out else 'used to identify'}"
+    title = f"{plant.name} ({plant.model}) beside {log.name}, {'held out' if held_out else 'used to identify'}"
     with style():
         figure, top = sheet(title, header=HEADER + GAP, heights=heights)
         (header,) = stack(figure, [HEADER], top=top - HEADER - GAP, left=WHOLE[0], right=0.15)

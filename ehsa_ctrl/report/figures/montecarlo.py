@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from ...plant.file import both
 from ...scenario.montecarlo import MonteCarlo
 from ..number import number, unit
 from ..style import BLUE, GREY, VERMILION, style
@@ -45,7 +46,7 @@ def montecarlo_figure(result: MonteCarlo) -> Figure:
             ax.bar(edges[:-1], counts[0], color=BLUE, label="pass", **how)
             ax.bar(edges[:-1], counts[1], bottom=counts[0], color=VERMILION, hatch="///", label="fail", **how)
             words = unit(units[influence.name])
-            ax.set_xlabel(f"{influence.name}, {words} ({'decisive' if influence.decisive else 'not decisive'})")
+            ax.set_xlabel(f"{both(influence.name)}, {words} ({'decisive' if influence.decisive else 'not decisive'})")
             ax.set_ylabel("runs")
             ax.set_xlim(edges[0], edges[-1])
         if chosen:

@@ -14,6 +14,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
 from ...core.errors import InputError
 from ...identification.identification import Identification
 from ...identification.uncertainty import POOR, WELL, Estimate
+from ...plant.file import both
 from ..number import number
 from ..style import BLACK, GREEN, GREY, PURPLE, VERMILION, WIDTH, style
 from ._layout import GAP, sheet, stack
@@ -72,7 +73,8 @@ def parameters_figure(identification: Identification) -> Figure:
 
 
 def _name(estimate: Estimate) -> str:
-    return f"{estimate.name}\n(at {estimate.at_bound} bound)" if estimate.at_bound else estimate.name
+    name = both(estimate.name).replace(" ", "\n")
+    return f"{name}\n(at {estimate.at_bound} bound)" if estimate.at_bound else name
 
 
 def _deviation(ax: Axes, row: int, estimate: Estimate) -> None:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ...core.errors import InputError
 from ...identification.replay import Replay
-from ..channel import liveliest, name_of, shown
+from ..channel import liveliest, shown
 from .overlay import overlay_figure
 
 
@@ -38,4 +38,4 @@ def replay_figure(replays: Sequence[Replay], *, detail: bool = False) -> Figure:
             if channel in replay.simulated:
                 panels[how.label][replay.plant.model] = np.asarray(replay.simulated[channel])[rows] / how.scale
     part = ", the second in which the drive varies most" if detail else ""
-    return overlay_figure(log.time[rows], panels, title=f"{replays[0].plant.name} beside {name_of(log)}{part}")
+    return overlay_figure(log.time[rows], panels, title=f"{replays[0].plant.name} beside {log.name}{part}")

@@ -60,7 +60,7 @@ def shrinkage_figure(diagnosis: Diagnosis) -> Figure:
         ax.grid(axis="y", visible=False)
         for place in range(1, len(signals)):
             ax.axhline(place * row, color="#cccccc", linewidth=0.6)
-        ax.set_xlabel("gap (% of the signal's standard deviation)")
+        ax.set_xlabel("gap on held-out data (% of the signal's standard deviation)")
         handles: list[Any] = [Patch(label=_words(diagnosis, model), **LOOKS[model], **EDGE) for model in models]
         (line,) = ax.plot([], [], color=PURPLE, linestyle=(0, (5, 2)), linewidth=1.1)
         line.set_label(f"matters from {threshold:g} % on")

@@ -6,24 +6,26 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ...core.words import folders_of, told_apart
 from ._result import DOUBT, Kind, Result, Sentence, Table, percent, written
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Result:
     logs = content["logs"]
+    files = [row["file"] for row in logs]
+    named = list(zip(told_apart(files), logs, strict=True))
     counts = ", ".join(f"{count} {str(word).replace('_', ' ')}" for word, count in content["counts"].items())
     sentences: list[Sentence] = [(f"{len(logs)} logs: {counts}.", None)]
-    failed = [row for row in logs if row["error"]]
     sentences += [
-        (f"{Path(row['file']).name} could not be diagnosed: {row['error'].rstrip('.')}.", False) for row in failed
+        (f"{name} could not be diagnosed: {row['error'].rstrip('.')}.", False) for name, row in named if row["error"]
     ]
     if content["interrupted"]:
         sentences.append(("Interrupted: not all logs are done.", DOUBT))
     rows = [
-        [Path(row["file"]).name, row["verdict"].replace("_", " ") or "✗ failed", " or ".join(row["set"]), row["place"],
+        [name, row["verdict"].replace("_", " ") or "✗ failed", " or ".join(row["set"]), row["place"],
          written(row["probability"], 1.0, 2) if row["cause"] else "", percent(row["gap_before"], 2),
          percent(row["gap_after"], 2) if row["verdict"] != "no_gap" else "", written(row["seconds"], 1.0, 2)]
-        for row in logs
+        for name, row in named
     ]  # fmt: skip
     head = ["log", "verdict", "cause", "place", "probability", "gap", "after", "s"]
     return Result(
@@ -32,7 +34,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
         tables=[Table("Gap of all signals on held-out data, as believed and with the causes", head, rows)],
         facts=[("plant", str(content["plant"])), ("a gap matters from", f"{percent(content['threshold'])} on")],
         versions=content["provenance"],
-        covers=[Path(row["file"]).stem for row in logs],
+        covers=folders_of(files),
     )
 
 

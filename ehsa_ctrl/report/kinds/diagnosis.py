@@ -10,6 +10,7 @@ from typing import Any, Literal
 from ...core.words import listed
 from ...diagnosis.diagnosis import MODELS
 from ...diagnosis.signals import SIGNALS
+from ...plant.file import both
 from ..closed_loop import closed_table
 from ..number import uncertain, unit
 from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, percent, written
@@ -33,7 +34,10 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     tables.append(_gaps(content))
     closed = folder / "closed_loop.json"
     facts = [
-        ("where", listed(f"{w['place']} {percent(w['share'], 2)}" for w in content["where"] if w["share"] >= 0.01))
+        (
+            "where, over the whole log",
+            listed(f"{w['place']} {percent(w['share'], 2)}" for w in content["where"] if w["share"] >= 0.01),
+        )
     ]
     if closed.is_file():
         found = json.loads(closed.read_text(encoding="utf-8"))
@@ -77,10 +81,11 @@ def _causes(content: Mapping[str, Any]) -> Table:
     rows = []
     for cause in content["effects"]:
         name = cause["id"] + (f" ({cause['channel']})" if cause["channel"] else "")
-        numbers = "; ".join(
-            f"{key} = {uncertain(p['value'], INFINITE if p['sd'] is None else p['sd'])} {unit(p['unit'])}".rstrip()
+        said = {
+            both(key): f"{uncertain(p['value'], INFINITE if p['sd'] is None else p['sd'])} {unit(p['unit'])}".rstrip()
             for key, p in cause["parameters"].items()
-        )
+        }
+        numbers = "; ".join(f"{key} = {words}" for key, words in said.items())
         rows.append([name, numbers, ", ".join(cause["ambiguous_with"]) or "–", written(cause["probability"], 1.0, 2),
                      percent(cause["gap_closed"])])  # fmt: skip
     return Table("Causes", ["cause", "numbers", "or, not told apart", "probability", "closes"], rows)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.words import listed
+from ...plant.file import both
 from ...simulation.limits import SHOWN, scale_of
 from ..number import unit
 from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, percent, settings_of, written
@@ -23,7 +24,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     nearest = max(content["limits"], key=lambda name: content["limits"][name]["worst_share"])
     sentences: list[Sentence] = [
         (f"{content['input']}, for {written(content['duration'])} s.", None),
-        (f"{determined}{'; not ' + listed(poor) if poor else ''}. The worst is {worst}: "
+        (f"{determined}{'; not ' + listed(map(both, poor)) if poor else ''}. The worst is {both(worst)}: "
          f"{percent(parameters[worst]['relative_sd'])} expected.", True if not poor else DOUBT),
         (f"It stays within the plant's limits; nearest is {nearest.replace('_', ' ')}, "
          f"{percent(content['limits'][nearest]['worst_share'], 2)} of the way even if parameters are "
@@ -37,7 +38,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
                 "Parameters as this log will give them",
                 ["name", "believed", "expected sd", "relative", "at worst", "unit", "verdict"],
                 [
-                    [name, written(p["believed"]), written(p["sd"], 1.0, 2), percent(p["relative_sd"], 2),
+                    [both(name), written(p["believed"]), written(p["sd"], 1.0, 2), percent(p["relative_sd"], 2),
                      percent(p["relative_sd_at_worst"], 2), unit(p["unit"]),
                      f"{'✓' if p['verdict'] == 'well determined' else '✗'} {p['verdict']}"]
                     for name, p in parameters.items()

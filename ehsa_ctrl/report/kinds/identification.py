@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...core.words import listed
+from ...core.words import listed, told_apart
 from ...identification.replay import fit_words, quality
+from ...plant.file import both
 from ..number import uncertain, unit
 from ._result import DOUBT, FITS, Drawing, Kind, Result, Sentence, Table, fit_table, percent, settings_of, written
 
@@ -43,13 +44,13 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
 
 def _logs(content: Mapping[str, Any]) -> str:
     """Names of the logs that were used; of many their number."""
-    names = [Path(str(log)).name for log in content["logs"]["train"]]
+    names = told_apart([str(log) for log in content["logs"]["train"]])
     return listed(names) if 0 < len(names) < 4 else f"{len(names)} logs"
 
 
 def _sentences(model: str, each: Mapping[str, Any]) -> list[Sentence]:
     parameters = each["parameters"]
-    poor = [name for name, p in parameters.items() if not p["identifiable"]]
+    poor = [both(name) for name, p in parameters.items() if not p["identifiable"]]
     words = f"{model} model: {len(parameters) - len(poor)} of {len(parameters)} parameters well determined"
     found: list[Sentence] = [(f"{words}{'; not ' + listed(poor) if poor else ''}.", True if not poor else DOUBT)]
     fits = each["fit_percent"]
@@ -71,7 +72,7 @@ def _tables(model: str, each: Mapping[str, Any]) -> list[Table]:
         sd = float("inf") if p["sd"] is None else p["sd"]
         relative = percent(sd / abs(p["value"]), 2) if p["value"] and p["sd"] is not None else "–"
         mark = "✓" if p["identifiable"] else "✗"
-        rows.append([name, uncertain(p["value"], sd), relative, written(p["start"]), unit(p["unit"]),
+        rows.append([both(name), uncertain(p["value"], sd), relative, written(p["start"]), unit(p["unit"]),
                      f"{mark} {p['verdict']}"])  # fmt: skip
     head = ["name", "value, one sd", "relative", "start", "unit", "verdict"]
     fits = each["fit_percent"]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ...plant.file import both
 from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, percent, written
 
 #: Of the parameters that decide, so many are listed.
@@ -18,8 +19,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     names = ", ".join(dict.fromkeys(f"{each['scenario']}" for each in campaigns))
     drawings = []
     for each in campaigns:
-        both = f"{each['scenario']}-{each['controller']}"
-        stem = both if any((folder / f"{both}{end}").exists() for end in (".svg", ".png")) else each["scenario"]
+        longer = f"{each['scenario']}-{each['controller']}"
+        stem = longer if any((folder / f"{longer}{end}").exists() for end in (".svg", ".png")) else each["scenario"]
         words = "What decides: where the drawn parameters lie in runs that pass and in runs that fail."
         drawings.append(Drawing(stem, f"{each['scenario']} with {each['controller']}", words))
     return Result(
@@ -43,7 +44,7 @@ def _sentences(each: Mapping[str, Any]) -> list[Sentence]:
         ),
         _demand(each),
     ]
-    decisive = [item["name"] for item in each["influences"] if item["decisive"]]
+    decisive = [both(item["name"]) for item in each["influences"] if item["decisive"]]
     if decisive:
         found.append((f"What decides: {', '.join(decisive)}, the strongest first.", None))
     if each["interrupted"]:
@@ -69,8 +70,8 @@ def _tables(each: Mapping[str, Any]) -> list[Table]:
         tables.append(Table(f"{name}: what failed", ["limit", "runs"], rows))
     if each["influences"]:
         rows = [
-            [item["name"], written(item["value"], 1.0, 2), written(item["chance"], 1.0, 2), written(item["passing"]),
-             written(item["failing"]), "yes" if item["decisive"] else "no"]
+            [both(item["name"]), written(item["value"], 1.0, 2), written(item["chance"], 1.0, 2),
+             written(item["passing"]), written(item["failing"]), "yes" if item["decisive"] else "no"]
             for item in each["influences"][:LISTED]
         ]  # fmt: skip
         head = ["parameter", "strength, -1 to 1", "by chance", "median, passing", "median, failing", "decisive"]

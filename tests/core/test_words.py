@@ -1,0 +1,42 @@
+"""Words of sentences: lists, and files that are told apart."""
+
+from pathlib import Path
+
+import pytest
+
+from ehsa_ctrl.core.log import Log, named
+from ehsa_ctrl.core.words import folders_of, listed, told_apart
+
+
+def test_a_list_reads_as_a_sentence():
+    """One, two, three."""
+    assert [listed(list("abc")[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
+
+
+@pytest.mark.parametrize(
+    ("files", "names"),
+    [
+        (["x/a.csv", "y/b.csv"], ["a.csv", "b.csv"]),
+        (["a/log.csv", "b/log.csv"], ["a/log.csv", "b/log.csv"]),
+        (["r/1/log.csv", "r/2/log.csv", "r/other.csv"], ["1/log.csv", "2/log.csv", "other.csv"]),
+        (["a/x/log.csv", "b/x/log.csv"], ["a/x/log.csv", "b/x/log.csv"]),
+        (["log.csv", "log.csv"], ["log.csv", "log.csv"]),
+    ],
+)
+def test_files_of_one_name_are_called_by_their_folders(files, names):
+    """By no more of them than it takes."""
+    assert told_apart(files) == names
+
+
+def test_results_of_one_name_get_folders_of_their_own():
+    """Without the ending, unless that alone tells them apart."""
+    assert folders_of(["a/log.csv", "b/log.csv", "c.csv"]) == ["a/log", "b/log", "c"]
+    assert folders_of(["log.csv", "log.mat"]) == ["log.csv", "log.mat"]
+
+
+def test_logs_know_what_they_are_called_beside_others():
+    """One alone goes by its file's name, one from memory has none."""
+    logs = [Log([0.0, 1.0], {}, Path(path)) for path in ("a/log.csv", "b/log.csv")]
+
+    assert [log.name for log in named([*logs, Log([0.0, 1.0], {})])] == ["a/log.csv", "b/log.csv", "a log"]
+    assert [log.name for log in named(logs[:1])] == ["log.csv"]

@@ -1,0 +1,46 @@
+"""A headline says which data its figures are of, and has those of the table below it."""
+
+import pytest
+
+from ehsa_ctrl import load_plant
+from ehsa_ctrl.diagnosis.diagnosis import Cause, Diagnosis
+
+
+def found(verdict, held, whole, after=0.0):
+    cause = Cause("internal_leakage", None, "flow", 0.98, {})
+    gaps = {
+        "nominal": {"speed": held / 2, "p1": held, "total": held},
+        "with_effects": {"speed": after, "p1": after, "total": after},
+    }
+    return Diagnosis(
+        load_plant("ehsa"), None, 0.03, verdict, (("flow", 1.0),) if verdict != "no_gap" else (),
+        (cause,) if verdict in ("effect", "ambiguous") else (), gaps, {"speed": whole, "p1": whole / 2, "total": whole},
+        "the last third of log.csv", {}, {}, {},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("verdict", ["effect", "ambiguous", "outside_catalogue", "underdetermined"])
+def test_a_gap_in_the_headline_is_that_of_the_table(verdict):
+    """14.7 % of p1 on held-out data, whatever the whole log has."""
+    text = str(found(verdict, 0.147, 0.161))
+
+    assert "14.7 % in p1 on held-out data" in text.splitlines()[0] and "16.1" not in text
+    assert "held out: the last third" in text and "gap there, %" in text
+    assert "where, over the whole log: flow 100 %" in text
+
+
+def test_no_gap_is_said_of_the_whole_log():
+    """That is what decides it; the held-out part may have less."""
+    assert found("no_gap", 0.001, 0.021).sentence.startswith(
+        "No gap that matters: the largest is 2.1 % in speed over the whole log, below 3 %"
+    )
+
+
+def test_a_gap_that_only_the_whole_log_has_is_said_to_be_its_own():
+    """The held-out third shows nothing."""
+    assert found("effect", 0.01, 0.161).sentence.startswith("The gap (16.1 % in speed over the whole log) comes from")
+
+
+def test_what_a_cause_closes_is_of_the_same_data():
+    """All signals together, as in the column total."""
+    assert "which closes 90 % of the gap of all signals there." in found("effect", 0.2, 0.3, after=0.02).sentence
