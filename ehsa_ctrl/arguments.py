@@ -10,7 +10,6 @@ from __future__ import annotations
 import ast
 import inspect
 import os
-import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import wraps
 from numbers import Integral, Real
@@ -18,7 +17,7 @@ from typing import Any, ParamSpec, TypeVar, get_args
 
 import numpy as np
 
-from .core.errors import InputError
+from .core.errors import InputError, shown
 from .core.protocol import Controller
 
 P = ParamSpec("P")
@@ -247,18 +246,6 @@ def _is_many(value: Any, inner: str, names: Mapping[str, Any]) -> bool:
     if isinstance(value, Iterator):
         return True
     return all(any(_fits(item, word, names) for word in _alternatives(inner)) for item in value)
-
-
-def shown(value: Any) -> str:
-    """A value in a sentence: numbers and short texts as they are, anything else by what it is."""
-    if value is None or isinstance(value, bool | Real | str):
-        return reprlib.repr(value)
-    if isinstance(value, os.PathLike):
-        return str(value)
-    if isinstance(value, np.ndarray):
-        return f"an array of shape {value.shape}" + (f" of {value.dtype}" if value.dtype.kind not in "fiu" else "")
-    word = type(value).__name__
-    return f"{'an' if word[0] in 'AEIOaeio' else 'a'} {word}"
 
 
 def _expected(words: Sequence[str], names: Mapping[str, Any]) -> str:
