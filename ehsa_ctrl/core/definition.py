@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-import tomllib
 import typing
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Strict, ValidationError
 
-from .errors import InputError, choices
+from .errors import InputError, choices, shown
+from .reading import read_toml
 from .unit import parse
 
 
 class Definition(BaseModel):
-    """Base of everything that a user writes in TOML: unknown keys are mistakes, values don't change afterwards."""
+    """Base of everything that a user writes in TOML: unknown keys are mistakes, values don't change afterwards.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    Nothing is converted: true is no 1, "1" no 1, and a number is finite unless its field says otherwise.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, arbitrary_types_allowed=True, strict=True, allow_inf_nan=False
+    )
 
 
 class In:
@@ -34,14 +39,19 @@ class In:
                     return parse(value, self.unit)
                 except InputError as error:
                     raise ValueError(str(error)) from None
-            if isinstance(value, int | float) and not isinstance(value, bool):
-                if self.unit in ("1", "fraction"):
-                    return float(value)
-                raise ValueError(f"{value!r} has no unit; write it as in '{value} {self.unit}'")
-            raise ValueError(f"{value!r} is no quantity; write it as in '3 {self.unit}'")
+            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < float("inf"):
+                raise ValueError(f"{shown(value)} is no quantity; write it as in '3 {self.unit}'")
+            if self.unit in ("1", "fraction"):
+                return float(value)
+            raise ValueError(f"{shown(value)} has no unit; write it as in '{shown(value)} {self.unit}'")
 
         return core_schema.no_info_plain_validator_function(convert)
 
+
+#: Pairs and the like, which TOML writes as an array.
+Array = Strict(False)
+#: A number that may be infinite, where that means never.
+Unlimited = Annotated[float, AllowInfNan(True)]
 
 Metre = Annotated[float, In("m")]
 Second = Annotated[float, In("s")]
@@ -52,18 +62,6 @@ RadianPerSecond = Annotated[float, In("rad/s")]
 Radian = Annotated[float, In("rad")]
 
 D = TypeVar("D", bound=Definition)
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file. Raises InputError naming file and line if it is absent or is no TOML."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: can't be read as text ({error})") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is no valid TOML: {error}") from None
 
 
 def read_definition(path: Path, kind: type[D]) -> D:
@@ -79,6 +77,25 @@ def validate(content: dict[str, Any], kind: type[D], where: str, context: dict[s
         raise InputError(f"{where}: {_sentence(error, kind)}") from None
 
 
+#: What pydantic misses, in words of TOML.
+EXPECTED = {
+    **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "a table"),
+    **dict.fromkeys(("list_type", "tuple_type"), "an array"),
+    "string_type": "a text",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "finite_number": "a finite number",
+}
+
+
+def _got(value: Any) -> str:
+    """A value as its writer knows it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else shown(value)
+
+
 def _sentence(error: ValidationError, kind: type[BaseModel]) -> str:
     """The first mistake as one sentence; an unknown key comes first, as it is often the cause of a missing one."""
     mistakes = sorted(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
@@ -92,9 +109,17 @@ def _sentence(error: ValidationError, kind: type[BaseModel]) -> str:
             sentence = f"{place}: is missing"
         case "value_error":
             sentence = f"{place}: {first['ctx']['error']}" if place else str(first["ctx"]["error"])
+        case "union_tag_invalid" | "union_tag_not_found":
+            word = str(first["ctx"]["discriminator"]).strip("'")
+            got = first["input"].get(word) if isinstance(first["input"], dict) else None
+            known = first["ctx"].get("expected_tags", "")
+            sentence = f"{place}: {word} {'is missing' if got is None else f'= {_got(got)}'}" + (
+                f"; known: {known}" if known else ""
+            )
         case _:
-            got = first["input"]
-            sentence = f"{place} = {got!r}: {first['msg'][0].lower()}{first['msg'][1:]}"
+            said = EXPECTED.get(first["type"])
+            words = f"expected {said}" if said else f"{first['msg'][0].lower()}{first['msg'][1:]}"
+            sentence = f"{place} = {_got(first['input'])}; {words}"
     more = len(mistakes) - 1
     return sentence + (f" (and {more} more mistake{'s' if more > 1 else ''})" if more else "")
 

@@ -34,6 +34,7 @@ class SimulationError(EhsaError, RuntimeError):
 def choices(name: str, known: Iterable[str]) -> str:
     """Say what `name` may have meant: the nearest known name first, then all of them."""
     known = sorted(known)
+    name = name[:100]
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     listed = ", ".join(known) if known else "none"
     return (f"did you mean {near[0]!r}? " if near else "") + f"known: {listed}"

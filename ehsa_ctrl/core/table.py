@@ -79,10 +79,14 @@ def read_table(path: Path) -> Table:
     ------
     InputError: no such file, a folder, or no table of this kind; one sentence.
     """
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder; give the file of one log")
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
+    try:
+        if path.is_dir():
+            raise InputError(f"{path}: is a folder; give the file of one log")
+        path.stat()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from None
     readers = {".parquet": _parquet, ".pq": _parquet, ".mat": _mat}
     table = readers.get(path.suffix.lower(), _csv)(path)
     twice = {name for name in table.names if table.names.count(name) > 1}

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.catalogue import controllers
-from ..core.definition import read_toml, validate
-from ..core.errors import InputError, choices
+from ..core.definition import validate
+from ..core.errors import InputError, choices, shown
+from ..core.reading import read_toml
 from .controller import SampledController
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 
@@ -19,8 +20,8 @@ def read_controller(path: Path) -> tuple[ControllerKind, ControllerFile]:
     """Read and validate a controller's TOML. Raises InputError with file and key."""
     content: dict[str, Any] = read_toml(path)
     word = content.get("kind")
-    if word not in CONTROLLER_KINDS:
-        raise InputError(f"{path}: kind = {word!r}; {choices(str(word), CONTROLLER_KINDS)}")
+    if not isinstance(word, str) or word not in CONTROLLER_KINDS:
+        raise InputError(f"{path}: kind = {shown(word)}; {choices(str(word)[:50], CONTROLLER_KINDS)}")
     kind = CONTROLLER_KINDS[word]
     return kind, validate(content, kind.file, str(path))
 

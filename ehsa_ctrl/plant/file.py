@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from ..core.definition import Definition, Hertz, Second
+from ..core.definition import Array, Definition, Hertz, Second, Unlimited
 from ..core.errors import InputError
 from ..core.parameter import SOURCES, Parameter, check_range
 from ..core.unit import factor
@@ -80,11 +80,11 @@ class Quantity(Definition):
     bounds: [least, most] in which the value is believed, in the same unit; drawn evenly between where there is no sd.
     """
 
-    value: float
+    value: Unlimited
     unit: str
     source: Source
     sd: Annotated[float, Field(ge=0)] | None = None
-    bounds: tuple[float, float] | None = None
+    bounds: Annotated[tuple[Unlimited, Unlimited], Array] | None = None
     note: str = ""
 
     @field_validator("unit")

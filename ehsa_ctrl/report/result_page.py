@@ -6,7 +6,6 @@ Nothing is simulated again. A page of a tree is what one shows to others: every 
 from __future__ import annotations
 
 import base64
-import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from ..core.errors import InputError
+from ..core.reading import read_json
 from .document import Picture, anchors, inlined, write_document
 from .kinds import kinds
 from .kinds._result import Kind, Result
@@ -159,10 +159,10 @@ def _section(kind: Kind, folder: Path, place: str, anchor: str) -> Section:
     """Raises InputError for a file that is no result of this kind."""
     path = folder / kind.name
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         return Section(kind, kind.read(content, folder), folder, place, anchor, content.get("rests_on") or {})
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror})") from None
+    except InputError:
+        raise
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
         raise InputError(f"{path}: is not what ehsa-ctrl writes under this name") from None
 
@@ -170,6 +170,9 @@ def _section(kind: Kind, folder: Path, place: str, anchor: str) -> Section:
 def _drawn(folder: Path, stem: str, words: str, name: str) -> Markup | None:
     """A figure that is there: as lines, as pixels where these would be too many, None where neither is."""
     svg, png = folder / f"{stem}.svg", folder / f"{stem}.png"
+    if svg.parent != folder:
+        # A JSON may name anything; only the result's own folder is looked into.
+        return None
     if svg.is_file() and (svg.stat().st_size <= LARGEST or not png.is_file()):
         text = svg.read_text(encoding="utf-8", errors="replace")
         # What is no figure of ours stays out: a page that is sent around runs nothing.

@@ -12,8 +12,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from ...core.catalogue import controllers
-from ...core.definition import read_toml
 from ...core.errors import InputError, choices
+from ...core.reading import read_toml
 from ..kinds import CONTROLLER_KINDS, ControllerKind
 
 #: Tables of which a definition has one: asking for a key of one takes the others out.
