@@ -98,6 +98,7 @@ def command(
     warn_unbelieved([loaded])
     system = three_state(loaded)
     found = design(name, chosen, content, system, figures=figures, asked=asked)
+    loaded.require_current(found.controller.current_limit)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
     words += [f"{key} = {text} believed" for key, text in believed.items()]
     comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'nothing in particular'}."]

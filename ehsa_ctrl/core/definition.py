@@ -39,7 +39,7 @@ class In:
                     return parse(value, self.unit)
                 except InputError as error:
                     raise ValueError(str(error)) from None
-            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < float("inf"):
+            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 1e300:
                 raise ValueError(f"{shown(value)} is no quantity; write it as in '3 {self.unit}'")
             if self.unit in ("1", "fraction"):
                 return float(value)

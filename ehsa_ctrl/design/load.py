@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..core.catalogue import controllers
 from ..core.definition import validate
@@ -49,12 +52,31 @@ def build_controller(
     name: str, kind: ControllerKind, definition: ControllerFile, system: control.StateSpace
 ) -> SampledController:
     """Design a controller from its definition on a linear model. Raises InputError as `load_controller` does."""
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"), warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            controller = _around(name, kind, definition, kind.design(name, definition, system))
+            computed = not np.isnan(controller.settings()).any()
+    except InputError:
+        raise
+    except (ArithmeticError, ValueError, RuntimeWarning, np.linalg.LinAlgError):
+        computed = False
+    if not computed:
+        raise InputError(
+            "can't be designed, as its numbers are too large or too small to compute with; check the powers of ten of "
+            "its weights, gains, limits and times"
+        )
+    return controller
+
+
+def _around(name: str, kind: ControllerKind, definition: ControllerFile, law: Any) -> SampledController:
+    """The law with the stages that its definition asks for."""
     return SampledController(
         name=name,
         kind=kind.name,
         sample_time=definition.sample_time,
         current_limit=definition.current_limit,
-        law=kind.design(name, definition, system),
+        law=law,
         trajectory=definition.trajectory,
         feedforward=definition.feedforward,
         rest=definition.rest,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from ..core.definition import Array, Definition, Hertz, Second, Unlimited
 from ..core.errors import InputError
@@ -146,6 +146,14 @@ class EstimationFile(Definition):
     cutoff: Hertz = 100.0
     parallel: Hertz | None = None
     beside: bool = True
+
+    @model_validator(mode="after")
+    def _positive(self) -> EstimationFile:
+        for name in ("width", "cutoff", "parallel"):
+            value = getattr(self, name)
+            if value is not None and value <= 0:
+                raise ValueError(f"{name} = {value:g}; expected more than 0")
+        return self
 
 
 class ModelFile(Definition):

@@ -34,7 +34,12 @@ def check_definition(path: Path, *, plant: str | Path = "ehsa") -> str:
             raise InputError(f"{path}: has neither a [linear] nor a [nonlinear] model")
         return "plant"
     if "kind" in content:
-        load_controller(path, three_state(load_plant(plant, model="linear")))
+        designed_on = load_plant(plant, model="linear")
+        controller = load_controller(path, three_state(designed_on))
+        try:
+            designed_on.require_current(controller.current_limit)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
         return "controller"
     if "why" in content or "reference" in content:
         scenario = load_scenario(path)

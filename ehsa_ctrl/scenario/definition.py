@@ -92,6 +92,12 @@ class Limit(Definition):
     max: float | None = None
     min: float | None = None
 
+    @model_validator(mode="after")
+    def _room(self) -> Limit:
+        if self.max is not None and self.min is not None and self.min > self.max:
+            raise ValueError(f"min = {self.min:g} is more than max = {self.max:g}; nothing would keep both")
+        return self
+
 
 class ScenarioFile(Definition):
     """A scenario's TOML.

@@ -132,6 +132,8 @@ def prepare(
         believed = _of_model("plant", plant, "nonlinear") or load_plant(checked, model="nonlinear")
         nonlinear = with_settings(believed, definition.all_settings)
         chosen: Controller = load_controller(law, model) if isinstance(law, Path) else law
+        if "motor_torque" not in definition.expect_trips:
+            believed.require_current(getattr(chosen, "current_limit", 0.0))
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     samples = definition.duration / chosen.sample_time

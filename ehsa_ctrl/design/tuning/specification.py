@@ -109,7 +109,7 @@ def value(text: str) -> Any:
     """A value as TOML reads it where it does ("1.5", "true", "[1, 2]"), a text where not ("30 rad/s")."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text
 
 
