@@ -41,6 +41,7 @@ MEANT = {
     "Path": "a path",
     "None": "None",
     "np.ndarray": "an array of numbers",
+    "DataFrame": "a table of pandas",
     "Callable": "a function",
     "Watch": "a function",
 }
@@ -75,9 +76,23 @@ def accepting(function: Callable[P, R]) -> Callable[P, R]:
     return called
 
 
+def checking(owner: type, methods: Iterable[str]) -> None:
+    """Have these methods of a class check what they are given, once."""
+    for name in methods:
+        method = inspect.getattr_static(owner, name)
+        bare = getattr(method, "__func__", method)
+        if not hasattr(bare, "__wrapped__"):
+            checked = accepting(bare)
+            checked.__module__, checked.__qualname__ = bare.__module__, bare.__qualname__
+            setattr(owner, name, checked if bare is method else type(method)(checked))
+
+
 def _each(function: Callable[..., Any], parameter: inspect.Parameter, given: Mapping[str, Any]) -> Any:
     """An argument, or all of those that stand for `*name`, as the function wants them."""
     value = given[parameter.name]
+    if parameter.annotation is inspect.Parameter.empty:
+        # The object or class that a method belongs to.
+        return value
     if parameter.kind is inspect.Parameter.VAR_POSITIONAL:
         return tuple(_accepted(function, parameter, item, given) for item in value)
     return _accepted(function, parameter, value, given)
@@ -87,9 +102,11 @@ def _accepted(function: Callable[..., Any], parameter: inspect.Parameter, value:
     """The value as the function wants it, loaded if it can be. Raises InputError for one that does not fit."""
     words = list(_alternatives(str(parameter.annotation)))
     names = function.__globals__
-    if any(_fits(value, word, names) for word in words):
-        return value
-    where = f"{function.__name__}: {parameter.name}"
+    for word in words:
+        if _fits(value, word, names):
+            listed = word == "np.ndarray" and (isinstance(value, list | tuple) or hasattr(value, "__array__"))
+            return np.asarray(value) if listed else value
+    where = f"{function.__qualname__.removesuffix('.__init__')}: {parameter.name}"
     try:
         return _loaded(function, words, value, given)
     except InputError as error:
@@ -232,11 +249,9 @@ def _is_number(value: Any, kind: type) -> bool:
 
 
 def _is_numeric(value: Any) -> bool:
-    if isinstance(value, str) or value is None or isinstance(value, Mapping):
-        return False
     try:
-        return np.asarray(value, dtype=float) is not None
-    except (TypeError, ValueError):
+        return np.asarray(value).dtype.kind in "fiu"
+    except (TypeError, ValueError, OverflowError):
         return False
 
 

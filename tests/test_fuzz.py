@@ -77,7 +77,7 @@ def mutated(content, draw):
     table = content
     for step in above:
         table = table[step]
-    match draw.choice(["replace"] * 5 + ["drop", "add", "repeat", "scale", "unit"]):
+    match draw.choice(["replace"] * 4 + ["size"] * 3 + ["drop", "add", "repeat", "scale", "unit"]):
         case "drop":
             del table[key]
         case "add":
@@ -87,6 +87,9 @@ def mutated(content, draw):
             table[key] = [table[key], table[key]]
         case "scale" if isinstance(table[key], int | float):
             table[key] = table[key] * draw.choice([1e30, -1, 1e-30, 1e6, 1e-6])
+        case "size" if isinstance(table[key], str):
+            unit = table[key].partition(" ")[2]
+            table[key] = f"{draw.choice(['1e300', '1e-300', '1e30', '1e-30', '1e9', '1e-9', '0', '-1'])} {unit}"
         case "unit" if isinstance(table[key], str):
             number = table[key].partition(" ")[0]
             table[key] = f"{number} {draw.choice(['', 'm', 's', 'A', 'Pa', 'rpm', '%', 'Nm', '1/0', '(', 'm^999'])}"

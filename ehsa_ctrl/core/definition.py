@@ -24,6 +24,10 @@ class Definition(BaseModel):
     )
 
 
+#: In SI units; what is larger, or smaller than its inverse, is a mistake that squares could not be computed of.
+LARGEST = 1e30
+
+
 class In:
     """Marks a text field as a quantity in an SI unit: `Annotated[float, In("m")]` reads "20 mm" as 0.02."""
 
@@ -36,14 +40,18 @@ class In:
         def convert(value: Any) -> float:
             if isinstance(value, str):
                 try:
-                    return parse(value, self.unit)
+                    number = parse(value, self.unit)
                 except InputError as error:
                     raise ValueError(str(error)) from None
-            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 1e300:
+            elif isinstance(value, bool) or not isinstance(value, int | float):
                 raise ValueError(f"{shown(value)} is no quantity; write it as in '3 {self.unit}'")
-            if self.unit in ("1", "fraction"):
-                return float(value)
-            raise ValueError(f"{shown(value)} has no unit; write it as in '{shown(value)} {self.unit}'")
+            elif self.unit not in ("1", "fraction"):
+                raise ValueError(f"{shown(value)} has no unit; write it as in '{shown(value)} {self.unit}'")
+            else:
+                number = value
+            if number != 0 and not 1.0 / LARGEST <= abs(number) <= LARGEST:
+                raise ValueError(f"{shown(value)} is beyond any meaning; expected 0, or {1 / LARGEST:g} to {LARGEST:g}")
+            return float(number)
 
         return core_schema.no_info_plain_validator_function(convert)
 
@@ -96,15 +104,21 @@ def _got(value: Any) -> str:
     return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else shown(value)
 
 
+def _name(part: int | str) -> str:
+    """A key in a sentence: as it is, unless it is too long or odd for that."""
+    text = str(part)
+    return text if len(text) <= 60 and text.isprintable() else shown(text)
+
+
 def _sentence(error: ValidationError, kind: type[BaseModel]) -> str:
     """The first mistake as one sentence; an unknown key comes first, as it is often the cause of a missing one."""
     mistakes = sorted(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
     first = mistakes[0]
-    *tables, key = first["loc"] or ("",)
-    place = f"[{'.'.join(str(part) for part in tables)}] {key}" if tables else str(key)
+    *tables, key = (_name(part) for part in first["loc"] or ("",))
+    place = f"[{'.'.join(tables)}] {key}" if tables else key
     match first["type"]:
         case "extra_forbidden":
-            sentence = f"{place}: unknown key; {choices(str(key), _fields(kind, first['loc'][:-1]))}"
+            sentence = f"{place}: unknown key; {choices(key, _fields(kind, first['loc'][:-1]))}"
         case "missing":
             sentence = f"{place}: is missing"
         case "value_error":

@@ -31,11 +31,10 @@ class SimulationError(EhsaError, RuntimeError):
     """A simulation could not be finished; the text names the time and the reason."""
 
 
-def choices(name: str, known: Iterable[str]) -> str:
+def choices(name: object, known: Iterable[str]) -> str:
     """Say what `name` may have meant: the nearest known name first, then all of them."""
     known = sorted(known)
-    name = name[:100]
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(str(name)[:100], known, n=1, cutoff=0.5)
     listed = ", ".join(known) if known else "none"
     return (f"did you mean {near[0]!r}? " if near else "") + f"known: {listed}"
 

@@ -24,7 +24,7 @@ def read_controller(path: Path) -> tuple[ControllerKind, ControllerFile]:
     content: dict[str, Any] = read_toml(path)
     word = content.get("kind")
     if not isinstance(word, str) or word not in CONTROLLER_KINDS:
-        raise InputError(f"{path}: kind = {shown(word)}; {choices(str(word)[:50], CONTROLLER_KINDS)}")
+        raise InputError(f"{path}: kind = {shown(word)}; {choices(word, CONTROLLER_KINDS)}")
     kind = CONTROLLER_KINDS[word]
     return kind, validate(content, kind.file, str(path))
 

@@ -27,7 +27,13 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
 
     measured y, simulated yhat: (N,), same unit. Source: the fit of L. Ljung, "System Identification: Theory for the
     User", 2nd ed., as its toolbox computes it.
+
+    Raises InputError for vectors of different lengths, and for empty ones.
     """
+    if measured.ndim != 1 or measured.size == 0 or measured.shape != simulated.shape:
+        raise InputError(
+            f"measured has shape {measured.shape} and simulated {simulated.shape}; expected two vectors of equal length"
+        )
     spread = float(np.linalg.norm(measured - np.mean(measured)))
     # The mean of equal numbers differs from them in the last digit.
     if spread <= 1e-12 * float(np.linalg.norm(measured)):

@@ -119,7 +119,7 @@ class Plant(ShownAsText):
         except (KeyError, TypeError):
             raise InputError(
                 f"the {self.model} model of {self.name} has no parameter {shown(letter)}; "
-                f"{choices(str(letter), self.parameters)}"
+                f"{choices(letter, self.parameters)}"
             ) from None
 
     @property

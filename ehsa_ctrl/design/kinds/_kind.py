@@ -36,8 +36,8 @@ class ControllerFile(Definition):
 
     @model_validator(mode="after")
     def _possible(self) -> ControllerFile:
-        if not 0 < self.sample_time < 1:
-            raise ValueError(f"sample_time = {self.sample_time:g} s; expected more than 0 and less than 1 s")
+        if not 1e-6 <= self.sample_time < 1:
+            raise ValueError(f"sample_time = {self.sample_time:g} s; expected at least 1 us and less than 1 s")
         if not 0 < self.current_limit < float("inf"):
             raise ValueError(f"current_limit = {self.current_limit:g} A; expected more than 0 A")
         if self.dither is not None and self.dither.frequency * self.sample_time >= 0.5:

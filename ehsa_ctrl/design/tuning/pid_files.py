@@ -85,7 +85,7 @@ class PidDesign(Definition):
     crossover: RadianPerSecond
     phase_margin: PhaseMargin
     integral_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.1
-    filter_ratio: Annotated[float, Field(gt=1)] = 10.0
+    filter_ratio: Annotated[float, Field(gt=1, le=1e6)] = 10.0
 
 
 def classic_gains(design: PidDesign, system: control.StateSpace, sample_time: float) -> Gains:
