@@ -73,7 +73,7 @@ _WHERE = {
 
 #: Classes that users build by themselves, and the methods whose arguments are checked as those of functions are.
 _BUILT = {
-    "SteppedRun": ("__init__", "advance"),
+    "SteppedRun": ("__init__",),
     "Log": ("__init__", "from_pandas", "segment"),
     "Preparation": ("__init__",),
     "Structure": ("__init__",),

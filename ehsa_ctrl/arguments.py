@@ -12,6 +12,7 @@ import inspect
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import wraps
+from itertools import cycle
 from numbers import Integral, Real
 from typing import Any, ParamSpec, TypeVar, get_args
 
@@ -45,6 +46,8 @@ MEANT = {
     "Callable": "a function",
     "Watch": "a function",
 }
+#: The largest number, in SI units.
+LARGEST = 1e30
 #: What names and paths are loaded to.
 LOADED = ("Plant", "Log", "SampledController", "Scenario")
 #: Functions on the linear set of parameters: a plant that they are given by name is that one.
@@ -102,10 +105,13 @@ def _accepted(function: Callable[..., Any], parameter: inspect.Parameter, value:
     """The value as the function wants it, loaded if it can be. Raises InputError for one that does not fit."""
     words = list(_alternatives(str(parameter.annotation)))
     names = function.__globals__
+    if isinstance(value, Iterator) and any(word.startswith(("Sequence", "Iterable")) for word in words):
+        value = list(value)
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
     for word in words:
-        if _fits(value, word, names):
-            listed = word == "np.ndarray" and (isinstance(value, list | tuple) or hasattr(value, "__array__"))
-            return np.asarray(value) if listed else value
+        if _fits(value, word, names) and not (parameter.name == "seed" and value < 0):
+            return _plain(value, word)
     where = f"{function.__qualname__.removesuffix('.__init__')}: {parameter.name}"
     try:
         return _loaded(function, words, value, given)
@@ -116,11 +122,20 @@ def _accepted(function: Callable[..., Any], parameter: inspect.Parameter, value:
         raise InputError(f"{where} is {shown(value)}; expected {_expected(words, names)}{loaded}") from None
 
 
+def _plain(value: Any, word: str) -> Any:
+    """A value that fits, as numpy's arrays and tuples of numbers where these are what is meant."""
+    if word == "np.ndarray" and (isinstance(value, Sequence) or hasattr(value, "__array__")):
+        return np.asarray(value)
+    if word == "Sequence[float]":
+        return tuple(np.asarray(value, dtype=float).tolist())
+    return list(value) if word.startswith("Sequence") and not isinstance(value, Sequence) else value
+
+
 def _loaded(function: Callable[..., Any], words: Sequence[str], value: Any, given: Mapping[str, Any]) -> Any:
     """What a name, a path or a text of names stands for. Raises LookupError where it stands for nothing."""
     bare = {word.rpartition(".")[2] for word in words}
     if not isinstance(value, str | os.PathLike):
-        if "int" in bare and isinstance(value, float) and value.is_integer():
+        if "int" in bare and isinstance(value, float) and value.is_integer() and 0 <= value < 2**53:
             return int(value)
         if "Sequence[Log]" in bare and isinstance(value, list | tuple):
             return [_log(item, given) for item in value]
@@ -179,12 +194,12 @@ def _controller(value: Any, given: Mapping[str, Any]) -> Any:
     return load_controller(os.fspath(value), system)
 
 
-def _alternatives(annotation: str) -> Iterator[str]:
+def _alternatives(annotation: str, between: str = "|") -> Iterator[str]:
     """The parts of "A | B[C | D]": A, then B[C | D]."""
     depth, start = 0, 0
     for place, sign in enumerate(annotation):
         depth += (sign in "[(") - (sign in "])")
-        if sign == "|" and depth == 0:
+        if sign == between and depth == 0:
             yield annotation[start:place].strip()
             start = place + 1
     yield annotation[start:].strip()
@@ -215,13 +230,20 @@ def _fits(value: Any, word: str, names: Mapping[str, Any]) -> bool:
         case "ndarray":
             return _is_numeric(value)
         case "Mapping" | "dict":
-            return isinstance(value, Mapping)
+            items = inner.partition(",")[2].strip()
+            return (
+                isinstance(value, Mapping)
+                and all(isinstance(key, str) for key in value)
+                and (_is_many(list(value.values()), items, names))
+            )
         case "Callable" | "Watch":
             return callable(value)
         case "tuple":
-            return isinstance(value, tuple | list)
+            kinds = [kind for kind in _alternatives(inner, ",") if kind != "..."]
+            many = isinstance(value, tuple | list) and ("..." in inner or len(value) == len(kinds))
+            return many and all(_is_many([item], kind, names) for item, kind in zip(value, cycle(kinds), strict=False))
         case "Sequence" if inner == "float":
-            return _is_numeric(value)
+            return _is_numeric(value) and np.ndim(value) == 1
         case "Sequence" | "Iterable":
             return _is_many(value, inner, names)
         case "Controller":
@@ -245,12 +267,17 @@ def _is(value: Any, name: str) -> bool:
 def _is_number(value: Any, kind: type) -> bool:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
-    return isinstance(value, kind) and not isinstance(value, bool | np.bool_)
+    if not isinstance(value, kind) or isinstance(value, bool | np.bool_):
+        return False
+    number: Any = value
+    # Neither nan nor what nothing can be computed with.
+    return bool(-LARGEST <= number <= LARGEST) and (kind is Real or -(2**63) <= number < 2**63)
 
 
 def _is_numeric(value: Any) -> bool:
     try:
-        return np.asarray(value).dtype.kind in "fiu"
+        array = np.asarray(value)
+        return array.dtype.kind in "fiu" and array.ndim > 0
     except (TypeError, ValueError, OverflowError):
         return False
 
@@ -258,8 +285,6 @@ def _is_numeric(value: Any) -> bool:
 def _is_many(value: Any, inner: str, names: Mapping[str, Any]) -> bool:
     if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
         return False
-    if isinstance(value, Iterator):
-        return True
     return all(any(_fits(item, word, names) for word in _alternatives(inner)) for item in value)
 
 

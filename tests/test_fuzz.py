@@ -6,28 +6,19 @@ The cases are drawn with a fixed seed, so that a run can be repeated; what a cas
 from __future__ import annotations
 
 import copy
-import inspect
-import json
 import math
 import random
 import shutil
 import signal
-import sys
 import tomllib
 import warnings
 from contextlib import contextmanager
-from pathlib import Path
 
-import numpy as np
-import pandas
 import pytest
 import tomlkit
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import ehsa_ctrl as e
 from ehsa_ctrl.core import catalogue
-from ehsa_ctrl.scenario.check import check_definition
 
 SHIPPED = [path for kind in catalogue.KINDS for path in catalogue.shipped(kind).values()]
 #: What stands where a value was.

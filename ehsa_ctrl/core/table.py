@@ -80,13 +80,16 @@ def read_table(path: Path) -> Table:
     InputError: no such file, a folder, or no table of this kind; one sentence.
     """
     try:
-        if path.is_dir():
-            raise InputError(f"{path}: is a folder; give the file of one log")
+        folder = path.is_dir()
         path.stat()
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror})") from None
+    except ValueError:
+        raise InputError(f"{str(path)!r}: is no name of a file") from None
+    if folder:
+        raise InputError(f"{path}: is a folder; give the file of one log")
     readers = {".parquet": _parquet, ".pq": _parquet, ".mat": _mat}
     table = readers.get(path.suffix.lower(), _csv)(path)
     twice = {name for name in table.names if table.names.count(name) > 1}

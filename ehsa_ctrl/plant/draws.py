@@ -213,6 +213,8 @@ def drawn_models(
 
     Labels say what is different: "K_S = 50 kN/m", "draw 7 at K_S = 50 kN/m: M +12 %, ...".
     """
+    if not conditions:
+        raise InputError("conditions is empty; expected at least one, as conditions() gives it")
     models = operating_points(plant, conditions)
     for k, drawn in enumerate(plants):
         at = conditions[k % len(conditions)]
