@@ -43,7 +43,7 @@ def write_document(
     page = environment.get_template(template).render(**content)
     path = Path(folder) / file
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8")
+    path.write_text(page, encoding="utf-8", errors="backslashreplace")
     return path
 
 

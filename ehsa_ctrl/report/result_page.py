@@ -82,6 +82,20 @@ class Section:
         rows = self.rests_on.get("assumed", [])
         return [(row["plant"], Noted(row["name"], row["note"]), row["value"], row["range"]) for row in rows]
 
+    def checked(self) -> None:
+        """Raise an error of any kind if the page could not be made of this."""
+        texts = [self.command, self.title, *(name for pair in self.files for name in pair)]
+        texts += [text for plant, noted, *ends in self.assumed for text in (plant, *noted, *ends)]
+        texts += [words for words, _ in self.result.sentences]
+        texts += [words for pair in (self.result.versions or {}).items() for words in pair]
+        texts += [words for pair in self.result.facts for words in pair]
+        texts += [cell for table in self.result.tables for row in (table.head, *table.rows) for cell in row]
+        texts += [words for drawing in self.result.drawings for words in drawing]
+        if not all(isinstance(text, str) for text in texts):
+            raise TypeError("a text is none")
+        if any(len(row) != len(table.head) for table in self.result.tables for row in table.rows):
+            raise ValueError("a table is ragged")
+
     @property
     def files(self) -> list[tuple[str, str]]:
         return list(self.rests_on.get("files", {}).items())
@@ -160,7 +174,10 @@ def _section(kind: Kind, folder: Path, place: str, anchor: str) -> Section:
     path = folder / kind.name
     try:
         content = read_json(path)
-        return Section(kind, kind.read(content, folder), folder, place, anchor, content.get("rests_on") or {})
+        section = Section(kind, kind.read(content, folder), folder, place, anchor, content.get("rests_on") or {})
+        # What a page asks for later is looked at now, while one can still say which file is wrong.
+        section.checked()
+        return section
     except InputError:
         raise
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
