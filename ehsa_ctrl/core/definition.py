@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import typing
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Strict, ValidationError
+from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Strict, ValidationError
 
 from .errors import InputError, choices, shown
 from .reading import read_toml
@@ -68,6 +68,16 @@ Newton = Annotated[float, In("N")]
 Hertz = Annotated[float, In("Hz")]
 RadianPerSecond = Annotated[float, In("rad/s")]
 Radian = Annotated[float, In("rad")]
+
+
+def _whole(value: Any) -> Any:
+    if type(value) is not int:
+        raise ValueError(f"schema = {_got(value)}; expected the whole number 1")
+    return value
+
+
+#: Of a form; a Literal alone would take true for 1.
+Schema = Annotated[Literal[1], BeforeValidator(_whole)]
 
 D = TypeVar("D", bound=Definition)
 

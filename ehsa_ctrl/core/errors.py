@@ -31,11 +31,15 @@ class SimulationError(EhsaError, RuntimeError):
     """A simulation could not be finished; the text names the time and the reason."""
 
 
+#: Names that a sentence lists.
+MOST = 100
+
+
 def choices(name: object, known: Iterable[str]) -> str:
     """Say what `name` may have meant: the nearest known name first, then all of them."""
     known = sorted(known)
     near = difflib.get_close_matches(str(name)[:100], known, n=1, cutoff=0.5)
-    listed = ", ".join(known) if known else "none"
+    listed = ", ".join(known[:MOST]) + (f" and {len(known) - MOST} more" if len(known) > MOST else "") or "none"
     return (f"did you mean {near[0]!r}? " if near else "") + f"known: {listed}"
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ..core.definition import Array, Definition, Hertz, Second, Unlimited
+from ..core.definition import Array, Definition, Hertz, Schema, Second, Unlimited
 from ..core.errors import InputError
 from ..core.parameter import SOURCES, Parameter, check_range
 from ..core.unit import factor
@@ -209,7 +209,7 @@ class PlantFile(Definition):
     [log]: where this rig's own logs keep a channel; one that is left out has its own name and SI units.
     """
 
-    schema_version: Literal[1] = Field(alias="schema")
+    schema_version: Schema = Field(alias="schema")
     title: str
     system: str
     note: str = ""

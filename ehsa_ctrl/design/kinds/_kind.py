@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import Field, model_validator
 
-from ...core.definition import Ampere, Definition, Second
+from ...core.definition import Ampere, Definition, Schema, Second
 from ..stages.feedforward import Feedforward
 from ..stages.rest import Dither, Rest
 from ..stages.trajectory import Trajectory
@@ -23,7 +23,7 @@ class ControllerFile(Definition):
     [trajectory], [feedforward], [rest], [dither]: stages around the feedback law; each is off where it is left out.
     """
 
-    schema_version: Literal[1] = Field(alias="schema")
+    schema_version: Schema = Field(alias="schema")
     kind: str
     title: str
     note: str = ""
