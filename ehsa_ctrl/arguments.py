@@ -35,7 +35,7 @@ MEANT = {
     "RobustMargins": "what robust_margins(systems, controller) gives",
     "Known": "what known_of(plant) gives",
     "Covariance": "the covariance of an identification",
-    "float": "a number in SI units",
+    "float": "a finite number in SI units",
     "int": "a whole number",
     "bool": "True or False",
     "str": "a text",
@@ -119,7 +119,10 @@ def _accepted(function: Callable[..., Any], parameter: inspect.Parameter, value:
         raise InputError(f"{where}: {error}") from None
     except LookupError:
         loaded = "; it is loaded already, use it as it is" if type(value).__name__ in LOADED and "str" in words else ""
-        raise InputError(f"{where} is {shown(value)}; expected {_expected(words, names)}{loaded}") from None
+        tables = [word.partition("[")[2].removesuffix("]") for word in words if word.startswith(("Mapping", "dict"))]
+        odd = _odd(value, tables[0], names) if tables and isinstance(value, Mapping) else []
+        got = f"a dictionary with {odd[0]}" if odd else shown(value)
+        raise InputError(f"{where} is {got}; expected {_expected(words, names)}{loaded}") from None
 
 
 def _plain(value: Any, word: str) -> Any:
@@ -221,6 +224,8 @@ def _fits(value: Any, word: str, names: Mapping[str, Any]) -> bool:
             return isinstance(value, bool | np.bool_)
         case "float":
             return _is_number(value, Real)
+        case "Real":
+            return isinstance(value, Real | np.number) and not isinstance(value, bool)
         case "int":
             return _is_number(value, Integral)
         case "str":
@@ -230,12 +235,7 @@ def _fits(value: Any, word: str, names: Mapping[str, Any]) -> bool:
         case "ndarray":
             return _is_numeric(value)
         case "Mapping" | "dict":
-            items = inner.partition(",")[2].strip()
-            return (
-                isinstance(value, Mapping)
-                and all(isinstance(key, str) for key in value)
-                and (_is_many(list(value.values()), items, names))
-            )
+            return isinstance(value, Mapping) and not _odd(value, inner, names)
         case "Callable" | "Watch":
             return callable(value)
         case "tuple":
@@ -250,6 +250,17 @@ def _fits(value: Any, word: str, names: Mapping[str, Any]) -> bool:
             return isinstance(value, Controller)
         case name:
             return _is(value, name)
+
+
+def _odd(value: Mapping[Any, Any], inner: str, names: Mapping[str, Any]) -> list[str]:
+    """What of a dictionary does not fit "str, KIND"; how large a number may be is said by whom it is for."""
+    kind = inner.partition(",")[2].strip()
+    words = [*_alternatives(kind), *(["Real"] if "float" in kind else [])]
+    return [
+        f"{shown(item)} under {shown(key)}"
+        for key, item in value.items()
+        if not isinstance(key, str) or not any(_fits(item, word, names) for word in words)
+    ]
 
 
 def _words(word: str, names: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -302,7 +313,8 @@ def _expected(words: Sequence[str], names: Mapping[str, Any]) -> str:
             item = next((part for part in reversed(items) if part in MEANT), "")
             said.append("several, each " + MEANT[item] if item not in ("", "str") else "names")
         elif name in ("Mapping", "dict"):
-            said.append("a dictionary")
+            kind = inner.removesuffix("]").partition(",")[2].strip()
+            said.append(f"a dictionary that has under each name {_expected(list(_alternatives(kind)), names)}")
         elif name == "tuple":
             said.append("a tuple")
         elif name == "ndarray" or name == "Sequence":
