@@ -300,8 +300,9 @@ def fitting():
 
 
 @pytest.mark.parametrize("name", [name for name, _, _ in calls()])
-def test_nonsense_in_a_call_is_a_sentence(name, fitting):
+def test_nonsense_in_a_call_is_a_sentence(name, fitting, tmp_path, monkeypatch):
     """In every argument of every public function that does not compute for long."""
+    monkeypatch.chdir(tmp_path)
     function, parameters = next((f, p) for known, f, p in calls() if known == name)
     own = {"sensitivities": {"parameters": ["K_T"]}, "advance": {"current": 0.0}}.get(name, {})
     required = [p.name for p in inspect.signature(function).parameters.values() if p.default is p.empty]
