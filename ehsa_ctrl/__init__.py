@@ -71,6 +71,14 @@ _WHERE = {
     "conditions": "plant.conditions",
 }
 
+#: Classes that users build by themselves, and the methods whose arguments are checked as those of functions are.
+_BUILT = {
+    "SteppedRun": ("__init__",),
+    "Log": ("__init__", "from_pandas", "segment"),
+    "Preparation": ("__init__",),
+    "Structure": ("__init__",),
+}
+
 __all__ = sorted([*_WHERE, "__version__"])
 
 
@@ -82,6 +90,10 @@ def __getattr__(name: str) -> Any:
         from .arguments import accepting
 
         thing = accepting(thing)
+    elif name in _BUILT:
+        from .arguments import checking
+
+        checking(thing, _BUILT[name])
     # Kept: asked for again, a name is the same thing.
     globals()[name] = thing
     return thing

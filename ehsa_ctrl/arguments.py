@@ -10,15 +10,15 @@ from __future__ import annotations
 import ast
 import inspect
 import os
-import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import wraps
+from itertools import cycle
 from numbers import Integral, Real
 from typing import Any, ParamSpec, TypeVar, get_args
 
 import numpy as np
 
-from .core.errors import InputError
+from .core.errors import InputError, shown
 from .core.protocol import Controller
 
 P = ParamSpec("P")
@@ -35,16 +35,19 @@ MEANT = {
     "RobustMargins": "what robust_margins(systems, controller) gives",
     "Known": "what known_of(plant) gives",
     "Covariance": "the covariance of an identification",
-    "float": "a number in SI units",
+    "float": "a finite number in SI units",
     "int": "a whole number",
     "bool": "True or False",
     "str": "a text",
     "Path": "a path",
     "None": "None",
     "np.ndarray": "an array of numbers",
+    "DataFrame": "a table of pandas",
     "Callable": "a function",
     "Watch": "a function",
 }
+#: The largest number, in SI units.
+LARGEST = 1e30
 #: What names and paths are loaded to.
 LOADED = ("Plant", "Log", "SampledController", "Scenario")
 #: Functions on the linear set of parameters: a plant that they are given by name is that one.
@@ -76,9 +79,23 @@ def accepting(function: Callable[P, R]) -> Callable[P, R]:
     return called
 
 
+def checking(owner: type, methods: Iterable[str]) -> None:
+    """Have these methods of a class check what they are given, once."""
+    for name in methods:
+        method = inspect.getattr_static(owner, name)
+        bare = getattr(method, "__func__", method)
+        if not hasattr(bare, "__wrapped__"):
+            checked = accepting(bare)
+            checked.__module__, checked.__qualname__ = bare.__module__, bare.__qualname__
+            setattr(owner, name, checked if bare is method else type(method)(checked))
+
+
 def _each(function: Callable[..., Any], parameter: inspect.Parameter, given: Mapping[str, Any]) -> Any:
     """An argument, or all of those that stand for `*name`, as the function wants them."""
     value = given[parameter.name]
+    if parameter.annotation is inspect.Parameter.empty:
+        # The object or class that a method belongs to.
+        return value
     if parameter.kind is inspect.Parameter.VAR_POSITIONAL:
         return tuple(_accepted(function, parameter, item, given) for item in value)
     return _accepted(function, parameter, value, given)
@@ -88,23 +105,40 @@ def _accepted(function: Callable[..., Any], parameter: inspect.Parameter, value:
     """The value as the function wants it, loaded if it can be. Raises InputError for one that does not fit."""
     words = list(_alternatives(str(parameter.annotation)))
     names = function.__globals__
-    if any(_fits(value, word, names) for word in words):
-        return value
-    where = f"{function.__name__}: {parameter.name}"
+    if isinstance(value, Iterator) and any(word.startswith(("Sequence", "Iterable")) for word in words):
+        value = list(value)
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    for word in words:
+        if _fits(value, word, names) and not (parameter.name == "seed" and value < 0):
+            return _plain(value, word)
+    where = f"{function.__qualname__.removesuffix('.__init__')}: {parameter.name}"
     try:
         return _loaded(function, words, value, given)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     except LookupError:
         loaded = "; it is loaded already, use it as it is" if type(value).__name__ in LOADED and "str" in words else ""
-        raise InputError(f"{where} is {shown(value)}; expected {_expected(words, names)}{loaded}") from None
+        tables = [word.partition("[")[2].removesuffix("]") for word in words if word.startswith(("Mapping", "dict"))]
+        odd = _odd(value, tables[0], names) if tables and isinstance(value, Mapping) else []
+        got = f"a dictionary with {odd[0]}" if odd else shown(value)
+        raise InputError(f"{where} is {got}; expected {_expected(words, names)}{loaded}") from None
+
+
+def _plain(value: Any, word: str) -> Any:
+    """A value that fits, as numpy's arrays and tuples of numbers where these are what is meant."""
+    if word == "np.ndarray" and (isinstance(value, Sequence) or hasattr(value, "__array__")):
+        return np.asarray(value)
+    if word == "Sequence[float]":
+        return tuple(np.asarray(value, dtype=float).tolist())
+    return list(value) if word.startswith("Sequence") and not isinstance(value, Sequence) else value
 
 
 def _loaded(function: Callable[..., Any], words: Sequence[str], value: Any, given: Mapping[str, Any]) -> Any:
     """What a name, a path or a text of names stands for. Raises LookupError where it stands for nothing."""
     bare = {word.rpartition(".")[2] for word in words}
     if not isinstance(value, str | os.PathLike):
-        if "int" in bare and isinstance(value, float) and value.is_integer():
+        if "int" in bare and isinstance(value, float) and value.is_integer() and 0 <= value < 2**53:
             return int(value)
         if "Sequence[Log]" in bare and isinstance(value, list | tuple):
             return [_log(item, given) for item in value]
@@ -164,12 +198,12 @@ def _controller(value: Any, given: Mapping[str, Any]) -> Any:
     return load_controller(os.fspath(value), system, sample_time=period)
 
 
-def _alternatives(annotation: str) -> Iterator[str]:
+def _alternatives(annotation: str, between: str = "|") -> Iterator[str]:
     """The parts of "A | B[C | D]": A, then B[C | D]."""
     depth, start = 0, 0
     for place, sign in enumerate(annotation):
         depth += (sign in "[(") - (sign in "])")
-        if sign == "|" and depth == 0:
+        if sign == between and depth == 0:
             yield annotation[start:place].strip()
             start = place + 1
     yield annotation[start:].strip()
@@ -191,6 +225,8 @@ def _fits(value: Any, word: str, names: Mapping[str, Any]) -> bool:
             return isinstance(value, bool | np.bool_)
         case "float":
             return _is_number(value, Real)
+        case "Real":
+            return isinstance(value, Real | np.number) and not isinstance(value, bool)
         case "int":
             return _is_number(value, Integral)
         case "str":
@@ -200,19 +236,32 @@ def _fits(value: Any, word: str, names: Mapping[str, Any]) -> bool:
         case "ndarray":
             return _is_numeric(value)
         case "Mapping" | "dict":
-            return isinstance(value, Mapping)
+            return isinstance(value, Mapping) and not _odd(value, inner, names)
         case "Callable" | "Watch":
             return callable(value)
         case "tuple":
-            return isinstance(value, tuple | list)
+            kinds = [kind for kind in _alternatives(inner, ",") if kind != "..."]
+            many = isinstance(value, tuple | list) and ("..." in inner or len(value) == len(kinds))
+            return many and all(_is_many([item], kind, names) for item, kind in zip(value, cycle(kinds), strict=False))
         case "Sequence" if inner == "float":
-            return _is_numeric(value)
+            return _is_numeric(value) and np.ndim(value) == 1
         case "Sequence" | "Iterable":
             return _is_many(value, inner, names)
         case "Controller":
             return isinstance(value, Controller)
         case name:
             return _is(value, name)
+
+
+def _odd(value: Mapping[Any, Any], inner: str, names: Mapping[str, Any]) -> list[str]:
+    """What of a dictionary does not fit "str, KIND"; how large a number may be is said by whom it is for."""
+    kind = inner.partition(",")[2].strip()
+    words = [*_alternatives(kind), *(["Real"] if "float" in kind else [])]
+    return [
+        f"{shown(item)} under {shown(key)}"
+        for key, item in value.items()
+        if not isinstance(key, str) or not any(_fits(item, word, names) for word in words)
+    ]
 
 
 def _words(word: str, names: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -230,36 +279,25 @@ def _is(value: Any, name: str) -> bool:
 def _is_number(value: Any, kind: type) -> bool:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
-    return isinstance(value, kind) and not isinstance(value, bool | np.bool_)
+    if not isinstance(value, kind) or isinstance(value, bool | np.bool_):
+        return False
+    number: Any = value
+    # Neither nan nor what nothing can be computed with.
+    return bool(-LARGEST <= number <= LARGEST) and (kind is Real or -(2**63) <= number < 2**63)
 
 
 def _is_numeric(value: Any) -> bool:
-    if isinstance(value, str) or value is None or isinstance(value, Mapping):
-        return False
     try:
-        return np.asarray(value, dtype=float) is not None
-    except (TypeError, ValueError):
+        array = np.asarray(value)
+        return array.dtype.kind in "fiu" and array.ndim > 0
+    except (TypeError, ValueError, OverflowError):
         return False
 
 
 def _is_many(value: Any, inner: str, names: Mapping[str, Any]) -> bool:
     if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
         return False
-    if isinstance(value, Iterator):
-        return True
     return all(any(_fits(item, word, names) for word in _alternatives(inner)) for item in value)
-
-
-def shown(value: Any) -> str:
-    """A value in a sentence: numbers and short texts as they are, anything else by what it is."""
-    if value is None or isinstance(value, bool | Real | str):
-        return reprlib.repr(value)
-    if isinstance(value, os.PathLike):
-        return str(value)
-    if isinstance(value, np.ndarray):
-        return f"an array of shape {value.shape}" + (f" of {value.dtype}" if value.dtype.kind not in "fiu" else "")
-    word = type(value).__name__
-    return f"{'an' if word[0] in 'AEIOaeio' else 'a'} {word}"
 
 
 def _expected(words: Sequence[str], names: Mapping[str, Any]) -> str:
@@ -276,7 +314,8 @@ def _expected(words: Sequence[str], names: Mapping[str, Any]) -> str:
             item = next((part for part in reversed(items) if part in MEANT), "")
             said.append("several, each " + MEANT[item] if item not in ("", "str") else "names")
         elif name in ("Mapping", "dict"):
-            said.append("a dictionary")
+            kind = inner.removesuffix("]").partition(",")[2].strip()
+            said.append(f"a dictionary that has under each name {_expected(list(_alternatives(kind)), names)}")
         elif name == "tuple":
             said.append("a tuple")
         elif name == "ndarray" or name == "Sequence":

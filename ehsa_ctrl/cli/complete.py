@@ -61,11 +61,12 @@ def _title(path: Path) -> str:
 
 
 def _read(path: Path) -> Mapping[str, Any]:
-    import tomllib
+    from ..core.errors import InputError
+    from ..core.reading import read_toml
 
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_toml(path)
+    except InputError:
         return {}
 
 

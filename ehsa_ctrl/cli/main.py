@@ -5,6 +5,7 @@ Heavy imports stand inside the commands, so that `--help` answers at once.
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from ..core.errors import EhsaError
+from ..core.errors import EhsaError, InputError
 from . import (
     analyse,
     check,
@@ -47,7 +48,16 @@ class Interrupted(Exception):  # noqa: N818 - Ctrl-C, not an error
 class Commands(TyperGroup):
     """typer would leave with status 130 and without a word."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        for word in args:
+            if any("\ud800" <= letter <= "\udfff" for letter in word):
+                raise InputError(f"{word!r}: is no text in UTF-8, as arguments have to be; rename the file")
+        return super().parse_args(ctx, args)
+
     def invoke(self, ctx: Any) -> Any:
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            # Names of files that are found may be in any encoding.
+            sys.stdout.reconfigure(errors="backslashreplace")
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as stopped:

@@ -7,10 +7,11 @@ one shipped with the package.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from .errors import InputError, choices
+from .errors import InputError, choices, shown
 
 KINDS = ("plants", "controllers", "scenarios")
 
@@ -79,7 +80,7 @@ class Catalogue(Mapping[str, Path]):
 
     def titles(self) -> dict[str, str]:
         """Name and title of every definition."""
-        from .definition import read_toml
+        from .reading import read_toml
 
         return {name: str(read_toml(self[name]).get("title", "")) for name in self}
 
@@ -102,8 +103,10 @@ class Catalogue(Mapping[str, Path]):
         if text.endswith(".toml") or "/" in text or "\\" in text:
             places = [Path(text)] if beside is None else [beside.parent / text, Path(text)]
             for path in places:
-                if path.is_file():
-                    return path
+                with suppress(OSError, ValueError):
+                    # A name that no file can have, too long or with a zero byte, is none.
+                    if path.is_file():
+                        return path
             raise InputError(f"{places[0]}: no such file; give a {self.kind[:-1]}'s name or the path of a TOML file")
         files = self._files()
         if beside is not None:
@@ -111,7 +114,7 @@ class Catalogue(Mapping[str, Path]):
             if project.is_dir() and project != shipped_folder(self.kind).resolve():
                 files |= {path.stem: path for path in sorted(project.glob("*.toml"))}
         if text not in files:
-            raise InputError(f"no {self.kind[:-1]} {text!r}; {choices(text, files)}")
+            raise InputError(f"no {self.kind[:-1]} {shown(text)}; {choices(text, files)}")
         return files[text]
 
 

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-import tomllib
 import typing
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Strict, ValidationError
 
-from .errors import InputError, choices
+from .errors import InputError, choices, shown
+from .reading import read_toml
 from .unit import parse
 
 
 class Definition(BaseModel):
-    """Base of everything that a user writes in TOML: unknown keys are mistakes, values don't change afterwards."""
+    """Base of everything that a user writes in TOML: unknown keys are mistakes, values don't change afterwards.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    Nothing is converted: true is no 1, "1" no 1, and a number is finite unless its field says otherwise.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, arbitrary_types_allowed=True, strict=True, allow_inf_nan=False
+    )
+
+
+#: In SI units; what is larger, or smaller than its inverse, is a mistake that squares could not be computed of.
+LARGEST = 1e30
 
 
 class In:
@@ -31,17 +40,26 @@ class In:
         def convert(value: Any) -> float:
             if isinstance(value, str):
                 try:
-                    return parse(value, self.unit)
+                    number = parse(value, self.unit)
                 except InputError as error:
                     raise ValueError(str(error)) from None
-            if isinstance(value, int | float) and not isinstance(value, bool):
-                if self.unit in ("1", "fraction"):
-                    return float(value)
-                raise ValueError(f"{value!r} has no unit; write it as in '{value} {self.unit}'")
-            raise ValueError(f"{value!r} is no quantity; write it as in '3 {self.unit}'")
+            elif isinstance(value, bool) or not isinstance(value, int | float):
+                raise ValueError(f"{shown(value)} is no quantity; write it as in '3 {self.unit}'")
+            elif self.unit not in ("1", "fraction"):
+                raise ValueError(f"{shown(value)} has no unit; write it as in '{shown(value)} {self.unit}'")
+            else:
+                number = value
+            if number != 0 and not 1.0 / LARGEST <= abs(number) <= LARGEST:
+                raise ValueError(f"{shown(value)} is beyond any meaning; expected 0, or {1 / LARGEST:g} to {LARGEST:g}")
+            return float(number)
 
         return core_schema.no_info_plain_validator_function(convert)
 
+
+#: Pairs and the like, which TOML writes as an array.
+Array = Strict(False)
+#: A number that may be infinite, where that means never.
+Unlimited = Annotated[float, AllowInfNan(True)]
 
 Metre = Annotated[float, In("m")]
 Second = Annotated[float, In("s")]
@@ -51,19 +69,17 @@ Hertz = Annotated[float, In("Hz")]
 RadianPerSecond = Annotated[float, In("rad/s")]
 Radian = Annotated[float, In("rad")]
 
+
+def _whole(value: Any) -> Any:
+    if type(value) is not int:
+        raise ValueError(f"schema = {_got(value)}; expected the whole number 1")
+    return value
+
+
+#: Of a form; a Literal alone would take true for 1.
+Schema = Annotated[Literal[1], BeforeValidator(_whole)]
+
 D = TypeVar("D", bound=Definition)
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file. Raises InputError naming file and line if it is absent or is no TOML."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: can't be read as text ({error})") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is no valid TOML: {error}") from None
 
 
 def read_definition(path: Path, kind: type[D]) -> D:
@@ -79,22 +95,55 @@ def validate(content: dict[str, Any], kind: type[D], where: str, context: dict[s
         raise InputError(f"{where}: {_sentence(error, kind)}") from None
 
 
+#: What pydantic misses, in words of TOML.
+EXPECTED = {
+    **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "a table"),
+    **dict.fromkeys(("list_type", "tuple_type"), "an array"),
+    "string_type": "a text",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "finite_number": "a finite number",
+}
+
+
+def _got(value: Any) -> str:
+    """A value as its writer knows it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else shown(value)
+
+
+def _name(part: int | str) -> str:
+    """A key in a sentence: as it is, unless it is too long or odd for that."""
+    text = str(part)
+    return text if len(text) <= 60 and text.isprintable() else shown(text)
+
+
 def _sentence(error: ValidationError, kind: type[BaseModel]) -> str:
     """The first mistake as one sentence; an unknown key comes first, as it is often the cause of a missing one."""
     mistakes = sorted(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
     first = mistakes[0]
-    *tables, key = first["loc"] or ("",)
-    place = f"[{'.'.join(str(part) for part in tables)}] {key}" if tables else str(key)
+    *tables, key = (_name(part) for part in first["loc"] or ("",))
+    place = f"[{'.'.join(tables)}] {key}" if tables else key
     match first["type"]:
         case "extra_forbidden":
-            sentence = f"{place}: unknown key; {choices(str(key), _fields(kind, first['loc'][:-1]))}"
+            sentence = f"{place}: unknown key; {choices(key, _fields(kind, first['loc'][:-1]))}"
         case "missing":
             sentence = f"{place}: is missing"
         case "value_error":
             sentence = f"{place}: {first['ctx']['error']}" if place else str(first["ctx"]["error"])
+        case "union_tag_invalid" | "union_tag_not_found":
+            word = str(first["ctx"]["discriminator"]).strip("'")
+            got = first["input"].get(word) if isinstance(first["input"], dict) else None
+            known = first["ctx"].get("expected_tags", "")
+            sentence = f"{place}: {word} {'is missing' if got is None else f'= {_got(got)}'}" + (
+                f"; known: {known}" if known else ""
+            )
         case _:
-            got = first["input"]
-            sentence = f"{place} = {got!r}: {first['msg'][0].lower()}{first['msg'][1:]}"
+            said = EXPECTED.get(first["type"])
+            words = f"expected {said}" if said else f"{first['msg'][0].lower()}{first['msg'][1:]}"
+            sentence = f"{place} = {_got(first['input'])}; {words}"
     more = len(mistakes) - 1
     return sentence + (f" (and {more} more mistake{'s' if more > 1 else ''})" if more else "")
 

@@ -9,7 +9,10 @@ EhsaError
 from __future__ import annotations
 
 import difflib
+import os
+import reprlib
 from collections.abc import Iterable
+from numbers import Real
 
 
 class EhsaError(Exception):
@@ -28,9 +31,32 @@ class SimulationError(EhsaError, RuntimeError):
     """A simulation could not be finished; the text names the time and the reason."""
 
 
-def choices(name: str, known: Iterable[str]) -> str:
+#: Names that a sentence lists.
+MOST = 100
+
+
+def choices(name: object, known: Iterable[str]) -> str:
     """Say what `name` may have meant: the nearest known name first, then all of them."""
     known = sorted(known)
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    listed = ", ".join(known) if known else "none"
+    near = difflib.get_close_matches(str(name)[:100], known, n=1, cutoff=0.5)
+    listed = ", ".join(known[:MOST]) + (f" and {len(known) - MOST} more" if len(known) > MOST else "") or "none"
     return (f"did you mean {near[0]!r}? " if near else "") + f"known: {listed}"
+
+
+def shown(value: object) -> str:
+    """A value in a sentence: numbers and texts as Python writes them, long ones cut; anything else by what it is."""
+    if isinstance(value, int) and abs(value) >= 10**40:
+        # Python refuses to write down a number of thousands of digits.
+        return f"a whole number of {value.bit_length()} bits"
+    if value is None or isinstance(value, bool | Real | str):
+        return _SHORT.repr(value)
+    if isinstance(value, os.PathLike):
+        return str(value)
+    if hasattr(value, "shape") and hasattr(value, "dtype"):
+        return f"an array of shape {value.shape}" + (f" of {value.dtype}" if value.dtype.kind not in "fiu" else "")
+    word = type(value).__name__
+    return f"{'an' if word[0] in 'AEIOaeio' else 'a'} {word}"
+
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 50

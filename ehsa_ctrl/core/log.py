@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .errors import InputError, choices
+from .errors import InputError, choices, shown
 from .notebook import ShownAsText
 from .words import told_apart
 from .written import replacing
@@ -96,9 +96,11 @@ class Log(ShownAsText):
         return self.label or (self.path.name if self.path else "a log")
 
     def __getitem__(self, channel: str) -> np.ndarray:
-        if channel not in self.channels:
-            raise InputError(f"{self.path or 'the log'}: has no column {channel!r}; {choices(channel, self.channels)}")
-        return self.channels[channel]
+        try:
+            return self.channels[channel]
+        except (KeyError, TypeError):
+            known = choices(channel, self.channels)
+            raise InputError(f"{self.path or 'the log'}: has no column {shown(channel)}; {known}") from None
 
     def __len__(self) -> int:
         return self.time.size

@@ -9,6 +9,8 @@ from .errors import InputError
 
 #: A value this many times the file's own, or that part of it, is probably meant in another unit.
 FAR = 1e3
+#: What is smaller, and is not 0, is a mistake that squares could not be computed of.
+LEAST = 1e-30
 
 SOURCES = ("datasheet", "identified", "literature", "assumed", "derived")
 
@@ -72,6 +74,8 @@ def check_range(where: str, value: float, unit: str, lower: float, upper: float,
     An infinite bound lets the same infinity pass: it is how "never" is written (a valve that does not open).
     """
     infinite = value in (lower, upper) and not lower_open
+    if 0.0 < abs(value) < LEAST:
+        raise InputError(f"{where} = {value:g} {unit}: is too small to compute with; expected 0 or {LEAST:g} and more")
     if (isfinite(value) or infinite) and lower <= value <= upper and not (lower_open and value == lower):
         return
     left = f"greater than {lower:g}" if lower_open else f"at least {lower:g}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -79,15 +80,22 @@ def read_table(path: Path) -> Table:
     ------
     InputError: no such file, a folder, or no table of this kind; one sentence.
     """
-    if path.is_dir():
+    try:
+        folder = path.is_dir()
+        path.stat()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from None
+    except ValueError:
+        raise InputError(f"{str(path)!r}: is no name of a file") from None
+    if folder:
         raise InputError(f"{path}: is a folder; give the file of one log")
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
     readers = {".parquet": _parquet, ".pq": _parquet, ".mat": _mat}
     table = readers.get(path.suffix.lower(), _csv)(path)
-    twice = {name for name in table.names if table.names.count(name) > 1}
+    twice = [name for name, times in Counter(table.names).items() if times > 1]
     if twice:
-        raise InputError(f"{path}: has more than one column {sorted(twice)[0]!r}; each name may stand once")
+        raise InputError(f"{path}: has more than one column {min(twice)!r}; each name may stand once")
     return table
 
 
@@ -130,7 +138,7 @@ def _csv(path: Path) -> Table:
     # A column without name and numbers is what a separator at the end of each row leaves.
     kept = [i for i, name in enumerate(header) if name or frame[str(i)].notna().any()]
     frame, names = frame[[str(i) for i in kept]], [header[i] for i in kept]
-    twice = [name for name in names if names.count(name) > 1]
+    twice = [name for name, times in Counter(names).items() if times > 1]
     if twice:
         raise InputError(
             f"{path}: row {dialect.header_row} names the column {twice[0]!r} more than once; each name may stand once"

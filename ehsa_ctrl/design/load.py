@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..core.catalogue import controllers
-from ..core.definition import read_toml, validate
-from ..core.errors import InputError, choices
+from ..core.definition import validate
+from ..core.errors import InputError, choices, shown
+from ..core.reading import read_toml
 from .controller import SampledController
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 
@@ -24,8 +28,8 @@ def read_controller(path: Path, sample_time: float | None = None) -> tuple[Contr
     if sample_time is not None:
         content.setdefault("sample_time", f"{sample_time:.9g} s")
     word = content.get("kind")
-    if word not in CONTROLLER_KINDS:
-        raise InputError(f"{path}: kind = {word!r}; {choices(str(word), CONTROLLER_KINDS)}")
+    if not isinstance(word, str) or word not in CONTROLLER_KINDS:
+        raise InputError(f"{path}: kind = {shown(word)}; {choices(word, CONTROLLER_KINDS)}")
     kind = CONTROLLER_KINDS[word]
     return kind, validate(content, kind.file, str(path))
 
@@ -56,12 +60,31 @@ def build_controller(
     name: str, kind: ControllerKind, definition: ControllerFile, system: control.StateSpace
 ) -> SampledController:
     """Design a controller from its definition on a linear model. Raises InputError as `load_controller` does."""
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"), warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            controller = _around(name, kind, definition, kind.design(name, definition, system))
+            computed = not np.isnan(controller.settings()).any()
+    except InputError:
+        raise
+    except (ArithmeticError, ValueError, RuntimeWarning, np.linalg.LinAlgError):
+        computed = False
+    if not computed:
+        raise InputError(
+            "can't be designed, as its numbers are too large or too small to compute with; check the powers of ten of "
+            "its weights, gains, limits and times"
+        )
+    return controller
+
+
+def _around(name: str, kind: ControllerKind, definition: ControllerFile, law: Any) -> SampledController:
+    """The law with the stages that its definition asks for."""
     return SampledController(
         name=name,
         kind=kind.name,
         sample_time=definition.sample_time,
         current_limit=definition.current_limit,
-        law=kind.design(name, definition, system),
+        law=law,
         trajectory=definition.trajectory,
         feedforward=definition.feedforward,
         rest=definition.rest,

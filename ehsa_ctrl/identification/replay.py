@@ -14,6 +14,7 @@ from ..core.log import Log
 from ..core.notebook import ShownAsText
 from ..core.words import listed
 from ..plant.plant import Plant
+from ..simulation.engine import LARGEST
 from ..simulation.sensors import shown
 from ..simulation.trajectory import Trajectory, versions
 from .start import Start, drive, find_start
@@ -28,7 +29,19 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
 
     measured y, simulated yhat: (N,), same unit. Source: the fit of L. Ljung, "System Identification: Theory for the
     User", 2nd ed., as its toolbox computes it.
+
+    Raises InputError for vectors of different lengths, empty ones, and values that are not finite.
     """
+    if measured.ndim != 1 or measured.size == 0 or measured.shape != simulated.shape:
+        raise InputError(
+            f"measured has shape {measured.shape} and simulated {simulated.shape}; expected two vectors of equal length"
+        )
+    if not (np.isfinite(measured).all() and np.isfinite(simulated).all()):
+        raise InputError("measured and simulated must be finite numbers at every sample")
+    size = max(float(np.max(np.abs(measured))), float(np.max(np.abs(simulated))))
+    if size > LARGEST:
+        # Their squares would not be.
+        measured, simulated = measured / size, simulated / size
     spread = float(np.linalg.norm(measured - np.mean(measured)))
     # The mean of equal numbers differs from them in the last digit.
     if spread <= 1e-12 * float(np.linalg.norm(measured)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.errors import InputError, choices
+from ..core.reading import read_json
 from .conditions import Condition, operating_points
 from .file import both
 from .plant import Plant
@@ -39,15 +39,12 @@ def read_covariance(path: str | Path) -> Covariance:
     Raises InputError for a file that is absent or has none.
     """
     path = Path(path)
+    content = read_json(path)
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))["correlation"]
+        found = content["correlation"]
         names, rows = tuple(found["names"]), found["covariance"]
         matrix = np.array([[math.inf if entry is None else float(entry) for entry in row] for row in rows])
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; give the identification.json of `ehsa-ctrl identify`") from None
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, LookupError, TypeError, ArithmeticError):
         raise InputError(f"{path}: has no covariance; expected an identification.json that `identify` wrote") from None
     if matrix.shape != (len(names), len(names)) or not names:
         raise InputError(f"{path}: the covariance has the shape {matrix.shape}; expected one row for each name")
@@ -217,6 +214,8 @@ def drawn_models(
 
     Labels say what is different: "K_S (load.stiffness) = 50 kN/m", "draw 7 at beta = 5e+08 Pa: M +12 %, ...".
     """
+    if not conditions:
+        raise InputError("conditions is empty; expected at least one, as conditions() gives it")
     models = operating_points(plant, conditions)
     for k, drawn in enumerate(plants):
         at = conditions[k % len(conditions)]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
-from ..core.definition import Definition, Hertz, Second
+from ..core.definition import Array, Definition, Hertz, Schema, Second, Unlimited
 from ..core.errors import InputError
 from ..core.parameter import SOURCES, Parameter, check_range
 from ..core.unit import factor
@@ -80,11 +80,11 @@ class Quantity(Definition):
     bounds: [least, most] in which the value is believed, in the same unit; drawn evenly between where there is no sd.
     """
 
-    value: float
+    value: Unlimited
     unit: str
     source: Source
     sd: Annotated[float, Field(ge=0)] | None = None
-    bounds: tuple[float, float] | None = None
+    bounds: Annotated[tuple[Unlimited, Unlimited], Array] | None = None
     note: str = ""
 
     @field_validator("unit")
@@ -147,6 +147,14 @@ class EstimationFile(Definition):
     parallel: Hertz | None = None
     beside: bool = True
 
+    @model_validator(mode="after")
+    def _positive(self) -> EstimationFile:
+        for name in ("width", "cutoff", "parallel"):
+            value = getattr(self, name)
+            if value is not None and value <= 0:
+                raise ValueError(f"{name} = {value:g}; expected more than 0")
+        return self
+
 
 class ModelFile(Definition):
     """Structure and identified parameters of one model of the plant.
@@ -201,7 +209,7 @@ class PlantFile(Definition):
     [log]: where this rig's own logs keep a channel; one that is left out has its own name and SI units.
     """
 
-    schema_version: Literal[1] = Field(alias="schema")
+    schema_version: Schema = Field(alias="schema")
     title: str
     system: str
     note: str = ""

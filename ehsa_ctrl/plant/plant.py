@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,7 +13,7 @@ import numpy as np
 
 from ..core.catalogue import plants
 from ..core.definition import read_definition
-from ..core.errors import InputError, choices
+from ..core.errors import InputError, choices, shown
 from ..core.log import CHANNELS, Column
 from ..core.notebook import ShownAsText
 from ..core.parameter import Parameter, check_range
@@ -39,6 +40,9 @@ if TYPE_CHECKING:
 
 #: What of a sensor can be set and estimated: bias in the channel's unit, scale (1 is neutral), delay and filter in s.
 SENSOR_WORDS = ("bias", "scale", "delay", "filter")
+
+#: The least of a limit that may be negative, and the largest of any; beyond it nothing is limited.
+LEAST, MOST = {"pressure_min": -1e6}, 1e30
 
 Model = Literal["linear", "nonlinear"]
 
@@ -110,8 +114,14 @@ class Plant(ShownAsText):
     path: Path | None = field(default=None, compare=False)
 
     def __getitem__(self, letter: str) -> float:
-        """Value of a parameter in SI units: plant["K_T"]."""
-        return self.parameters[letter].value
+        """Value of a parameter in SI units: plant["K_T"]. Raises InputError for a letter that it does not have."""
+        try:
+            return self.parameters[letter].value
+        except (KeyError, TypeError):
+            raise InputError(
+                f"the {self.model} model of {self.name} has no parameter {shown(letter)}; "
+                f"{choices(letter, self.parameters)}"
+            ) from None
 
     @property
     def values(self) -> dict[str, float]:
@@ -328,12 +338,10 @@ def _number(given: str | float, unit: str) -> float:
             return float(given)
         except ValueError:
             return parse(given, unit)
-    try:
-        return float(given)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"is a {type(given).__name__}; expected a number in {unit}, or a text with its unit, as '3 {unit}'"
-        ) from None
+    if isinstance(given, int | float | np.number) and not isinstance(given, bool | np.complexfloating):
+        with suppress(OverflowError):
+            return float(given)
+    raise InputError(f"is {shown(given)}; expected a number in {unit}, or a text with its unit, as '3 {unit}'")
 
 
 def _parameters(path: Path, file: PlantFile, part: ModelFile, model: str, structure: Structure) -> dict[str, Parameter]:
@@ -390,7 +398,9 @@ def _limits(path: Path, file: PlantFile, structure: Structure) -> dict[str, Para
             raise InputError(f"{path}: [limits] {name}: unknown limit; {choices(name, LIMIT_UNITS)}")
         if LIMIT_STATES[name] not in states:
             raise InputError(f"{path}: [limits] {name}: the system {file.system!r} has no such thing; leave it out")
-        limits[name] = quantity.parameter(name, LIMIT_UNITS[name], f"{path}: [limits] {name}")
+        where, unit = f"{path}: [limits] {name}", LIMIT_UNITS[name]
+        limits[name] = quantity.parameter(name, unit, where)
+        check_range(where, limits[name].value, unit, LEAST.get(name, 0.0), MOST, lower_open=name not in LEAST)
     return limits
 
 

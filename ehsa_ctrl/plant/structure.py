@@ -7,6 +7,7 @@ list of equations that everything else works on: the plain evaluation, the compi
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -218,9 +219,11 @@ class _Wiring:
             for signal, function in EFFECTS[name].changes.items():
                 self.changes.setdefault(signal, []).append((name, function))
             for parameter in EFFECTS[name].parameters:
-                kinds[parameter.name] = ParameterKind(
-                    parameter.name, parameter.unit, parameter.meaning, parameter.lower, parameter.upper
-                )
+                lower, upper = parameter.lower, parameter.upper
+                if math.isfinite(parameter.neutral):
+                    # Infinity is how "never" is written, and only where that is what leaves the effect out.
+                    lower, upper = max(lower, ParameterKind.lower), min(upper, ParameterKind.upper)
+                kinds[parameter.name] = ParameterKind(parameter.name, parameter.unit, parameter.meaning, lower, upper)
         self.kinds = kinds
         self.given = {s.name for s in self.states} | set(system.inputs) | {c.direction for c in system.contacts}
         self.measured = (

@@ -54,7 +54,7 @@ def write_document(
     path = Path(folder) / file
     path.parent.mkdir(parents=True, exist_ok=True)
     # A name of a file may hold bytes that are no letters.
-    path.write_text(page, encoding="utf-8", errors="replace")
+    path.write_text(page, encoding="utf-8", errors="backslashreplace")
     return path
 
 

@@ -5,7 +5,6 @@ Nothing is simulated again. A page of a tree is what one shows to others: every 
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from markupsafe import Markup
 from pydantic import BaseModel
 
 from ..core.errors import InputError
+from ..core.reading import read_json
 from .document import Picture, anchors, image, write_document
 from .kinds import kinds
 from .kinds._result import DOUBT, Kind, Result
@@ -100,6 +100,18 @@ class Section:
         """Rows of the table of assumed parameters."""
         return [(row.plant, row, row.value, row.range) for row in self.rests_on.assumed]
 
+    def checked(self) -> None:
+        """Raise an error of any kind if the page could not be made of this."""
+        texts = [self.title, *(words for words, _ in self.result.sentences)]
+        texts += [words for pair in (self.result.versions or {}).items() for words in pair]
+        texts += [words for pair in self.result.facts for words in pair]
+        texts += [cell for table in self.result.tables for row in (table.head, *table.rows) for cell in row]
+        texts += [words for drawing in self.result.drawings for words in drawing]
+        if not all(isinstance(text, str) for text in texts):
+            raise TypeError("a text is none")
+        if any(len(row) != len(table.head) for table in self.result.tables for row in table.rows):
+            raise ValueError("a table is ragged")
+
     @property
     def files(self) -> list[tuple[str, str]]:
         return list(self.rests_on.files.items())
@@ -177,11 +189,16 @@ def _section(kind: Kind, folder: Path, place: str, anchor: str) -> Section:
     """Raises InputError for a file that is no result of this kind."""
     path = folder / kind.name
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         rests_on = RestsOn.model_validate(content.get("rests_on") or {})
-        return Section(kind, kind.read(content, folder), folder, place, anchor, rests_on)
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror})") from None
+        section = Section(kind, kind.read(content, folder), folder, place, anchor, rests_on)
+        # What a page asks for later is looked at now, while one can still say which file is wrong.
+        section.checked()
+        return section
+    except InputError as error:
+        if isinstance(error.__cause__, OSError) or str(path) in str(error):
+            raise
+        raise InputError(f"{path}: is not what ehsa-ctrl writes under this name") from None
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
         raise InputError(f"{path}: is not what ehsa-ctrl writes under this name") from None
 

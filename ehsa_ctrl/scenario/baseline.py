@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from ..core.definition import Definition, In, Metre, RadianPerSecond, Second
 from ..core.errors import InputError
+from ..core.reading import json_of, read_text
 from ..core.unit import factor
 from ..core.written import write_text
 from .funnel import Tube, tube, worst_exit
@@ -153,7 +154,7 @@ def baseline_files(scenario: Scenario) -> list[Path]:
 def read_baseline(path: Path) -> Baseline:
     """Read a baseline's file. Raises InputError with file and key if it is none."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json_of(read_text(path))
         metrics = {
             name: tuple(np.nan if v is None else float(v) for v in pair) for name, pair in content["metrics"].items()
         }
@@ -161,7 +162,7 @@ def read_baseline(path: Path) -> Baseline:
         if len({values.shape for values in signals.values()}) != 1 or any(len(pair) != 2 for pair in metrics.values()):
             raise ValueError("signals must have the same length and metrics two values each")
         return Baseline(path, str(content["reason"]), dict(content["of"]), metrics, signals)  # type: ignore[arg-type]
-    except (KeyError, TypeError, ValueError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise InputError(
             f"{path}: is no baseline ({type(error).__name__}: {error}); delete it and record it again with "
             "--update-baselines"

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ..core.definition import Definition, Newton, Second
-from ..core.errors import InputError, choices
+from ..core.definition import Definition, Newton, Schema, Second
+from ..core.errors import InputError, choices, shown
 from ..core.protocol import MEASURED
 from ..core.unit import parse
 from ..plant.file import CHANNEL_UNITS, LIMIT_UNITS
@@ -92,6 +92,12 @@ class Limit(Definition):
     max: float | None = None
     min: float | None = None
 
+    @model_validator(mode="after")
+    def _room(self) -> Limit:
+        if self.max is not None and self.min is not None and self.min > self.max:
+            raise ValueError(f"min = {self.min:g} is more than max = {self.max:g}; nothing would keep both")
+        return self
+
 
 class ScenarioFile(Definition):
     """A scenario's TOML.
@@ -113,7 +119,7 @@ class ScenarioFile(Definition):
         ("10 %") or a range of two values.
     """
 
-    schema_version: Literal[1] = Field(alias="schema")
+    schema_version: Schema = Field(alias="schema")
     title: str
     why: str
     plant: str
@@ -192,7 +198,7 @@ class ScenarioFile(Definition):
             if name not in METRICS:
                 raise ValueError(f"{name!r} is no metric; {choices(name, METRICS)}")
             if not isinstance(bounds, dict) or not bounds:
-                raise ValueError(f"{name} = {bounds!r}; expected {{ max = '...' }}, {{ min = '...' }} or both")
+                raise ValueError(f"{name} = {shown(bounds)}; expected {{ max = '...' }}, {{ min = '...' }} or both")
             read[name] = {key: _bound(name, key, value) for key, value in bounds.items()}
         return read
 

@@ -171,9 +171,9 @@ def _against_shortest(
     loop: ClosedLoop, settling: float, before: float, target: float, current_limit: float, wanted: bool
 ) -> dict[str, float]:
     """The shortest possible settling time of a step, and how many times as long the loop took."""
-    if target == before or not wanted or not np.isfinite(current_limit):
-        return {"ShortestTime": float("nan"), "SettlingRatio": float("nan")}
     way = target - before
+    if way == 0.0 or settling_band(way) >= 1.0 or not wanted or not np.isfinite(current_limit):
+        return {"ShortestTime": float("nan"), "SettlingRatio": float("nan")}
     least = shortest_time(loop.trajectory.plant, way, current_limit, start=before, band=settling_band(way) * abs(way))
     return {"ShortestTime": least, "SettlingRatio": settling / least}
 

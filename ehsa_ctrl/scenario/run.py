@@ -143,6 +143,11 @@ def prepare(
             f"{where}: duration = {definition.duration:g} s is {samples:.3g} samples of {chosen.name}, whose "
             f"sample_time is {chosen.sample_time:g} s; expected at most {MOST_SAMPLES}"
         )
+    if definition.sensors.lag >= samples:
+        raise InputError(
+            f"{where}: [sensors] lag = {definition.sensors.lag} samples is as long as the run, of {samples:.4g}; "
+            "give a longer duration or a shorter lag"
+        )
     if definition.supervision is not None and isinstance(chosen, SampledController):
         chosen = replace(chosen, supervision=definition.supervision.of(linear))
     given = dict(settings or {})

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..core.catalogue import scenarios
-from ..core.definition import read_toml, validate
+from ..core.definition import validate
 from ..core.notebook import ShownAsText
+from ..core.reading import read_toml
 from ..core.unit import factor
 from .definition import ScenarioFile
 from .metrics import METRICS

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator
 
-from ..core.errors import InputError
+from ..core.errors import InputError, shown
 from ..plant.draws import believed_range, read_covariance
 from ..plant.file import both, key_of, letter_of
 from ..plant.plant import Plant, read_settings
@@ -28,7 +28,9 @@ def _read(value: Any) -> Any:
         return str(value)
     if isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(item, quantity) for item in value):
         return tuple(str(item) for item in value)
-    raise ValueError(f"{value!r}; expected one standard deviation ('10 %', '50 N') or a range ['0 N/m', '100 kN/m']")
+    raise ValueError(
+        f"{shown(value)}; expected one standard deviation ('10 %', '50 N') or a range ['0 N/m', '100 kN/m']"
+    )
 
 
 Spread = Annotated[str | tuple[str, str], BeforeValidator(_read)]

@@ -8,10 +8,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..core.log import Log
+from ..core.log import Log, check_time
 from ..plant.plant import Plant
 from .closed_loop import run_closed_loop
-from .engine import simulate
+from .engine import checked_input, simulate
 from .sensors import Sensors
 from .trajectory import Trajectory
 
@@ -89,6 +89,8 @@ def record(
     ------
     SimulationError: the run could not be finished though no limit of the plant was passed.
     """
+    time, current = checked_input(time, "time"), checked_input(current, "current", time.size)
+    check_time("time", time, first_row=0)
     dt = float((time[-1] - time[0]) / (time.size - 1))
     sensors = Sensors.of(plant, seed=seed, noise=sensor_noise)
     if centre:

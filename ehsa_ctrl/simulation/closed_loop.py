@@ -14,7 +14,7 @@ from ..core.notebook import ShownAsText
 from ..core.protocol import MEASURED, REFERENCE, Controller
 from ..plant.plant import Plant
 from .compiled import engine
-from .engine import DONE, NO_CURRENT, UNFINISHED, initial_carry, initial_modes, why_stopped
+from .engine import DONE, NO_CURRENT, UNFINISHED, checked_start, initial_carry, initial_modes, why_stopped
 from .faults import Faults
 from .sensors import Sensors
 from .trajectory import Trajectory
@@ -118,12 +118,12 @@ def run_closed_loop(
         raise InputError(f"force has shape {outer.shape}; expected ({samples},)")
     if not (np.isfinite(reference).all() and np.isfinite(outer).all()):
         raise InputError("reference and force must be finite numbers at every sample")
-    if lag < 0 or lag != int(lag):
-        raise InputError(f"lag = {lag}; expected a whole number of samples, 0 or more")
+    if not 0 <= lag < samples or lag != int(lag):
+        raise InputError(f"lag = {lag}; expected a whole number of samples, 0 or more and fewer than the run has")
     sensors = sensors or Sensors.of(plant, ideal=True)
     dt = controller.sample_time
     scale, noise, resolution, delay, weights = sensors.tables(samples, dt)
-    state = np.array(plant.rest if start is None else start, dtype=float)
+    state = checked_start(plant, start)
     n = state.size
     states = np.full((samples, n), np.nan)
     modes = np.zeros((samples, len(plant.structure.system.contacts)), dtype=np.int8)

@@ -35,6 +35,10 @@ STATUS = {
 }
 
 
+#: Inputs beyond this, in SI units, are no numbers to compute with.
+LARGEST = 1e30
+
+
 def initial_modes(plant: Plant, states: np.ndarray) -> np.ndarray:
     """Sliding direction (..., contacts) that fits states (..., n): 0 where the speed is exactly zero."""
     equations = plant.structure.equations
@@ -79,10 +83,20 @@ def checked_input(values: np.ndarray | Sequence[float], name: str, length: int |
     if array.ndim != 1 or array.size < 2 or (length is not None and array.size != length):
         wanted = "a vector of at least two samples" if length is None else f"a vector of {length} samples"
         raise InputError(f"{name} has shape {array.shape}; expected {wanted}")
-    bad = np.flatnonzero(~np.isfinite(array))
+    bad = np.flatnonzero(~(np.abs(array) <= LARGEST))
     if bad.size:
         raise InputError(f"{name} is {array[bad[0]]} at sample {bad[0]}; every sample must be a finite number")
     return array
+
+
+def checked_start(plant: Plant, start: np.ndarray | Sequence[float] | None) -> np.ndarray:
+    """A copy of the state (n,) to begin from, rest for None; raises InputError for another shape, or not finite."""
+    first = np.array(plant.rest if start is None else start, dtype=float)
+    if first.shape != plant.rest.shape:
+        raise InputError(f"start has shape {first.shape}; the plant has {plant.rest.size} states")
+    if not np.isfinite(first).all():
+        raise InputError(f"start is {first.tolist()}; expected finite numbers")
+    return first
 
 
 def simulate(
@@ -130,9 +144,7 @@ def simulate(
     current = checked_input(current, "current")
     outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
     dt = plant.sample_time if sample_time is None else sample_time
-    first = plant.rest if start is None else np.asarray(start, dtype=float)
-    if first.shape != plant.rest.shape:
-        raise InputError(f"start has shape {first.shape}; the plant has {plant.rest.size} states")
+    first = checked_start(plant, start)
     batch = _run(plant, plant.vector[None, :], first[None, :], current, outer, hold, dt, tolerance)
     there = slice(int(np.count_nonzero(np.isfinite(batch.states[0, :, 0]))))
     last = there.stop - 1

@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from ..core.errors import SimulationError
+from ..core.errors import InputError, SimulationError
 from ..plant.plain import evaluator
 from ..plant.plant import Plant
 from ..plant.system import Contact
-from .engine import Hold, checked_input, initial_modes
+from .engine import Hold, checked_input, checked_start, initial_modes
+
+METHODS = ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA")
 
 
 @dataclass(frozen=True)
@@ -47,9 +49,14 @@ def simulate_reference(
     """Run the plant on SciPy; arguments as for `simulate`, errors weighed by the states' scales times rtol."""
     current = checked_input(current, "current")
     outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
-    machine = _ModeMachine(plant, method, rtol)
     dt = plant.sample_time if sample_time is None else sample_time
-    y = np.array(plant.rest if start is None else start, dtype=float)
+    y = checked_start(plant, start)
+    if not dt > 0.0 or not 1e-13 <= rtol <= 0.1 or method not in METHODS:
+        raise InputError(
+            f"sample_time = {dt:g} s, rtol = {rtol:g}, method = {method!r}; expected more than 0 s, 1e-13 to 0.1 and "
+            f"one of {', '.join(METHODS)}"
+        )
+    machine = _ModeMachine(plant, method, rtol)
     modes = initial_modes(plant, y)
     states = np.empty((current.size, y.size))
     directions = np.zeros((current.size, modes.size), dtype=np.int8)

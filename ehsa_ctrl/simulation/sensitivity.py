@@ -17,7 +17,7 @@ import numpy as np
 from ..core.errors import InputError, SimulationError, choices
 from ..plant.plant import Plant
 from .compiled import engine
-from .engine import DONE, UNFINISHED, Hold, checked_input, initial_carry, initial_modes, why_stopped
+from .engine import DONE, UNFINISHED, Hold, checked_input, checked_start, initial_carry, initial_modes, why_stopped
 
 
 @dataclass(frozen=True)
@@ -146,9 +146,7 @@ def _run(
     current = checked_input(current, "current")
     outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
     dt = plant.sample_time if sample_time is None else sample_time
-    y = np.array(plant.rest if start is None else start, dtype=float)
-    if y.shape != plant.rest.shape:
-        raise InputError(f"start has shape {y.shape}; the plant has {plant.rest.size} states")
+    y = checked_start(plant, start)
     out = np.full((current.size, y.size), np.nan)
     values = np.empty((current.size, y.size, S.shape[1] - 1))
     kernel = engine(plant.structure, "sensitivity")

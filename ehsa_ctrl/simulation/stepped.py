@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from ..core.errors import InputError, SimulationError
+from ..core.errors import InputError, SimulationError, shown
 from ..plant.plant import Plant
 from .compiled import engine
-from .engine import DONE, initial_carry, initial_modes, run_open_loop, why_stopped
+from .engine import DONE, LARGEST, checked_start, initial_carry, initial_modes, run_open_loop, why_stopped
 
 #: Two instants that are this much of a step apart are the same one: sums of steps round.
 SAME = 1e-9
+#: The longest step [s].
+LONGEST = 3600.0
 
 
 class SteppedRun:
@@ -34,9 +36,7 @@ class SteppedRun:
     def __init__(self, plant: Plant, *, start: np.ndarray | None = None, tolerance: float = 1e-6) -> None:
         if not 1e-13 <= tolerance <= 1e-1:
             raise InputError(f"tolerance = {tolerance:g}; expected 1e-13 to 0.1")
-        first = plant.rest if start is None else np.asarray(start, dtype=float)
-        if first.shape != plant.rest.shape:
-            raise InputError(f"start has shape {first.shape}; the plant has {plant.rest.size} states")
+        first = checked_start(plant, start)
         self.plant, self.tolerance, self.time = plant, tolerance, 0.0
         self._kernel = engine(plant.structure)
         # The engine looks back over the samples of a run, of which a step has none: the dead time is kept here.
@@ -68,10 +68,14 @@ class SteppedRun:
         InputError: an input that is not finite, a duration that is negative.
         SimulationError: the engine could not go on; says when and why. The run stays where it was before.
         """
-        if not (np.isfinite(current) and np.isfinite(force)):
+        if not all(isinstance(value, int | float | np.number) for value in (current, force, duration)):
+            raise InputError(
+                f"current is {shown(current)}, force {shown(force)} and duration {shown(duration)}; expected numbers"
+            )
+        if not (abs(current) < LARGEST and abs(force) < LARGEST):
             raise InputError(f"inputs are {current} and {force} at {self.time:g} s; both must be finite numbers")
-        if not 0.0 <= duration < float("inf"):
-            raise InputError(f"a step of {duration} s; expected 0 or more")
+        if not 0.0 <= duration <= LONGEST:
+            raise InputError(f"a step of {duration} s; expected 0 to {LONGEST:g} s")
         if duration == 0.0:
             return
         before = self.snapshot()

@@ -1,8 +1,10 @@
 """Units at the edges."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ehsa_ctrl.core.errors import InputError
@@ -21,6 +23,14 @@ from ehsa_ctrl.core.unit import base_units, factor, parse
         ("12 %", "1", 0.12),
         ("0.3", "1", 0.3),
         ("60 deg", "rad", np.pi / 3),
+        ("60°", "rad", np.pi / 3),
+        ("1.1 Nm/A", "N m/A", 1.1),
+        ("2 kNm", "N m", 2000.0),
+        ("0.01 Nms/rad", "N m s/rad", 0.01),
+        ("30 lpm", "m3/s", 0.5e-3),
+        ("4 l/min/bar", "m3/(s Pa)", 4e-3 / 60 / 1e5),
+        ("9.81 m·s⁻²", "m/s2", 9.81),
+        ("3 m ** (-1)", "1/m", 3.0),
     ],
 )
 def test_text_becomes_si(text, expected, value):
@@ -75,3 +85,34 @@ def test_an_si_unit_is_made_of_base_units(unit, exponents):
 def test_a_unit_beside_si_has_no_base_units():
     with pytest.raises(InputError, match="'bar' is no SI unit; one of it is 100000"):
         base_units("bar")
+
+
+@pytest.mark.parametrize(
+    "unit",
+    [
+        "unbalanced bracket (", "(m", "m)", "m/0", "m/", "/m", "m//s", "m**9**9**9", "m^99", "((m9)^9)^9", "m!", "pi m",
+        "__import__('os')", "m.s", "m 3", "10 bar", "m" * 100_000, "(" * 5000 + "m" + ")" * 5000, "m\0", "\udcff", "mu",
+        "dB", "degC", "sqrt(Pa)", "lambda: 1", "1e9", "m^1e9", "__class__", "²", "_",
+    ],
+)  # fmt: skip
+def test_what_is_no_unit_is_refused_at_once(unit):
+    """No text is evaluated; names, small exponents, products, quotients and brackets are all that there is."""
+    with pytest.raises(InputError, match=r"is not known|does not fit") as caught:
+        factor(unit, "m")
+
+    assert len(str(caught.value)) < 200
+
+
+@pytest.mark.parametrize("text", ["1e999 m", "9" * 5000 + " m", "1e308 km", " " * 100_000 + "m", "inf m", "nan m"])
+def test_a_number_beyond_any_meaning_is_refused(text):
+    """Also where the unit makes it too large."""
+    with pytest.raises(InputError, match=r"is too large; expected a finite number|is no quantity"):
+        parse(text, "m")
+
+
+@given(st.text("mNsPa/*^()-.0123 ²°%\u0660_'\"", max_size=70))
+@settings(max_examples=300, derandomize=True)
+def test_any_text_is_a_unit_or_a_sentence(text):
+    """Whatever stands there."""
+    with suppress(InputError):
+        assert np.isfinite(factor(text, "m"))

@@ -96,7 +96,7 @@ def test_wrong_inputs_are_sentences():
     run = SteppedRun(load_plant("ehsa"))
     with pytest.raises(InputError, match="both must be finite"):
         run.advance(float("nan"), 0.0, 0.004)
-    with pytest.raises(InputError, match="expected 0 or more"):
+    with pytest.raises(InputError, match="expected 0 to 3600 s"):
         run.advance(0.0, 0.0, -0.1)
     with pytest.raises(InputError, match="tolerance = 1"):
         SteppedRun(load_plant("ehsa"), tolerance=1.0)

@@ -9,8 +9,8 @@ from typing import Any
 import tomlkit
 
 from ...core.catalogue import is_shipped, plants, shipped
-from ...core.definition import read_toml
 from ...core.errors import InputError, choices
+from ...core.reading import read_toml
 from ...plant.file import LOAD_LETTERS
 from ...plant.plant import Plant, load_plant
 from ...scenario.carried import carrier

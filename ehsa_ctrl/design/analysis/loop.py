@@ -16,7 +16,7 @@ from ...core.protocol import MEASURED, REFERENCE, Controller
 from .closed import INPUTS, OUTPUTS, closed_loop, closed_matrix, law_of
 from .frequency import discrete_response
 from .margins import disk_range, frequencies, margins
-from .sampled import sampled, sampled_plant, scaled
+from .sampled import LATEST, sampled, sampled_plant, scaled
 
 if TYPE_CHECKING:
     import control
@@ -34,6 +34,8 @@ FIGURES = {
     "Mks": "A/m", "current_noise": "A", "compliance": "m/N", "static_compliance": "m/N", "sample_time": "s",
     "delay": "s",
 }  # fmt: skip
+#: Most points of a frequency grid.
+MOST_POINTS = 20_000
 #: Longest delay margin, in samples, that is computed from the closed loop's poles; beyond, its frequency value is kept.
 LONGEST = 60
 
@@ -159,8 +161,10 @@ def analyse_loop(
 
     Raises InputError for a controller without a linear law, or a model that does not fit (see sampled_plant).
     """
-    if lag < 0 or lag != int(lag):
-        raise InputError(f"lag = {lag}; expected a whole number of samples, 0 or more")
+    if not 0 <= lag <= LATEST or lag != int(lag):
+        raise InputError(f"lag = {lag}; expected a whole number of samples, 0 to {LATEST}")
+    if not 10 <= points <= MOST_POINTS:
+        raise InputError(f"points = {points}; expected 10 to {MOST_POINTS}")
     h = controller.sample_time
     late = lag * h + delay
     law = law_of(controller)

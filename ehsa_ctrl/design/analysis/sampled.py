@@ -13,6 +13,8 @@ from .reachable import without_constants
 if TYPE_CHECKING:
     import control
 
+#: Most samples by which a current may be late: each is a state.
+LATEST = 100
 #: What a state is divided by: rad/s, Pa and m differ by ten decades, which no Riccati equation and no solver likes.
 SCALES = {"omega": 100.0, "dP": 1e6, "P_1": 1e6, "P_2": 1e6, "v": 0.1, "x": 0.01}
 #: Channel -> how it follows from a model's outputs; the first row whose outputs the model has is taken.
@@ -93,7 +95,7 @@ def sampled(model: Scaled, sample_time: float, delay: float) -> tuple[np.ndarray
         return moved[:n, :n], moved[:n, n:]
 
     transition, both = held(sample_time)
-    if delay == 0.0:
+    if delay <= 1e-9 * sample_time:
         return transition, both, c
     whole = int(np.floor(delay / sample_time + 1e-12))
     late = max(delay - whole * sample_time, 0.0)
@@ -130,9 +132,9 @@ def sampled_plant(system: control.StateSpace, sample_time: float, *, delay: floa
     """
     import control
 
-    if not (0 < sample_time < np.inf and 0 <= delay < np.inf):
+    if not (0 < sample_time < np.inf and 0 <= delay <= LATEST * sample_time):
         raise InputError(
-            f"sample time {sample_time:g} s, delay {delay:g} s; expected more than zero, and at least zero"
+            f"sample time {sample_time:g} s, delay {delay:g} s; expected more than zero, and zero to {LATEST} samples"
         )
     matrices = sampled(scaled(system), sample_time, delay)
     return control.ss(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import Field, model_validator
 
-from ...core.definition import Ampere, Definition, Second
+from ...core.definition import Ampere, Definition, Schema, Second
 from ..stages.feedforward import Feedforward
 from ..stages.rest import Dither, Rest
 from ..stages.trajectory import Trajectory
@@ -24,7 +24,7 @@ class ControllerFile(Definition):
     [trajectory], [feedforward], [rest], [dither]: stages around the feedback law; each is off where it is left out.
     """
 
-    schema_version: Literal[1] = Field(alias="schema")
+    schema_version: Schema = Field(alias="schema")
     kind: str
     title: str
     note: str = ""
@@ -37,8 +37,8 @@ class ControllerFile(Definition):
 
     @model_validator(mode="after")
     def _possible(self) -> ControllerFile:
-        if not 0 < self.sample_time < 1:
-            raise ValueError(f"sample_time = {self.sample_time:g} s; expected more than 0 and less than 1 s")
+        if not 1e-6 <= self.sample_time < 1:
+            raise ValueError(f"sample_time = {self.sample_time:g} s; expected at least 1 us and less than 1 s")
         if not 0 < self.current_limit < float("inf"):
             raise ValueError(f"current_limit = {self.current_limit:g} A; expected more than 0 A")
         if self.dither is not None and self.dither.frequency * self.sample_time >= 0.5:

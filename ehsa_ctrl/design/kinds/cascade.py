@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.definition import Definition, Radian, RadianPerSecond
+from ...core.definition import Definition, RadianPerSecond
 from ...core.errors import InputError
 from ...core.protocol import MEASURED
 from ..analysis.frequency import discrete_response
 from ..analysis.sampled import sampled_plant
 from ..laws.cascade import Cascade
 from ..laws.pid_forms import Gains
+from ..tuning.pid_files import PhaseMargin
 from ._kind import ControllerFile, ControllerKind
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ class SpeedLoop(Definition):
     """
 
     crossover: RadianPerSecond
-    phase_margin: Radian
+    phase_margin: PhaseMargin
 
 
 class PositionLoop(Definition):
@@ -40,7 +41,7 @@ class PositionLoop(Definition):
     """
 
     crossover: RadianPerSecond
-    phase_margin: Radian = float(np.radians(60.0))
+    phase_margin: PhaseMargin = float(np.radians(60.0))
     integral_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.0
     speed_limit: RadianPerSecond
     velocity_feedforward: Annotated[float, Field(ge=0, le=1)] = 1.0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.definition import Definition, In, Second
+from ...core.definition import Array, Definition, In, Second
 from ...core.errors import InputError
 from ...core.unit import parse
 from ..laws.pid_forms import Gains
@@ -54,7 +54,7 @@ class Schedule(Definition):
     variable: Literal["position", "level", "load"]
     filter_time: Second = 0.05
     nominal: str | None = None
-    points: Annotated[tuple[Point, ...], Field(min_length=2)]
+    points: Annotated[tuple[Point, ...], Field(min_length=2), Array]
 
     @model_validator(mode="after")
     def _rising(self) -> Schedule:

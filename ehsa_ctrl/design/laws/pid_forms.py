@@ -38,7 +38,7 @@ class Gains:
         The integral takes forward, the derivative backward differences: the filter stays stable and well damped for
         any ratio of T_f and sample time.
         """
-        integral = self.k_i * sample_time / (z - 1.0) if self.k_i else 0.0
+        integral = self.k_i * sample_time / (z - 1.0) if self.k_i else 0.0 * z
         slope = self.k_d * (z - 1.0) / ((self.T_f + sample_time) * z - self.T_f) if self.k_d else 0.0
         return self.k_p + integral + slope
 

@@ -8,6 +8,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import InputError, choices
+from ...core.protocol import Controller
 from ..analysis.loop import LoopAnalysis, analyse_loop
 from .case import Case
 from .finding import Finding, Known
@@ -97,7 +98,7 @@ class Review:
 
 def review(
     system: control.StateSpace,
-    controller: Any,
+    controller: Controller,
     *,
     known: Known | None = None,
     robust: RobustMargins | None = None,

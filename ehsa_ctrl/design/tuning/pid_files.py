@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from ...core.definition import Definition, In, Radian, RadianPerSecond, Second
 from ...core.errors import InputError
@@ -16,6 +16,15 @@ if TYPE_CHECKING:
     import control
 
 AmperePerMetre = Annotated[float, In("A/m")]
+
+
+def _between(margin: float) -> float:
+    if not 0 < margin < np.pi:
+        raise ValueError(f"{np.degrees(margin):.4g} deg; expected a phase margin between 0 and 180 deg")
+    return margin
+
+
+PhaseMargin = Annotated[Radian, AfterValidator(_between)]
 
 #: Keys that each form has beside T_f.
 FORMS = {"parallel": ("k_p", "k_i", "k_d"), "standard": ("K", "T_i", "T_d"), "series": ("K", "T_i", "T_d")}
@@ -74,9 +83,9 @@ class PidDesign(Definition):
     """
 
     crossover: RadianPerSecond
-    phase_margin: Radian
+    phase_margin: PhaseMargin
     integral_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.1
-    filter_ratio: Annotated[float, Field(gt=1)] = 10.0
+    filter_ratio: Annotated[float, Field(gt=1, le=1e6)] = 10.0
 
 
 def classic_gains(design: PidDesign, system: control.StateSpace, sample_time: float) -> Gains:

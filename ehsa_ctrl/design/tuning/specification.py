@@ -13,8 +13,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from ...core.catalogue import controllers
-from ...core.definition import read_toml
 from ...core.errors import InputError, choices
+from ...core.reading import read_toml
 from ..kinds import CONTROLLER_KINDS, ControllerKind
 
 #: Tables of which a definition has one: asking for a key of one takes the others out.
@@ -110,7 +110,7 @@ def value(text: str) -> Any:
     """A value as TOML reads it where it does ("1.5", "true", "[1, 2]"), a text where not ("30 rad/s")."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text
 
 

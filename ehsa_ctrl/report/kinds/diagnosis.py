@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+from ...core.reading import read_json
 from ...core.words import listed
 from ...diagnosis.diagnosis import MODELS
 from ...diagnosis.signals import SIGNALS
@@ -40,7 +40,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
         )
     ]
     if closed.is_file():
-        found = json.loads(closed.read_text(encoding="utf-8"))
+        found = read_json(closed)
         head, rows = closed_table(found)
         name = f"{found['scenario']} with {found['controller']}"
         tables.append(Table(f"What it does to the closed loop: {name}", ["", *head, "unit"], rows))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import builtins
+import keyword
 import re
 import sys
 import tempfile
@@ -93,6 +95,10 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
 
 
 def identifier(name: str) -> str:
-    """A plant's name as FMI wants a model's: letters, digits and underscores, no digit first."""
+    """A plant's name as FMI wants a model's: letters, digits and underscores, no digit first.
+
+    It is also a class in Python, so that no word of that language may stand alone.
+    """
     word = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return word if not word[:1].isdigit() else f"_{word}"
+    own = keyword.iskeyword(word) or hasattr(builtins, word) or word == "PlantSlave"
+    return f"_{word}" if own or not word or word[0].isdigit() else word
