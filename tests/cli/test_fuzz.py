@@ -305,7 +305,7 @@ def test_nonsense_in_a_call_is_a_sentence(name, fitting, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     function, parameters = next((f, p) for known, f, p in calls() if known == name)
     own = {"sensitivities": {"parameters": ["K_T"]}, "advance": {"current": 0.0}}.get(name, {})
-    required = [p for p in inspect.signature(function).parameters.values()]
+    required = inspect.signature(function).parameters.values()
     required = [p.name for p in required if p.default is p.empty and p.kind is not p.VAR_POSITIONAL]
     for parameter in parameters:
         others = {key: (fitting | own)[key] for key in required if key != parameter.name and key in fitting}
