@@ -9,9 +9,10 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ..core.errors import InputError
+from ..physics.effects import Free
 from ..plant.arrays import needed_to_simulate
 from .signals import gap, largest, rod_velocity, scored, signal_noise
-from .suspect import WEARS, Free, Suspect
+from .suspect import WEARS, Suspect
 from .twin import Twin
 
 #: Letters that count as nominal parameters which a modeller has a little wrong, with the most that is believed of

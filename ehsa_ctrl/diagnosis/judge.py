@@ -31,9 +31,7 @@ NUMBER = 5.0
 Key = tuple[str, str | None]
 
 #: Under which id a nominal parameter that is wrong is reported.
-ID_OF = {letter: name for name, effect in EFFECTS.items() for letter in effect.letters} | {
-    "tau_FM": "motor_friction", "tau_FR": "rod_friction",
-}  # fmt: skip
+ID_OF = {letter: name for name, effect in EFFECTS.items() for letter in (*effect.letters, *effect.also)}
 #: Draws of the logged current's noise that show what it does to runs.
 DRAWS = 6
 #: Nominal parameters this far from what is believed, in prior deviations, are looked at one by one.
