@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 from ..physics.effects import EFFECTS, Free
 
-#: Letters that change by factors and not by per cents, and the size of a change.
-WEARS = {letter: size for effect in EFFECTS.values() for letter, size in effect.wears.items()}
+
+def wears() -> dict[str, float]:
+    """Letters that change by factors and not by per cents, and the size of a change."""
+    return {letter: size for effect in EFFECTS.values() for letter, size in effect.wears.items()}
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from ..physics.effects import EFFECTS, Free
 from ..plant.arrays import needed_to_simulate
 from .dry import dry_friction
 from .ripple import strongest_orders
-from .suspect import WEARS, Suspect
+from .suspect import Suspect, wears
 from .twin import Twin
 
 #: The size of the rod's efforts for which felt sizes of letters are meant [N].
@@ -61,7 +61,7 @@ class TwinRig:
         name = self._system.own(letter)
         value = self._twin.plant[name]
         kind = next(kind for kind in self._twin.plant.structure.equations.parameters if kind.name == name)
-        scale = WEARS.get(name, relative * abs(value))
+        scale = wears().get(name, relative * abs(value))
         # A value that is next to nothing is as far from what it should be as nothing is.
         felt *= self._effort
         scale = felt if scale < 0.1 * felt else scale

@@ -23,8 +23,6 @@ from ..simulation.engine import simulate_batch
 from ..simulation.sensors import shown
 from .ripple import ANGLE, over_samples
 
-#: Effects that are equations of their own. A tank with a mass balance is an option of the plant, not a suspect.
-WIRED = tuple(n for n, e in EFFECTS.items() if e.wired and e.parameters)
 #: Letters of dry friction, which a plant without it lacks, and what they are where it is to be found.
 DRY = {"A_FM": 0.0, "C_FM": 0.0, "tau_FM": 10.0, "A_FR": 0.0, "C_FR": 0.0, "tau_FR": 0.007}
 
@@ -40,15 +38,16 @@ def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
     system = plant.structure.system
     shaft = "stribeck" if any(contact.name == "shaft" for contact in system.all_contacts) else None
     structure = replace(plant.structure, shaft_friction=shaft, rod_friction=rod_friction)
-    wired = [name for name in WIRED if _fits(structure, name)]
+    # A tank with a mass balance, which has no number, is an option of the plant.
+    known = [name for name, effect in EFFECTS.items() if effect.wired and effect.parameters]
+    wired = [name for name in known if _fits(structure, name)]
     # In one order whatever the plant has already, so that all of them share the compiled text.
-    structure = replace(structure, effects=(*(n for n in plant.structure.effects if n not in WIRED), *wired))
+    structure = replace(structure, effects=(*(n for n in plant.structure.effects if n not in known), *wired))
     neutral = {p.name: p.neutral for n in wired for p in EFFECTS[n].parameters if n not in plant.structure.effects}
     extra = {"sigma_0_FR": 1e8, "sigma_1_FR": 0.0} if rod_friction == "lugre" else {}
     absent = {system.own(name): value for name, value in {**DRY, **neutral, **extra}.items()}
     asked = set(structure.equations.parameter_names) - set(plant.parameters)
-    known = {name: value for name, value in absent.items() if name in asked}
-    return plant.with_structure(structure, **known)
+    return plant.with_structure(structure, **{name: value for name, value in absent.items() if name in asked})
 
 
 def without_dry_friction(plant: Plant) -> bool:
