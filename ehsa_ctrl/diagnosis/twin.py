@@ -38,8 +38,7 @@ def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
     system = plant.structure.system
     shaft = "stribeck" if any(contact.name == "shaft" for contact in system.all_contacts) else None
     structure = replace(plant.structure, shaft_friction=shaft, rod_friction=rod_friction)
-    # A tank with a mass balance, which has no number, is an option of the plant.
-    known = [name for name, effect in EFFECTS.items() if effect.wired and effect.parameters]
+    known = equations_of_their_own()
     wired = [name for name in known if _fits(structure, name)]
     # In one order whatever the plant has already, so that all of them share the compiled text.
     structure = replace(structure, effects=(*(n for n in plant.structure.effects if n not in known), *wired))
@@ -48,6 +47,11 @@ def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
     absent = {system.own(name): value for name, value in {**DRY, **neutral, **extra}.items()}
     asked = set(structure.equations.parameter_names) - set(plant.parameters)
     return plant.with_structure(structure, **{name: value for name, value in absent.items() if name in asked})
+
+
+def equations_of_their_own() -> tuple[str, ...]:
+    """Effects that are equations with numbers; a tank with a mass balance, without one, is an option of the plant."""
+    return tuple(name for name, effect in EFFECTS.items() if effect.wired and effect.parameters)
 
 
 def without_dry_friction(plant: Plant) -> bool:
