@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 import ehsa_ctrl as e
 from ehsa_ctrl.cli.main import app
+from ehsa_ctrl.core import registry
 from ehsa_ctrl.physics.effects import EFFECTS
 from ehsa_ctrl.physics.friction import LAWS
 
@@ -23,6 +24,7 @@ def project(tmp_path, monkeypatch):
     (tmp_path / "effects").mkdir()
     (tmp_path / "effects" / "seal_pressure_friction.py").write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "_NAMED", [])
     return tmp_path
 
 
