@@ -1,11 +1,41 @@
-"""A folder is a registry: every module in it that defines the wanted object is a member, and nothing else is listed."""
+"""A folder is a registry: every module in it that defines the wanted object is a member, and nothing else is listed.
+
+Beside the package's own folder, members come from a user's project (`effects/` beside her `plants/`) and from installed
+packages (an entry point). A project's code runs only where the project is the current folder, or where one of its
+plants is named by its path.
+"""
 
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
+import importlib.util
+import logging
+import os
 import pkgutil
+import sys
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Generic, TypeVar
+
+from .errors import InputError
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+#: Projects beside the current folder, one of whose plants was named by its path.
+_NAMED: list[Path] = []
+
+
+def name_project(plant: Path) -> None:
+    """Take members from the project of this plant's file from now on: the folder that holds its `plants/`, or it."""
+    folder = plant.resolve().parent
+    project = folder.parent if folder.name == "plants" else folder
+    if project not in _NAMED:
+        _NAMED.append(project)
 
 
 def members(package: ModuleType, attribute: str) -> dict[str, Any]:
@@ -26,3 +56,79 @@ def members(package: ModuleType, attribute: str) -> dict[str, Any]:
             raise TypeError(f"{module.__file__}: the name {member.name!r} is taken by another module of this folder")
         found[member.name] = member
     return found
+
+
+class Registry(Mapping[str, T], Generic[T]):
+    """Members by name: the package's, those of installed packages, those of the current project and of named ones.
+
+    package: whose modules are members. attribute: what each defines. kind: its type. folder: of a project, and the
+    entry point's group with "ehsa_ctrl." before it.
+    """
+
+    def __init__(self, package: ModuleType, attribute: str, kind: type[T], folder: str) -> None:
+        self._shipped: dict[str, T] = members(package, attribute)
+        self._attribute, self._kind, self._folder = attribute, kind, folder
+        self._known: dict[Path, dict[str, T]] = {}
+        self._merged: tuple[tuple[Path, ...], dict[str, T]] = ((), self._shipped)
+
+    def _all(self) -> dict[str, T]:
+        projects = (*_NAMED, Path(os.getcwd()))  # noqa: PTH109 - asked at every look-up, and ten times as quick
+        if self._merged[0] != projects:
+            everywhere = self._shipped | self._installed
+            found = dict(everywhere)
+            # Of two projects the later one counts: that of the current folder, or of the plant named last.
+            for project in projects:
+                own = self._of(project / self._folder)
+                if taken := set(own) & set(everywhere):
+                    raise InputError(f"{project / self._folder}: the name {min(taken)!r} is taken; choose another one")
+                found |= own
+            self._merged = (projects, found)
+        return self._merged[1]
+
+    def _of(self, folder: Path) -> dict[str, T]:
+        """Members of a project's folder; its modules are run at first sight."""
+        if folder not in self._known:
+            found: dict[str, T] = {}
+            files = sorted(folder.glob("*.py")) if folder.is_dir() and folder.name == self._folder else []
+            for file in files:
+                if not file.name.startswith("_"):
+                    member = self._load(file)
+                    if member.name in found:  # type: ignore[attr-defined]
+                        raise InputError(f"{file}: the name {member.name!r} is taken by another file of this folder")  # type: ignore[attr-defined]
+                    found[member.name] = member  # type: ignore[attr-defined]
+            if found:
+                log.info("%s of this project: %s (from %s)", self._folder, ", ".join(found), folder)
+            self._known[folder] = found
+        return self._known[folder]
+
+    def _load(self, file: Path) -> T:
+        spec = importlib.util.spec_from_file_location(f"ehsa_ctrl_project_{self._folder}_{file.stem}", file)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[spec.name] = module
+        try:
+            spec.loader.exec_module(module)
+        except Exception as error:
+            raise InputError(f"{file}: can't be run: {type(error).__name__}: {error}") from error
+        return self._checked(getattr(module, self._attribute, None), str(file))
+
+    def _checked(self, member: Any, where: str) -> T:
+        if not isinstance(member, self._kind):
+            raise InputError(f"{where}: must define `{self._attribute}`, of type {self._kind.__name__}")
+        return member
+
+    @cached_property
+    def _installed(self) -> dict[str, T]:
+        group = f"ehsa_ctrl.{self._folder}"
+        points = importlib.metadata.entry_points(group=group)
+        found = [self._checked(point.load(), f"entry point {point.name} of {group}") for point in points]
+        return {member.name: member for member in found}  # type: ignore[attr-defined]
+
+    def __getitem__(self, name: str) -> T:
+        return self._all()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all())
+
+    def __len__(self) -> int:
+        return len(self._all())

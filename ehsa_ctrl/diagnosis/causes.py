@@ -9,14 +9,13 @@ import numpy as np
 
 from ..core.log import Log
 from ..physics.effects import EFFECTS
+from ..physics.effects.presliding import HARD, SOFTNESS
 from ..plant.file import CHANNEL_UNITS
 from ..plant.plant import Plant
 from .diagnosis import Cause, Estimated
 from .evidence import deviations
 from .judge import Judge, Judged, Key, ids_of
-from .same import same_in_principle
 from .signals import largest
-from .twin import BRISTLES, HARD
 from .weigh import Weighed
 
 #: Candidates less probable than this are not listed.
@@ -44,7 +43,7 @@ def causes_of(
     found = []
     for key in chosen.causes:
         numbers = _numbers(key, chosen, judge, sd)
-        same = same_in_principle(*key, chosen.fit.values, plant, flow)
+        same = _same_in_principle(key[0], chosen.fit.values, plant, flow)
         alike = tuple(dict.fromkeys([*same, *(other for other, _ in weighed.rivals.get(key, ()) if other != key[0])]))
         found.append(
             Cause(
@@ -56,6 +55,12 @@ def causes_of(
     if weighed.verdict == "underdetermined":
         found += _others(weighed, judge)
     return tuple(found)
+
+
+def _same_in_principle(id: str, values: Mapping[str, float], plant: Plant, flow: float) -> Mapping[str, str]:
+    """Ids that no log of a hydraulic plant can tell from this one, whatever it excites, and why."""
+    same = EFFECTS[id].same
+    return {} if same is None or plant.structure.chambers is None else same(values, plant.values, flow)
 
 
 def _others(weighed: Weighed, judge: Judge) -> list[Cause]:
@@ -80,19 +85,18 @@ def _numbers(key: Key, chosen: Judged, judge: Judge, sd: Mapping[str, float]) ->
     for suspect in chosen.fit.suspects:
         if suspect.key != key:
             continue
-        for name in suspect.names:
+        for free in suspect.free:
+            name = free.name
             word, dot, channel = name.partition(".")
             if dot and suspect.channel is None:
                 continue
-            if name == "n_c":
-                out[name] = Estimated(chosen.fit.values[name], 0.0, "1")
-                continue
             unit = {"scale": "1", "bias": CHANNEL_UNITS[channel]}.get(word, "s") if dot else _unit(name, kinds)
-            if name == BRISTLES:
+            if name == SOFTNESS:
                 soft = max(chosen.fit.values[name], HARD)
                 out["sigma_0"] = Estimated(1.0 / soft, sd.get(name, np.nan) / soft**2, "N/m")
                 continue
-            out["value" if dot else name] = Estimated(chosen.fit.values[name], sd.get(name, np.nan), unit)
+            deviation = 0.0 if free.fixed else sd.get(name, np.nan)
+            out["value" if dot else name] = Estimated(chosen.fit.values[name], deviation, unit)
     for f in chosen.fit.frees:
         if (ids.get(f.name), None) == key and f.name not in out:
             out[f.name] = Estimated(chosen.fit.values[f.name], f.scale, _unit(f.name, kinds))

@@ -13,6 +13,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.log import Log, named
 from ..identification.checks import check_log, refuse
+from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .causes import causes_of
@@ -83,7 +84,7 @@ def diagnose(
     rippled = ripple_of(plant) > 0.0
     turned, kept = _turned(plant, log, validate) if rippled else (log, validate)
     if rippled:
-        findings = (*findings, FOLLOWED)
+        findings = (*findings, *(EFFECTS[n].caveat for n in plant.structure.effects if EFFECTS[n].caveat))
     bare = whole(plant, twin, turned, noise)
     gaps = bare.gap({})
     common: dict[str, Any] = {
@@ -230,8 +231,9 @@ def _written(
     verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
     following = deciding_experiment(weighed, search, common["noise_sd"])
     changed = {n: v for n, v in chosen.fit.values.items() if v != _believed(judge, n)}
-    if named and ("torque_ripple", None) in chosen.causes and FOLLOWED not in common["findings"]:
-        common = {**common, "findings": (*common["findings"], FOLLOWED)}
+    caveats = [EFFECTS[id].caveat for id, _ in chosen.causes if named]
+    findings = tuple(dict.fromkeys([*common["findings"], *filter(None, caveats)]))
+    common = {**common, "findings": findings}
     return Diagnosis(
         verdict=verdict,
         where=_where(location, causes),
@@ -273,13 +275,6 @@ def _held_from(held: Stretch, log: Log) -> float | None:
     """Where in the log the held-out part begins [s]; None if it is another log."""
     own = held.twin.log
     return float(own.time[held.first]) if own.path == log.path and held.first > 0 else None
-
-
-#: What has to be said of a ripple's gaps.
-FOLLOWED = (
-    "the torque ripple goes with the shaft's measured angle in these runs; in a run of the improved plant alone the "
-    "angle drifts, and the ripple with it, so that such a run shows its size and not its phase"
-)
 
 
 def _bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[str, float]:

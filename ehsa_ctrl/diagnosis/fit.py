@@ -9,9 +9,10 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ..core.errors import InputError
+from ..physics.effects import Free
 from ..plant.arrays import needed_to_simulate
 from .signals import gap, largest, rod_velocity, scored, signal_noise
-from .suspect import WEARS, Free, Suspect
+from .suspect import Suspect, wears
 from .twin import Twin
 
 #: Letters that count as nominal parameters which a modeller has a little wrong, with the most that is believed of
@@ -201,7 +202,7 @@ def frees_of(nominal: Nominal, suspects: Sequence[Suspect]) -> tuple[Free, ...]:
     own = [free for suspect in suspects for free in suspect.free]
     names = {free.name for free in own}
     rest = [
-        Free(name, value, sd, 0.0 if name in WEARS else value / WRONG)
+        Free(name, value, sd, 0.0 if name in wears() else value / WRONG)
         for name, value, sd in zip(nominal.names, nominal.believed, nominal.sd, strict=True)
         if name not in names
     ]

@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 from ..core.parameter import Parameter
-from ..physics.effects import EFFECTS
-from ..physics.effects._effect import EffectParameter
+from ..physics.effects import EFFECTS, EffectParameter
+from ..physics.effects.presliding import DAMPING, HARD, SOFTNESS
 from ..plant.plant import SENSOR_WORDS, Plant
 from ..plant.structure import Structure
 from .suspect import Suspect
-from .twin import BRISTLES, DAMPING, DRY, HARD
+from .twin import DRY
 
 
 def improved(
@@ -29,12 +29,12 @@ def improved(
     found = dict(values)
     deviations = dict(sd)
     kept: dict[str, Parameter] = {}
-    if values.get(BRISTLES, 0.0) > HARD:
+    if values.get(SOFTNESS, 0.0) > HARD:
         structure = replace(structure, rod_friction="lugre")
-        softness = values[BRISTLES]
+        softness = values[SOFTNESS]
         found["sigma_0_FR"] = 1.0 / softness
-        if BRISTLES in sd:
-            deviations["sigma_0_FR"] = sd[BRISTLES] / softness**2
+        if SOFTNESS in sd:
+            deviations["sigma_0_FR"] = sd[SOFTNESS] / softness**2
         if DAMPING not in values:
             usual = (plant["M"] / softness) ** 0.5
             kept[DAMPING] = Parameter(DAMPING, usual, "N s/m", "assumed", note="root of M times sigma_0, not fitted")

@@ -30,10 +30,6 @@ NUMBER = 5.0
 
 Key = tuple[str, str | None]
 
-#: Under which id a nominal parameter that is wrong is reported.
-ID_OF = {letter: name for name, effect in EFFECTS.items() for letter in effect.letters} | {
-    "tau_FM": "motor_friction", "tau_FR": "rod_friction",
-}  # fmt: skip
 #: Draws of the logged current's noise that show what it does to runs.
 DRAWS = 6
 #: Nominal parameters this far from what is believed, in prior deviations, are looked at one by one.
@@ -210,8 +206,9 @@ class Judge:
 
 
 def ids_of(plant: Plant) -> dict[str, str]:
-    """ID_OF in the letters of the plant's system."""
-    return {plant.structure.system.own(letter): id for letter, id in ID_OF.items()}
+    """Under which id a nominal parameter of this plant that is wrong is reported."""
+    own = plant.structure.system.own
+    return {own(letter): name for name, effect in EFFECTS.items() for letter in (*effect.letters, *effect.also)}
 
 
 def by_label(judged: Sequence[Judged]) -> dict[tuple[Key, ...], Judged]:

@@ -15,13 +15,14 @@ import numpy as np
 
 from ..core.log import Log
 from ..identification.admissible import shares
+from ..physics.effects.presliding import DAMPING, HARD, SOFTNESS
 from ..plant.plant import Plant
 from ..simulation.bench import CENTRING_GAIN, CENTRING_LIMIT, CENTRING_TIME
 from ..simulation.engine import simulate_batch
 from .fit import STEP, TEMPER, Bench, Metric, Nominal
 from .probes import Probe
 from .signals import SIGNALS
-from .twin import BRISTLES, DAMPING, HARD, Twin, with_every_effect
+from .twin import Twin, with_every_effect
 
 #: Share of each limit that is left.
 MARGIN = 0.15
@@ -81,7 +82,7 @@ class Rivals:
         self, plant: Plant, hypotheses: Mapping[str, Setting], noise: Mapping[str, float], nominal: Nominal
     ) -> None:
         self.plant, self.hypotheses, self.noise, self.nominal = plant, hypotheses, noise, nominal
-        soft = any(values.get(BRISTLES, 0.0) > HARD for values in hypotheses.values())
+        soft = any(values.get(SOFTNESS, 0.0) > HARD for values in hypotheses.values())
         self.bristles = with_every_effect(plant, "lugre") if soft else None
         self.pairs: tuple[Pair, ...] = tuple(combinations(hypotheses, 2))
 
@@ -149,7 +150,7 @@ class Rivals:
         """The current with what the bench's slow loop adds, block by block, around this candidate's rod."""
         if not centre:
             return current
-        letters = {n: v for n, v in values.items() if "." not in n and n not in (BRISTLES, DAMPING)}
+        letters = {n: v for n, v in values.items() if "." not in n and n not in (SOFTNESS, DAMPING)}
         plant, dt = self.plant.set(**letters), self.plant.sample_time
         out, state, low = current.copy(), plant.rest[None], 0.0
         length, x = max(int(round(LOOP / dt)), 1), plant.structure.equations.index("x")

@@ -22,19 +22,6 @@ REFITTED, FINISHED, BASES, ADDED = 12, 4, 3, 5
 #: Sets grow on if one more could take away this much, and this share of what the best one explains.
 WORTH_GROWING, WORTH_GROWING_SHARE = 3.0, 0.004
 
-#: What a model without dry friction lacks: sets, each from where the one before came to.
-LACKING = {
-    "hydraulic": (
-        ("motor_friction", "rod_friction"),
-        ("motor_friction", "rod_friction", "chamber_volume_variation"),
-    ),
-    "carriage": (
-        ("rod_viscous_friction", "rod_friction", "constant_force"),
-        ("rod_viscous_friction", "rod_friction"),
-    ),
-    "shaft": (("motor_friction", "motor_viscous_friction"),),
-}
-
 Key = tuple[tuple[str, str | None], ...]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -90,7 +77,7 @@ class Search:
             suspect, start = item
             values = dict(zip(suspect.names, start, strict=True))
             moved = [np.isfinite(f.believed) for f in suspect.free]
-            nested = all(moved) and not _shaped(suspect)
+            nested = all(moved) and not suspect.shaped
             if nested:
                 settings = []
                 steps = []
@@ -107,7 +94,7 @@ class Search:
             if base is None:
                 return None
             columns = {}
-            if _shaped(suspect):
+            if suspect.shaped:
                 columns = {suspect.names[0]: (base - zero) / (start[0] / suspect.free[0].scale)}
                 return Response(suspect, values, zero, columns)
             settings = [{**at, **values, f.name: values[f.name] + 0.5 * f.scale} for f in suspect.free]
@@ -215,7 +202,7 @@ class Search:
             tasks.append(((response.suspect,), _start(response, step, null.values)))
         self.fit(tasks, "single effects", steps=3)
         # Whoever holds the nominal parameters can't explain less than they do alone.
-        worse = [fit for fit in self.best(1) if fit.cost > null.cost and not _shaped(fit.suspects[0])]
+        worse = [fit for fit in self.best(1) if fit.cost > null.cost and not fit.suspects[0].shaped]
         worse = [fit for fit in worse if all(np.isfinite(f.believed) for f in fit.suspects[0].free)]
         self.fit([(fit.suspects, null.values) for fit in worse], "single effects", steps=3)
         self.settle(self.best()[0])
@@ -262,13 +249,10 @@ class Search:
     def missing(self) -> None:
         """All at once what a model without dry friction leaves out, from what the balances show.
 
-        One of them alone explains so little that no search would come this way: dry friction of both contacts and the
-        stroke in the volumes; of a carriage its friction and a constant force; the shaft's where the rod is moved.
+        One of them alone explains so little that no search would come this way.
         """
-        system = self.bench.twin.plant.structure.system
         start: dict[str, float] = {}
-        kind = "shaft" if system.prescribed else "hydraulic" if system.chamber_forms else "carriage"
-        for sought in LACKING[kind]:
+        for sought in self.bench.twin.plant.structure.system.lacking:
             members = tuple(next(s for s in self.suspects if s.id == id) for id in sought)
             seen = {name: value for s in members for name, value in zip(s.names, s.starts[0], strict=True)}
             start = {**seen, **start}
@@ -302,11 +286,6 @@ def key_of(suspects: Sequence[Suspect]) -> Key:
     return tuple(sorted((f"{s.id}:{','.join(s.names)}", s.channel) for s in suspects))
 
 
-def _shaped(suspect: Suspect) -> bool:
-    """Whether other numbers than the first say where or how, so that they mean nothing while the first is zero."""
-    return len(suspect.free) > 1 and suspect.id in ("position_dependent_friction", "torque_ripple", "viscosity_warmup")
-
-
 def _start(response: Response, step: np.ndarray, values: Mapping[str, float]) -> dict[str, float]:
     """Values of a set grown by a suspect at the step that the screening proposes."""
     out = dict(values)
@@ -314,6 +293,6 @@ def _start(response: Response, step: np.ndarray, values: Mapping[str, float]) ->
         out[f.name] = response.values[f.name]
     for name, z in zip(response.columns, step, strict=True):
         f = next(f for f in response.suspect.free if f.name == name)
-        at = f.believed if _shaped(response.suspect) else response.values[name]
+        at = f.believed if response.suspect.shaped else response.values[name]
         out[name] = float(np.clip(at + z * f.scale, f.lower, f.upper))
     return out

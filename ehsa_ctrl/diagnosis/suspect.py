@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
 
-from .twin import Twin
-
-#: Leakage wears by factors and not by per cents.
-WEARS = {"K_L": 5e-13}
+from ..physics.effects import EFFECTS, Free
 
 
-@dataclass(frozen=True)
-class Free:
-    """One number that a hypothesis sets free: its neutral or believed value, a size that is felt, bounds."""
-
-    name: str
-    believed: float
-    scale: float
-    lower: float = -inf
-    upper: float = inf
+def wears() -> dict[str, float]:
+    """Letters that change by factors and not by per cents, and the size of a change."""
+    return {letter: size for effect in EFFECTS.values() for letter, size in effect.wears.items()}
 
 
 @dataclass(frozen=True)
@@ -45,24 +34,10 @@ class Suspect:
     def names(self) -> tuple[str, ...]:
         return tuple(free.name for free in self.free)
 
+    @property
+    def shaped(self) -> bool:
+        """Whether other numbers than the first say where or how, so that they mean nothing while the first is zero."""
+        return any(p.shape for p in EFFECTS[self.id].parameters if p.name in self.names)
+
     def __str__(self) -> str:
         return self.id if self.channel is None else f"{self.id}({self.channel})"
-
-
-def starts_of(free: Sequence[Free], *sizes: float) -> tuple[tuple[float, ...], ...]:
-    """Starts with the first number moved by each of `sizes` scales, the others as believed."""
-    return tuple((free[0].believed + s * free[0].scale, *(f.believed for f in free[1:])) for s in sizes)
-
-
-def letter_of(twin: Twin, name: str, relative: float, typical: float = 0.0) -> Free:
-    """A letter of the plant: its bounds are physical, its scale a share of itself or `typical` where it is zero."""
-    name = twin.plant.structure.system.own(name)
-    value = twin.plant[name]
-    kinds = {kind.name: kind for kind in twin.plant.structure.equations.parameters}
-    lower = kinds[name].lower
-    scale = WEARS.get(name, relative * abs(value))
-    # A value that is next to nothing is as far from what it should be as nothing is.
-    scale = typical if scale < 0.1 * typical else scale
-    if kinds[name].lower_open and lower == 0.0:
-        lower = 0.02 * value
-    return Free(name, value, scale, lower, kinds[name].upper)

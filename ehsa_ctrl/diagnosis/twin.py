@@ -16,22 +16,15 @@ from ..core.errors import InputError
 from ..core.log import Log
 from ..identification.drives import logged_drives, undo_sensor, undone
 from ..physics.effects import EFFECTS
+from ..physics.effects.presliding import DAMPING, HARD, SOFTNESS
 from ..plant.plant import Plant, Sensor
 from ..plant.structure import Structure
 from ..simulation.engine import simulate_batch
 from ..simulation.sensors import shown
 from .ripple import ANGLE, over_samples
 
-#: Effects that are equations of their own. A tank with a mass balance is an option of the plant, not a suspect.
-WIRED = tuple(n for n, e in EFFECTS.items() if e.wired and e.parameters)
 #: Letters of dry friction, which a plant without it lacks, and what they are where it is to be found.
 DRY = {"A_FM": 0.0, "C_FM": 0.0, "tau_FM": 10.0, "A_FR": 0.0, "C_FR": 0.0, "tau_FR": 0.007}
-#: The setting that asks for the plant with bristles: 1 / sigma_0 [m/N], so that zero is a rod that does not yield.
-BRISTLES = "softness_FR"
-#: Their damping [N s/m]; where it is not set it goes with their stiffness.
-DAMPING = "sigma_1_FR"
-#: Bristles stiffer than this can't be told from none [m/N].
-HARD = 1e-9
 
 
 def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
@@ -45,15 +38,20 @@ def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
     system = plant.structure.system
     shaft = "stribeck" if any(contact.name == "shaft" for contact in system.all_contacts) else None
     structure = replace(plant.structure, shaft_friction=shaft, rod_friction=rod_friction)
-    wired = [name for name in WIRED if _fits(structure, name)]
+    known = equations_of_their_own()
+    wired = [name for name in known if _fits(structure, name)]
     # In one order whatever the plant has already, so that all of them share the compiled text.
-    structure = replace(structure, effects=(*(n for n in plant.structure.effects if n not in WIRED), *wired))
+    structure = replace(structure, effects=(*(n for n in plant.structure.effects if n not in known), *wired))
     neutral = {p.name: p.neutral for n in wired for p in EFFECTS[n].parameters if n not in plant.structure.effects}
     extra = {"sigma_0_FR": 1e8, "sigma_1_FR": 0.0} if rod_friction == "lugre" else {}
     absent = {system.own(name): value for name, value in {**DRY, **neutral, **extra}.items()}
     asked = set(structure.equations.parameter_names) - set(plant.parameters)
-    known = {name: value for name, value in absent.items() if name in asked}
-    return plant.with_structure(structure, **known)
+    return plant.with_structure(structure, **{name: value for name, value in absent.items() if name in asked})
+
+
+def equations_of_their_own() -> tuple[str, ...]:
+    """Effects that are equations with numbers; a tank with a mass balance, without one, is an option of the plant."""
+    return tuple(name for name, effect in EFFECTS.items() if effect.wired and effect.parameters)
 
 
 def without_dry_friction(plant: Plant) -> bool:
@@ -76,7 +74,7 @@ class Twin:
 
     plant: see `with_every_effect`. log: what drives it and what it is compared with. start: states at the first
     sample by name, as the believed sensors give them; those that are not named are at rest. bristles: the plant with
-    a rod friction of bristles, for settings that name BRISTLES. tolerance: of the engine.
+    a rod friction of bristles, for settings that name SOFTNESS. tolerance: of the engine.
 
     In a log that has an angle (see `with_angle`) a torque ripple goes with it and not with the simulated one: a run
     whose speed is a little wrong is soon wrong by turns, and its ripple is noise. That is what a free run of such a
@@ -105,21 +103,21 @@ class Twin:
         out: list[dict[str, np.ndarray] | None] = [None] * len(settings)
         groups: dict[tuple[int, bool], list[int]] = {}
         for i, values in enumerate(settings):
-            groups.setdefault((id(current[i]), values.get(BRISTLES, 0.0) > HARD), []).append(i)
+            groups.setdefault((id(current[i]), values.get(SOFTNESS, 0.0) > HARD), []).append(i)
         for (_, bristly), members in groups.items():
             plant = self.bristles if bristly and self.bristles is not None else self.plant
             names = plant.structure.equations.parameter_names
             rows = np.tile(plant.vector, (len(members), 1))
             for row, i in zip(rows, members, strict=True):
                 for name, value in settings[i].items():
-                    if "." not in name and name != BRISTLES and (bristly or name != DAMPING):
+                    if "." not in name and name != SOFTNESS and (bristly or name != DAMPING):
                         row[names.index(name)] = value
                 if ANGLE in self.log.channels:
                     row[names.index("T_c")] = 0.0
                 if bristly:
-                    row[names.index("sigma_0_FR")] = 1.0 / settings[i][BRISTLES]
+                    row[names.index("sigma_0_FR")] = 1.0 / settings[i][SOFTNESS]
                     # Bristles that are as damped as the rod's mass on them lets them be.
-                    usual = np.sqrt(plant["M"] / settings[i][BRISTLES])
+                    usual = np.sqrt(plant["M"] / settings[i][SOFTNESS])
                     row[names.index(DAMPING)] = settings[i].get(DAMPING, usual)
             start = None
             if self.start is not None:
@@ -154,15 +152,17 @@ class Twin:
                 level = (level * sensor.scale + sensor.bias - bias) / scale
             if name in names:
                 state[index(name)] = level
-        for name, letter in (("t_run", "drop"), ("theta", "T_c")):
-            if name in names and value(letter) == 0.0:
-                state[index(name)] = 0.0
-        if value("tau_I") > 0.0:
-            state[index("I_A")] = current[0]
+        for effect in map(EFFECTS.__getitem__, plant.structure.effects):
+            felt = effect.parameters and value(effect.parameters[0].name) != effect.parameters[0].neutral
+            for own in effect.states:
+                if not felt:
+                    state[index(own.name)] = 0.0
+                elif own.starts_at == plant.structure.system.inputs[0]:
+                    state[index(own.name)] = current[0]
         if "z_R" in names and "P_1" in names:
             net = value("A") * (state[index("P_1")] - state[index("P_2")]) - value("K_S") * state[index("x")]
             most = value("A_FR") + value("C_FR")
-            soft = values.get(BRISTLES, 0.0)
+            soft = values.get(SOFTNESS, 0.0)
             state[index("z_R")] = np.clip(net, -most, most) * (soft if soft > HARD else 1.0 / plant["sigma_0_FR"])
         return state
 

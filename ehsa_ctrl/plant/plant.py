@@ -17,6 +17,7 @@ from ..core.errors import InputError, choices, shown
 from ..core.log import CHANNELS, Column
 from ..core.notebook import ShownAsText
 from ..core.parameter import Parameter, check_range
+from ..core.registry import name_project
 from ..core.unit import parse
 from ..physics.effects import EFFECTS
 from .file import (
@@ -243,6 +244,7 @@ def load_plant(
     InputError: the file is absent or wrong, or a setting is; one sentence with file and key.
     """
     path = plants.find(name)
+    name_project(path)
     file = read_definition(path, PlantFile)
     part: ModelFile | None = getattr(file, model, None)
     if part is None:

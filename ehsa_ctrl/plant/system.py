@@ -113,6 +113,8 @@ class System:
     prescribed: contacts whose motion is an input; their friction stands in balances alone.
     balances: in the order in which they are solved; a parameter found in one is known in the next.
     measured: channels beside drives and outputs that balances use.
+    lacking: ids of the effects that a model of this system without dry friction lacks; sets, each searched from where
+        the one before came to.
     called: letters of the EHSA that the catalogue of effects uses -> what they are called here, friction's apart.
     """
 
@@ -132,6 +134,7 @@ class System:
     prescribed: tuple[Contact, ...] = ()
     balances: tuple[Balance, ...] = ()
     measured: tuple[str, ...] = ()
+    lacking: tuple[tuple[str, ...], ...] = ()
     called: Mapping[str, str] = field(default_factory=dict)
 
     def own(self, letter: str) -> str:

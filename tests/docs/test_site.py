@@ -173,7 +173,7 @@ def test_the_controller_in_python_runs(tmp_path, monkeypatch, capsys):
 
 def test_the_effect_that_is_shown_is_neutral():
     """It keeps the contract of effects: its neutral value changes no bit, another one adds friction."""
-    (text,) = (text for _, title, text in blocks("python") if title.startswith("ehsa_ctrl/physics/effects/"))
+    (text,) = (text for _, title, text in blocks("python") if title.startswith("effects/"))
     names = {"__name__": "ehsa_ctrl.physics.effects.shown", "__package__": "ehsa_ctrl.physics.effects"}
 
     exec(compile(text, "effect", "exec"), names)

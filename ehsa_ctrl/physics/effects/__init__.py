@@ -1,10 +1,14 @@
-"""Effects beyond (12), one a file. Adding a file adds the effect to plants, lists, engine and tests."""
+"""Effects beyond (12), one a file. Adding a file adds the effect to plants, lists, engine, diagnosis and tests.
+
+A user's own go into `effects/` beside her `plants/`, or into a package with an entry point `ehsa_ctrl.effects`.
+"""
 
 import sys
 
-from ...core.registry import members
+from ...core.registry import Registry
+from ._candidate import Free
 from ._effect import PLACES, Effect, EffectParameter, EffectState
 
-EFFECTS: dict[str, Effect] = members(sys.modules[__name__], "effect")
+EFFECTS: Registry[Effect] = Registry(sys.modules[__name__], "effect", Effect, "effects")
 
-__all__ = ["EFFECTS", "PLACES", "Effect", "EffectParameter", "EffectState"]
+__all__ = ["EFFECTS", "PLACES", "Effect", "EffectParameter", "EffectState", "Free"]

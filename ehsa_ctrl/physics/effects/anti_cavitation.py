@@ -4,8 +4,12 @@ A chamber whose pressure falls below P_open (tank pressure less the spring of th
 from the tank by the orifice law, made linear within P_lam around zero so that the slope stays finite.
 """
 
+from dataclasses import replace
 from math import inf, sqrt
 
+import numpy as np
+
+from ._candidate import FELT_PRESSURE, Candidate, Rig, from_levels, number
 from ._effect import Effect, EffectParameter
 
 
@@ -25,6 +29,17 @@ def flow_2(Q_T2: float, P_2: float, P_open: float, K_check: float, P_lam: float)
     return Q_T2 + check_flow(P_2, P_open, K_check, P_lam)
 
 
+def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+    """A level above the lowest pressure; where none was ever below that of rest, such a valve was shut."""
+    pressures = [p for p in map(rig.measured, ("p1", "p2")) if p is not None]
+    low = min((float(np.quantile(p, 0.002)) for p in pressures), default=0.0)
+    top = rig.value("P_0")
+    opening = replace(number(effect, rig, "P_open", max(0.05 * (top - low), FELT_PRESSURE)), lower=-1e5)
+    levels = [low + share * (top - low) for share in (0.1, 0.3, 0.6)] if low < top else []
+    found = from_levels(effect, opening, levels)
+    return [found] if found.starts else []
+
+
 effect = Effect(
     name="anti_cavitation",
     place="flow",
@@ -36,4 +51,5 @@ effect = Effect(
         EffectParameter("K_check", "m3/(s Pa^0.5)", "flow over root of pressure drop", 3e-6, 3e-6, 0.0),
         EffectParameter("P_lam", "Pa", "drop below which the flow is linear", 1e3, 1e3, 1.0),
     ),
+    candidates=candidates,
 )

@@ -1,11 +1,17 @@
 """Rod friction that depends on the direction: A_FR (1 + a sign v), and B_FR (1 + b sign v) for the viscous part."""
 
+from ._candidate import Candidate, Free, Rig, with_another
 from ._effect import Effect, EffectParameter
 
 
 def friction(F_FR: float, d_R: float, v: float, A_FR: float, B_FR: float, a_FR: float, b_FR: float) -> float:
     """F_FR + a A_FR + b B_FR |v| while sliding: more when extending, less when retracting."""
     return F_FR + d_R * (a_FR * A_FR) * d_R + b_FR * B_FR * (v * d_R)
+
+
+def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+    """The Coulomb part alone, and with the viscous one."""
+    return with_another(effect, rig, Free("b_FR", rig.value("b_FR"), 0.03, -0.9, 0.9))
 
 
 effect = Effect(
@@ -15,8 +21,9 @@ effect = Effect(
     fingerprint="friction levels differ by direction, and the rod drifts under a symmetric input",
     changes={"F_FR": friction},
     parameters=(
-        EffectParameter("a_FR", "1", "A_FR (1 + a sign v)", 0.0, 0.1, -0.9, 0.9),
+        EffectParameter("a_FR", "1", "A_FR (1 + a sign v)", 0.0, 0.1, -0.9, 0.9, felt=0.03),
         EffectParameter("b_FR", "1", "B_FR (1 + b sign v)", 0.0, 0.0, -0.9, 0.9),
     ),
+    candidates=candidates,
     source="definition",
 )

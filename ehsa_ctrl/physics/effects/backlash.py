@@ -1,5 +1,6 @@
 """Play between rod and load: the spring is felt only beyond half of the play, on either side of its middle."""
 
+from ._candidate import Candidate, Rig, from_neutral
 from ._effect import Effect, EffectParameter
 
 
@@ -11,12 +12,18 @@ def force(F_EXT: float, x: float, K_S: float, k_3: float, width: float) -> float
     return F_EXT + (felt * (K_S + k_3 * felt * felt) - there if width > 0.0 else 0.0)
 
 
+def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+    """Without a spring there is nothing that the rod could come loose of."""
+    return from_neutral(effect, rig) if rig.value("K_S") != 0.0 else []
+
+
 effect = Effect(
     name="backlash",
     place="force",
     summary="play between rod and load",
     fingerprint="the load cell reads nothing while the rod crosses the play",
     changes={"F_EXT": force},
-    parameters=(EffectParameter("width", "m", "play", 0.0, 1e-3, 0.0, 0.1),),
+    parameters=(EffectParameter("width", "m", "play", 0.0, 1e-3, 0.0, 0.1, felt=2e-4),),
+    candidates=candidates,
     source="dead zone in front of a spring without mass",
 )

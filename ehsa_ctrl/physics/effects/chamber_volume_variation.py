@@ -4,6 +4,7 @@ The slope is in shares of the piston area: c_V = 1 adds A x to chamber 1 and tak
 constant volumes of (6) into those of (11).
 """
 
+from ._candidate import Candidate, Free, Rig, starts_of
 from ._effect import Effect, EffectParameter
 
 
@@ -17,6 +18,16 @@ def volume_2(V_2: float, x: float, A: float, c_V: float) -> float:
     return V_2 - c_V * (A * x)
 
 
+def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+    """All volumes at once, and their slope with the stroke."""
+    free = tuple(rig.letter(letter, 0.1) for letter in effect.letters if rig.shows(letter))
+    if not free:
+        return []
+    if rig.shows("c_V"):
+        free = (*free, Free("c_V", rig.value("c_V"), 0.2, -1.0, 3.0))
+    return [Candidate(free, starts_of(free, 0.0))]
+
+
 effect = Effect(
     name="chamber_volume_variation",
     place="flow",
@@ -24,6 +35,7 @@ effect = Effect(
     fingerprint="P_1 + P_2 moves with the rod, and the hydraulic mode with the position",
     changes={"V_1": volume_1, "V_2": volume_2},
     parameters=(EffectParameter("c_V", "1", "slope of the volumes, in piston areas", 0.0, 1.0, -1.0, 3.0),),
-    letters=("V_10", "V_20", "V"),
+    letters={"V_10": 0.0, "V_20": 0.0, "V": 0.0},
+    candidates=candidates,
     source="paper, (11)",
 )

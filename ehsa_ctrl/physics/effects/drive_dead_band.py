@@ -19,6 +19,6 @@ effect = Effect(
     summary="no current while less than a band is asked for, and a band less of it beyond",
     fingerprint="torque error of constant size that goes with the sign of the current, not of the speed",
     changes={"current": current},
-    parameters=(EffectParameter("I_db", "A", "half the width of the band", 0.0, 0.05, 0.0, 5.0),),
+    parameters=(EffectParameter("I_db", "A", "half the width of the band", 0.0, 0.05, 0.0, 5.0, felt=0.02),),
     source="dead zone, as in textbooks of control",
 )

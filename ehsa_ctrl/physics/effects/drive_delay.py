@@ -9,7 +9,7 @@ effect = Effect(
     place="drive",
     summary="dead time between the current asked for and the acting one",
     fingerprint="all channels are late against the current by the same time",
-    parameters=(EffectParameter("T_d", "s", "dead time", 0.0, 4e-3, 0.0, inf),),
+    parameters=(EffectParameter("T_d", "s", "dead time", 0.0, 4e-3, 0.0, inf, felt=1e-3, search=(0.0, 0.06)),),
     delays=True,
     source="definition",
 )

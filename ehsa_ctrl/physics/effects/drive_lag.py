@@ -21,8 +21,8 @@ effect = Effect(
     summary="first-order lag of the motor current",
     fingerprint="torque error in proportion to the current's rate: after steps, not at steady current",
     changes={"current": current},
-    parameters=(EffectParameter("tau_I", "s", "time constant", 0.0, 2e-3, 0.0, inf),),
-    states=(EffectState("I_A", "A", 1.0),),
+    parameters=(EffectParameter("tau_I", "s", "time constant", 0.0, 2e-3, 0.0, inf, felt=1e-3, search=(0.0, 0.1)),),
+    states=(EffectState("I_A", "A", 1.0, starts_at="current"),),
     adds={"I_A_dot": current_rate},
     source="first-order current loop",
 )

@@ -3,8 +3,12 @@
 The contact is inside the cylinder, so that a load cell between rod and load does not feel it.
 """
 
+from dataclasses import replace
 from math import inf
 
+import numpy as np
+
+from ._candidate import Candidate, Rig, from_levels, number
 from ._effect import Effect, EffectParameter
 
 
@@ -15,6 +19,16 @@ def net_force(F_net: float, x: float, v: float, x_stop: float, K_stop: float, B_
     front = max(K_stop * into_front + B_stop * min(into_front / 1e-4, 1.0) * v, 0.0)
     back = max(K_stop * into_back - B_stop * min(into_back / 1e-4, 1.0) * v, 0.0)
     return F_net - (front - back)
+
+
+def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+    """A stop near the end of what the rod has reached."""
+    x = rig.measured("position")
+    if x is None:
+        return []
+    reach = float(np.max(np.abs(x)))
+    stop = replace(number(effect, rig, "x_stop", 0.02 * reach), lower=1e-3)
+    return [from_levels(effect, stop, [share * reach for share in (1.002, 0.985, 0.9)])]
 
 
 effect = Effect(
@@ -28,4 +42,5 @@ effect = Effect(
         EffectParameter("K_stop", "N/m", "contact stiffness", 1e8, 1e8, 0.0),
         EffectParameter("B_stop", "N s/m", "contact damping", 1e5, 1e5, 0.0),
     ),
+    candidates=candidates,
 )

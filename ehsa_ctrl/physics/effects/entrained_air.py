@@ -5,6 +5,7 @@ r = (p_a / p)^(1/n), p absolute, the mixture has 1/beta_mix = (1/beta + a r / (n
 rates of (11) are multiplied by beta_mix / beta = (1 + a r) / (1 + a r beta / (n p)).
 """
 
+from ._candidate import Candidate, Rig, number
 from ._effect import Effect, EffectParameter
 
 P_ATM = 101325.0
@@ -27,6 +28,12 @@ def rate_2(P_2_dot: float, P_2: float, beta: float, air_fraction: float, n_air: 
     return P_2_dot * softening(P_2, beta, air_fraction, n_air)
 
 
+def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+    """Little and much air. Slow changes are isothermal, fast ones adiabatic; what lies between is the log's to say."""
+    air, exponent = number(effect, rig, "air_fraction", 0.003), number(effect, rig, "n_air", 0.1)
+    return [Candidate((air, exponent), tuple((share, exponent.believed) for share in (0.003, 0.02)))]
+
+
 effect = Effect(
     name="entrained_air",
     place="flow",
@@ -37,5 +44,6 @@ effect = Effect(
         EffectParameter("air_fraction", "1", "volume share of free air at 1 atm", 0.0, 0.01, 0.0, 0.3),
         EffectParameter("n_air", "1", "polytropic exponent", 1.2, 1.2, 1.0, 1.4),
     ),
+    candidates=candidates,
     source="volume balance of oil and polytropic air, derived here",
 )

@@ -19,6 +19,6 @@ effect = Effect(
     summary="leakage from the chambers to the tank",
     fingerprint="P_1 + P_2 decays with the time constant V / (beta K_e); speed and position hardly see it",
     changes={"Q_T1": flow_1, "Q_T2": flow_2},
-    parameters=(EffectParameter("K_e", "m3/(s Pa)", "of each chamber", 0.0, 1e-13, 0.0),),
+    parameters=(EffectParameter("K_e", "m3/(s Pa)", "of each chamber", 0.0, 1e-13, 0.0, felt=3e-14),),
     source="laminar gap",
 )

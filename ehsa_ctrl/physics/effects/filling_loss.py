@@ -27,7 +27,9 @@ effect = Effect(
     fingerprint="flow error ~ omega^3, whatever the pressure: at low speed the displacement is right",
     changes={"Q_P": flow, "T_P": torque},
     parameters=(
-        EffectParameter("k_f", "1", "share of the displacement that is lost at 4500 rpm", 0.0, 0.05, 0.0, 1.0),
+        EffectParameter(
+            "k_f", "1", "share of the displacement that is lost at 4500 rpm", 0.0, 0.05, 0.0, 1.0, felt=0.01
+        ),
     ),
     source="form assumed: losses of an inlet go with the square of the flow",
 )

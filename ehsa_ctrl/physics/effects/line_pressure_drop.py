@@ -5,6 +5,10 @@ ports, where the sensors are and where nearly all of the oil is; the piston feel
 part acts exactly as more viscous friction of the rod: 2 A^2 R_lam.
 """
 
+from collections.abc import Mapping
+from math import inf
+
+from ._candidate import Candidate, Free, Rig
 from ._effect import Effect, EffectParameter
 
 
@@ -12,6 +16,27 @@ def force(F_P: float, v: float, A: float, R_lam: float, R_turb: float) -> float:
     """A (P_1 - P_2) less what both lines take."""
     flow = A * v
     return F_P - 2.0 * A * (flow * (R_lam + R_turb * abs(flow)))
+
+
+#: A turbulent part below this share of the whole drop makes a line as good as laminar.
+LAMINAR = 0.1
+
+
+def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+    """Both parts at once, from a turbulent drop."""
+    lines = (
+        Free("R_turb", rig.value("R_turb"), 2e12, 0.0, inf),
+        Free("R_lam", rig.value("R_lam"), 2e8, 0.0, inf),
+    )
+    return [Candidate(lines, ((2e12, 0.0),))]
+
+
+def same(found: Mapping[str, float], plant: Mapping[str, float], flow: float) -> dict[str, str]:
+    """A laminar drop is more viscous friction of the rod: 2 A^2 R_lam."""
+    laminar, turbulent = found.get("R_lam", 0.0), found.get("R_turb", 0.0) * flow
+    if turbulent >= LAMINAR * (laminar + turbulent):
+        return {}
+    return {"rod_viscous_friction": "a laminar drop between pump ports and chambers acts as viscous friction"}
 
 
 effect = Effect(
@@ -24,5 +49,7 @@ effect = Effect(
         EffectParameter("R_turb", "Pa s2/m6", "turbulent, each line", 0.0, 2e12, 0.0),
         EffectParameter("R_lam", "Pa s/m3", "laminar, each line", 0.0, 0.0, 0.0),
     ),
+    candidates=candidates,
+    same=same,
     source="pipe flow, laminar and turbulent",
 )

@@ -1,5 +1,6 @@
 """Seals and guides that press harder under load: Coulomb friction of the rod grows by kappa |A (P_1 - P_2)|."""
 
+from ._candidate import Candidate, Rig, from_neutral, with_another
 from ._effect import Effect, EffectParameter
 
 
@@ -8,12 +9,18 @@ def friction(F_FR: float, d_R: float, P_1: float, P_2: float, A: float, kappa: f
     return F_FR + d_R * (kappa * abs(A * (P_1 - P_2)))
 
 
+def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+    """Where it grows with the higher pressure, its part at the pressure of rest is in the Coulomb level."""
+    return with_another(effect, rig, rig.letter("A_FR", 0.1)) if rig.value("A_FR") > 0.0 else from_neutral(effect, rig)
+
+
 effect = Effect(
     name="load_dependent_friction",
     place="force",
     summary="rod friction that grows with the load",
     fingerprint="friction level in the force balance rises with |dP|",
     changes={"F_FR": friction},
-    parameters=(EffectParameter("kappa", "1", "friction per force", 0.0, 0.05, 0.0, 0.9),),
+    parameters=(EffectParameter("kappa", "1", "friction per force", 0.0, 0.05, 0.0, 0.9, felt=0.03),),
+    candidates=candidates,
     source="Coulomb's law at a loaded guide",
 )

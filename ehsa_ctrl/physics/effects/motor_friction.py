@@ -7,6 +7,9 @@ effect = Effect(
     place="torque",
     summary="dry friction of the shaft off or missing",
     fingerprint="torque error ~ sign(omega), and more at standstill",
-    letters=("A_FM", "C_FM"),
+    letters={"A_FM": 0.1, "C_FM": 0.02},
+    groups=(("A_FM", "C_FM"),),
+    also=("tau_FM",),
+    from_balances=True,
     source="paper, (8), (9)",
 )

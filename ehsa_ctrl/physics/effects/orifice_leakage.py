@@ -24,6 +24,6 @@ effect = Effect(
     summary="leakage between the chambers that goes with the root of the pressure difference",
     fingerprint="flow error concave in dP, where laminar leakage is straight",
     changes={"Q_P": flow},
-    parameters=(EffectParameter("K_t", "m3/(s Pa^0.5)", "Q = K_t sqrt(dP)", 0.0, 3e-9, 0.0),),
+    parameters=(EffectParameter("K_t", "m3/(s Pa^0.5)", "Q = K_t sqrt(dP)", 0.0, 3e-9, 0.0, felt=1e-9),),
     source="orifice law, regularised as in textbooks of fluid power",
 )

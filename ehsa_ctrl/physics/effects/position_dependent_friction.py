@@ -2,6 +2,9 @@
 
 from math import exp
 
+import numpy as np
+
+from ._candidate import Candidate, Free, Rig, number
 from ._effect import Effect, EffectParameter
 
 
@@ -9,6 +12,21 @@ def friction(F_FR: float, d_R: float, x: float, A_FR: float, h_FR: float, x_h: f
     """F_FR + sign(v) A_FR h exp(-((x - x_h) / w_h)^2)."""
     s = (x - x_h) / w_h
     return F_FR + d_R * (A_FR * h_FR * exp(-s * s))
+
+
+def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+    """A bump at one of five places along the way that the rod went."""
+    x = rig.measured("position")
+    if x is None or rig.value("A_FR") == 0.0:
+        return []
+    low, high = np.quantile(x, [0.02, 0.98])
+    width = float(np.clip(0.2 * (high - low), 3e-3, 0.015))
+    bump = (
+        number(effect, rig, "h_FR", 0.15),
+        Free("x_h", 0.0, 0.3 * width, -1.0, 1.0),
+        Free("w_h", width, 0.2 * width, 2e-3, 0.04),
+    )
+    return [Candidate(bump, tuple((0.3, float(at), width) for at in np.linspace(low, high, 7)[1:-1]))]
 
 
 effect = Effect(
@@ -19,8 +37,9 @@ effect = Effect(
     changes={"F_FR": friction},
     parameters=(
         EffectParameter("h_FR", "1", "height of the bump, in A_FR", 0.0, 0.5, -0.95, 10.0),
-        EffectParameter("x_h", "m", "its position", 0.0, 0.0, -1.0, 1.0),
-        EffectParameter("w_h", "m", "its width", 0.015, 0.015, 1e-3, 1.0),
+        EffectParameter("x_h", "m", "its position", 0.0, 0.0, -1.0, 1.0, shape=True),
+        EffectParameter("w_h", "m", "its width", 0.015, 0.015, 1e-3, 1.0, shape=True),
     ),
+    candidates=candidates,
     source="form assumed",
 )

@@ -22,6 +22,8 @@ effect = Effect(
     summary="the displacement falls in proportion to the pressure difference",
     fingerprint="flow error ~ omega |dP| and torque error ~ dP |dP|: no creep under load at standstill, unlike a leak",
     changes={"Q_P": flow, "T_P": torque},
-    parameters=(EffectParameter("k_D", "1/Pa", "share of D that is lost for each pascal", 0.0, 1e-8, 0.0, 1e-6),),
+    parameters=(
+        EffectParameter("k_D", "1/Pa", "share of D that is lost for each pascal", 0.0, 1e-8, 0.0, 1e-6, felt=5e-9),
+    ),
     source="form assumed: a displacement that yields to the pressure, the same in (2) and (3)",
 )

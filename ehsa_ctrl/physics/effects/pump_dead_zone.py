@@ -18,6 +18,6 @@ effect = Effect(
     summary="no flow while the shaft turns slower than a zone, and as much less beyond",
     fingerprint="flow error of constant size with the sign of omega: lost motion at each reversal",
     changes={"Q_P": flow},
-    parameters=(EffectParameter("w_d", "rad/s", "half the width of the zone", 0.0, 5.0, 0.0, 100.0),),
+    parameters=(EffectParameter("w_d", "rad/s", "half the width of the zone", 0.0, 5.0, 0.0, 100.0, felt=0.5),),
     source="dead zone, as in textbooks of control",
 )

@@ -18,6 +18,6 @@ effect = Effect(
     summary="pump friction that grows with the pressure difference",
     fingerprint="torque error ~ |dP| sign(omega): driving and braking differ by twice its size",
     changes={"T_FM": friction},
-    parameters=(EffectParameter("c_f", "1", "share of D |dP| that is lost", 0.0, 0.1, 0.0, 0.5),),
+    parameters=(EffectParameter("c_f", "1", "share of D |dP| that is lost", 0.0, 0.1, 0.0, 0.5, felt=0.03),),
     source="McCandlish and Dorey 1984, pressure-dependent term",
 )

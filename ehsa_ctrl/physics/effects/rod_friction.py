@@ -7,6 +7,9 @@ effect = Effect(
     place="force",
     summary="dry friction of the rod off or missing",
     fingerprint="force error ~ sign(v), and more at breakaway",
-    letters=("A_FR", "C_FR"),
+    letters={"A_FR": 100.0, "C_FR": 50.0},
+    groups=(("A_FR", "C_FR"),),
+    also=("tau_FR",),
+    from_balances=True,
     source="paper, (8), (10)",
 )

@@ -19,6 +19,6 @@ effect = Effect(
     summary="the torque constant falls with the current",
     fingerprint="the torque balance lacks torque at high current only, odd in the current",
     changes={"T_M": torque},
-    parameters=(EffectParameter("k_sat", "1/A", "T_M = K_T I / (1 + (k_sat I)^2)", 0.0, 0.1, 0.0, 1.0),),
+    parameters=(EffectParameter("k_sat", "1/A", "T_M = K_T I / (1 + (k_sat I)^2)", 0.0, 0.1, 0.0, 1.0, felt=0.05),),
     source="form assumed; data sheets give the limit of proportionality",
 )

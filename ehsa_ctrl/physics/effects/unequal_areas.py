@@ -24,6 +24,6 @@ effect = Effect(
     summary="the piston's two areas differ",
     fingerprint="P_1 + P_2 falls in proportion to the position, and a force constant with the pressure level appears",
     changes={"F_P": force, "P_1_dot": rate_1, "P_2_dot": rate_2},
-    parameters=(EffectParameter("dA", "1", "(A_1 - A_2) / A", 0.0, 0.02, -0.3, 0.3),),
+    parameters=(EffectParameter("dA", "1", "(A_1 - A_2) / A", 0.0, 0.02, -0.3, 0.3, felt=0.005),),
     source="continuity and force balance with two areas",
 )

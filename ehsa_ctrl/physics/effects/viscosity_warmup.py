@@ -6,6 +6,7 @@ proportion to the temperature's rise.
 
 from math import exp
 
+from ._candidate import Candidate, Free, Rig, number
 from ._effect import Effect, EffectParameter, EffectState
 
 
@@ -29,6 +30,12 @@ def clock(drop: float) -> float:
     return 1.0 if drop != 0.0 else 0.0
 
 
+def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+    """A slow fall from the log's beginning on."""
+    warming = (number(effect, rig, "drop", 0.05), Free("tau_w", 10.0, 3.0, 0.5, 1e3))
+    return [Candidate(warming, ((0.05, 10.0),))]
+
+
 effect = Effect(
     name="viscosity_warmup",
     place="torque",
@@ -37,9 +44,10 @@ effect = Effect(
     changes={"T_FM": shaft, "F_FR": rod},
     parameters=(
         EffectParameter("drop", "1", "share of viscous friction that goes in the end", 0.0, 0.3, -1.0, 0.95),
-        EffectParameter("tau_w", "s", "time constant of the warming", 10.0, 10.0, 0.5, 1e5),
+        EffectParameter("tau_w", "s", "time constant of the warming", 10.0, 10.0, 0.5, 1e5, shape=True),
     ),
     states=(EffectState("t_run", "s", 10.0),),
     adds={"t_run_dot": clock},
+    candidates=candidates,
     source="first-order warming, viscosity linear in temperature",
 )

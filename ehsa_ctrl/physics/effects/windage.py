@@ -14,6 +14,6 @@ effect = Effect(
     summary="drag on the shaft that grows with the square of its speed",
     fingerprint="torque error ~ omega |omega|: next to nothing at low speed, where viscous friction is straight",
     changes={"T_net": net_torque},
-    parameters=(EffectParameter("k_w", "N m s2", "torque k_w omega |omega|", 0.0, 1e-6, 0.0, 1e-3),),
+    parameters=(EffectParameter("k_w", "N m s2", "torque k_w omega |omega|", 0.0, 1e-6, 0.0, 1e-3, felt=2e-7),),
     source="turbulent drag of a rotating body, as in textbooks of fluid mechanics",
 )

@@ -1,10 +1,13 @@
-"""The friction family: one law a file. Adding a file adds the law to plants, lists, engine and tests."""
+"""The friction family: one law a file. Adding a file adds the law to plants, lists, engine and tests.
+
+A user's own go into `friction/` beside her `plants/`, or into a package with an entry point `ehsa_ctrl.friction`.
+"""
 
 import sys
 
-from ...core.registry import members
+from ...core.registry import Registry
 from ._law import LETTERS, FrictionLaw, held
 
-LAWS: dict[str, FrictionLaw] = members(sys.modules[__name__], "law")
+LAWS: Registry[FrictionLaw] = Registry(sys.modules[__name__], "law", FrictionLaw, "friction")
 
 __all__ = ["LAWS", "LETTERS", "FrictionLaw", "held"]

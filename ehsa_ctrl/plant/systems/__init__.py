@@ -1,10 +1,13 @@
-"""The systems that a plant's TOML may name, one a file. Adding a file adds the system to plants, engine and tests."""
+"""The systems that a plant's TOML may name, one a file. Adding a file adds the system to plants, engine and tests.
+
+A user's own go into `systems/` beside her `plants/`, or into a package with an entry point `ehsa_ctrl.systems`.
+"""
 
 import sys
 
-from ...core.registry import members
+from ...core.registry import Registry
 from ..system import System
 
-SYSTEMS: dict[str, System] = members(sys.modules[__name__], "system")
+SYSTEMS: Registry[System] = Registry(sys.modules[__name__], "system", System, "systems")
 
 __all__ = ["SYSTEMS"]

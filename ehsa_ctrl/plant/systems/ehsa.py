@@ -72,6 +72,11 @@ system = System(
     start={"P_1": "P_0", "P_2": "P_0", "x": "x_0"},
     cell="F_cell",
     measured=("force",),
+    # Dry friction of both contacts, and the stroke in the volumes.
+    lacking=(
+        ("motor_friction", "rod_friction"),
+        ("motor_friction", "rod_friction", "chamber_volume_variation"),
+    ),
     contacts=(SHAFT, ROD),
     equations=(
         *SHAFT_TO_PISTON,

@@ -34,6 +34,10 @@ system = System(
     hold="first_order",
     start={"x": "x_0"},
     measured=("acceleration",),
+    lacking=(
+        ("rod_viscous_friction", "rod_friction", "constant_force"),
+        ("rod_viscous_friction", "rod_friction"),
+    ),
     called={"F_0": "offset"},
     contacts=(CARRIAGE,),
     equations=(

@@ -1,0 +1,161 @@
+"""How an effect becomes free in a diagnosis: which of its numbers, by how much, and where a log says to begin.
+
+Most effects have one number that goes from neutral to where it is felt, or are numbers of the plant that may be wrong;
+these need not say anything. An effect whose beginning depends on the log (a valve somewhat below the highest pressure,
+a bump of friction at one of several places) brings a function `candidates` that asks the rig.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ._effect import Effect
+
+#: What is felt of a pressure, at least [Pa].
+FELT_PRESSURE = 1e4
+
+Starts = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Free:
+    """One number that a hypothesis sets free: its neutral or believed value, a size that is felt, bounds.
+
+    fixed: as good as given by the start; it has no deviation of its own.
+    """
+
+    name: str
+    believed: float
+    scale: float
+    lower: float = -inf
+    upper: float = inf
+    fixed: bool = False
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One way to set an effect free.
+
+    free: the numbers, the size first. starts: values of these from which a search begins, several where the way from
+    one to another is not downhill. channel: of a sensor's effect.
+    """
+
+    free: tuple[Free, ...]
+    starts: Starts
+    channel: str | None = None
+
+
+class Rig(Protocol):
+    """What an effect may ask of the believed plant and of the log.
+
+    channels: of the log that a simulation has too, the load cell among them. drive: the channel of the drive.
+    sample_time: s.
+    """
+
+    @property
+    def channels(self) -> tuple[str, ...]: ...
+
+    @property
+    def drive(self) -> str: ...
+
+    @property
+    def sample_time(self) -> float: ...
+
+    def shows(self, letter: str) -> bool:
+        """Whether a simulation depends on a letter of the plant or a number of an effect."""
+        ...
+
+    def value(self, letter: str) -> float:
+        """A number of the plant by its letter in the catalogue; 0 where the plant has none."""
+        ...
+
+    def letter(self, letter: str, relative: float, felt: float = 0.0) -> Free:
+        """A letter of the plant as a free number: its scale is a share of itself, or `felt` where it is next to 0."""
+        ...
+
+    def measured(self, channel: str) -> np.ndarray | None:
+        """A channel of the log (N,); None where it has none."""
+        ...
+
+    def sensor(self, channel: str, word: str) -> float:
+        """What is believed of a channel's sensor: its bias or its scale."""
+        ...
+
+    def dry_friction(self) -> Mapping[str, float]:
+        """Levels of friction that the balances show where the plant has none, by letter."""
+        ...
+
+    def ripples(self) -> Sequence[tuple[float, float, float]]:
+        """(periods a turn, amplitude [N m], phase [rad]) of the torque's strongest ripples over the shaft's angle."""
+        ...
+
+    def yields(self) -> bool:
+        """Whether the rod may stand on bristles in a simulation."""
+        ...
+
+
+def starts_of(free: Sequence[Free], *sizes: float) -> Starts:
+    """Starts with the first number moved by each of `sizes` scales, the others as believed."""
+    return tuple((free[0].believed + s * free[0].scale, *(f.believed for f in free[1:])) for s in sizes)
+
+
+def number(effect: Effect, rig: Rig, name: str, scale: float) -> Free:
+    """A number of an effect within its own bounds."""
+    kind = effect.parameter(name)
+    return Free(name, rig.value(name), scale, kind.lower, kind.upper)
+
+
+def from_neutral(effect: Effect, rig: Rig) -> list[Candidate]:
+    """The first number from neutral to where it is felt."""
+    first = effect.parameters[0]
+    lower, upper = first.search or (first.lower, first.upper)
+    free = (Free(first.name, rig.value(first.name), first.scale, lower, upper),)
+    return [Candidate(free, starts_of(free, *((1.0, 8.0) if lower == 0.0 else (0.0,))))]
+
+
+def with_another(effect: Effect, rig: Rig, other: Free) -> list[Candidate]:
+    """From neutral, alone and together with another number."""
+    (alone,) = from_neutral(effect, rig)
+    both = (*alone.free, other)
+    return [alone, Candidate(both, tuple((*start, other.believed) for start in alone.starts))]
+
+
+def from_levels(effect: Effect, free: Free, levels: Sequence[float], *others: Free) -> Candidate:
+    """A level beyond which something happens, searched from each of `levels` and from the plant's own if it has one.
+
+    Neutral is infinitely far, also for a plant that has one: where it is never reached its derivatives vanish.
+    """
+    known = [free.believed] if isfinite(free.believed) else []
+    starts = tuple((level, *(other.believed for other in others)) for level in [*levels, *known])
+    return Candidate((replace(free, believed=effect.parameter(free.name).neutral), *others), starts)
+
+
+def from_letters(effect: Effect, rig: Rig) -> list[Candidate]:
+    """Letters of the plant that may be wrong: all together, or each of the effect's groups by itself."""
+    found = []
+    for group in effect.groups or (tuple(letter for letter in effect.letters if rig.shows(letter)),):
+        if group and all(rig.shows(letter) for letter in group):
+            free = tuple(rig.letter(letter, 0.1, effect.letters[letter]) for letter in group)
+            starts = starts_of(free, 0.0)
+            if effect.from_balances and free[0].believed == 0.0:
+                # From none to all of it is too far for derivatives at none.
+                seen = rig.dry_friction().get(group[0], 0.0)
+                starts = ((seen, *(0.1 * seen for _ in group[1:])),) if seen else starts
+            found.append(Candidate(free, starts))
+    return found
+
+
+def of_sensors(rig: Rig, *, drive: bool = False) -> list[tuple[str, float]]:
+    """Channels whose sensor may be wrong, and the standard deviation of each; with `drive` the drive's channel too.
+
+    What the load cell shows moves none of the signals that are scored.
+    """
+    channels = [channel for channel in rig.channels if channel != "force"] + ([rig.drive] if drive else [])
+    found = [(channel, rig.measured(channel)) for channel in channels]
+    return [(channel, float(np.std(y))) for channel, y in found if y is not None and np.std(y) > 0.0]

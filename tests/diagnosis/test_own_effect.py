@@ -1,0 +1,111 @@
+"""An effect of a user's own project, as the documentation writes it, is found, simulated, linearised and diagnosed."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import ehsa_ctrl as e
+from ehsa_ctrl.cli.main import app
+from ehsa_ctrl.core import registry
+from ehsa_ctrl.physics.effects import EFFECTS
+from ehsa_ctrl.physics.friction import LAWS
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "own-effect.md"
+TITLE = 'title="effects/seal_pressure_friction.py"'
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """The current folder, with the page's file in effects/."""
+    text = re.search(rf"```python {TITLE}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL).group(1)
+    (tmp_path / "effects").mkdir()
+    (tmp_path / "effects" / "seal_pressure_friction.py").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "_NAMED", [])
+    return tmp_path
+
+
+def test_it_is_there_in_its_project_and_nowhere_else(project, tmp_path_factory, monkeypatch):
+    """In lists and by name; another folder knows nothing of it."""
+    listed = CliRunner().invoke(app, ["list", "effects"]).output
+    there = "seal_pressure_friction" in EFFECTS
+    monkeypatch.chdir(tmp_path_factory.mktemp("elsewhere"))
+
+    assert there and "seal_pressure_friction" in listed
+    assert "seal_pressure_friction" not in EFFECTS
+
+
+def test_a_plant_that_is_named_brings_its_project(project, tmp_path_factory, monkeypatch):
+    """plants/rig.toml of another folder finds the effects/ beside plants/."""
+    (project / "plants").mkdir()
+    shipped = e.plants.ehsa.read_text(encoding="utf-8")
+    wired = shipped.replace('chambers = "stroke"', 'chambers = "stroke"\neffects = ["seal_pressure_friction"]')
+    (project / "plants" / "rig.toml").write_text(wired, encoding="utf-8")
+    monkeypatch.chdir(tmp_path_factory.mktemp("elsewhere"))
+
+    assert "k_seal" in e.load_plant(project / "plants" / "rig.toml").parameters
+
+
+def test_neutral_changes_nothing_and_more_holds_the_rod_back(project, plant):
+    """As the page prints it; the linearised plant feels it too."""
+    current = 1.5 * np.sin(np.linspace(0, 12, 751))
+    base = e.simulate(plant, current)
+    neutral = e.simulate(plant.with_effects("seal_pressure_friction", k_seal=0.0), current)
+    felt = e.simulate(plant.with_effects("seal_pressure_friction", k_seal=5e-5), current)
+
+    assert (neutral["x"] == base["x"]).all()
+    assert f"{1e3 * base['x'].max():.1f} mm, with the effect {1e3 * felt['x'].max():.1f} mm" in PAGE.read_text()
+
+
+@pytest.mark.slow
+def test_it_is_diagnosed(project, plant):
+    """A log of a rig that has it names it, with its size."""
+    rig = plant.with_effects("seal_pressure_friction", k_seal=1.5e-4)
+    log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=16.0, sample_time=0.004), centre=True)
+    found = e.diagnose(plant, log)
+
+    named = {cause.id for cause in found.effects} | {id for cause in found.effects for id in cause.ambiguous_with}
+    assert "seal_pressure_friction" in named, str(found)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("import nothing_of_that_name\n", "can't be run: ModuleNotFoundError"),
+        ("effect = 3\n", "must define `effect`, of type Effect"),
+        ("def (:\n", "can't be run: SyntaxError"),
+        (
+            "from ehsa_ctrl.physics.effects import Effect\n"
+            "effect = Effect(name='torque_ripple', place='torque', summary='', fingerprint='')\n",
+            "the name 'torque_ripple' is taken",
+        ),
+    ],
+)
+def test_a_wrong_file_is_a_sentence(tmp_path, monkeypatch, text, says):
+    """Which file, and what is wrong with it."""
+    (tmp_path / "effects").mkdir()
+    (tmp_path / "effects" / "mine.py").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+
+    with pytest.raises(e.InputError, match=re.escape(says)):
+        len(EFFECTS)
+
+
+def test_a_friction_law_of_a_project_is_taken(tmp_path, monkeypatch, plant):
+    """friction/ beside plants/: a law by its name, compiled as all are."""
+    (tmp_path / "friction").mkdir()
+    (tmp_path / "friction" / "steep.py").write_text(
+        "from ehsa_ctrl.physics.friction import FrictionLaw\n"
+        "def effort(direction: float, speed: float, A: float, B: float) -> float:\n"
+        "    return direction * A + B * speed * abs(speed)\n"
+        "law = FrictionLaw('steep', 'quadratic', effort, sticks=True)\n",
+        encoding="utf-8",
+    )
+    monkeypatch.chdir(tmp_path)
+    steep = plant.with_structure(e.Structure("stribeck", "steep"))
+
+    assert "steep" in LAWS
+    assert e.simulate(steep, np.full(50, 1.5))["x"][-1] > e.simulate(plant, np.full(50, 1.5))["x"][-1]
