@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from .errors import InputError
+from .reading import json_of
 from .written import write_text
 
 T = TypeVar("T")
@@ -64,7 +65,7 @@ def open_kept(
     Parameters
     ----------
     mark: what makes results comparable, so that they may stand in one file.
-    parse: turns a line into a result; raises ValueError, KeyError or TypeError for one that is none.
+    parse: turns a line into a result; raises ValueError, LookupError, TypeError or ArithmeticError where it is none.
     anew: begin again; a file of this kind is replaced when the first result is there, no other one ever is.
     none, other, wrong: end of the sentence for a file that is no such file, for one with another mark, and for a line
         in the middle that is no result.
@@ -78,10 +79,10 @@ def open_kept(
         return Kept(path, [], begun)
     try:
         head, *lines = path.read_text(encoding="utf-8").split("\n")
-        found = json.loads(head)[key]
+        found = json_of(head)[key]
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, LookupError, TypeError, ArithmeticError):
         raise InputError(f"{path}: {none}") from None
     if anew:
         return Kept(path, [], begun)
@@ -93,7 +94,7 @@ def open_kept(
             continue
         try:
             results.append(parse(line))
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, LookupError, TypeError, ArithmeticError):
             if number <= len(lines):
                 raise InputError(f"{path}: line {number} {wrong}; mend or delete it") from None
             continue

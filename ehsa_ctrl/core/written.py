@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import InputError
+from .reading import json_of
 
 #: How the names of manifests and of folders of drafts begin.
 PREFIX = ".ehsa_ctrl-"
@@ -187,7 +188,7 @@ class ResultFolder:
 def _listed(manifest: Path) -> Mapping[str, str]:
     """Files that a manifest names; nothing for one that is missing or damaged, or for paths that leave the folder."""
     try:
-        files = json.loads(manifest.read_text(encoding="utf-8"))["files"].items()
+        files = json_of(manifest.read_text(encoding="utf-8"))["files"].items()
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return {}
     inside = {name: digest for name, digest in files if not Path(name).is_absolute() and ".." not in Path(name).parts}

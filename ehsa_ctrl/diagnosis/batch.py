@@ -17,6 +17,7 @@ from ..core.errors import EhsaError, InputError
 from ..core.kept import Kept, open_kept
 from ..core.log import Log
 from ..core.parallel import as_done, workers
+from ..core.reading import json_of
 from ..core.words import told_apart
 from ..identification.record import read_plant_log
 from ..plant.plant import Plant
@@ -289,7 +290,7 @@ def _earlier(path: Path | None, mark: str, anew: bool) -> Kept[Row]:
 
 
 def _row(line: str) -> Row:
-    content = json.loads(line)
+    content = json_of(line)
     numbers = {
         name: math.nan if content[name] is None else float(content[name])
         for name in ("probability", "gap_before", "gap_after", "seconds")

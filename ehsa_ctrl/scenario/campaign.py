@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..core.kept import Kept, open_kept
+from ..core.reading import json_of
 
 
 @dataclass(frozen=True)
@@ -60,5 +61,5 @@ def line_of(outcome: Outcome) -> str:
 
 
 def _outcome(line: str) -> Outcome:
-    content = json.loads(line)
+    content = json_of(line)
     return Outcome(**(content | {"margin": float(content["margin"]), "failures": tuple(content["failures"])}))

@@ -329,3 +329,15 @@ def test_any_value_is_a_current_or_a_sentence(plant, value):
     """Nested lists, texts, nothing."""
     found = answered(e.simulate, plant, value)
     assert isinstance(found, str) or found.time.size == len(value)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"campaign": ' + "9" * 5000 + "}", "null", "\0", "{}\n[[["])
+def test_a_kept_campaign_that_is_none_is_a_sentence(text, tmp_path):
+    """A file to be continued is not taken for one, and stays as it was."""
+    path = tmp_path / "runs.jsonl"
+    path.write_text(text)
+
+    found = answered(e.monte_carlo, "steps_spring", runs=1, file=path)
+
+    assert isinstance(found, str) and "runs.jsonl" in found
+    assert path.read_text() == text
