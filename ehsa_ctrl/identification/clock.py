@@ -36,8 +36,9 @@ def wrong_clock(plant: Plant, log: Log) -> str:
     scales = [*UNITS, ratio]
     pumped = gear(plant, log)
     if pumped:
-        # Another displacement or area turns it too, but not by that much.
-        travel = [] if 0.6 < pumped < 1.6 else [pumped]
+        # Another displacement or area turns it too, and two per cent of free air at 8 bar take up half of what the pump
+        # delivers: only what no effect does is a clock's.
+        travel = [] if 0.3 < pumped < 3.5 else [pumped]
         scales = [scale for scale in scales if 0.8 < scale / pumped < 1.25] or travel
     scales = [scale for scale in scales if 1.0 / FARTHEST < scale / ratio < FARTHEST and not 0.9 < scale < 1.1]
     at_hand = _agreement(plant, log, 1.0)

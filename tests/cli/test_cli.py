@@ -71,7 +71,7 @@ def test_a_limit_that_is_not_kept_fails_with_status_1(run, tmp_path):
     status, out, _ = run("run", "tight.toml")
 
     assert status == 1
-    assert "FAILED" in out and "SteadyStateError" in out and "at most 0.001" in out
+    assert "FAILED" in out and "SteadyStateError" in out and "at most 1e-06" in out
     assert json.loads((tmp_path / "results" / "results.json").read_text())["passed"] is False
 
 

@@ -205,7 +205,7 @@ def test_an_lqr_gets_its_bandwidth_from_the_position_weight(run, linear):
         ),
         (("--kind", "mpc", "--limit", "current='1 A'"), r"--limit current: .* did you mean 'current_rate'\? known: "),
         (("--kind", "lqr", "--spec", "a=1"), r"--spec a: .*known: current_limit, dither\.\*, feedforward\.\*, "),
-        (("--kind", "mpc", "--spec", "horizon=0"), "horizon = 0: input should be greater than or equal to 2"),
+        (("--kind", "mpc", "--spec", "horizon=0"), "horizon = 0; input should be greater than or equal to 2"),
         (("--kind", "mpc", "--limit", "pressure='-1 bar'"), "pressure = -100000 leaves no room"),
         (("--kind", "lqr", "--weight", "position=nan"), "position: nan has no unit"),
         (("--kind", "lqr", "--weight", "current='0 A'"), "current = 0; expected a deviation greater than 0"),

@@ -102,9 +102,9 @@ def test_gaps_stand_beside_their_signals():
     _, details = columns(diagnosis_figure(diagnosis("effect")))
     _, same = columns(diagnosis_figure(diagnosis("no_gap")))
 
-    assert details["speed"].texts[0].get_text() == "gap\nbefore 20 %\nafter 1.2 %"
+    assert details["speed"].texts[0].get_text() == "held-out gap\nbefore 20 %\nafter 1.2 %"
     assert "no gap" in details["position"].texts[0].get_text()
-    assert same["speed"].texts[0].get_text() == "gap 1 %"
+    assert same["speed"].texts[0].get_text() == "held-out gap\n1 %"
 
 
 def test_the_held_out_part_is_shaded_where_it_is_of_this_log():
@@ -131,7 +131,7 @@ def test_a_run_that_stopped_leaves_its_line_out():
     _, details = columns(diagnosis_figure(stopped))
     figure = shrinkage_figure(stopped)
 
-    assert details["speed"].texts[0].get_text() == "gap\nbefore –\nafter 1.2 %"
+    assert details["speed"].texts[0].get_text() == "held-out gap\nbefore –\nafter 1.2 %"
     assert "run stopped" in {text.get_text() for text in figure.axes[1].texts}
     to_svg(figure)
 
