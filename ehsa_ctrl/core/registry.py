@@ -89,7 +89,7 @@ class Registry(Mapping[str, T], Generic[T]):
         """Members of a project's folder; its modules are run at first sight."""
         if folder not in self._known:
             found: dict[str, T] = {}
-            files = sorted(folder.glob("*.py")) if folder.is_dir() and folder.name == self._folder else []
+            files = sorted(folder.glob("*.py")) if folder.is_dir() else []
             for file in files:
                 if not file.name.startswith("_"):
                     member = self._load(file)

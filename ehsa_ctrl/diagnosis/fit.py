@@ -200,9 +200,9 @@ class Bench:
 def frees_of(nominal: Nominal, suspects: Sequence[Suspect]) -> tuple[Free, ...]:
     """All free numbers: the suspects' first, without a prior, then the nominal ones in prior deviations."""
     own = [free for suspect in suspects for free in suspect.free]
-    names = {free.name for free in own}
+    names, by_factors = {free.name for free in own}, wears()
     rest = [
-        Free(name, value, sd, 0.0 if name in wears() else value / WRONG)
+        Free(name, value, sd, 0.0 if name in by_factors else value / WRONG)
         for name, value, sd in zip(nominal.names, nominal.believed, nominal.sd, strict=True)
         if name not in names
     ]

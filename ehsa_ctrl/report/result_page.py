@@ -196,7 +196,8 @@ def _section(kind: Kind, folder: Path, place: str, anchor: str) -> Section:
         section.checked()
         return section
     except InputError as error:
-        if isinstance(error.__cause__, OSError) or str(path) in str(error):
+        # What reading says names the file; a unit that is none, within it, does not.
+        if str(path) in str(error):
             raise
         raise InputError(f"{path}: is not what ehsa-ctrl writes under this name") from None
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):

@@ -7,7 +7,7 @@ a bump of friction at one of several places) brings a function `candidates` that
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Protocol
@@ -151,11 +151,19 @@ def from_letters(effect: Effect, rig: Rig) -> list[Candidate]:
     return found
 
 
-def of_sensors(rig: Rig, *, drive: bool = False) -> list[tuple[str, float]]:
-    """Channels whose sensor may be wrong, and the standard deviation of each; with `drive` the drive's channel too.
+def from_sensors(
+    rig: Rig, free_of: Callable[[str, float], Free], size: float = 0.0, *, drive: bool = False
+) -> list[Candidate]:
+    """A number of each sensor that may be wrong, moved by `size` scales; with `drive` the drive's sensor too.
 
-    What the load cell shows moves none of the signals that are scored.
+    free_of: channel and the standard deviation of its readings -> the number. What the load cell shows moves none of
+    the signals that are scored.
     """
     channels = [channel for channel in rig.channels if channel != "force"] + ([rig.drive] if drive else [])
-    found = [(channel, rig.measured(channel)) for channel in channels]
-    return [(channel, float(np.std(y))) for channel, y in found if y is not None and np.std(y) > 0.0]
+    found = []
+    for channel in channels:
+        y = rig.measured(channel)
+        if y is not None and np.std(y) > 0.0:
+            free = (free_of(channel, float(np.std(y))),)
+            found.append(Candidate(free, starts_of(free, size), channel))
+    return found

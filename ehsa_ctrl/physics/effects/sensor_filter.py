@@ -1,16 +1,12 @@
 """A sensor has a first-order filter."""
 
-from ._candidate import Candidate, Free, Rig, of_sensors, starts_of
+from ._candidate import Candidate, Free, Rig, from_sensors
 from ._effect import Effect
 
 
 def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
     """Every sensor, the drive's too."""
-    return [
-        Candidate(free, starts_of(free, 2.0), channel)
-        for channel, _ in of_sensors(rig, drive=True)
-        for free in [(Free(f"filter.{channel}", 0.0, 1e-3, 0.0, 0.2),)]
-    ]
+    return from_sensors(rig, lambda channel, _: Free(f"filter.{channel}", 0.0, 1e-3, 0.0, 0.2), 2.0, drive=True)
 
 
 effect = Effect(
