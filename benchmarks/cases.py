@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 DT = 0.004  # s, 250 Hz
 
-#: Letters of the paper, SI units.
+#: Symbols of the paper, SI units.
 VALUES: Mapping[str, float] = {
     "J_M": 3.312e-4, "K_T": 1.6, "D": 5.8887e-7, "K_L": 4.05e-13, "V_10": 2.056e-3, "V_20": 2.033e-3,
     "beta": 1.6e9, "A": 1.52681e-3, "M": 16.52,

@@ -57,7 +57,7 @@ static inline double tenth_root(double x) {
     return number.value;
 }
 
-/* Letters as in the paper; `parameters` of `run` has the same order. */
+/* Symbols as in the paper; `parameters` of `run` has the same order. */
 typedef struct {
     double J_M, K_T, D, K_L, V_10, V_20, beta, A, M, P_0, x_0, K_S, F_pre, k_3, F_0, m_L;
     double A_FM, B_FM, C_FM, tau_FM, A_FR, B_FR, C_FR, tau_FR;

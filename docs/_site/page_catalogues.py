@@ -12,7 +12,7 @@ from words import cell, sentence
 import ehsa_ctrl
 from ehsa_ctrl.physics.effects import EFFECTS
 from ehsa_ctrl.physics.effects._effect import PLACES
-from ehsa_ctrl.physics.friction import LAWS, LETTERS
+from ehsa_ctrl.physics.friction import LAWS, SYMBOLS
 from ehsa_ctrl.scenario.metrics import METRICS
 
 PACKAGE = Path(ehsa_ctrl.__file__).parent
@@ -70,40 +70,40 @@ def _switched_on(effect: Any) -> str:
         return f'`effects = ["{effect.name}"]` in `[linear]` or `[nonlinear]`' + (
             ", parameters among the others." if effect.parameters else "."
         )
-    if effect.letters:
-        return "another value of " + ", ".join(f"`{letter}`" for letter in effect.letters) + "."
+    if effect.symbols:
+        return "another value of " + ", ".join(f"`{symbol}`" for symbol in effect.symbols) + "."
     if effect.sensor is not None:
         return f"`{effect.sensor}` in `[sensors.CHANNEL]`."
     return f'`rod_friction = "{effect.rod_friction}"`.'
 
 
 def friction() -> str:
-    """The friction laws and their letters."""
+    """The friction laws and their symbols."""
     lines = [
         "# Friction laws",
         "",
         "By name for shaft and rod: `shaft_friction` and `rod_friction` of a plant's model. "
         "[How to choose](../choose.md#which-friction-law).",
         "",
-        "| law | | sticks | letters |",
+        "| law | | sticks | symbols |",
         "|---|---|---|---|",
     ]
     for law in LAWS.values():
-        letters = ", ".join(f"`{letter}`" for letter in law.letters) or "none"
+        symbols = ", ".join(f"`{symbol}`" for symbol in law.symbols) or "none"
         lines.append(
-            f"| [`{law.name}`](#{law.name}) | {cell(law.summary)} | {'yes' if law.sticks else 'no'} | {letters} |"
+            f"| [`{law.name}`](#{law.name}) | {cell(law.summary)} | {'yes' if law.sticks else 'no'} | {symbols} |"
         )
     lines += [
         "",
         "`A`, `B`, `C`, `tau` become `A_FM` ... `tau_FM` on the shaft and `A_FR` ... `tau_FR` on the rod; the others "
         "get `_FM` or `_FR` likewise.",
         "",
-        "| letter | meaning | unit on the shaft | unit on the rod |",
+        "| symbol | meaning | unit on the shaft | unit on the rod |",
         "|---|---|---|---|",
     ]
-    for letter, (unit, meaning) in LETTERS.items():
+    for symbol, (unit, meaning) in SYMBOLS.items():
         shaft, rod = unit.format(effort="N m", length="rad"), unit.format(effort="N", length="m")
-        lines.append(f"| `{letter}` | {meaning} | {shaft} | {rod} |")
+        lines.append(f"| `{symbol}` | {meaning} | {shaft} | {rod} |")
     for law in LAWS.values():
         text = inspect.cleandoc(inspect.getmodule(law.effort).__doc__ or "")
         equations = [law.effort.__doc__ or "", *([law.state_rate.__doc__ or ""] if law.state_rate else [])]

@@ -12,13 +12,13 @@ from words import cell, sentence
 
 from ehsa_ctrl.core.described import Key, keys, summary
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS, ControllerFile
-from ehsa_ctrl.plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_LETTERS, PlantFile
+from ehsa_ctrl.plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_SYMBOLS, PlantFile
 from ehsa_ctrl.plant.systems import SYSTEMS
 from ehsa_ctrl.scenario.definition import ScenarioFile
 
 
 def plants() -> str:
-    """Keys of a plant's TOML, its letters, limits and channels."""
+    """Keys of a plant's TOML, its symbols, limits and channels."""
     lines = [
         "# A plant's TOML",
         "",
@@ -27,23 +27,23 @@ def plants() -> str:
         "`[sensors.CHANNEL]` too.",
         *form(PlantFile, ""),
         "",
-        "## Systems and their letters",
+        "## Systems and their symbols",
         "",
-        "`system` selects the equations. The letters of a system are what `[parameters]`, `[linear.parameters]` and "
+        "`system` selects the equations. The symbols of a system are what `[parameters]`, `[linear.parameters]` and "
         "`[nonlinear.parameters]` may hold; friction adds its own ([Friction laws](friction.md)), and so do effects "
         "([Effects](effects.md)).",
     ]
     for system in SYSTEMS.values():
         lines += ["", f"### {system.name}", "", f"{sentence(system.title)} States: "]
         lines[-1] += ", ".join(f"`{state.name}` [{state.unit}]" for state in system.states) + "."
-        lines += ["", "| letter | unit | meaning |", "|---|---|---|"]
+        lines += ["", "| symbol | unit | meaning |", "|---|---|---|"]
         lines += [f"| `{kind.name}` | {kind.unit} | {cell(kind.meaning)} |" for kind in system.parameters]
     lines += ["", "## Limits", "", "| key | unit |", "|---|---|"]
     lines += [f"| `{name}` | {unit} |" for name, unit in LIMIT_UNITS.items()]
     lines += ["", "## Channels", "", "Of `[sensors]` and `[log]`, beside `t`.", "", "| channel | unit |", "|---|---|"]
     lines += [f"| `{name}` | {unit} |" for name, unit in CHANNEL_UNITS.items()]
     lines += ["", "## Load", "", "On the command line `--set load.stiffness=50e3`.", ""]
-    lines += ["| key | letter |", "|---|---|", *(f"| `{word}` | `{letter}` |" for word, letter in LOAD_LETTERS.items())]
+    lines += ["| key | symbol |", "|---|---|", *(f"| `{word}` | `{symbol}` |" for word, symbol in LOAD_SYMBOLS.items())]
     return "\n".join(lines) + "\n"
 
 

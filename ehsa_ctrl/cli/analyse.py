@@ -166,8 +166,8 @@ def _known(name: str, plant: Plant, settings: dict[str, str]) -> Known:
 
     if "nonlinear" not in models_of(name):
         return known_of(plant)
-    letters = load_plant(name).parameters
-    return known_of(load_plant(name, settings={key: value for key, value in settings.items() if key in letters}))
+    symbols = load_plant(name).parameters
+    return known_of(load_plant(name, settings={key: value for key, value in settings.items() if key in symbols}))
 
 
 def _print(loops: Sequence[LoopAnalysis], robust: Sequence[RobustMargins | None], reviews: Sequence[Review]) -> None:

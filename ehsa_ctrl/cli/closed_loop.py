@@ -114,11 +114,11 @@ def check_replay(case: Case, believed: Plant, log: Log) -> None:
             f"{where}: is sampled every {log.sample_time:g} s, controller {case.controller.name} every {dt:g} s; leave "
             "--replay out, or give the log that this loop recorded"
         )
-    letters = _letters(case, believed)
-    for letter, value in letters.items():
-        if not np.isclose(believed[letter], value, rtol=1e-9, atol=0.0):
+    symbols = _symbols(case, believed)
+    for symbol, value in symbols.items():
+        if not np.isclose(believed[symbol], value, rtol=1e-9, atol=0.0):
             raise InputError(
-                f"--replay: {both(letter)} is {value:g} in scenario {case.scenario.name} and {believed[letter]:g} as "
+                f"--replay: {both(symbol)} is {value:g} in scenario {case.scenario.name} and {believed[symbol]:g} as "
                 "believed of the log; say the same of both with --set"
             )
 
@@ -134,11 +134,11 @@ def close(
     """
     from ..scenario.result import failures_of
 
-    letters = _letters(case, found.plant)
-    plants = {words[0]: found.plant.set(**letters)}
+    symbols = _symbols(case, found.plant)
+    plants = {words[0]: found.plant.set(**symbols)}
     if found.improved is not None:
         # What the diagnosis found of the load is there in the scenario too.
-        kept = {name: v for name, v in letters.items() if found.improved[name] == found.plant[name]}
+        kept = {name: v for name, v in symbols.items() if found.improved[name] == found.plant[name]}
         plants[words[1]] = found.improved.set(**kept)
     loops = {word: case.loop(plant) for word, plant in plants.items()}
     metrics = {word: case.metrics(loop) for word, loop in loops.items()}
@@ -154,11 +154,11 @@ def close(
     )
 
 
-def _letters(case: Case, plant: Plant) -> dict[str, float]:
+def _symbols(case: Case, plant: Plant) -> dict[str, float]:
     """What the scenario believes of the plant, as far as this model of it has it, SI units."""
-    from ..plant.file import letter_of
+    from ..plant.file import symbol_of
 
-    names = map(letter_of, case.scenario.definition.all_settings)
+    names = map(symbol_of, case.scenario.definition.all_settings)
     return {name: case.nonlinear[name] for name in names if name in plant.parameters}
 
 

@@ -1,7 +1,7 @@
-"""What a shell offers after TAB: names from the three folders, the effects, the letters of a plant.
+"""What a shell offers after TAB: names from the three folders, the effects, the symbols of a plant.
 
 Nothing heavy is imported here: names come from the files' names and, where a name's meaning is shown or a plant's
-letters are asked for, from their TOML alone.
+symbols are asked for, from their TOML alone.
 """
 
 from __future__ import annotations
@@ -109,25 +109,25 @@ def excitations(incomplete: str) -> list[str]:
     return _begun(("noise", "steps", "sine", "ramp", "chirp", "multisine"), incomplete)
 
 
-def letters(ctx: typer.Context, incomplete: str) -> Offer:
-    """KEY= of --set: letters and loads of the plant that the command names, with what they are now."""
+def symbols(ctx: typer.Context, incomplete: str) -> Offer:
+    """KEY= of --set: symbols and loads of the plant that the command names, with what they are now."""
     if "=" in incomplete:
         return []
-    return [(f"{name}=", words) for name, words in _letters(ctx).items() if name.startswith(incomplete)]
+    return [(f"{name}=", words) for name, words in _symbols(ctx).items() if name.startswith(incomplete)]
 
 
-def several_letters(ctx: typer.Context, incomplete: str) -> Offer:
+def several_symbols(ctx: typer.Context, incomplete: str) -> Offer:
     """K_T,beta: the last one is completed."""
     *before, last = incomplete.split(",")
     start = "".join(f"{name}," for name in before)
     return [
         (f"{start}{name}", words)
-        for name, words in _letters(ctx).items()
+        for name, words in _symbols(ctx).items()
         if name.startswith(last) and name not in before and not name.startswith("load.")
     ]
 
 
-def _letters(ctx: typer.Context) -> dict[str, str]:
+def _symbols(ctx: typer.Context) -> dict[str, str]:
     """Key -> its value in the plant's file, as far as a plant is named; else in the paper's."""
     from ..core.catalogue import Catalogue
     from ..core.errors import InputError

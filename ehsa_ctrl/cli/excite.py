@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.errors import InputError
-from .complete import models, plants, several_letters
+from .complete import models, plants, several_symbols
 from .options import Force, Json, Out, Settings, names, read_pairs
 
 if TYPE_CHECKING:
@@ -27,10 +27,10 @@ def command(
     free: Annotated[
         str,
         typer.Option(
-            metavar="K_T,beta", help="To be determined as well; also bias.p1.", autocompletion=several_letters
+            metavar="K_T,beta", help="To be determined as well; also bias.p1.", autocompletion=several_symbols
         ),
     ] = "",
-    fix: Annotated[str, typer.Option(metavar="M", help="Not to be determined.", autocompletion=several_letters)] = "",
+    fix: Annotated[str, typer.Option(metavar="M", help="Not to be determined.", autocompletion=several_symbols)] = "",
     amplitude: Annotated[float | None, typer.Option(metavar="A", help="Most current; else what limits allow.")] = None,
     criterion: Annotated[str, typer.Option(help="worst (relative sd of a parameter) or D (volume).")] = "worst",
     margin: Annotated[float, typer.Option(metavar="SHARE", help="Of each limit that is left unused.")] = 0.15,

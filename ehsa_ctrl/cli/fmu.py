@@ -22,7 +22,7 @@ def command(
     """Write a plant as an FMU (FMI 2.0, co-simulation) for Simulink, Modelica tools, FMPy and the like.
 
     Inputs are current (A) and F_D (N, force from outside on the rod), outputs speed, p1, p2, velocity, position, force
-    and whether shaft and rod stick: true signals, no sensors. Each letter of the plant is a parameter that can be set
+    and whether shaft and rod stick: true signals, no sensors. Each symbol of the plant is a parameter that can be set
     before the run. The tool's steps may have any length; inputs are held over each, and sticking is exact inside.
 
     The plant's files and its engine's equations are inside, Python is not: where the FMU runs there must be Python with

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
-from .complete import letters, models_or_both, plants, several_letters
+from .complete import models_or_both, plants, several_symbols, symbols
 from .options import (
     Align,
     First,
@@ -47,16 +47,16 @@ def command(
     free: Annotated[
         str,
         typer.Option(
-            metavar="K_T,beta", help="Estimate these too; also bias.p1, delay.speed.", autocompletion=several_letters
+            metavar="K_T,beta", help="Estimate these too; also bias.p1, delay.speed.", autocompletion=several_symbols
         ),
     ] = "",
     fix: Annotated[
-        str, typer.Option(metavar="M", help="Leave these as they are.", autocompletion=several_letters)
+        str, typer.Option(metavar="M", help="Leave these as they are.", autocompletion=several_symbols)
     ] = "",
     bounds: Annotated[
         list[str],
         typer.Option(
-            "--bounds", metavar="KEY=LOW:HIGH", help="Keep a parameter between. Repeatable.", autocompletion=letters
+            "--bounds", metavar="KEY=LOW:HIGH", help="Keep a parameter between. Repeatable.", autocompletion=symbols
         ),
     ] = [],  # noqa: B006
     prior: Annotated[
@@ -65,7 +65,7 @@ def command(
             "--prior",
             metavar="KEY[=SD]",
             help="Hold a parameter with this sd (or the file's). Repeatable.",
-            autocompletion=letters,
+            autocompletion=symbols,
         ),
     ] = [],  # noqa: B006
     linear: Annotated[
@@ -81,7 +81,7 @@ def command(
     seed: Annotated[int, typer.Option(help="Of the drawn starts.", min=0)] = 0,
     profiles: Annotated[
         str,
-        typer.Option("--profile", metavar="KEYS", help="Profile these parameters too.", autocompletion=several_letters),
+        typer.Option("--profile", metavar="KEYS", help="Profile these parameters too.", autocompletion=several_symbols),
     ] = "",
     assumed: Annotated[
         bool,

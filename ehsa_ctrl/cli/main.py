@@ -50,7 +50,7 @@ class Commands(TyperGroup):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         for word in args:
-            if any("\ud800" <= letter <= "\udfff" for letter in word):
+            if any("\ud800" <= character <= "\udfff" for character in word):
                 raise InputError(f"{word!r}: is no text in UTF-8, as arguments have to be; rename the file")
         return super().parse_args(ctx, args)
 

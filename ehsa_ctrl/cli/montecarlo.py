@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..core.errors import InputError
-from .complete import letters, plants, scenarios, several_controllers
+from .complete import plants, scenarios, several_controllers, symbols
 from .options import Json, read_pairs
 
 
@@ -33,7 +33,7 @@ def command(
             metavar="KEY=VALUE",
             help="Believe another value of the plant that is checked on, as for run: K_T=1.1, load.stiffness=50e3. "
             "Repeatable.",
-            autocompletion=letters,
+            autocompletion=symbols,
         ),
     ] = [],  # noqa: B006 - typer reads the default, nobody changes it
     identification: Annotated[

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.errors import InputError
-from .complete import letters
+from .complete import symbols
 
 if TYPE_CHECKING:
     from ..identification.preparation import Preparation
@@ -20,7 +20,7 @@ Settings = Annotated[
         "--set",
         metavar="KEY=VALUE",
         help="Believe another value in this run: K_T=1.1, load.stiffness=50e3, M='20 kg'. Repeatable.",
-        autocompletion=letters,
+        autocompletion=symbols,
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]

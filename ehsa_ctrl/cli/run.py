@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.errors import InputError, SimulationError
-from .complete import letters, plants, several_controllers
+from .complete import plants, several_controllers, symbols
 from .complete import scenarios as scenario_names
 from .options import Force, Json, read_pairs
 
@@ -50,7 +50,7 @@ def command(
             help="Believe another value of the plant that is checked on, in this run: K_T=1.1, load.stiffness=50e3. "
             "A load acts in the linear prediction too; the design stays on the linear set as its file has it. "
             "Repeatable.",
-            autocompletion=letters,
+            autocompletion=symbols,
         ),
     ] = [],  # noqa: B006 - typer reads the default, nobody changes it
     jobs: Annotated[int, typer.Option(help="Processes to use.", min=1)] = 1,

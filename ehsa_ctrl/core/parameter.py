@@ -21,7 +21,7 @@ class Parameter:
 
     Attributes
     ----------
-    name: the paper's letter.
+    name: the paper's symbol.
     value: in `unit`.
     unit: SI.
     source: one of SOURCES, or "given" for a value that a user set for one run.

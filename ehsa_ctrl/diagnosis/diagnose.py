@@ -294,7 +294,7 @@ def _bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[s
 
 
 def _believed(judge: Judge, name: str) -> float:
-    """What a letter or a sensor's word is without the hypothesis."""
+    """What a symbol or a sensor's word is without the hypothesis."""
     plant = judge.search.bench.twin.plant
     if name in plant.parameters:
         return plant[name]

@@ -119,7 +119,7 @@ class Diagnosis(ShownAsText):
     gap: model (see MODELS) -> signal -> gap on held-out data; whole: the same of the nominal model over the whole log.
     held_out: which data that is; held_from: where it begins in the log [s], None if it is a log of its own.
     noise_sd: channel -> standard deviation of its noise.
-    values: model -> letters and sensor words that differ from what was believed.
+    values: model -> symbols and sensor words that differ from what was believed.
     simulated: model -> channel -> (N,) free run over the whole log.
     candidates: every hypothesis that was refitted, the best first.
     location: what is known of the place without any catalogue.

@@ -15,7 +15,7 @@ from .signals import gap, largest, rod_velocity, scored, signal_noise
 from .suspect import Suspect, wears
 from .twin import Twin
 
-#: Letters that count as nominal parameters which a modeller has a little wrong, with the most that is believed of
+#: Symbols that count as nominal parameters which a modeller has a little wrong, with the most that is believed of
 #: their relative error.
 NOMINAL = {
     "K_T": 0.05, "J_M": 0.1, "A_FM": 0.1, "B_FM": 0.1, "C_FM": 0.15, "K_L": 0.15, "V_10": 0.1, "V_20": 0.1, "V": 0.1,

@@ -20,7 +20,7 @@ def improved(
 ) -> Plant:
     """A plant that runs as the twin does at these values.
 
-    values: letters and sensor words, those of nominal parameters too. sd: of those that were found. What an effect
+    values: symbols and sensor words, those of nominal parameters too. sd: of those that were found. What an effect
         needs beside these keeps the source of its typical value: only what was fitted is called identified.
     """
     wired = [s.id for s in suspects if EFFECTS[s.id].wired and EFFECTS[s.id].parameters]
@@ -49,7 +49,7 @@ def improved(
     structure = replace(structure, effects=(*structure.effects, *(n for n in wired if n not in structure.effects)))
     for name in wired:
         kept |= {p.name: _typical(name, p) for p in EFFECTS[name].parameters if p.name not in plant.parameters}
-    given = {n: p.value for n, p in kept.items()} | {n: v for n, v in found.items() if _is_letter(structure, n)}
+    given = {n: p.value for n, p in kept.items()} | {n: v for n, v in found.items() if _is_symbol(structure, n)}
     changed = plant.with_structure(structure, **given)
     parameters = dict(changed.parameters)
     for name in given:
@@ -72,7 +72,7 @@ def improved(
     return replace(changed, parameters=parameters, sensors=sensors)
 
 
-def _is_letter(structure: Structure, name: str) -> bool:
+def _is_symbol(structure: Structure, name: str) -> bool:
     return name in structure.equations.parameter_names
 
 

@@ -208,7 +208,7 @@ class Judge:
 def ids_of(plant: Plant) -> dict[str, str]:
     """Under which id a nominal parameter of this plant that is wrong is reported."""
     own = plant.structure.system.own
-    return {own(letter): name for name, effect in EFFECTS.items() for letter in (*effect.letters, *effect.also)}
+    return {own(symbol): name for name, effect in EFFECTS.items() for symbol in (*effect.symbols, *effect.also)}
 
 
 def by_label(judged: Sequence[Judged]) -> dict[tuple[Key, ...], Judged]:

@@ -21,7 +21,7 @@ from ..core.catalogue import plants
 from ..core.errors import InputError
 from ..core.notebook import ShownAsText
 from ..core.written import write_text
-from ..plant.file import LOAD_LETTERS
+from ..plant.file import LOAD_SYMBOLS
 from ..plant.plant import Plant, load_plant
 from .fit import Nominal
 from .probes import probes
@@ -119,7 +119,7 @@ def next_experiment(
     Parameters
     ----------
     twin: the plant with every effect, see `with_every_effect`, with the load that is there.
-    hypotheses: name of a candidate -> its fitted letters and sensor words as for `Twin.run`; at least two.
+    hypotheses: name of a candidate -> its fitted symbols and sensor words as for `Twin.run`; at least two.
     noise: standard deviation of each measured channel's noise; what is not named is not measured.
     nominal: parameters that each candidate may still move, with their prior deviations.
     spring_possible: whether a spring may be added, or the one that is there removed.
@@ -151,7 +151,7 @@ def next_experiment(
     trial, distances = max(told, key=lambda t: _effort(t[0]) * float(t[1][alive].min()))
     before = rivals.outputs(present, {}) if present is not None else None
     now = rivals.apart(before).tolist() if before is not None else []
-    load = {word: rivals.loaded({}, trial.outputs.change).get(letter) for word, letter in LOAD_LETTERS.items()}
+    load = {word: rivals.loaded({}, trial.outputs.change).get(symbol) for word, symbol in LOAD_SYMBOLS.items()}
     distance = dict(zip(rivals.pairs, distances.tolist(), strict=True))
     alike = tuple(pair for pair, is_told in zip(rivals.pairs, alive.tolist(), strict=True) if not is_told)
     return Experiment(
@@ -161,7 +161,7 @@ def next_experiment(
         sample_time=twin.sample_time,
         amplitude=trial.amplitude,
         centre=trial.centre,
-        load={word: v for word, v in load.items() if v is not None and v != twin[LOAD_LETTERS[word]]},
+        load={word: v for word, v in load.items() if v is not None and v != twin[LOAD_SYMBOLS[word]]},
         distance=distance,
         now=dict(zip(rivals.pairs, now, strict=False)),
         alike=alike,
@@ -170,7 +170,7 @@ def next_experiment(
 
 
 def _loads(plant: Plant, spring_possible: bool) -> list[Setting]:
-    """What may be changed about the load: letter -> by how much; -inf: removed."""
+    """What may be changed about the load: symbol -> by how much; -inf: removed."""
     if not spring_possible:
         return [{}]
     return [{}, {"K_S": SPRING} if plant["K_S"] == 0.0 else {"K_S": -inf, "k_3": -inf, "F_pre": -inf}]
@@ -259,7 +259,7 @@ def _command(plant: Plant, rivals: Rivals, trial: Trial, seed: int) -> str:
     else:
         line += ["--input", FILE]
     if plant.path is not None:
-        words = {letter: f"load.{word}" for word, letter in LOAD_LETTERS.items()}
+        words = {symbol: f"load.{word}" for word, symbol in LOAD_SYMBOLS.items()}
         there = rivals.loaded(plant.values, trial.outputs.change)
         for name, parameter in load_plant(plant.path, model=plant.model).parameters.items():
             if there[name] != parameter.value:

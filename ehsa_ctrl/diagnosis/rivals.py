@@ -49,7 +49,7 @@ Setting = Mapping[str, float]
 class Outputs:
     """What the candidates make of one current.
 
-    change: letters of the load and what they are changed by, -inf for what is removed. twin: with the current and the
+    change: symbols of the load and what they are changed by, -inf for what is removed. twin: with the current and the
     first candidate's outputs for a log. rows (candidates, R): these less each one's, in the scale of the metric.
     """
 
@@ -76,7 +76,7 @@ class Trial:
 
 
 class Rivals:
-    """Candidates, by name the letters and sensor words that were fitted, and what each may still move."""
+    """Candidates, by name the symbols and sensor words that were fitted, and what each may still move."""
 
     def __init__(
         self, plant: Plant, hypotheses: Mapping[str, Setting], noise: Mapping[str, float], nominal: Nominal
@@ -150,8 +150,8 @@ class Rivals:
         """The current with what the bench's slow loop adds, block by block, around this candidate's rod."""
         if not centre:
             return current
-        letters = {n: v for n, v in values.items() if "." not in n and n not in (SOFTNESS, DAMPING)}
-        plant, dt = self.plant.set(**letters), self.plant.sample_time
+        symbols = {n: v for n, v in values.items() if "." not in n and n not in (SOFTNESS, DAMPING)}
+        plant, dt = self.plant.set(**symbols), self.plant.sample_time
         out, state, low = current.copy(), plant.rest[None], 0.0
         length, x = max(int(round(LOOP / dt)), 1), plant.structure.equations.index("x")
         for first in range(0, current.size - 1, length):
@@ -258,7 +258,7 @@ class Rivals:
 
 
 def _believed(plant: Plant, name: str) -> float:
-    """What a letter or a sensor's word is without a candidate."""
+    """What a symbol or a sensor's word is without a candidate."""
     if name in plant.parameters:
         return plant[name]
     return 1.0 if name.startswith("scale.") else 0.0

@@ -142,7 +142,7 @@ class Search:
             if response.suspect.key in used or set(response.suspect.names) & set(taken):
                 continue
             C = self.columns[:, begin:end]
-            # A letter that is a nominal parameter too gives up its prior: its column there is left out.
+            # A symbol that is a nominal parameter too gives up its prior: its column there is left out.
             keep = [i for i, n in enumerate(names) if n not in response.columns]
             own_block = TEMPER * (C.T @ C) + 1e-6 * np.eye(end - begin)
             full = np.block(
@@ -282,7 +282,7 @@ def pulls(fit: Refit) -> float:
 
 
 def key_of(suspects: Sequence[Suspect]) -> Key:
-    """The same for the same set in any order; two suspects of one id with other letters are told apart by them."""
+    """The same for the same set in any order; two suspects of one id with other symbols are told apart by them."""
     return tuple(sorted((f"{s.id}:{','.join(s.names)}", s.channel) for s in suspects))
 
 

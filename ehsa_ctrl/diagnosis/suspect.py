@@ -8,8 +8,8 @@ from ..physics.effects import EFFECTS, Free
 
 
 def wears() -> dict[str, float]:
-    """Letters that change by factors and not by per cents, and the size of a change."""
-    return {letter: size for effect in EFFECTS.values() for letter, size in effect.wears.items()}
+    """Symbols that change by factors and not by per cents, and the size of a change."""
+    return {symbol: size for effect in EFFECTS.values() for symbol, size in effect.wears.items()}
 
 
 @dataclass(frozen=True)

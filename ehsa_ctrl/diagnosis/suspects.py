@@ -14,7 +14,7 @@ from .ripple import strongest_orders
 from .suspect import Suspect, wears
 from .twin import Twin
 
-#: The size of the rod's efforts for which felt sizes of letters are meant [N].
+#: The size of the rod's efforts for which felt sizes of symbols are meant [N].
 USUAL_EFFORT = 1e3
 
 
@@ -25,7 +25,7 @@ def suspects(twin: Twin) -> tuple[Suspect, ...]:
     return tuple(
         Suspect(effect.name, effect.place, candidate.free, candidate.starts, candidate.channel)
         for effect in EFFECTS.values()
-        if not effect.wired or effect.letters or effect.name in wired
+        if not effect.wired or effect.symbols or effect.name in wired
         for candidate in effect.free_in(rig)
     )
 
@@ -50,15 +50,15 @@ class TwinRig:
     def sample_time(self) -> float:
         return self._twin.log.sample_time
 
-    def shows(self, letter: str) -> bool:
-        return self._system.own(letter) in self._asked
+    def shows(self, symbol: str) -> bool:
+        return self._system.own(symbol) in self._asked
 
-    def value(self, letter: str) -> float:
-        name = self._system.own(letter)
+    def value(self, symbol: str) -> float:
+        name = self._system.own(symbol)
         return self._twin.plant[name] if name in self._twin.plant.parameters else 0.0
 
-    def letter(self, letter: str, relative: float, felt: float = 0.0) -> Free:
-        name = self._system.own(letter)
+    def symbol(self, symbol: str, relative: float, felt: float = 0.0) -> Free:
+        name = self._system.own(symbol)
         value = self._twin.plant[name]
         kind = next(kind for kind in self._twin.plant.structure.equations.parameters if kind.name == name)
         scale = wears().get(name, relative * abs(value))

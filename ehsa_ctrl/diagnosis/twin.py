@@ -23,7 +23,7 @@ from ..simulation.engine import simulate_batch
 from ..simulation.sensors import shown
 from .ripple import ANGLE, over_samples
 
-#: Letters of dry friction, which a plant without it lacks, and what they are where it is to be found.
+#: Symbols of dry friction, which a plant without it lacks, and what they are where it is to be found.
 DRY = {"A_FM": 0.0, "C_FM": 0.0, "tau_FM": 10.0, "A_FR": 0.0, "C_FR": 0.0, "tau_FR": 0.007}
 
 
@@ -56,7 +56,7 @@ def equations_of_their_own() -> tuple[str, ...]:
 
 def without_dry_friction(plant: Plant) -> bool:
     """Whether no contact of the plant sticks."""
-    levels = [contact.letter("A") for contact in plant.structure.system.contacts]
+    levels = [contact.symbol("A") for contact in plant.structure.system.contacts]
     return not any(plant[name] for name in levels if name in plant.parameters)
 
 
@@ -97,7 +97,7 @@ class Twin:
     def run(self, settings: Sequence[Mapping[str, float]], jobs: int = 1) -> list[dict[str, np.ndarray] | None]:
         """Simulate the log's drive with each set of values: what the sensors would show; None where it stopped.
 
-        A setting is a letter of the plant or WORD.CHANNEL of a sensor.
+        A setting is a symbol of the plant or WORD.CHANNEL of a sensor.
         """
         current = [self._drive(values) for values in settings]
         out: list[dict[str, np.ndarray] | None] = [None] * len(settings)

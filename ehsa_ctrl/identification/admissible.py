@@ -70,17 +70,17 @@ def variations(plant: Plant, parameters: Sequence[FreeParameter], spread: float,
     The first two have all of its frictions and its leakage low, and high; the others are draws. Numbers of sensors
     stay, for they move nothing.
     """
-    letters = [p for p in parameters if p.sensor is None and p.value != 0.0]
-    if not letters or draws < 1:
+    symbols = [p for p in parameters if p.sensor is None and p.value != 0.0]
+    if not symbols or draws < 1:
         return []
-    reach = np.array([_reach(plant, p, spread) for p in letters])
-    losses = {c.letter(letter) for c in plant.structure.system.contacts for letter in "ABC"} | {"K_L"}
-    lossy = np.array([p.name in losses for p in letters], dtype=float)
+    reach = np.array([_reach(plant, p, spread) for p in symbols])
+    losses = {c.symbol(symbol) for c in plant.structure.system.contacts for symbol in "ABC"} | {"K_L"}
+    lossy = np.array([p.name in losses for p in symbols], dtype=float)
     random = np.random.default_rng([seed, 78])
-    corners = [-lossy, lossy, *random.uniform(-1.0, 1.0, (max(draws - 2, 0), len(letters)))][:draws]
-    lower, upper = np.array([p.lower for p in letters]), np.array([p.upper for p in letters])
-    values = np.array([p.value for p in letters])
-    names = [p.name for p in letters]
+    corners = [-lossy, lossy, *random.uniform(-1.0, 1.0, (max(draws - 2, 0), len(symbols)))][:draws]
+    lower, upper = np.array([p.lower for p in symbols]), np.array([p.upper for p in symbols])
+    values = np.array([p.value for p in symbols])
+    names = [p.name for p in symbols]
     return [with_values(plant, names, np.clip(values + corner * reach, lower, upper)) for corner in corners]
 
 

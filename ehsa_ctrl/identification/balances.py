@@ -128,7 +128,7 @@ def estimate_by_balances(
     Parameters
     ----------
     logs: one or more records, channels in SI units.
-    wanted: letters to estimate; the plant's free ones by default. All others are taken as known.
+    wanted: symbols to estimate; the plant's free ones by default. All others are taken as known.
     method: "weak" or "filtered", see above.
     width: s, length of a bump ("weak"); 12 samples by default. Longer bumps look at slower motion.
     cutoff: Hz, of the position's filter ("filtered").
@@ -136,7 +136,7 @@ def estimate_by_balances(
 
     Raises
     ------
-    InputError: a letter that the plant does not have, a system without balances, a log too short, or a width or
+    InputError: a symbol that the plant does not have, a system without balances, a log too short, or a width or
         frequency that does not fit the sample time.
     """
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
@@ -201,14 +201,14 @@ def estimate_by_balances(
 
 
 def first_estimate(plant: Plant, logs: Log | Sequence[Log], free: Sequence[str]) -> dict[str, float]:
-    """Where a fit of the simulation may begin: those of the `free` letters that the balances determine, SI units.
+    """Where a fit of the simulation may begin: those of the `free` symbols that the balances determine, SI units.
 
-    Names that are no letters of the plant (bias.p1 ...) are left out, as are values outside the bounds in its file.
+    Names that are no symbols of the plant (bias.p1 ...) are left out, as are values outside the bounds in its file.
     """
-    letters = [name for name in free if name in plant.structure.equations.parameter_names]
-    if not plant.structure.system.balances or not letters:
+    symbols = [name for name in free if name in plant.structure.equations.parameter_names]
+    if not plant.structure.system.balances or not symbols:
         return {}
-    estimate = estimate_by_balances(plant, logs, letters)
+    estimate = estimate_by_balances(plant, logs, symbols)
     return {
         name: found.value
         for name, found in estimate.parameters.items()

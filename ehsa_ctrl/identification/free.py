@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 from ..core.unit import parse
-from ..plant.file import both, letter_of
+from ..plant.file import both, symbol_of
 from ..plant.plant import SENSOR_WORDS, Plant
 
 #: A mass, volume or inertia may come out as small as this share of what it was believed to be.
@@ -22,7 +22,7 @@ SMALLEST = 0.2
 class FreeParameter:
     """One number to be estimated.
 
-    name: a letter of the plant (J_M), or bias.CHANNEL, scale.CHANNEL, delay.CHANNEL, filter.CHANNEL of a sensor.
+    name: a symbol of the plant (J_M), or bias.CHANNEL, scale.CHANNEL, delay.CHANNEL, filter.CHANNEL of a sensor.
     value: where the plant believes it to be; unit: SI.
     lower, upper: it stays between them. prior_sd: how strongly it is held at `value`; None: not at all.
     """
@@ -36,7 +36,7 @@ class FreeParameter:
 
     @property
     def sensor(self) -> tuple[str, str] | None:
-        """("bias", "p1") for a sensor's number, None for a letter of the plant."""
+        """("bias", "p1") for a sensor's number, None for a symbol of the plant."""
         word, dot, channel = self.name.partition(".")
         return (word, channel) if dot else None
 
@@ -63,19 +63,19 @@ def free_parameters(
     InputError: an unknown name, a bound on the wrong side, a prior without sd, or nothing left to estimate.
     """
     bounds, priors = dict(bounds or {}), dict(priors or {})
-    names = list(dict.fromkeys([*plant.free, *(letter_of(name) for name in free)]))
+    names = list(dict.fromkeys([*plant.free, *(symbol_of(name) for name in free)]))
     known = known_names(plant)
     for asked in (*names, *fix, *bounds, *priors):
-        if letter_of(asked) not in known:
+        if symbol_of(asked) not in known:
             raise InputError(f"{asked}: is nothing that can be estimated of {plant.name}; {choices(asked, known)}")
     for name in fix:
-        if letter_of(name) not in names:
+        if symbol_of(name) not in names:
             raise InputError(
                 f"{name}: can't be fixed, it is not free; free are {', '.join(map(both, names)) or 'none'}"
             )
-        names.remove(letter_of(name))
+        names.remove(symbol_of(name))
     for name in (*bounds, *priors):
-        if letter_of(name) not in names:
+        if symbol_of(name) not in names:
             raise InputError(
                 f"{name}: has a bound or a prior but is not free; free are {', '.join(map(both, names)) or 'none'}"
             )
@@ -89,13 +89,13 @@ def free_parameters(
             f"nothing is left to estimate of {plant.name} ({plant.model}): its file calls nothing identified and names "
             "nothing free; say which with --free"
         )
-    limits = {letter_of(name): pair for name, pair in bounds.items()}
-    held = {letter_of(name): sd for name, sd in priors.items()}
+    limits = {symbol_of(name): pair for name, pair in bounds.items()}
+    held = {symbol_of(name): sd for name, sd in priors.items()}
     return tuple(_parameter(plant, name, limits.get(name), name in held, held.get(name)) for name in names)
 
 
 def known_names(plant: Plant) -> tuple[str, ...]:
-    """Everything that can be estimated of a plant: its letters, then the words of its sensors."""
+    """Everything that can be estimated of a plant: its symbols, then the words of its sensors."""
     channels = [c for c in plant.structure.system.outputs if c in plant.sensors]
     return (
         *plant.structure.equations.parameter_names,
@@ -110,21 +110,21 @@ def read_quantity(plant: Plant, name: str, text: str) -> float:
     except ValueError:
         pass
     try:
-        return parse(text, _unit(plant, letter_of(name)))
+        return parse(text, _unit(plant, symbol_of(name)))
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 
 
 def with_values(plant: Plant, names: Sequence[str], values: Sequence[float] | np.ndarray) -> Plant:
-    """The plant with other values of letters and sensors, by name. Raises InputError for an impossible one."""
-    letters = {name: float(v) for name, v in zip(names, values, strict=True) if "." not in name}
+    """The plant with other values of symbols and sensors, by name. Raises InputError for an impossible one."""
+    symbols = {name: float(v) for name, v in zip(names, values, strict=True) if "." not in name}
     sensors = dict(plant.sensors)
     for name, value in zip(names, values, strict=True):
         word, dot, channel = name.partition(".")
         if dot:
             changed: dict[str, Any] = {word: float(value)}
             sensors[channel] = replace(sensors[channel], **changed)
-    return replace(plant.set(**letters), sensors=sensors)
+    return replace(plant.set(**symbols), sensors=sensors)
 
 
 def _unit(plant: Plant, name: str) -> str:

@@ -147,12 +147,12 @@ def _reach(after: Plant, before: Plant, logs: Sequence[Log]) -> Reach:
 
 def _balances(plant: Plant, logs: Sequence[Log], parameters: Sequence[FreeParameter]) -> BalanceEstimate | None:
     """What the balances say, in the way that the plant's file asks for; None where there are none."""
-    letters = [parameter.name for parameter in parameters if parameter.sensor is None]
-    if not plant.structure.system.balances or not letters:
+    symbols = [parameter.name for parameter in parameters if parameter.sensor is None]
+    if not plant.structure.system.balances or not symbols:
         return None
     how = plant.estimation
     return estimate_by_balances(
-        plant, logs, letters, method=how.balances, width=how.width, cutoff=how.cutoff, parallel=how.parallel
+        plant, logs, symbols, method=how.balances, width=how.width, cutoff=how.cutoff, parallel=how.parallel
     )
 
 

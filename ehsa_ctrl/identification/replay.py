@@ -132,7 +132,7 @@ def fit_words(fits: Mapping[str, float]) -> str:
 
 
 def fit_cell(percent: float) -> str:
-    """A fit in percent as a table has it, in at most 10 letters: a run far off has fits of many digits."""
+    """A fit in percent as a table has it, in at most 10 characters: a run far off has fits of many digits."""
     if math.isnan(percent):
         return "-"
     return f"{percent:.2f}" if abs(percent) < 1e6 else f"{percent:.2e}"

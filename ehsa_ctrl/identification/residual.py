@@ -103,7 +103,7 @@ def run_window(
     weights: Mapping[str, float] | None = None,
     tolerance: float = 1e-6,
 ) -> WindowRun:
-    """Simulate one window from `start` (n,) and differentiate by `names` (letters and sensor words).
+    """Simulate one window from `start` (n,) and differentiate by `names` (symbols and sensor words).
 
     errors (N,) are added to the logged drive; none by default. weights: channel -> standard deviation; that of the
     sensors and of the drive's log by default, with weights the drive's log is taken as exact.
@@ -118,9 +118,9 @@ def run_window(
     logged, outer = logged[rows], None if outer is None else outer[rows]
     errors = np.zeros(logged.size) if errors is None else errors
     current = logged + errors
-    letters = [name for name in names if "." not in name]
+    symbols = [name for name in names if "." not in name]
     run = transitions(
-        prompt, letters, current, force=outer, hold=plant.structure.system.hold, start=start,
+        prompt, symbols, current, force=outer, hold=plant.structure.system.hold, start=start,
         sample_time=log.sample_time, tolerance=tolerance,
     )  # fmt: skip
     begin = np.eye(start.size)[:, list(window.free)]
@@ -139,12 +139,12 @@ def run_window(
     measured = np.column_stack([log[channel][rows] for channel in measurement.channels])
     q = len(window.free)
     by_parameter = np.zeros((len(window), len(sensors), len(names)))
-    letter = 0
+    symbol = 0
     for column, name in enumerate(names):
         word, dot, channel = name.partition(".")
         if not dot:
-            by_parameter[:, :, column] = by_state[:, :, q + letter]
-            letter += 1
+            by_parameter[:, :, column] = by_state[:, :, q + symbol]
+            symbol += 1
             continue
         if channel not in measurement.channels:
             continue

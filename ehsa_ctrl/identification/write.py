@@ -22,7 +22,7 @@ def plant_toml(plants: Sequence[Plant]) -> str:
 
     Order, comments, units and everything that was not identified or set stay as they are in the file that the plants
     were read from. A number that both models share goes to the model that identified it, so that the other one keeps
-    what it had. Letters of effects and friction laws that the file lacks go to the model that has them; what a model no
+    what it had. Symbols of effects and friction laws that the file lacks go to the model that has them; what a model no
     longer has is left out. A sensor's number carries the provenance that `Sensor.stated` gives it under its name
     ("p1 bias").
 
@@ -69,7 +69,7 @@ def write_plant(path: str | Path, *plants: Plant, force: bool = False) -> Path:
 
 
 def _put_structure(document: Any, before: Plant, plant: Plant) -> None:
-    """Write the words of a model's structure that have changed, and leave out the letters that it no longer has."""
+    """Write the words of a model's structure that have changed, and leave out the symbols that it no longer has."""
     table, old, new = document[plant.model], before.structure, plant.structure
     for word in ("shaft_friction", "rod_friction", "chambers"):
         if getattr(new, word) != getattr(old, word):

@@ -16,7 +16,7 @@ from .plant import Plant
 if TYPE_CHECKING:
     import control
 
-#: How a condition is told: its letter, the unit shown and that unit in SI.
+#: How a condition is told: its symbol, the unit shown and that unit in SI.
 WORDS = {
     "position": ("x", "mm", 1e-3),
     "velocity": ("v", "mm/s", 1e-3),
@@ -53,7 +53,7 @@ class Condition:
         Raises InputError for a value that is physically impossible.
         """
         given = {"K_S": self.stiffness, "m_L": self.mass, "beta": self.beta}
-        there = plant.set(**{letter: value for letter, value in given.items() if value is not None})
+        there = plant.set(**{symbol: value for symbol, value in given.items() if value is not None})
         if there.model == "linear":
             return three_state(there)
         return reduce_to_difference(linearise(there, position=self.position, velocity=self.velocity), there)
@@ -61,8 +61,8 @@ class Condition:
     def __str__(self) -> str:
         parts = []
         for name in self.named:
-            letter, unit, scale = WORDS[name]
-            parts.append(f"{both(letter)} = {getattr(self, name) / scale:.6g} {unit}")
+            symbol, unit, scale = WORDS[name]
+            parts.append(f"{both(symbol)} = {getattr(self, name) / scale:.6g} {unit}")
         return ", ".join(parts)
 
 

@@ -45,26 +45,26 @@ CHANNEL_UNITS = {
     "spring_p2": "Pa",
 }
 
-#: The words for the load in TOML and on the command line, and the letters in the equations.
-LOAD_LETTERS = {"stiffness": "K_S", "preload": "F_pre", "hardening": "k_3", "mass": "m_L", "force": "F_0"}
+#: The words for the load in TOML and on the command line, and the symbols in the equations.
+LOAD_SYMBOLS = {"stiffness": "K_S", "preload": "F_pre", "hardening": "k_3", "mass": "m_L", "force": "F_0"}
 
-_LETTERS = {f"load.{word}": letter for word, letter in LOAD_LETTERS.items()}
-_KEYS = {letter: key for key, letter in _LETTERS.items()}
-
-
-def letter_of(key: str) -> str:
-    """The letter in the equations of a setting: K_S of load.stiffness; every other key is its letter."""
-    return _LETTERS.get(key, key)
+_SYMBOLS = {f"load.{word}": symbol for word, symbol in LOAD_SYMBOLS.items()}
+_KEYS = {symbol: key for key, symbol in _SYMBOLS.items()}
 
 
-def key_of(letter: str) -> str:
-    """What a user sets it by: load.stiffness for K_S; every other letter is its key."""
-    return _KEYS.get(letter, letter)
+def symbol_of(key: str) -> str:
+    """The symbol in the equations of a setting: K_S of load.stiffness; every other key is its symbol."""
+    return _SYMBOLS.get(key, key)
 
 
-def both(letter: str) -> str:
-    """A letter as it is told to a user, who may have typed the key: K_S (load.stiffness)."""
-    return f"{letter} ({_KEYS[letter]})" if letter in _KEYS else letter
+def key_of(symbol: str) -> str:
+    """What a user sets it by: load.stiffness for K_S; every other symbol is its key."""
+    return _KEYS.get(symbol, symbol)
+
+
+def both(symbol: str) -> str:
+    """A symbol as it is told to a user, who may have typed the key: K_S (load.stiffness)."""
+    return f"{symbol} ({_KEYS[symbol]})" if symbol in _KEYS else symbol
 
 
 Source = Literal["datasheet", "identified", "literature", "assumed", "derived"]
@@ -201,7 +201,7 @@ class PlantFile(Definition):
 
     schema: version of this form. title: one line for lists and tables. note: where the numbers come from.
     system: which equations.
-    [parameters]: letters that both models share; forces and pressures are positive as in the equations.
+    [parameters]: symbols that both models share; forces and pressures are positive as in the equations.
     [linear], [nonlinear]: the two models; a plant may have one of them.
     [load]: at the rod; forces are positive when they resist extension, what is left out is not there.
     [limits]: watched in every run; one that is passed is a trip. [sampling]: of the bench.

@@ -20,7 +20,7 @@ INPUTS = ("current", "F_D")
 
 
 def _linear_part(plant: Plant) -> tuple[dict[str, float], str]:
-    """Values of the letters in (6) and (7), and what to add to the model's name.
+    """Values of the symbols in (6) and (7), and what to add to the model's name.
 
     The linear set of a file may have got dry friction or effects beside (6): what is viscous of it is its linear part.
     """

@@ -111,8 +111,8 @@ def operating_point(
         for name, contact in bristles.items():
             p = plant.values
             speed = values[contact.velocity]
-            g = p[contact.letter("A")] + p[contact.letter("C")] * np.exp(-abs(speed) / p[contact.letter("tau")])
-            values[name] = np.sign(speed) * g / p[contact.letter("sigma_0")]
+            g = p[contact.symbol("A")] + p[contact.symbol("C")] * np.exp(-abs(speed) / p[contact.symbol("tau")])
+            values[name] = np.sign(speed) * g / p[contact.symbol("sigma_0")]
         return values
 
     def imbalance(unknown: np.ndarray) -> list[float]:

@@ -24,7 +24,7 @@ from .file import (
     CHANNEL_UNITS,
     LIMIT_STATES,
     LIMIT_UNITS,
-    LOAD_LETTERS,
+    LOAD_SYMBOLS,
     EstimationFile,
     ModelFile,
     PlantFile,
@@ -32,7 +32,7 @@ from .file import (
     SensorFile,
     both,
     key_of,
-    letter_of,
+    symbol_of,
 )
 from .structure import Structure
 
@@ -91,7 +91,7 @@ class Plant(ShownAsText):
     title: one line.
     model: "linear" or "nonlinear", which of the plant's two parameter sets this is.
     structure: friction laws, chamber form, effects.
-    parameters: every letter of the equations, in their order.
+    parameters: every symbol of the equations, in their order.
     limits: what is watched in a run, by the names of `file.LIMIT_UNITS`.
     sensors: by channel.
     sample_time: s.
@@ -114,14 +114,14 @@ class Plant(ShownAsText):
     log: Mapping[str, Column] = field(default_factory=dict)
     path: Path | None = field(default=None, compare=False)
 
-    def __getitem__(self, letter: str) -> float:
-        """Value of a parameter in SI units: plant["K_T"]. Raises InputError for a letter that it does not have."""
+    def __getitem__(self, symbol: str) -> float:
+        """Value of a parameter in SI units: plant["K_T"]. Raises InputError for a symbol that it does not have."""
         try:
-            return self.parameters[letter].value
+            return self.parameters[symbol].value
         except (KeyError, TypeError):
             raise InputError(
-                f"the {self.model} model of {self.name} has no parameter {shown(letter)}; "
-                f"{choices(letter, self.parameters)}"
+                f"the {self.model} model of {self.name} has no parameter {shown(symbol)}; "
+                f"{choices(symbol, self.parameters)}"
             ) from None
 
     @property
@@ -158,7 +158,7 @@ class Plant(ShownAsText):
 
         Numbers are in SI units; a text has its unit.
 
-        Raises InputError for an unknown letter, a unit that does not fit or a value that is physically impossible.
+        Raises InputError for an unknown symbol, a unit that does not fit or a value that is physically impossible.
         """
         kinds = {kind.name: kind for kind in self.structure.equations.parameters}
         changed = dict(self.parameters)
@@ -177,7 +177,7 @@ class Plant(ShownAsText):
         return replace(self, parameters=changed)
 
     def with_structure(self, structure: Structure, **values: float) -> Plant:
-        """The same plant with other friction laws, chamber form or effects; `values` gives letters it lacks."""
+        """The same plant with other friction laws, chamber form or effects; `values` gives symbols it lacks."""
         known = dict(self.parameters)
         for kind in structure.equations.parameters:
             if kind.name in known:
@@ -284,14 +284,14 @@ def models_of(name: str | Path) -> tuple[Model, ...]:
 
 
 def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:
-    """The plant as it is believed for one run: letters, load.WORD, and WORD.CHANNEL for the words of a sensor.
+    """The plant as it is believed for one run: symbols, load.WORD, and WORD.CHANNEL for the words of a sensor.
 
     Raises InputError naming the key.
     """
-    sensors, letters = dict(plant.sensors), {}
+    sensors, symbols = dict(plant.sensors), {}
     for key, given in settings.items():
         if not is_of_sensor(key):
-            letters[key] = given
+            symbols[key] = given
             continue
         word, _, channel = key.partition(".")
         if channel not in sensors:
@@ -304,7 +304,7 @@ def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:
             raise InputError(str(error) if str(error).startswith(key) else f"{key}: {error}") from None
         changed: dict[str, Any] = {word: value}
         sensors[channel] = replace(sensors[channel], **changed)
-    return replace(plant, sensors=sensors).set(**read_settings(plant, letters))
+    return replace(plant, sensors=sensors).set(**read_settings(plant, symbols))
 
 
 def is_of_sensor(key: str) -> bool:
@@ -315,7 +315,7 @@ def is_of_sensor(key: str) -> bool:
 
 def knows(plant: Plant, key: str) -> bool:
     """Whether a setting means something to this model: each has sensors, A_FR only the nonlinear one."""
-    return is_of_sensor(key) or letter_of(key) in plant.parameters
+    return is_of_sensor(key) or symbol_of(key) in plant.parameters
 
 
 def read_settings(plant: Plant, settings: Mapping[str, str | float]) -> dict[str, float]:
@@ -323,12 +323,12 @@ def read_settings(plant: Plant, settings: Mapping[str, str | float]) -> dict[str
     kinds = {kind.name: kind for kind in plant.structure.equations.parameters}
     values = {}
     for key, given in settings.items():
-        letter = letter_of(key)
-        if letter not in kinds:
+        symbol = symbol_of(key)
+        if symbol not in kinds:
             known = choices(key, map(key_of, kinds))
             raise InputError(f"{key}: the {plant.model} model of {plant.name} has no such parameter; {known}")
         try:
-            values[letter] = _number(given, kinds[letter].unit)
+            values[symbol] = _number(given, kinds[symbol].unit)
         except InputError as error:
             raise InputError(f"{key}: {error}") from None
     return values
@@ -347,13 +347,13 @@ def _number(given: str | float, unit: str) -> float:
 
 
 def _parameters(path: Path, file: PlantFile, part: ModelFile, model: str, structure: Structure) -> dict[str, Parameter]:
-    """Collect every letter that the structure needs, checked against its physical range."""
+    """Collect every symbol that the structure needs, checked against its physical range."""
     kinds = {kind.name: kind for kind in structure.equations.parameters}
     written: dict[str, tuple[str, Quantity]] = {}
     for name, quantity in file.parameters.items():
         written[name] = (f"{path}: [parameters] {name}", quantity)
     for word, quantity in file.load.items():
-        written[LOAD_LETTERS[word]] = (f"{path}: [load] {word}", quantity)
+        written[LOAD_SYMBOLS[word]] = (f"{path}: [load] {word}", quantity)
     for name, quantity in part.parameters.items():
         written[name] = (f"{path}: [{model}.parameters] {name}", quantity)
     found = {}
@@ -370,7 +370,7 @@ def _parameters(path: Path, file: PlantFile, part: ModelFile, model: str, struct
         default = _effect_default(structure, name)
         if default is not None:
             found[name] = default
-        elif name in LOAD_LETTERS.values():
+        elif name in LOAD_SYMBOLS.values():
             found[name] = Parameter(name, 0.0, kind.unit, "assumed", note="no load is given")
         else:
             raise InputError(f"{path}: [{model}.parameters] {name} ({kind.meaning}, {kind.unit}) is missing")

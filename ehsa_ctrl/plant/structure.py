@@ -14,7 +14,7 @@ from functools import cache
 
 from ..core.errors import InputError, choices
 from ..physics.effects import EFFECTS, Effect
-from ..physics.friction import LAWS, LETTERS, FrictionLaw, held
+from ..physics.friction import LAWS, SYMBOLS, FrictionLaw, held
 from .system import Balance, Contact, ParameterKind, ScalarFunction, State, System
 from .systems import SYSTEMS
 
@@ -74,18 +74,18 @@ class Structure:
             if not EFFECTS[name].wired:
                 raise InputError(f"effects: {name!r} {_instead(EFFECTS[name])}")
             for contact in system.all_contacts:
-                self._check_letters(name, contact)
+                self._check_symbols(name, contact)
             if not known.issuperset(EFFECTS[name].changes):
                 missing = ", ".join(sorted(set(EFFECTS[name].changes) - known))
                 raise InputError(f"effects: {name!r} changes {missing}, which the system {system.name!r} does not have")
 
-    def _check_letters(self, effect: str, contact: Contact) -> None:
-        """An effect may ask for a letter of friction that the contact's law does not have."""
+    def _check_symbols(self, effect: str, contact: Contact) -> None:
+        """An effect may ask for a symbol of friction that the contact's law does not have."""
         functions = (*EFFECTS[effect].changes.values(), *EFFECTS[effect].adds.values())
         asked = {argument for function in functions for argument in inspect.signature(function).parameters}
-        for letter in LETTERS:
-            name = contact.letter(letter)
-            if name in asked and letter not in self.law(contact).letters:
+        for symbol in SYMBOLS:
+            name = contact.symbol(symbol)
+            if name in asked and symbol not in self.law(contact).symbols:
                 raise InputError(
                     f"effects: {effect!r} needs {name}, which {contact.name}_friction = {self.law(contact).name!r} "
                     f"does not have; choose a law that has it"
@@ -174,8 +174,8 @@ class Equations:
 
 def _instead(effect: Effect) -> str:
     """What to write for an effect that has no equations of its own."""
-    if effect.letters:
-        return f"is no equation of its own; set {' or '.join(effect.letters)} instead"
+    if effect.symbols:
+        return f"is no equation of its own; set {' or '.join(effect.symbols)} instead"
     if effect.sensor is not None:
         return f"belongs to a sensor; set {effect.sensor}.CHANNEL instead"
     return f'is a friction law; set rod_friction = "{effect.rod_friction}" instead'
@@ -195,19 +195,19 @@ class _Wiring:
             self.sources[signal] = (function, {})
         for contact in system.all_contacts:
             law = structure.law(contact)
-            names = {letter: contact.letter(letter) for letter in LETTERS}
+            names = {symbol: contact.symbol(symbol) for symbol in SYMBOLS}
             names |= {"direction": contact.direction, "speed": contact.velocity}
             names |= {"z": contact.bristle.name, "z_dot": f"{contact.bristle.name}_dot"}
             self.sources[contact.friction] = (law.effort, names)
             if law.state_rate is not None:
                 self.states.append(contact.bristle)
                 self.sources[f"{contact.bristle.name}_dot"] = (law.state_rate, names)
-            for letter in law.letters:
-                unit, meaning = LETTERS[letter]
+            for symbol in law.symbols:
+                unit, meaning = SYMBOLS[symbol]
                 unit = unit.format(effort=contact.effort_unit, length=contact.length_unit)
-                positive = letter in ("tau", "sigma_0")
-                kinds[contact.letter(letter)] = ParameterKind(
-                    contact.letter(letter), unit, f"{meaning}, {contact.name}", 0.0, lower_open=positive
+                positive = symbol in ("tau", "sigma_0")
+                kinds[contact.symbol(symbol)] = ParameterKind(
+                    contact.symbol(symbol), unit, f"{meaning}, {contact.name}", 0.0, lower_open=positive
                 )
         self.changes: dict[str, list[tuple[str, ScalarFunction]]] = {}
         for name in structure.effects:
@@ -297,7 +297,7 @@ def _wire(structure: Structure) -> Equations:
     for contact in system.contacts:
         law = structure.law(contact)
         if law.band is not None:
-            wiring.used.add(contact.letter(law.band))
+            wiring.used.add(contact.symbol(law.band))
     wiring.used |= set(system.start.values())
     for name in structure.effects:
         wiring.used |= {parameter.name for parameter in EFFECTS[name].parameters}

@@ -45,11 +45,11 @@ class Contact:
     net: signal, what drives the contact apart from friction (N m or N).
     friction: signal, the friction that the law of the plant's structure gives.
     direction: name of the sliding direction in the equations, +1 or -1.
-    suffix: the paper's index of the friction letters, e.g. FM: A_FM, B_FM ...
+    suffix: the paper's index of the friction symbols, e.g. FM: A_FM, B_FM ...
     effort_unit, length_unit: N m and rad, or N and m.
     effort_scale: size of an effort that matters, the unit in which the engine finds a breakaway.
     bristle: name and size of the inner state of a law that has one.
-    letters: letters of the family that have a name of their own here, e.g. {"A": "Fc"}.
+    symbols: symbols of the family that have a name of their own here, e.g. {"A": "Fc"}.
     """
 
     name: str
@@ -62,11 +62,11 @@ class Contact:
     length_unit: str
     effort_scale: float
     bristle: State
-    letters: Mapping[str, str] = field(default_factory=dict)
+    symbols: Mapping[str, str] = field(default_factory=dict)
 
-    def letter(self, letter: str) -> str:
+    def symbol(self, symbol: str) -> str:
         """A of the family is A_FM here."""
-        return self.letters.get(letter, f"{letter}_{self.suffix}")
+        return self.symbols.get(symbol, f"{symbol}_{self.suffix}")
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class System:
     measured: channels beside drives and outputs that balances use.
     lacking: ids of the effects that a model of this system without dry friction lacks; sets, each searched from where
         the one before came to.
-    called: letters of the EHSA that the catalogue of effects uses -> what they are called here, friction's apart.
+    called: symbols of the EHSA that the catalogue of effects uses -> what they are called here, friction's apart.
     """
 
     name: str
@@ -137,13 +137,13 @@ class System:
     lacking: tuple[tuple[str, ...], ...] = ()
     called: Mapping[str, str] = field(default_factory=dict)
 
-    def own(self, letter: str) -> str:
-        """What a letter of the catalogue is called here: A_FR may be Fc."""
+    def own(self, symbol: str) -> str:
+        """What a symbol of the catalogue is called here: A_FR may be Fc."""
         for contact in self.all_contacts:
-            for family, name in contact.letters.items():
-                if letter == f"{family}_{contact.suffix}":
+            for family, name in contact.symbols.items():
+                if symbol == f"{family}_{contact.suffix}":
                     return name
-        return self.called.get(letter, letter)
+        return self.called.get(symbol, symbol)
 
     @property
     def drive(self) -> str:

@@ -92,7 +92,7 @@ def sentence(words: str) -> str:
 
 
 def _number(diagnosis: Diagnosis, cause: Cause, name: str, found: Estimated) -> Number:
-    """A number of a cause: letters in SI units as everywhere, pressures and short times as a person reads them."""
+    """A number of a cause: symbols in SI units as everywhere, pressures and short times as a person reads them."""
     plant = diagnosis.plant
     if cause.channel is not None and name == "value":
         return _sensor_number(plant, cause.id, cause.channel, found)

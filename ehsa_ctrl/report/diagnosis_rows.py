@@ -116,7 +116,7 @@ def noise(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
 
 
 def changes(change: Change) -> list[tuple[str, str, str, str]]:
-    """Letter, value as believed, value of the rig when the first log was made, unit; of what differs."""
+    """Symbol, value as believed, value of the rig when the first log was made, unit; of what differs."""
     believed, rig = change.before.plant, change.rig
     return [
         (both(name), number(believed[name]), number(parameter.value), unit(parameter.unit))

@@ -18,7 +18,7 @@ from ..plant.file import both
 from .figures import to_svg
 from .number import number, unit
 
-#: Letters beside a-z, 0-9 and _.-~ that mean nothing in a data: URL nor in an attribute of HTML.
+#: Characters beside a-z, 0-9 and _.-~ that mean nothing in a data: URL nor in an attribute of HTML.
 PLAIN = " !$()*+,/:;=?@"
 
 
@@ -68,7 +68,7 @@ def image(content: bytes, kind: str, words: str) -> Markup:
 
     kind: of image/..., "svg+xml" or "png". words: what it shows, for those who don't see it.
     """
-    # An SVG is shorter with a percent sign where a letter has a meaning in HTML or in a URL, pixels are as base64.
+    # An SVG is shorter with a percent sign where a character has a meaning in HTML or in a URL, pixels are as base64.
     written = f",{quote(content, safe=PLAIN)}", f";base64,{base64.b64encode(content).decode()}"
     return Markup('<img alt="{}" src="data:image/{}{}">').format(words, kind, min(written, key=len))
 

@@ -22,7 +22,7 @@ from .kinds._result import DOUBT, Kind, Result
 
 #: File of the page of a tree.
 FILE = "overview.html"
-#: An SVG of more letters than this makes a page slow: it is shown as pixels where these are there.
+#: An SVG of more characters than this makes a page slow: it is shown as pixels where these are there.
 LARGEST = 600_000
 #: A file of more bytes is no figure of ours, and would make the page useless.
 TOO_LARGE = 8_000_000

@@ -28,7 +28,7 @@ BLACK, GREY, BLUE, SKY, VERMILION, GREEN, PURPLE = (
 
 #: 8 in at 150 dpi are 1200 px; on A4 the same figure is scaled to about nine tenths.
 WIDTH, DPI = 8.0, 150
-#: Letters of a title that fit on that width.
+#: Characters of a title that fit on that width.
 TITLE = 80
 #: More points than this in a line are drawn as pixels, so that a page with it stays quick.
 RASTER_POINTS = 20_000

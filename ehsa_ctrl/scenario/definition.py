@@ -108,7 +108,7 @@ class ScenarioFile(Definition):
     controller: name of a controller, or a path from this file's folder; it is designed on the plant's linear model.
     duration: of the run, 0.05 s to an hour.
     [load]: at the rod; forces are positive when they resist extension, what is left out is as in the plant.
-    [settings]: what is believed of the plant here, by the letters of its parameters.
+    [settings]: what is believed of the plant here, by the symbols of its parameters.
     [reference]: where the rod is to be; positive extends it, 0 is mid-stroke.
     [[disturbance]]: force steps on the rod. [sensors]: what is different about the sensors.
     [[fault]]: what goes wrong. [supervision]: what is taken for possible; beyond it the loop stops.

@@ -16,7 +16,7 @@ from ..core.protocol import MEASURED, Controller
 from ..design.analysis.loop import analyse_loop
 from ..design.controller import SampledController
 from ..design.load import load_controller, read_controller
-from ..plant.file import key_of, letter_of
+from ..plant.file import key_of, symbol_of
 from ..plant.linear import three_state
 from ..plant.plant import Model, Plant, knows, load_plant, with_settings
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
@@ -245,8 +245,8 @@ def _of_model(word: str, plant: str | Path | Plant | None, model: Model) -> Plan
 
 
 def _is_load(key: str) -> bool:
-    """Whether a setting is of the load, by its word or its letter."""
-    return key_of(letter_of(key)).startswith("load.")
+    """Whether a setting is of the load, by its word or its symbol."""
+    return key_of(symbol_of(key)).startswith("load.")
 
 
 def _known_to_linear(definition: ScenarioFile, plant: Plant) -> dict[str, str]:

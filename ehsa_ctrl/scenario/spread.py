@@ -12,7 +12,7 @@ from pydantic import BeforeValidator
 
 from ..core.errors import InputError, shown
 from ..plant.draws import believed_range, read_covariance
-from ..plant.file import both, key_of, letter_of
+from ..plant.file import both, key_of, symbol_of
 from ..plant.plant import Plant, read_settings
 
 #: Draws beyond so many standard deviations are drawn again: nobody believes a normal distribution out there.
@@ -71,7 +71,7 @@ class Uncertainty:
         return tuple(parameter.name for parameter in self.parameters)
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """One draw: letter -> SI value. Raises InputError where bounds leave no room."""
+        """One draw: symbol -> SI value. Raises InputError where bounds leave no room."""
         normal = [p for p in self.parameters if p.sd is not None]
         values = {p.name: float(rng.uniform(p.lower, p.upper)) for p in self.parameters if p.sd is None}
         root = None if self.correlation is None else np.linalg.cholesky(self.correlation)
@@ -90,7 +90,7 @@ def uncertainty_of(
     """What is uncertain in a plant: what its file says, and what a scenario's [spread] says instead.
 
     A parameter with a standard deviation is drawn from a normal distribution within its bounds; one with bounds alone
-    evenly between them. `spread` has a parameter's letter or load.WORD; "0" takes one out.
+    evenly between them. `spread` has a parameter's symbol or load.WORD; "0" takes one out.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def uncertainty_of(
 
 def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, Uncertain | None]:
     """One entry of a scenario's [spread]; None takes the parameter out."""
-    name = letter_of(key)
+    name = symbol_of(key)
 
     def read(text: str) -> float:
         try:

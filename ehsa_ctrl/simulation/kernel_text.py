@@ -71,7 +71,7 @@ def kernel_text(structure: Structure, part: str = "open_loop") -> str:
     for contact in structure.system.contacts:
         law = structure.law(contact)
         rate = equations.rates[equations.index(contact.velocity)]
-        band = "0.0" if law.band is None else printer.lines([tape.refs[contact.letter(law.band)]])[1][0]
+        band = "0.0" if law.band is None else printer.lines([tape.refs[contact.symbol(law.band)]])[1][0]
         contacts.append(
             _ContactText(
                 name=contact.name,

@@ -85,7 +85,7 @@ class _ModeMachine:
         self.contacts = plant.structure.system.contacts
         self.laws = [plant.structure.law(contact) for contact in self.contacts]
         self.bands = [
-            0.0 if law.band is None else plant[contact.letter(law.band)]
+            0.0 if law.band is None else plant[contact.symbol(law.band)]
             for contact, law in zip(self.contacts, self.laws, strict=True)
         ]
         self.columns = [self.names.index(contact.velocity) for contact in self.contacts]

@@ -105,15 +105,15 @@ def _acceleration(plant: Plant, way: float) -> Callable[[float, float, float], f
 def _friction(plant: Plant, contact: Contact) -> Callable[[float], float]:
     """Friction of a contact over its speed >= 0, for an inner state at the value that it takes at constant speed."""
     law = plant.structure.law(contact)
-    letters = {letter: plant[contact.letter(letter)] for letter in law.letters if letter != law.band}
+    symbols = {symbol: plant[contact.symbol(symbol)] for symbol in law.symbols if symbol != law.band}
     bristle = law.state_rate
     if bristle is None:
         wanted = law.effort.__code__.co_varnames[: law.effort.__code__.co_argcount]
         if "direction" in wanted:
-            return lambda speed: law.effort(direction=1.0, speed=speed, **letters)
-        return lambda speed: law.effort(speed=speed, **letters)
+            return lambda speed: law.effort(direction=1.0, speed=speed, **symbols)
+        return lambda speed: law.effort(speed=speed, **symbols)
     needs = bristle.__code__.co_varnames[: bristle.__code__.co_argcount]
-    inner = {letter: value for letter, value in letters.items() if letter in needs}
+    inner = {symbol: value for symbol, value in symbols.items() if symbol in needs}
     outer = law.effort.__code__.co_varnames[: law.effort.__code__.co_argcount]
 
     def effort(speed: float) -> float:
@@ -121,6 +121,6 @@ def _friction(plant: Plant, contact: Contact) -> Callable[[float], float]:
         moving = max(speed, 1e-9)
         at_zero, at_one = (bristle(speed=moving, z=z, **inner) for z in (0.0, 1.0))
         z = at_zero / (at_zero - at_one)
-        return law.effort(speed=speed, z=z, z_dot=0.0, **{k: v for k, v in letters.items() if k in outer})
+        return law.effort(speed=speed, z=z, z_dot=0.0, **{k: v for k, v in symbols.items() if k in outer})
 
     return effort

@@ -81,13 +81,13 @@ for function in (
 
 
 # %%
-def numbers(*letters):
+def numbers(*symbols):
     rows = {}
-    for letter in letters:
-        p = plant.parameters.get(letter) or linear.parameters[letter]
+    for symbol in symbols:
+        p = plant.parameters.get(symbol) or linear.parameters[symbol]
         ranged = f"{p.lower:g} to {p.upper:g}" if np.isfinite([p.lower, p.upper]).all() else ""
-        values = [f"{one[letter]:.6g}" if letter in one.parameters else "" for one in (linear, plant)]
-        rows[letter] = [*values, p.unit, p.source, ranged, p.note]
+        values = [f"{one[symbol]:.6g}" if symbol in one.parameters else "" for one in (linear, plant)]
+        rows[symbol] = [*values, p.unit, p.source, ranged, p.note]
     return pd.DataFrame(rows, index=["linear", "nonlinear", "unit", "source", "believed in", "note"]).T
 
 
@@ -171,12 +171,12 @@ def speed_gain(plant):
 
 
 figure, axes = plt.subplots(2, 3, figsize=(8, 5.0), sharex=True, sharey=True, layout="constrained")
-for ax, letter in zip(axes.T.flat, changes, strict=True):
+for ax, symbol in zip(axes.T.flat, changes, strict=True):
     ax.loglog(omega, speed_gain(linear), color=BLACK, linewidth=1.0, label="as printed")
     for factor, colour, dashes in ((0.5, BLUE, (0, (4, 1.5))), (2.0, VERMILION, "-")):
-        changed = linear.set(**{letter: factor * linear[letter]})
+        changed = linear.set(**{symbol: factor * linear[symbol]})
         ax.loglog(omega, speed_gain(changed), color=colour, linestyle=dashes, label=f"{factor:g} times")
-    ax.set_title(f"{letter} ({changes[letter]})", loc="left")
+    ax.set_title(f"{symbol} ({changes[symbol]})", loc="left")
     ax.set(xlim=(0.5, 2000), ylim=(0.05, 500))
 for ax in axes[1]:
     ax.set_xlabel("frequency (rad/s)")
@@ -229,7 +229,7 @@ for ax, end, most, label in (
     (axes[1], "FR", 60e-3, "force on the rod (N)"),
 ):
     speed = np.linspace(1e-9, most, 400)
-    law = [stribeck.effort(1.0, s, *(plant[f"{letter}_{end}"] for letter in ("A", "B", "C", "tau"))) for s in speed]
+    law = [stribeck.effort(1.0, s, *(plant[f"{symbol}_{end}"] for symbol in ("A", "B", "C", "tau"))) for s in speed]
     scale = MM if end == "FR" else 1.0
     most /= scale
     whole = np.concatenate([-speed[::-1], speed]) / scale
@@ -467,7 +467,7 @@ speed, P_1, P_2, v, x = run.states.T
 
 
 def friction(end, speed):
-    A, B, C, tau = (q[f"{letter}_{end}"] for letter in ("A", "B", "C", "tau"))
+    A, B, C, tau = (q[f"{symbol}_{end}"] for symbol in ("A", "B", "C", "tau"))
     return np.sign(speed) * (A + C * np.exp(-np.abs(speed) / tau)) + B * speed
 
 

@@ -77,7 +77,7 @@ def test_the_result_is_in_json_csv_and_figures(run, log, tmp_path):
 
 
 def test_a_setting_of_one_model_is_for_that_model(run, log):
-    """A_FR is no letter of the linear model; --model linear says so."""
+    """A_FR is no symbol of the linear model; --model linear says so."""
     assert run("compare", "log.csv", "--plant", "ehsa", "--set", "A_FR=900")[0] == 0
     status, _, err = run("compare", "log.csv", "--plant", "ehsa", "--set", "A_FR=900", "--model", "linear")
     assert status == 2 and "the linear model of ehsa has no such parameter" in err

@@ -56,7 +56,7 @@ def complete(monkeypatch, capsys, tmp_path):
     ],
 )
 def test_names_are_completed(complete, line, offer):
-    """Wherever a command takes one; letters are those of the plant that is named."""
+    """Wherever a command takes one; symbols are those of the plant that is named."""
     assert sorted(complete(line)) == offer
 
 

@@ -314,7 +314,7 @@ def test_nonsense_in_a_call_is_a_sentence(name, fitting, tmp_path, monkeypatch):
 
 
 def test_nonsense_as_a_key_is_a_sentence(plant):
-    """A letter, a channel."""
+    """A symbol, a channel."""
     log = e.Log(np.arange(3.0), {"current": np.zeros(3)})
     for value in NONSENSE:
         assert isinstance(answered(plant.__getitem__, value), str)

@@ -64,7 +64,7 @@ def test_compiling_is_said_without_python(capsys, tmp_path, monkeypatch):
 
 
 def test_a_fit_far_off_keeps_its_column():
-    """At most ten letters, whatever the number."""
+    """At most ten characters, whatever the number."""
     for percent in (99.99, -123456.789, -1e6, -9.876543e17, 1e300, float("inf"), np.float64(-1e9)):
         assert len(fit_cell(percent)) <= 10
     assert fit_cell(float("nan")) == "-" and fit_cell(-148.288) == "-148.29"

@@ -91,7 +91,7 @@ def test_draws_of_the_plant_bracket_the_nominal_loop(linear):
     assert found.disk_margin == alpha.min() == alpha[found.worst["disk_margin"].label]
 
 
-def test_no_plant_and_no_letter_are_refused(three):
+def test_no_plant_and_no_symbol_are_refused(three):
     """In a sentence."""
     with pytest.raises(InputError, match="got no plant"):
         robust_margins({}, proportional(1.0))

@@ -1,4 +1,4 @@
-"""A carriage under a known force: the catalogue's effects in other letters, on a bench log and a real one."""
+"""A carriage under a known force: the catalogue's effects in other symbols, on a bench log and a real one."""
 
 from pathlib import Path
 
@@ -28,12 +28,12 @@ def logged(plant, duration=12.0, seed=0):
     return ehsa_ctrl.Log(time, {"drive_force": force, "position": position})
 
 
-def test_letters_of_the_catalogue_have_their_own_names_here(carriage):
+def test_symbols_of_the_catalogue_have_their_own_names_here(carriage):
     """A_FR is Fc, B_FR is Fv and F_0 the offset; what the system's equations have no place for is not in the twin."""
     system = carriage.structure.system
     twin = with_every_effect(carriage)
 
-    assert [system.own(letter) for letter in ("A_FR", "B_FR", "F_0", "M")] == ["Fc", "Fv", "offset", "M"]
+    assert [system.own(symbol) for symbol in ("A_FR", "B_FR", "F_0", "M")] == ["Fc", "Fv", "offset", "M"]
     assert {"drive_delay", "asymmetric_friction", "end_stop"} <= set(twin.structure.effects)
     assert not {"torque_ripple", "internal_leakage"} & set(twin.structure.effects)
 

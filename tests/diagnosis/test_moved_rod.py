@@ -135,20 +135,20 @@ def test_no_gap_is_said_to_be_none(drained):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("id", "place", "letter", "value"),
+    ("id", "place", "symbol", "value"),
     [
         ("internal_leakage", "flow", "K_L", 6e-13),
         ("relief_valve", "flow", "P_crack", 90e5),
         ("drive_lag", "drive", "tau_I", 0.08),
     ],
 )
-def test_what_is_wrong_is_named_placed_and_sized(drained, id, place, letter, value):
+def test_what_is_wrong_is_named_placed_and_sized(drained, id, place, symbol, value):
     """Each effect of a shaft or a chamber alone."""
-    found = ehsa_ctrl.diagnose(drained, moved(drained.set(**{letter: value})))
+    found = ehsa_ctrl.diagnose(drained, moved(drained.set(**{symbol: value})))
 
     assert [cause.id for cause in found.effects] == [id]
     assert found.where[0][0] == place
-    assert found.effects[0].parameters[letter].value == pytest.approx(value, rel=0.05)
+    assert found.effects[0].parameters[symbol].value == pytest.approx(value, rel=0.05)
     assert found.gap["with_effects"]["total"] < 0.03
 
 

@@ -21,7 +21,7 @@ STEP = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STEP)
-def test_derivatives_by_letters_and_sensors(truth, noise_log, name):
+def test_derivatives_by_symbols_and_sensors(truth, noise_log, name):
     """Each column is the difference quotient of the simulated channels, to two per cent of the largest.
 
     By a delay it is the slope between samples, which is rough where the rod starts within one: twelve per cent.

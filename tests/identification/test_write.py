@@ -48,7 +48,7 @@ def test_plants_of_two_files_are_refused(found):
 
 @pytest.mark.parametrize("name", WIRED)
 def test_an_effect_that_was_added_is_written(plant, name, tmp_path):
-    """Structure and letters come back with deviation and source, the other model and the file's text stay."""
+    """Structure and symbols come back with deviation and source, the other model and the file's text stay."""
     rig = plant.with_effects(name)
     found = {
         p.name: replace(rig.parameters[p.name], source="identified", sd=1e-3, note="diagnosed")
@@ -81,8 +81,8 @@ def test_a_written_plant_runs_as_the_one_that_was_written(plant, tmp_path):
         assert np.array_equal(ehsa_ctrl.simulate(again, current).states, ehsa_ctrl.simulate(rig, current).states)
 
 
-def test_another_friction_law_is_written_and_its_letters_with_it(plant, tmp_path):
-    """LuGre has more letters than (8), viscous friction fewer: these are left out, and come back with the law."""
+def test_another_friction_law_is_written_and_its_symbols_with_it(plant, tmp_path):
+    """LuGre has more symbols than (8), viscous friction fewer: these are left out, and come back with the law."""
     bristles = plant.with_structure(replace(plant.structure, rod_friction="lugre"), sigma_0_FR=1e8, sigma_1_FR=0.0)
     smooth = plant.with_structure(replace(plant.structure, rod_friction="viscous"))
 
@@ -108,7 +108,7 @@ def test_a_linear_set_that_got_friction_stays_the_linear_set(linear, tmp_path):
     assert plant_toml([again.with_structure(linear.structure)]) == TEXT
 
 
-def test_a_shared_letter_that_one_model_gave_up_goes_to_the_other(tmp_path):
+def test_a_shared_symbol_that_one_model_gave_up_goes_to_the_other(tmp_path):
     """V for both models, until the volumes of one follow the stroke."""
     path = tmp_path / "rig.toml"
     volume = (
@@ -137,8 +137,8 @@ def test_a_written_plant_is_replaced_only_when_told(plant, tmp_path):
     assert ehsa_ctrl.load_plant(write_plant(path, plant, force=True)).values == plant.values
 
 
-def test_free_letters_that_are_gone_are_not_named(tmp_path):
-    """A file's list of free letters loses those of a law that was changed, and gains what the plant frees."""
+def test_free_symbols_that_are_gone_are_not_named(tmp_path):
+    """A file's list of free symbols loses those of a law that was changed, and gains what the plant frees."""
     path = tmp_path / "rig.toml"
     path.write_text(TEXT.replace('chambers = "stroke"', 'chambers = "stroke"\nfree = ["J_M", "A_FR"]'))
     rig = ehsa_ctrl.load_plant(path)
@@ -148,8 +148,8 @@ def test_free_letters_that_are_gone_are_not_named(tmp_path):
         assert ehsa_ctrl.load_plant(write_plant(tmp_path / "written.toml", plant, force=True)).free == free
 
 
-def test_an_effects_own_letter_never_goes_to_both_models(tmp_path):
-    """A letter that stood at its typical value, unwritten, is set: the linear model must not hear of it."""
+def test_an_effects_own_symbol_never_goes_to_both_models(tmp_path):
+    """A symbol that stood at its typical value, unwritten, is set: the linear model must not hear of it."""
     path = tmp_path / "rig.toml"
     path.write_text(TEXT.replace('chambers = "stroke"', 'chambers = "stroke"\neffects = ["torque_ripple"]'))
     rig = ehsa_ctrl.load_plant(path, settings={"n_c": 7.0})
@@ -161,7 +161,7 @@ def test_an_effects_own_letter_never_goes_to_both_models(tmp_path):
 
 
 def test_sensors_and_loads_are_written_with_what_is_known_of_them(plant, tmp_path):
-    """Words of a sensor that state their provenance keep it; letters of the load go to its table."""
+    """Words of a sensor that state their provenance keep it; symbols of the load go to its table."""
     lag = Parameter("p1 filter", 5e-3, "s", "identified", sd=1e-4, note="diagnosed")
     sensors = {
         **plant.sensors,

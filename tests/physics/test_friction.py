@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ehsa_ctrl.physics.friction import LAWS, LETTERS
+from ehsa_ctrl.physics.friction import LAWS, SYMBOLS
 
 VALUES = {"A": 854.0, "B": 9186.0, "C": 213.0, "tau": 0.007, "v_band": 1e-3, "sigma_0": 1e7, "sigma_1": 1e3}
 SPEED = st.floats(1e-9, 2.0)
@@ -37,12 +37,12 @@ class TestEveryLaw:
         """Sliding back at the same speed costs the same."""
         assert effort(law, -speed, -1.0) == -effort(law, speed, 1.0)
 
-    def test_uses_known_letters_only(self, law):
-        """Parameters of a law are letters of the family, so that units and TOML keys follow."""
+    def test_uses_known_symbols_only(self, law):
+        """Parameters of a law are symbols of the family, so that units and TOML keys follow."""
         needed = set(inspect.signature(law.effort).parameters)
 
-        assert needed <= {"direction", "speed", "z", "z_dot", *LETTERS}
-        assert set(law.letters) <= set(LETTERS)
+        assert needed <= {"direction", "speed", "z", "z_dot", *SYMBOLS}
+        assert set(law.symbols) <= set(SYMBOLS)
 
     def test_a_law_that_sticks_knows_its_direction(self, law):
         """Sticking needs a breakaway effort, which is the law at speed zero in either direction."""

@@ -130,12 +130,12 @@ def test_an_impossible_filter_is_one_sentence(edited, value):
 
 
 def test_what_cant_be_estimated_is_not_free_unless_asked_for(edited):
-    """A dead time has no derivative, and what never happens can't be moved; other identified letters are free."""
-    letters = """K_relief = { value = 1e-7, unit = "m3/(s Pa^0.5)", source = "identified" }
+    """A dead time has no derivative, and what never happens can't be moved; other identified symbols are free."""
+    symbols = """K_relief = { value = 1e-7, unit = "m3/(s Pa^0.5)", source = "identified" }
 P_crack = { value = inf, unit = "Pa", source = "identified" }
 T_d = { value = 4, unit = "ms", source = "identified" }
 A_FR = {"""
-    path = edited("A_FR = {", letters)
+    path = edited("A_FR = {", symbols)
     path.write_text(path.read_text().replace("[nonlinear]", '[nonlinear]\neffects = ["drive_delay", "relief_valve"]'))
 
     free = set(load_plant(path).free)
@@ -175,12 +175,12 @@ def test_an_effect_can_be_switched_on_by_name(plant, effect):
 
 
 def test_a_structure_that_needs_more_says_what(plant):
-    """LuGre without its bristle stiffness is refused with the letter and its meaning."""
+    """LuGre without its bristle stiffness is refused with the symbol and its meaning."""
     with pytest.raises(InputError, match=r"sigma_0_FR \(bristle stiffness, rod\)"):
         plant.with_structure(Structure(rod_friction="lugre"))
 
 
-def test_an_effect_of_friction_needs_a_law_that_has_its_letter(plant):
+def test_an_effect_of_friction_needs_a_law_that_has_its_symbol(plant):
     """A tight spot is a share of A_FR; a plant without A_FR is told so."""
     with pytest.raises(InputError, match="'position_dependent_friction' needs A_FR, which rod_friction = 'viscous'"):
         plant.with_structure(Structure("stribeck", "viscous")).with_effects("position_dependent_friction")

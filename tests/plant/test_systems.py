@@ -43,10 +43,10 @@ def edited(tmp_path, name, old, new):
     return path
 
 
-def test_letters_are_those_of_the_system(emps):
+def test_symbols_are_those_of_the_system(emps):
     """Friction of the carriage has the benchmark's names; a contact without names of its own has the paper's."""
     assert set(emps.parameters) == {"M", "offset", "x_0", "Fc", "Fv"}
-    assert SYSTEMS["ehsa"].contacts[0].letter("A") == "A_FM"
+    assert SYSTEMS["ehsa"].contacts[0].symbol("A") == "A_FM"
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_records_at_once_are_what_the_functions_give_one_by_one(law):
     fitting = []
     for name, effect in EFFECTS.items():
         if effect.wired:
-            with contextlib.suppress(InputError):  # it asks for a letter that this law does not have
+            with contextlib.suppress(InputError):  # it asks for a symbol that this law does not have
                 Structure(law, law, effects=(name,))
                 fitting.append(name)
     equations = Structure(law, law, effects=tuple(fitting)).equations
@@ -216,15 +216,15 @@ def test_derivatives_of_a_run(name):
     plant = load_plant(name)
     plant = plant.with_structure(replace(plant.structure, effects=()))
     first = (60.0 if name == "emps" else 4.0) * np.sin(np.arange(100) / 20)
-    letters = ["M", "Fv"] if name == "emps" else ["D", "J_M", "B_FM"]
+    symbols = ["M", "Fv"] if name == "emps" else ["D", "J_M", "B_FM"]
     how = {"force": np.full(100, 0.02), "sample_time": 0.004, "tolerance": 1e-9, "hold": "first_order"}
 
-    found = sensitivities(plant, letters, first, **how)
+    found = sensitivities(plant, symbols, first, **how)
 
-    for column, letter in enumerate(letters):
-        step = 1e-5 * plant[letter]
-        above = simulate(plant.set(**{letter: plant[letter] + step}), first, **how).states
-        below = simulate(plant.set(**{letter: plant[letter] - step}), first, **how).states
+    for column, symbol in enumerate(symbols):
+        step = 1e-5 * plant[symbol]
+        above = simulate(plant.set(**{symbol: plant[symbol] + step}), first, **how).states
+        below = simulate(plant.set(**{symbol: plant[symbol] - step}), first, **how).states
         difference = (above - below) / (2 * step)
         scale = np.max(np.abs(difference), axis=0)
         np.testing.assert_allclose(found.values[:, :, column] / scale, difference / scale, atol=5e-3)

@@ -51,14 +51,14 @@ def test_a_setting_changes_the_plant_that_is_checked_on(project):
     """Not the design and not the prediction, but for the load, which acts in both; no baseline is held against it."""
     path = project()
     plain, weak = run(path), run(path, settings={"K_T": 1.0})
-    loaded, letter = run(path, settings={"load.stiffness": "80 kN/m"}), run(path, settings={"K_S": 80e3})
+    loaded, symbol = run(path, settings={"load.stiffness": "80 kN/m"}), run(path, settings={"K_S": 80e3})
 
     assert weak.plant["K_T"] == 1.0 and weak.linear.trajectory.plant["K_T"] == plain.plant["K_T"]
     assert np.array_equal(weak.linear.trajectory.states, plain.linear.trajectory.states)
     assert not np.array_equal(weak.nonlinear.trajectory.states, plain.nonlinear.trajectory.states)
     assert weak.controller == plain.controller == loaded.controller
     assert loaded.plant["K_S"] == loaded.linear.trajectory.plant["K_S"] == 80e3
-    assert np.array_equal(letter.nonlinear.trajectory.states, loaded.nonlinear.trajectory.states)
+    assert np.array_equal(symbol.nonlinear.trajectory.states, loaded.nonlinear.trajectory.states)
     (path.parent / "baselines").mkdir()
     (path.parent / "baselines" / "short-pid_position.json").write_text("{}")
     assert run(path, settings={"K_T": 1.0}).baseline is None

@@ -76,7 +76,7 @@ def test_compiled_and_plain_agree_with_every_effect_on(every):
 def test_every_effect_says_what_it_is():
     """Fields that lists, diagnoses and reports read; parameters within their bounds."""
     for effect in EFFECTS.values():
-        kinds = [effect.wired, bool(effect.letters), effect.sensor is not None, effect.rod_friction is not None]
+        kinds = [effect.wired, bool(effect.symbols), effect.sensor is not None, effect.rod_friction is not None]
 
         assert any(kinds), effect.name
         assert effect.summary and effect.fingerprint
@@ -168,7 +168,7 @@ def test_a_lag_does_not_swallow_an_offset(every):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("letter", "size", "displaced", "drag"),
+    ("symbol", "size", "displaced", "drag"),
     [
         ("k_w", 3e-6, lambda omega, dP: 1.0, lambda omega: 3e-6 * omega**2),
         ("w_d", 20.0, lambda omega, dP: (omega - 20.0) / omega, lambda omega: 0.0),
@@ -176,14 +176,14 @@ def test_a_lag_does_not_swallow_an_offset(every):
         ("k_D", 2e-7, lambda omega, dP: 1.0 - 2e-7 * dP, lambda omega: 0.0),
     ],
 )
-def test_steady_balances_hold_with_what_the_pump_loses(every, letter, size, displaced, drag):
+def test_steady_balances_hold_with_what_the_pump_loses(every, symbol, size, displaced, drag):
     """At a held current the flow balance and the torque balance close with the effect's term, and not without it."""
-    plant = every.set(K_S=0.0, **{letter: size})
+    plant = every.set(K_S=0.0, **{symbol: size})
     end = simulate(plant, np.full(400, 1.6))
     omega, v, dP = (float(end[name][-1]) for name in ("omega", "v", "dP"))
     share = displaced(omega, dP)
     # A dead zone loses flow alone; the shaft turns against the whole pressure.
-    felt = 1.0 if letter == "w_d" else share
+    felt = 1.0 if symbol == "w_d" else share
     flow = plant["A"] * v + plant["K_L"] * dP
     torque = plant["K_T"] * 1.6 - plant["A_FM"] - plant["B_FM"] * omega
 

@@ -155,8 +155,8 @@ def test_energy_is_balanced_along_a_run(plant):
     stored += (V_1 * P_1**2 + V_2 * P_2**2) / (2 * p["beta"])
     shaft, rod = run.modes.T
 
-    def friction(letter, speed, mode):
-        a, b, c, tau = (p[f"{name}_{letter}"] for name in ("A", "B", "C", "tau"))
+    def friction(symbol, speed, mode):
+        a, b, c, tau = (p[f"{name}_{symbol}"] for name in ("A", "B", "C", "tau"))
         return mode * (a + c * np.exp(-np.abs(speed) / tau)) + b * speed
 
     power = p["K_T"] * current * omega - friction("FM", omega, shaft) * omega - friction("FR", v, rod) * v

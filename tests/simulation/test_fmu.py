@@ -56,7 +56,7 @@ def own_run(plant):
 
 @pytest.mark.slow
 def test_fmpy_gives_what_the_engine_gives(plant, tmp_path):
-    """A spring load, a plant with an effect, a letter set by the tool: all states, and when shaft and rod stick."""
+    """A spring load, a plant with an effect, a symbol set by the tool: all states, and when shaft and rod stick."""
     loaded = plant.set(K_S=5e4).with_effects("entrained_air")
     path = export_fmu(loaded, tmp_path / "rig.fmu")
     found, _ = in_fmpy(path, SIGNALS + RUN.format(step=0.004, values={"K_T": 1.1}), tmp_path)
@@ -83,7 +83,7 @@ def test_a_master_with_other_steps_comes_to_the_same(plant, tmp_path):
 
 @pytest.mark.slow
 def test_its_state_can_be_set_back_also_from_bytes(plant, tmp_path):
-    """Same inputs after going back, same end; a letter that comes too late is refused in words."""
+    """Same inputs after going back, same end; a symbol that comes too late is refused in words."""
     path = export_fmu(plant, tmp_path / "rig.fmu")
     body = """
 from fmpy.fmi2 import FMU2Slave
@@ -122,7 +122,7 @@ except Exception as error:
 
 
 def test_the_description_is_valid_and_says_units_and_meanings(plant, tmp_path):
-    """FMPy finds nothing wrong; every letter of the plant is a parameter with its value, unit and range."""
+    """FMPy finds nothing wrong; every symbol of the plant is a parameter with its value, unit and range."""
     from fmpy import read_model_description
     from fmpy.validation import validate_fmu
 

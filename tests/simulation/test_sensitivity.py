@@ -51,6 +51,6 @@ def test_a_contact_that_sticks_has_no_derivative(plant):
 
 
 def test_an_unknown_name_offers_the_nearest(plant):
-    """A wrong letter is a sentence."""
+    """A wrong symbol is a sentence."""
     with pytest.raises(InputError, match="did you mean 'A_FR'"):
         sensitivities(plant, ["A_FX"], np.zeros(10))

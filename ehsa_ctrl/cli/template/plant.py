@@ -11,7 +11,7 @@ from ...core.catalogue import plants, shipped
 from ...core.described import keys
 from ...physics.effects import EFFECTS
 from ...physics.friction import LAWS
-from ...plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_LETTERS, PlantFile, Quantity, SensorFile
+from ...plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_SYMBOLS, PlantFile, Quantity, SensorFile
 from ...plant.plant import Plant, load_plant, models_of
 from ...plant.system import ParameterKind
 from ...plant.systems import SYSTEMS
@@ -121,9 +121,9 @@ def _effects(plant: Plant) -> Lines:
 
 def _load(known: Mapping[str, ParameterKind]) -> list[tuple[str, str, str | None]]:
     return [
-        (word, _said(known[letter]), _number(0.0, known[letter].unit))
-        for word, letter in LOAD_LETTERS.items()
-        if letter in known
+        (word, _said(known[symbol]), _number(0.0, known[symbol].unit))
+        for word, symbol in LOAD_SYMBOLS.items()
+        if symbol in known
     ]
 
 

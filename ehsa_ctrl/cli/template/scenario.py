@@ -11,7 +11,7 @@ import tomlkit
 from ...core.catalogue import is_shipped, plants, shipped
 from ...core.errors import InputError, choices
 from ...core.reading import read_toml
-from ...plant.file import LOAD_LETTERS
+from ...plant.file import LOAD_SYMBOLS
 from ...plant.plant import Plant, load_plant
 from ...scenario.carried import carrier
 from ...scenario.definition import ScenarioFile
@@ -124,10 +124,10 @@ def scenario_toml(base: str, name: str, *, plant: str | None = None, controller:
 def _load(plant: Plant, examples: Mapping[str, Any]) -> list[tuple[str, str, str | None]]:
     kinds_ = {kind.name: kind for kind in plant.structure.equations.parameters}
     rows: list[tuple[str, str, str | None]] = []
-    for word, letter in LOAD_LETTERS.items():
-        if letter in kinds_:
-            said = f"{kinds_[letter].meaning.split(' (')[0]} [{kinds_[letter].unit}]; left out: as in the plant"
-            rows.append((word, said, toml(examples.get(f"load.{word}", f"0 {kinds_[letter].unit}"))))
+    for word, symbol in LOAD_SYMBOLS.items():
+        if symbol in kinds_:
+            said = f"{kinds_[symbol].meaning.split(' (')[0]} [{kinds_[symbol].unit}]; left out: as in the plant"
+            rows.append((word, said, toml(examples.get(f"load.{word}", f"0 {kinds_[symbol].unit}"))))
     return rows
 
 
@@ -136,7 +136,7 @@ def _settings(plant: Plant) -> list[tuple[str, str, str | None]]:
     return [
         (name, f"{kinds_[name].meaning} [{p.unit}]", toml(p.written or f"{p.value:g} {p.unit}"))
         for name, p in plant.parameters.items()
-        if name not in LOAD_LETTERS.values()
+        if name not in LOAD_SYMBOLS.values()
     ]
 
 

@@ -94,7 +94,7 @@ class RobustMargins:
     def band(self, of: str = "S") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Frequencies (n,) [rad/s], and the lowest and highest |S| or |T| (n,) of all stable loops there.
 
-        Raises InputError for another letter, and where no loop is stable.
+        Raises InputError for another symbol, and where no loop is stable.
         """
         if of not in ("S", "T"):
             raise InputError(f"band of {of!r}: expected 'S' or 'T'")

@@ -67,16 +67,16 @@ class Rig(Protocol):
     @property
     def sample_time(self) -> float: ...
 
-    def shows(self, letter: str) -> bool:
-        """Whether a simulation depends on a letter of the plant or a number of an effect."""
+    def shows(self, symbol: str) -> bool:
+        """Whether a simulation depends on a symbol of the plant or a number of an effect."""
         ...
 
-    def value(self, letter: str) -> float:
-        """A number of the plant by its letter in the catalogue; 0 where the plant has none."""
+    def value(self, symbol: str) -> float:
+        """A number of the plant by its symbol in the catalogue; 0 where the plant has none."""
         ...
 
-    def letter(self, letter: str, relative: float, felt: float = 0.0) -> Free:
-        """A letter of the plant as a free number: its scale is a share of itself, or `felt` where it is next to 0."""
+    def symbol(self, symbol: str, relative: float, felt: float = 0.0) -> Free:
+        """A symbol of the plant as a free number: its scale is a share of itself, or `felt` where it is next to 0."""
         ...
 
     def measured(self, channel: str) -> np.ndarray | None:
@@ -88,7 +88,7 @@ class Rig(Protocol):
         ...
 
     def dry_friction(self) -> Mapping[str, float]:
-        """Levels of friction that the balances show where the plant has none, by letter."""
+        """Levels of friction that the balances show where the plant has none, by symbol."""
         ...
 
     def ripples(self) -> Sequence[tuple[float, float, float]]:
@@ -136,12 +136,12 @@ def from_levels(effect: Effect, free: Free, levels: Sequence[float], *others: Fr
     return Candidate((replace(free, believed=effect.parameter(free.name).neutral), *others), starts)
 
 
-def from_letters(effect: Effect, rig: Rig) -> list[Candidate]:
-    """Letters of the plant that may be wrong: all together, or each of the effect's groups by itself."""
+def from_symbols(effect: Effect, rig: Rig) -> list[Candidate]:
+    """Symbols of the plant that may be wrong: all together, or each of the effect's groups by itself."""
     found = []
-    for group in effect.groups or (tuple(letter for letter in effect.letters if rig.shows(letter)),):
-        if group and all(rig.shows(letter) for letter in group):
-            free = tuple(rig.letter(letter, 0.1, effect.letters[letter]) for letter in group)
+    for group in effect.groups or (tuple(symbol for symbol in effect.symbols if rig.shows(symbol)),):
+        if group and all(rig.shows(symbol) for symbol in group):
+            free = tuple(rig.symbol(symbol, 0.1, effect.symbols[symbol]) for symbol in group)
             starts = starts_of(free, 0.0)
             if effect.from_balances and free[0].believed == 0.0:
                 # From none to all of it is too far for derivatives at none.

@@ -6,7 +6,7 @@ free, and what it can't be told from.
 An effect changes signals of the plant, one function a signal. The function takes the signal's former value by its
 name, and whatever else it needs by name: states, inputs, parameters, other signals. At its neutral parameters it
 returns the former value unchanged, to the last bit. An effect may bring states of its own, whose rates are zero while
-it is neutral. Some effects are there already, as a letter of the plant whose value is wrong, a sensor's setting or
+it is neutral. Some effects are there already, as a symbol of the plant whose value is wrong, a sensor's setting or
 another friction law; they name it.
 """
 
@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import inf
 
-from ._candidate import Candidate, Rig, from_letters, from_neutral
+from ._candidate import Candidate, Rig, from_neutral, from_symbols
 
 PLACES = ("torque", "drive", "flow", "force", "sensor")
 
@@ -82,9 +82,9 @@ class Effect:
     parameters: in the order of importance; the first one measures the size.
     states: that it adds; adds: their rates, signal name -> function, which may ask for `asked_current`, the current
         before any effect.
-    letters: letters of the plant that are the effect when their value is wrong, each with a size that is felt where
+    symbols: symbols of the plant that are the effect when their value is wrong, each with a size that is felt where
         the plant believes it to be zero. groups: those that become free together, if not all at once.
-    wears: letters that change by factors and not by per cents, each with the size of a change.
+    wears: symbols that change by factors and not by per cents, each with the size of a change.
     also: further nominal parameters that are reported under this effect.
     from_balances: a plant that has none of it is searched from the level that its balances show.
     sensor: the word of a sensor's setting that is the effect, with a channel.
@@ -105,7 +105,7 @@ class Effect:
     parameters: tuple[EffectParameter, ...] = field(default=())
     states: tuple[EffectState, ...] = ()
     adds: Mapping[str, Callable[..., float]] = field(default_factory=dict)
-    letters: Mapping[str, float] = field(default_factory=dict)
+    symbols: Mapping[str, float] = field(default_factory=dict)
     groups: tuple[tuple[str, ...], ...] = ()
     wears: Mapping[str, float] = field(default_factory=dict)
     also: tuple[str, ...] = ()
@@ -124,7 +124,7 @@ class Effect:
 
     @property
     def wired(self) -> bool:
-        """Whether it adds equations; the others are letters, sensor settings or a friction law."""
+        """Whether it adds equations; the others are symbols, sensor settings or a friction law."""
         return bool(self.changes) or self.delays
 
     def parameter(self, name: str) -> EffectParameter:
@@ -133,6 +133,6 @@ class Effect:
 
     def free_in(self, rig: Rig) -> list[Candidate]:
         """The ways to set it free in a diagnosis of this rig; none where the log could not show it."""
-        if self.wired and not self.letters and not (self.delays or any(rig.shows(p.name) for p in self.parameters)):
+        if self.wired and not self.symbols and not (self.delays or any(rig.shows(p.name) for p in self.parameters)):
             return []
-        return (self.candidates or (from_letters if self.letters else from_neutral))(self, rig)
+        return (self.candidates or (from_symbols if self.symbols else from_neutral))(self, rig)

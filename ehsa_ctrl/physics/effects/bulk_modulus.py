@@ -7,6 +7,6 @@ effect = Effect(
     place="flow",
     summary="bulk modulus other than believed",
     fingerprint="flow errors ~ pressure rates; from V it differs only by the stroke",
-    letters={"beta": 0.0},
+    symbols={"beta": 0.0},
     source="paper, (4)",
 )

@@ -20,7 +20,7 @@ def volume_2(V_2: float, x: float, A: float, c_V: float) -> float:
 
 def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
     """All volumes at once, and their slope with the stroke."""
-    free = tuple(rig.letter(letter, 0.1) for letter in effect.letters if rig.shows(letter))
+    free = tuple(rig.symbol(symbol, 0.1) for symbol in effect.symbols if rig.shows(symbol))
     if not free:
         return []
     if rig.shows("c_V"):
@@ -35,7 +35,7 @@ effect = Effect(
     fingerprint="P_1 + P_2 moves with the rod, and the hydraulic mode with the position",
     changes={"V_1": volume_1, "V_2": volume_2},
     parameters=(EffectParameter("c_V", "1", "slope of the volumes, in piston areas", 0.0, 1.0, -1.0, 3.0),),
-    letters={"V_10": 0.0, "V_20": 0.0, "V": 0.0},
+    symbols={"V_10": 0.0, "V_20": 0.0, "V": 0.0},
     candidates=candidates,
     source="paper, (11)",
 )

@@ -7,7 +7,7 @@ effect = Effect(
     place="flow",
     summary="laminar leakage other than believed",
     fingerprint="flow error ~ dP",
-    letters={"K_L": 0.0},
+    symbols={"K_L": 0.0},
     wears={"K_L": 5e-13},
     source="paper, (2)",
 )

@@ -11,7 +11,7 @@ def friction(F_FR: float, d_R: float, P_1: float, P_2: float, A: float, kappa: f
 
 def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
     """Where it grows with the higher pressure, its part at the pressure of rest is in the Coulomb level."""
-    return with_another(effect, rig, rig.letter("A_FR", 0.1)) if rig.value("A_FR") > 0.0 else from_neutral(effect, rig)
+    return with_another(effect, rig, rig.symbol("A_FR", 0.1)) if rig.value("A_FR") > 0.0 else from_neutral(effect, rig)
 
 
 effect = Effect(

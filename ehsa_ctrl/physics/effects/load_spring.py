@@ -7,6 +7,6 @@ effect = Effect(
     place="force",
     summary="spring of the load off or missing",
     fingerprint="force error ~ position",
-    letters={"K_S": 2e3},
+    symbols={"K_S": 2e3},
     source="paper, (5)",
 )

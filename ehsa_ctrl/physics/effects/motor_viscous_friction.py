@@ -7,6 +7,6 @@ effect = Effect(
     place="torque",
     summary="viscous friction of the shaft other than believed",
     fingerprint="torque error ~ omega",
-    letters={"B_FM": 1e-4},
+    symbols={"B_FM": 1e-4},
     source="paper, (9)",
 )

@@ -7,7 +7,7 @@ effect = Effect(
     place="force",
     summary="more mass at the rod than believed",
     fingerprint="force error ~ rod acceleration; hardly any in the shaft's speed",
-    letters={"M": 0.0, "m_L": 20.0},
+    symbols={"M": 0.0, "m_L": 20.0},
     groups=(("M",), ("m_L",)),
     source="paper, (5)",
 )

@@ -15,7 +15,7 @@ def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
     if not rig.yields() or rig.value("A_FR") + rig.value("C_FR") == 0.0:
         return []
     known = 1.0 / rig.value("sigma_0_FR") if rig.value("sigma_0_FR") else 0.0
-    free = (Free(SOFTNESS, known, max(5e-8, 0.1 * known), 0.0, 5e-6), rig.letter("C_FR", 0.3, 50.0))
+    free = (Free(SOFTNESS, known, max(5e-8, 0.1 * known), 0.0, 5e-6), rig.symbol("C_FR", 0.3, 50.0))
     starts = starts_of(free, 0.0) if known else starts_of(free, 1.0, 6.0)
     damped = (*free, Free(DAMPING, 5e3, 2e3, 0.0, 1e5))
     return [Candidate(free, starts), Candidate(damped, tuple((*start, 5e3) for start in starts))]

@@ -7,6 +7,6 @@ effect = Effect(
     place="flow",
     summary="pump displacement other than believed",
     fingerprint="flow error ~ omega, whatever the pressure; also a torque error ~ dP",
-    letters={"D": 0.0},
+    symbols={"D": 0.0},
     source="paper, (2), (3)",
 )

@@ -7,6 +7,6 @@ effect = Effect(
     place="torque",
     summary="inertia other than believed",
     fingerprint="torque error in proportion to the shaft's acceleration",
-    letters={"J_M": 0.0},
+    symbols={"J_M": 0.0},
     source="paper, (1)",
 )

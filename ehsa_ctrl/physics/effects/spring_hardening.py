@@ -7,6 +7,6 @@ effect = Effect(
     place="force",
     summary="spring of the load hardens",
     fingerprint="force error ~ cube of the position",
-    letters={"k_3": 2e6},
+    symbols={"k_3": 2e6},
     source="paper, (5)",
 )

@@ -15,7 +15,7 @@ effect = Effect(
     place="torque",
     summary="torque constant other than believed",
     fingerprint="torque error in proportion to the current",
-    letters={"K_T": 0.0},
+    symbols={"K_T": 0.0},
     same=same,
     source="paper, (1)",
 )

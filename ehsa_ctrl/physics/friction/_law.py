@@ -6,9 +6,9 @@ import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 
-#: Letters a law may use for its parameters, with the unit in terms of the contact's effort (N or N m) and of its
+#: Symbols a law may use for its parameters, with the unit in terms of the contact's effort (N or N m) and of its
 #: displacement (m or rad). On the shaft A becomes A_FM, on the rod A_FR.
-LETTERS = {
+SYMBOLS = {
     "A": ("{effort}", "Coulomb level"),
     "B": ("{effort} s/{length}", "viscous coefficient"),
     "C": ("{effort}", "static minus Coulomb level"),
@@ -44,14 +44,14 @@ class FrictionLaw:
     passive: bool = True
 
     @property
-    def letters(self) -> tuple[str, ...]:
-        """The parameters the law needs, in the order of LETTERS."""
+    def symbols(self) -> tuple[str, ...]:
+        """The parameters the law needs, in the order of SYMBOLS."""
         used = set(inspect.signature(self.effort).parameters)
         if self.state_rate is not None:
             used |= set(inspect.signature(self.state_rate).parameters)
         if self.band is not None:
             used.add(self.band)
-        return tuple(letter for letter in LETTERS if letter in used)
+        return tuple(symbol for symbol in SYMBOLS if symbol in used)
 
 
 def held(rate: float, direction: float) -> float:

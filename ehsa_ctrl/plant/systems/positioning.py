@@ -1,7 +1,7 @@
 """A carriage on a rail with friction under a given drive force: the electro-mechanical positioning system EMPS.
 
 A. Janot, M. Gautier, M. Brunot, "Data set and reference models of EMPS", Nonlinear System Identification Benchmarks,
-2019. Letters are theirs: M, Fv, Fc, offset. Their balance takes force and motion of one sample as simultaneous, so the
+2019. Symbols are theirs: M, Fv, Fc, offset. Their balance takes force and motion of one sample as simultaneous, so the
 force is joined by lines between the samples; held over each sample it would come half a sample later.
 """
 
@@ -21,7 +21,7 @@ CARRIAGE = Contact(
     length_unit="m",
     effort_scale=10.0,
     bristle=State("z_R", "m", 1e-5),
-    letters={"A": "Fc", "B": "Fv"},
+    symbols={"A": "Fc", "B": "Fv"},
 )
 
 system = System(

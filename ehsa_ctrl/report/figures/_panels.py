@@ -19,8 +19,8 @@ from ._layout import GAP, sheet, stack
 
 #: Height of a panel, of a row of a strip and of a line in the header, and what is left of the panels, in.
 PANEL, ROW, LINE, LEFT = 1.3, 0.17, 0.15, 1.2
-#: Right of the panels, in: nothing, the letters of the pressures, limits that were passed.
-NARROW, LETTERS, LIMITS = 0.15, 0.75, 1.3
+#: Right of the panels, in: nothing, the symbols of the pressures, limits that were passed.
+NARROW, SYMBOLS, LIMITS = 0.15, 0.75, 1.3
 #: Panel that shows a limit of the plant. Averages over the run (power, current_rms) can't be drawn over time.
 WHERE = {
     "pump_speed": "omega",
@@ -62,7 +62,7 @@ def column(heights: Sequence[float], title: str, *, notes: Sequence[str] = (), r
 
 def beside_width(run: Trajectory) -> float:
     """What the legends beside the panels of a run take, in."""
-    return LIMITS if any(trip.limit in WHERE for trip in run.exceeded) else LETTERS
+    return LIMITS if any(trip.limit in WHERE for trip in run.exceeded) else SYMBOLS
 
 
 def draw(ax: Axes, time: np.ndarray, values: np.ndarray, how: Mapping[str, Any]) -> Artist:

@@ -22,7 +22,7 @@ COLOURS = LinearSegmentedColormap.from_list("correlation", [BLUE, "#ffffff", RUS
 #: A cell is at most so wide, and the whole so wide, in.
 CELL, ALL = 0.6, 5.6
 #: Height of the note, and of a letter of a name lengthwise, in.
-HEADER, LETTER = 0.22, 0.075
+HEADER, SYMBOL = 0.22, 0.075
 
 
 def correlation_figure(identification: Identification) -> Figure:
@@ -42,7 +42,7 @@ def correlation_figure(identification: Identification) -> Figure:
     blind = ~np.isfinite(found.sd) | (found.sd <= 0.0) | (identification.method == "balances")
     cell = min(CELL, ALL / count)
     names = list(map(both, found.names))
-    longest = LETTER * max(map(len, names))
+    longest = SYMBOL * max(map(len, names))
     # Names below are turned by 45 deg.
     heights = [count * cell, max(0.7 * longest - 0.3, 0.0)]
     left = max(0.3 + longest, 0.9)

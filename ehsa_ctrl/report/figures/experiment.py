@@ -31,16 +31,16 @@ def experiment_figure(experiment: Experiment) -> Figure:
     with style():
         title = f"{run.plant.name}: {experiment.chosen.words}" + (", with the slow loop" if experiment.centre else "")
         figure, top = sheet(title, header=0.25 + GAP, heights=[*heights, BETWEEN, bars])
-        (header,) = stack(figure, [0.25], top=top - 0.25 - GAP, left=panel.LEFT, right=panel.LETTERS)
+        (header,) = stack(figure, [0.25], top=top - 0.25 - GAP, left=panel.LEFT, right=panel.SYMBOLS)
         header.set_axis_off()
-        axes = stack(figure, heights, top=top, left=panel.LEFT, right=panel.LETTERS)
+        axes = stack(figure, heights, top=top, left=panel.LEFT, right=panel.SYMBOLS)
         below = top + sum(heights) + GAP * len(heights) + BETWEEN
-        (spread,) = stack(figure, [bars], top=below, left=panel.LEFT, right=panel.LETTERS)
+        (spread,) = stack(figure, [bars], top=below, left=panel.LEFT, right=panel.SYMBOLS)
         for name, ax in zip(("current", "omega", "pressures", "x"), axes, strict=True):
             if name == "pressures":
                 lines = [
-                    panel.draw(ax, run.time, SIGNALS[name].read(run[letter]), line)
-                    for letter, line in PRESSURES.items()
+                    panel.draw(ax, run.time, SIGNALS[name].read(run[symbol]), line)
+                    for symbol, line in PRESSURES.items()
                 ]
                 panel.beside(ax, lines)
             else:

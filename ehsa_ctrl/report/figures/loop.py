@@ -67,8 +67,8 @@ def _closed(ax: Axes, loop: LoopAnalysis) -> None:
         "S": (sensitivity, loop.Ms, VERMILION, "-"),
         "T": (np.abs(loop.response) * sensitivity, loop.Mt, GREEN, (0, (5, 2))),
     }
-    for letter, (curve, peak, colour, dashes) in curves.items():
-        label = f"|{letter}|, M{letter.lower()} = {number(peak)}"
+    for symbol, (curve, peak, colour, dashes) in curves.items():
+        label = f"|{symbol}|, M{symbol.lower()} = {number(peak)}"
         ax.semilogx(loop.omega, decibel(curve), color=colour, linestyle=dashes, label=label)
         k = int(np.argmax(curve))
         ax.plot(loop.omega[k], decibel(curve[k]), marker="o", color=colour, markeredgecolor="white", zorder=3)

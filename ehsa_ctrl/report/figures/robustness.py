@@ -20,7 +20,7 @@ from ._layout import sheet, stack
 HEIGHTS = (0.42, 2.3, 0.42, 2.3)
 #: Below this |S| and |T| are of no interest, dB.
 FLOOR = -25.0
-#: Letters of a plant's name in a legend.
+#: Characters of a plant's name in a legend.
 NAME = 62
 
 
@@ -47,15 +47,15 @@ def robustness_figure(robust: RobustMargins) -> Figure:
     return figure
 
 
-def _panel(ax: Axes, robust: RobustMargins, letter: str, margin: str, colour: str) -> None:
-    omega, low, high = robust.band(letter)
+def _panel(ax: Axes, robust: RobustMargins, symbol: str, margin: str, colour: str) -> None:
+    omega, low, high = robust.band(symbol)
     ax.fill_between(omega, _decibel(low), _decibel(high), color=colour, alpha=0.25, linewidth=0)
     stable = {label: loop for label, loop in robust.loops.items() if loop.stable}
     first = next(iter(stable))
     worst = max(stable, key=lambda label: float(getattr(stable[label], margin)))
     shown = [(first, BLUE, "-", 1.5)] + [(worst, colour, (0, (4, 1.5)), 1.5)] * (worst != first)
     for label, own, dashes, width in shown:
-        curve = _curve(stable[label], letter)
+        curve = _curve(stable[label], symbol)
         name = textwrap.shorten(label, NAME, placeholder=" ...")
         words = f"{name}: {margin} = {number(round(float(getattr(stable[label], margin)), 3))}"
         ax.semilogx(stable[label].omega, _decibel(curve), color=own, linestyle=dashes, linewidth=width, label=words)
@@ -63,12 +63,12 @@ def _panel(ax: Axes, robust: RobustMargins, letter: str, margin: str, colour: st
     top = float(_decibel(np.max(high)))
     ax.set_ylim(FLOOR, top + 4)
     ax.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
-    ax.set_ylabel(f"|{letter}|\n(dB)")
+    ax.set_ylabel(f"|{symbol}|\n(dB)")
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=1, borderpad=0.2, borderaxespad=0.2, labelspacing=0.2)
 
 
-def _curve(loop: LoopAnalysis, letter: str) -> np.ndarray:
-    return np.abs(loop.sensitivity if letter == "S" else 1 - loop.sensitivity)
+def _curve(loop: LoopAnalysis, symbol: str) -> np.ndarray:
+    return np.abs(loop.sensitivity if symbol == "S" else 1 - loop.sensitivity)
 
 
 def _decibel(gain: np.ndarray | float) -> np.ndarray:

@@ -49,8 +49,8 @@ def scenario_figure(result: ScenarioResult) -> Figure:
             thin = how | {"linewidth": 0.7 * how["linewidth"], "drawstyle": "steps-post"}
             panel.draw(places["current"], run.time, SIGNALS["current"].read(loop.trajectory.current), thin)
         pressures = [
-            panel.draw(places["pressures"], run.time, SIGNALS["pressures"].read(run[letter]), line)
-            for letter, line in PRESSURES.items()
+            panel.draw(places["pressures"], run.time, SIGNALS["pressures"].read(run[symbol]), line)
+            for symbol, line in PRESSURES.items()
         ]
         strip.set_xlim(run.time[0], run.time[-1])
         limits = panel.passed_limits(places, run)

@@ -28,8 +28,8 @@ def trajectory_figure(run: Trajectory) -> Figure:
         figure, header, axes = panel.column(heights, title, notes=words, right=panel.beside_width(run))
         places = dict(zip(names, axes, strict=False))
         pressures = [
-            panel.draw(places["pressures"], run.time, SIGNALS["pressures"].read(run[letter]), line)
-            for letter, line in PRESSURES.items()
+            panel.draw(places["pressures"], run.time, SIGNALS["pressures"].read(run[symbol]), line)
+            for symbol, line in PRESSURES.items()
         ]
         for name in names:
             if name != "pressures":

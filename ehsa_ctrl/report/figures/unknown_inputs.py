@@ -33,7 +33,7 @@ NAMES = {
 LEFT, WIDE = (0.8, 3.6, 6.1), (2.3, 1.75, 1.75)
 OVER_TIME: dict[str, Any] = {"color": BLUE, "linewidth": 0.7}
 CURVE: dict[str, Any] = {"color": VERMILION, "linewidth": 1.5, "marker": "o", "markersize": 3.5, "zorder": 2.5}
-#: Letters in a line below a panel.
+#: Characters in a line below a panel.
 WORDS = 36
 #: More samples than this are pixels.
 POINTS = 1500

@@ -41,7 +41,7 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
     """Write the plant as an FMU for co-simulation, FMI 2.0; returns the file's path.
 
     Inputs, outputs and parameters are those of `variables_of`, in SI units: for the EHSA inputs current and F_D,
-    outputs speed, p1, p2, velocity, position, force, shaft_sticks and rod_sticks, and every letter of the plant as a
+    outputs speed, p1, p2, velocity, position, force, shaft_sticks and rod_sticks, and every symbol of the plant as a
     parameter that can be set before the run. Friction laws, effects and the values that are believed go along; sensors
     do not: outputs are true signals. The engine of `simulate` runs inside, inputs held over each step of the master.
 

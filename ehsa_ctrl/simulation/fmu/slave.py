@@ -79,15 +79,15 @@ class PlantSlave(Fmi2Slave):  # type: ignore[misc]
     def _feed(self, name: str, value: float) -> None:
         self._inputs[name] = float(value)
 
-    def _value(self, letter: str) -> float:
-        return self._changed.get(letter, self._plant[letter])
+    def _value(self, symbol: str) -> float:
+        return self._changed.get(symbol, self._plant[symbol])
 
-    def _set(self, letter: str, value: float) -> None:
-        if value == self._value(letter):
+    def _set(self, symbol: str, value: float) -> None:
+        if value == self._value(symbol):
             return
         if self._begun:
-            raise InputError(f"{letter} can't be set once the run has begun; set it before the initialisation ends")
-        self._changed[letter] = float(value)
+            raise InputError(f"{symbol} can't be set once the run has begun; set it before the initialisation ends")
+        self._changed[symbol] = float(value)
         self._run = None
 
     def _output(self, signal: str) -> float:

@@ -46,7 +46,7 @@ class Variable:
 def variables_of(plant: Plant) -> tuple[Variable, ...]:
     """Inputs, outputs, parameters, in this order; SI units.
 
-    Inputs and parameters have the letters of the equations, outputs the names of the channels of a log where they have
+    Inputs and parameters have the symbols of the equations, outputs the names of the channels of a log where they have
     one; `shaft_sticks` and `rod_sticks` are true while friction holds. Outputs are what is, not what a sensor shows.
 
     A parameter that is infinite ("never") is none of the FMU: a tool could not write it.

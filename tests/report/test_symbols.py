@@ -1,4 +1,4 @@
-"""Letters that nobody typed are told with the key that sets them, wherever a person reads them."""
+"""Symbols that nobody typed are told with the key that sets them, wherever a person reads them."""
 
 import numpy as np
 import pytest
