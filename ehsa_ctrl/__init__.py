@@ -11,6 +11,8 @@ import importlib
 import types
 from typing import Any
 
+from .core.plotting import load_figures_from
+
 __version__ = "0.1.0"
 
 _WHERE = {
@@ -70,6 +72,9 @@ _WHERE = {
     "drawn_models": "plant.draws",
     "conditions": "plant.conditions",
 }
+
+# Results don't import the report: their figures are registered by type when the first one is drawn.
+load_figures_from("ehsa_ctrl.report.figures")
 
 #: Classes that users build by themselves, and the methods whose arguments are checked as those of functions are.
 _BUILT = {

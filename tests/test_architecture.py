@@ -19,21 +19,17 @@ ALLOWED = {
     "diagnosis": {"identification", "simulation", "plant", "physics", "core"},
     "report": {"scenario", "diagnosis", "identification", "design", "simulation", "plant", "physics", "core"},
 }
-#: Drawing a result is asked of the result (`plot()`), so that the report is imported from below, inside that method.
-PLOTS = {(folder, "report") for folder in ("simulation", "scenario", "identification", "design", "diagnosis")}
 
 
-def imports(path: Path, *, inside_functions: bool):
-    """Folders of the package that a file imports at its top, or inside its functions; not for type checking."""
+def imports(path):
+    """Folders of the package that a file imports anywhere but for type checking."""
     tree = ast.parse(path.read_text())
     package = ["ehsa_ctrl", *path.relative_to(PACKAGE).parent.parts]
     everything = list(ast.walk(tree))
     blocks = [n for n in everything if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.unparse(n.test)]
     typing_only = {node for block in blocks for node in ast.walk(block)}
-    functions = [n for n in everything if isinstance(n, ast.FunctionDef)]
-    inner = {node for function in functions for node in ast.walk(function)}
     for node in everything:
-        if node in typing_only or (node in inner) != inside_functions:
+        if node in typing_only:
             continue
         if isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else []
@@ -46,16 +42,13 @@ def imports(path: Path, *, inside_functions: bool):
             yield parts[1]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("folder", sorted(ALLOWED))
 def test_a_folder_imports_only_from_below(folder):
-    """A folder's modules import only the folders that the design allows, lazily too, but for plot()."""
+    """A folder's modules import only the folders that the design allows, inside functions too."""
     for path in (PACKAGE / folder).rglob("*.py"):
-        for inside in (False, True):
-            for target in imports(path, inside_functions=inside):
-                fine = target == folder or target in ALLOWED[folder] or (inside and (folder, target) in PLOTS)
+        wrong = set(imports(path)) - {folder, *ALLOWED[folder]}
 
-                assert fine, f"{path.relative_to(PACKAGE.parent)} imports ehsa_ctrl.{target}"
+        assert not wrong, f"{path.relative_to(PACKAGE.parent)} imports {sorted(wrong)} of ehsa_ctrl"
 
 
 def test_every_folder_has_its_place():

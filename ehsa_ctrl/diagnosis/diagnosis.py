@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.log import Log
 from ..core.notebook import ShownAsText
+from ..core.plotting import draw
 from ..physics.effects import EFFECTS
 from ..plant.file import both
 from ..plant.plant import Plant
@@ -223,9 +224,7 @@ class Diagnosis(ShownAsText):
 
     def plot(self) -> Figure:
         """Measured against simulated before and after."""
-        from ..report.figures import diagnosis_figure
-
-        return diagnosis_figure(self)
+        return draw(self)
 
     def __str__(self) -> str:
         lines = [

@@ -21,6 +21,7 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 from ..core.notebook import ShownAsText
+from ..core.plotting import draw
 from ..core.written import write_text
 from ..plant.file import both
 from ..plant.plant import Plant
@@ -120,9 +121,7 @@ class Experiment(ShownAsText):
 
     def plot(self) -> Figure:
         """Current, speed, pressures and position with the limits' share, and the expected sd of each parameter."""
-        from ..report.figures import experiment_figure
-
-        return experiment_figure(self)
+        return draw(self)
 
     def to_dict(self) -> dict[str, Any]:
         """As it stands in excitation.json."""

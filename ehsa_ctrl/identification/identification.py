@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..core.notebook import ShownAsText
+from ..core.plotting import draw
 from ..plant.file import both
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
@@ -304,9 +305,7 @@ class Identification(ShownAsText):
 
     def plot(self) -> Figure:
         """Measured, before and after, on the validation logs if there are any, else on those used."""
-        from ..report.figures import identification_figure
-
-        return identification_figure(self)
+        return draw(self)
 
     def _lines(self) -> Iterator[str]:
         used = ", ".join(run.log.name for run in self.train.after)

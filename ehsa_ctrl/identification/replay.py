@@ -12,6 +12,7 @@ import numpy as np
 from ..core.errors import InputError, SimulationError, choices
 from ..core.log import Log
 from ..core.notebook import ShownAsText
+from ..core.plotting import draw
 from ..core.words import listed
 from ..plant.plant import Plant
 from ..simulation.engine import LARGEST
@@ -94,9 +95,7 @@ class Replay(ShownAsText):
 
     def plot(self) -> Figure:
         """Drives, and each output measured and simulated, over the log's time."""
-        from ..report.figures import replay_figure
-
-        return replay_figure([self])
+        return draw(self)
 
     def __str__(self) -> str:
         log = self.log

@@ -15,6 +15,7 @@ import numpy as np
 from ..core.errors import InputError, SimulationError
 from ..core.notebook import ShownAsText
 from ..core.parallel import in_rounds, workers
+from ..core.plotting import draw
 from ..core.protocol import Controller
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
@@ -119,9 +120,7 @@ class MonteCarlo(ShownAsText):
 
     def plot(self) -> Figure:
         """The decisive parameters: how they lie in runs that pass and in runs that fail."""
-        from ..report.figures import montecarlo_figure
-
-        return montecarlo_figure(self)
+        return draw(self)
 
     def __str__(self) -> str:
         low, high = self.interval()

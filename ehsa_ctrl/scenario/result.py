@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..core.parameter import Parameter
+from ..core.plotting import draw
 from ..core.protocol import MEASURED, Controller
 from ..core.unit import factor
 from ..design.analysis.loop import LoopAnalysis
@@ -249,15 +250,11 @@ class ScenarioResult:
 
     def plot(self) -> Figure:
         """Reference, position, speed, pressures and current, linear and nonlinear."""
-        from ..report.figures import scenario_figure
-
-        return scenario_figure(self)
+        return draw(self)
 
     def plot_baseline(self) -> Figure:
         """The recorded signals with their tubes, and this run. Raises InputError for a run without a baseline."""
-        from ..report.figures import baseline_figure
-
-        return baseline_figure(self)
+        return draw(self, view="baseline")
 
     def __str__(self) -> str:
         verdict = "passed" if self.passed else "FAILED: " + few(self.failures)

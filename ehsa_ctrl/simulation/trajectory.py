@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.errors import InputError, SimulationError
+from ..core.errors import SimulationError
 from ..core.notebook import ShownAsText
+from ..core.plotting import draw
 from ..plant.plant import Plant
 from .limits import Exceedance, exceedances
 
@@ -134,12 +135,7 @@ class Trajectory(ShownAsText):
 
     def plot(self) -> Figure:
         """Current, speed, pressures, position over time; stuck phases shaded."""
-        from ..report.figures import trajectory_figure
-
-        system = self.plant.structure.system_name
-        if system != "ehsa":
-            raise InputError(f"{self.plant.name} is a {system!r} system; the figure of a run is made for 'ehsa' alone")
-        return trajectory_figure(self)
+        return draw(self)
 
     def summary(self) -> str:
         """Length, range of each state and sticking, without the limits that were passed."""

@@ -12,6 +12,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.log import CHANNELS
 from ...core.notebook import ShownAsText
+from ...core.plotting import draw
 from ...core.protocol import MEASURED, REFERENCE, Controller
 from .closed import INPUTS, OUTPUTS, closed_loop, closed_matrix, law_of
 from .frequency import discrete_response
@@ -100,9 +101,7 @@ class LoopAnalysis(ShownAsText):
 
     def plot(self) -> Figure:
         """Open loop over frequency with its margins; |S| and |T| with their peaks."""
-        from ...report.figures import loop_figure
-
-        return loop_figure(self)
+        return draw(self)
 
     def to_dict(self) -> dict[str, Any]:
         names = (

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.plotting import draw
 from ...core.protocol import Controller
 from .loop import LoopAnalysis, analyse_loop
 
@@ -114,9 +115,7 @@ class RobustMargins:
 
         Raises InputError where no loop is stable.
         """
-        from ...report.figures import robustness_figure
-
-        return robustness_figure(self)
+        return draw(self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a plant: stable, crossover [rad/s] and the margins in SI units (phase in deg)."""

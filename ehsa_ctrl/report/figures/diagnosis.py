@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from ...core.plotting import draw
 from ...diagnosis.diagnosis import Diagnosis
 from ..channel import shown
 from ..diagnosis_signals import Trace, after_model, after_words, traces, widest
@@ -29,6 +30,7 @@ HELD: dict[str, Any] = {"facecolor": "#ececec", "edgecolor": BLACK, "linewidth":
 CLOSE: dict[str, Any] = {"facecolor": BLUE, "alpha": 0.22, "linewidth": 0.0, "zorder": 0.5}
 
 
+@draw.register
 def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
     """A log with the free runs of the plant as believed and with the causes; where they are farthest off on the right.
 

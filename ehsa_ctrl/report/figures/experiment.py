@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ...core.plotting import draw
 from ...identification.experiment import Experiment
 from ...identification.uncertainty import POOR, WELL
 from ...plant.file import both
@@ -20,6 +21,7 @@ BAR, BETWEEN = 0.21, 0.55
 SMALLEST = 1e-3
 
 
+@draw.register
 def experiment_figure(experiment: Experiment) -> Figure:
     """Current [A], speed [rpm], pressures [bar] and position [mm] over time [s], and the expected sd [%] of each
     parameter: bars for the believed plant, ticks for the worst of its variations."""

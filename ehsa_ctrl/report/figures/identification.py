@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...core.errors import InputError
+from ...core.plotting import draw
 from ...identification.identification import Identification
 from ...identification.replay import Replay
 from ..channel import liveliest, shown
@@ -29,6 +30,7 @@ POINTS = 1500
 DRIVE: dict[str, Any] = {"color": BLUE, "linewidth": 0.9, "drawstyle": "steps-post"}
 
 
+@draw.register
 def identification_figure(identification: Identification, index: int = 0) -> Figure:
     """A log with the free runs of the plant as believed before and as identified; a detail on the right.
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ...core.plotting import draw
 from ...design.analysis.loop import LoopAnalysis
 from ..number import number
 from ..style import BLACK, BLUE, GREEN, VERMILION, style
@@ -24,6 +25,7 @@ HEIGHTS = (2.0, 1.8, 0.12, 1.8)
 BAR: dict[str, Any] = {"color": VERMILION, "linewidth": 3.0, "zorder": 3, "solid_capstyle": "butt"}
 
 
+@draw.register
 def loop_figure(loop: LoopAnalysis) -> Figure:
     """Open loop: gain [dB] and phase [deg] over frequency [rad/s]; below |S| and |T| [dB] with their peaks.
 

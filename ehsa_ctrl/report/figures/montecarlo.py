@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from ...core.plotting import draw
 from ...plant.file import both
 from ...scenario.montecarlo import MonteCarlo
 from ..number import number, unit
@@ -19,6 +20,7 @@ SHOWN, BINS = 4, 20
 PANEL, BELOW = 1.3, 0.45
 
 
+@draw.register
 def montecarlo_figure(result: MonteCarlo) -> Figure:
     """Share of runs that pass over each decisive parameter, with how many runs lie in each part of its range.
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...core.errors import InputError
+from ...core.plotting import draw
 from ...identification.replay import Replay
 from ..channel import liveliest, shown
 from .overlay import overlay_figure
@@ -39,3 +40,8 @@ def replay_figure(replays: Sequence[Replay], *, detail: bool = False) -> Figure:
                 panels[how.label][replay.plant.model] = np.asarray(replay.simulated[channel])[rows] / how.scale
     part = ", the second in which the drive varies most" if detail else ""
     return overlay_figure(log.time[rows], panels, title=f"{replays[0].plant.name} beside {log.name}{part}")
+
+
+@draw.register
+def _(replay: Replay) -> Figure:
+    return replay_figure([replay])

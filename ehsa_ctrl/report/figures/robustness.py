@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ...core.plotting import draw
 from ...design.analysis.loop import LoopAnalysis
 from ...design.analysis.robustness import RobustMargins
 from ..number import number
@@ -24,6 +25,7 @@ FLOOR = -25.0
 NAME = 62
 
 
+@draw.register
 def robustness_figure(robust: RobustMargins) -> Figure:
     """|S| (above) and |T| [dB] over frequency [rad/s]: the band of all plants, the first and the worst one.
 

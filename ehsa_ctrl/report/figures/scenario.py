@@ -6,9 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ...core.plotting import draw
 from ...scenario.result import ScenarioResult
 from ..style import GREY, PRESSURES, ROLES, SIGNALS, style
 from . import _panels as panel
+from .baseline import baseline_figure
 
 #: The two runs, as their lines are named.
 LABELS = {"linear": "linear prediction", "nonlinear": "nonlinear plant"}
@@ -71,3 +73,8 @@ def _current_limit(result: ScenarioResult, ax: Axes) -> None:
     for edge in (limit, -limit):
         if np.any(np.sign(edge) * result.nonlinear.asked >= limit * (1 - 1e-9)):
             ax.axhline(edge, color=GREY, linestyle=(0, (2, 2)), linewidth=1.0)
+
+
+@draw.register
+def _(result: ScenarioResult, view: str = "run") -> Figure:
+    return baseline_figure(result) if view == "baseline" else scenario_figure(result)

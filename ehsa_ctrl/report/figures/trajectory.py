@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
+from ...core.errors import InputError
+from ...core.plotting import draw
 from ...simulation.trajectory import Trajectory
 from ..style import PRESSURES, ROLES, SIGNALS, style
 from . import _panels as panel
 
 
+@draw.register
 def trajectory_figure(run: Trajectory) -> Figure:
     """Current [A], speed [rpm], both pressures [bar] and position [mm] over time [s].
 
     A strip shows when shaft and rod stick; the force from outside [kN] has a panel if there is one. Limits of the
     plant that the run passed are lines, with a cross at the first sample beyond.
+
+    Raises InputError for a plant of another system than the EHSA, whose signals are others.
     """
+    system = run.plant.structure.system_name
+    if system != "ehsa":
+        raise InputError(f"{run.plant.name} is a {system!r} system; the figure of a run is made for 'ehsa' alone")
     names = ["current", "omega", "pressures", "x"] + (["force"] if run.outer_force.any() else [])
     contacts = [contact.name for contact in run.plant.structure.system.contacts]
     heights = [panel.PANEL] * len(names) + [panel.ROW * len(contacts)]
