@@ -56,12 +56,12 @@ assert runs["linear"]["x"].max() > 2 * runs["nonlinear"]["x"].max()  # friction:
 log, _ = e.record(nonlinear, *e.excitation("noise", amplitude=3.0, duration=20.0), centre=True)
 steps, _ = e.record(nonlinear, *e.excitation("steps", amplitude=1.5, duration=4.0), seed=1, centre=True)
 coin = np.random.default_rng(0)
-believed = nonlinear.set(**{name: nonlinear[name] * coin.choice([0.7, 1.3]) for name in nonlinear.free})
-print(f"\n30 % off: {e.replay(believed, steps)}")
-for finding in e.check_log(log, believed):
+nominal = nonlinear.set(**{name: nonlinear[name] * coin.choice([0.7, 1.3]) for name in nonlinear.free})
+print(f"\n30 % off: {e.replay(nominal, steps)}")
+for finding in e.check_log(log, nominal):
     print(finding)
 
-found = e.identify(believed, log, validate=[steps])
+found = e.identify(nominal, log, validate=[steps])
 print(found)
 assert found.explained
 save(found.plot(), FOLDER / "2_identified")

@@ -79,7 +79,7 @@ def command(
     from ..design.review import review as look_through
     from ..plant.conditions import conditions
     from ..plant.plant import load_plant
-    from .output import rests_on, to_json, warn_unbelieved
+    from .output import rests_on, to_json, warn_implausible
 
     if model not in ("linear", "nonlinear"):
         raise InputError(f"--model {model!r}: expected linear or nonlinear")
@@ -100,12 +100,12 @@ def command(
         ends = [f"-{Path(name).stem}" for name in names] if len(names) > 1 else [""] * len(names)
         figures = ["bode", *(f"{word}{end}" for word in ("loop", "nyquist") for end in ends)]
         place = ResultFolder(out, "analyse", force).check("analysis.json", "report.html", figures=figures)
-    believed = read_pairs(settings)
-    loaded = load_plant(plant, model=model, settings=believed)  # type: ignore[arg-type]
-    warn_unbelieved([loaded])
+    pairs = read_pairs(settings)
+    loaded = load_plant(plant, model=model, settings=pairs)  # type: ignore[arg-type]
+    warn_implausible([loaded])
     system = conditions(positions=[at[0].position], velocities=[at[0].velocity])[0].model(loaded)
     analysis = analyse(system)
-    known = _known(plant, loaded, believed)
+    known = _known(plant, loaded, pairs)
     models = {}
     if many:
         from ..plant.draws import draw, drawn_models, read_covariance

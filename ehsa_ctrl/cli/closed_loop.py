@@ -103,7 +103,7 @@ def case_of(scenario: str, controller: str | None, plant: Plant) -> Case:
     return prepare(loaded, controller=controller, plant=plant.path)
 
 
-def check_replay(case: Case, believed: Plant, log: Log) -> None:
+def check_replay(case: Case, nominal: Plant, log: Log) -> None:
     """Raises InputError for a log that can't have been recorded under this loop."""
     from ..plant.file import both
 
@@ -114,11 +114,11 @@ def check_replay(case: Case, believed: Plant, log: Log) -> None:
             f"{where}: is sampled every {log.sample_time:g} s, controller {case.controller.name} every {dt:g} s; leave "
             "--replay out, or give the log that this loop recorded"
         )
-    symbols = _symbols(case, believed)
+    symbols = _symbols(case, nominal)
     for symbol, value in symbols.items():
-        if not np.isclose(believed[symbol], value, rtol=1e-9, atol=0.0):
+        if not np.isclose(nominal[symbol], value, rtol=1e-9, atol=0.0):
             raise InputError(
-                f"--replay: {both(symbol)} is {value:g} in scenario {case.scenario.name} and {believed[symbol]:g} as "
+                f"--replay: {both(symbol)} is {value:g} in scenario {case.scenario.name} and {nominal[symbol]:g} as "
                 "believed of the log; say the same of both with --set"
             )
 

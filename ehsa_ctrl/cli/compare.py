@@ -61,24 +61,24 @@ def command(
     from ..identification.checks import check_log, refuse
     from ..identification.record import untold
     from ..identification.replay import fit_words, replay
-    from .output import rests_on, to_json, warn, warn_unbelieved
+    from .output import rests_on, to_json, warn, warn_implausible
     from .prepared import read_prepared
     from .progress import compiling
 
-    believed = load_models(plant, model, read_pairs(settings))
-    warn_unbelieved(believed)
+    nominal = load_models(plant, model, read_pairs(settings))
+    warn_implausible(nominal)
     place = None
     if out is not None:
         place = ResultFolder(out, "compare", force).check(
             "comparison.json", "compare.csv", "report.html", figures=["compare"]
         )
-    last = believed[-1]
+    last = nominal[-1]
     preparation = read_preparation(start, stop, zero, rest, resample, align)
     with compiling():
         raw, ready, steps = read_prepared(log, last, preparation)
         findings = check_log(ready, last)
         refuse(ready, (finding for finding in findings if finding.kind == "time_unit"))
-        replays = [replay(each, ready) for each in believed]
+        replays = [replay(each, ready) for each in nominal]
     if all(run.stopped for run in replays):
         for finding in findings:
             warn(str(finding))
@@ -99,7 +99,7 @@ def command(
         "untold": cannot_tell,
         "assumed": [name for name, p in last.parameters.items() if p.source == "assumed"],
         "provenance": replays[0].provenance,
-        "rests_on": rests_on(believed, [log]),
+        "rests_on": rests_on(nominal, [log]),
     }
     for finding in findings:
         warn(str(finding))

@@ -74,7 +74,7 @@ def command(
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
     from ..scenario.carried import carrier
-    from .output import rests_on, to_json, warn_unbelieved
+    from .output import rests_on, to_json, warn_implausible
 
     if output is not None and output.suffix != ".toml":
         raise InputError(f"-o {output}: expected a file that ends in .toml")
@@ -103,16 +103,16 @@ def command(
     name = output.stem if output is not None else f"{kind}_designed"
     content["title"] = title or f"{kind} designed for {plant}"
     content.pop("note", None)
-    believed = read_pairs(settings)
-    loaded = load_plant(plant, model="linear", settings=believed)
-    warn_unbelieved([loaded])
+    pairs = read_pairs(settings)
+    loaded = load_plant(plant, model="linear", settings=pairs)
+    warn_implausible([loaded])
     system = three_state(loaded)
     own: dict[str, Any] = {}
     begins: dict[str, str] = {}
     left: list[str] = []
     # A controller of the user's own was chosen for who knows which plant.
     if is_shipped("controllers", begun):
-        to_plant = carrier(plant, believed)
+        to_plant = carrier(plant, pairs)
         own, left = to_plant.changes(content, leaves(chosen.file)), to_plant.unknown(content)
         content = put(content, chosen, {key: str(value) for key, value in own.items()})
         # A [tuning] that the options begin has a default of its own.
@@ -122,7 +122,7 @@ def command(
             own["tuning.noise_gain"] = begins["tuning.noise_gain"] = to_plant.carry("tuning.noise_gain", usual)
     found = design(name, chosen, content, system, figures=figures, asked=begins | asked)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
-    words += [f"{key} = {text} believed" for key, text in believed.items()]
+    words += [f"{key} = {text} believed" for key, text in pairs.items()]
     comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'nothing in particular'}."]
     if own:
         said = ", ".join(f"{key} {value}" for key, value in own.items() if key not in asked)
@@ -134,7 +134,7 @@ def command(
     result: dict[str, Any] = {
         "plant": plant,
         "kind": kind,
-        "settings": believed,
+        "settings": pairs,
         "asked": {**figures, **asked},
         "from_plant": own,
         "controller": str(output) if output is not None else None,

@@ -94,7 +94,7 @@ def command(
     from ..core.errors import InputError
     from ..core.written import ResultFolder
     from ..plant.plant import load_plant, models_of
-    from .output import to_json, warn_unbelieved
+    from .output import to_json, warn_implausible
     from .prepared import sentences
 
     if model not in ("linear", "nonlinear"):
@@ -111,24 +111,24 @@ def command(
     if replay and (start is not None or stop is not None):
         raise InputError("--replay holds the log against the scenario from its first second; leave --from and --to out")
     preparation = read_preparation(start, stop, zero, rest, resample, align)
-    believed = load_plant(plant, model=model, settings=read_pairs(settings))  # type: ignore[arg-type]
-    warn_unbelieved([believed])
+    nominal = load_plant(plant, model=model, settings=read_pairs(settings))  # type: ignore[arg-type]
+    warn_implausible([nominal])
     if len(logs) > 1:
         from .diagnose_batch import diagnose_batch
 
         diagnose_batch(
-            believed, logs, preparation, threshold=threshold, jobs=-1 if jobs is None else jobs, backend=backend,
+            nominal, logs, preparation, threshold=threshold, jobs=-1 if jobs is None else jobs, backend=backend,
             address=address, check=not unchecked, out=out, force=force, as_json=as_json, write=_write,
         )  # fmt: skip
         return
     place = None
     if out is not None:
         place = ResultFolder(out, "diagnose", force).check(
-            *names_of(believed, before is not None, scenario is not None),
+            *names_of(nominal, before is not None, scenario is not None),
             figures=[*FIGURES, *(["closed_loop"] if scenario is not None else [])],
         )
     found, change, closed, steps = _found(
-        believed, logs[0], validate, before, scenario, controller, preparation, replay=replay, threshold=threshold,
+        nominal, logs[0], validate, before, scenario, controller, preparation, replay=replay, threshold=threshold,
         jobs=jobs, check=not unchecked,
     )  # fmt: skip
     if place is not None:
@@ -159,7 +159,7 @@ def _improved(out: Path, found: Diagnosis) -> Path | None:
 
 
 def _found(
-    believed: Plant,
+    nominal: Plant,
     log: Path,
     validate: Path | None,
     before: Path | None,
@@ -186,7 +186,7 @@ def _found(
 
     def ready(path: Path, how: Preparation) -> Log:
         with compiling():
-            read = read_prepared(path, believed, how)
+            read = read_prepared(path, nominal, how)
         steps.extend(read.cautioned())
         return read.log
 
@@ -194,20 +194,20 @@ def _found(
     second = ready(validate, whole(preparation)) if validate is not None else None
     earlier = ready(before, whole(preparation)) if before is not None else None
     # What is wrong with the scenario is said before the long work and not after it.
-    case = case_of(scenario, controller, believed) if scenario is not None else None
+    case = case_of(scenario, controller, nominal) if scenario is not None else None
     if case is not None and replay:
-        check_replay(case, believed, measured)
-    missing = untold(measured, believed)
+        check_replay(case, nominal, measured)
+    missing = untold(measured, nominal)
     if "force" in missing:
         warn(missing["force"])
     change = None
     with compiling(), counting() as watch:
         if earlier is not None:
-            change = what_changed(believed, earlier, measured, threshold=threshold, jobs=jobs, watch=watch, check=check)
+            change = what_changed(nominal, earlier, measured, threshold=threshold, jobs=jobs, watch=watch, check=check)
             found = change.after
         else:
             found = diagnose(
-                believed, measured, validate=second, threshold=threshold, jobs=jobs, watch=watch, check=check
+                nominal, measured, validate=second, threshold=threshold, jobs=jobs, watch=watch, check=check
             )
         words = ("believed", "improved") if change is None else ("before", "after")
         closed = close(case, found, replay=replay, words=words) if case is not None else None

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def diagnose_batch(
-    believed: Plant,
+    nominal: Plant,
     logs: Sequence[Path],
     preparation: Preparation,
     *,
@@ -63,10 +63,10 @@ def diagnose_batch(
         place = ResultFolder(out, "diagnose_batch", force=True).check("summary.json", "summary.csv", "report.html")
         if force or not file.exists():
             for folder in folders.values():
-                ResultFolder(out / folder, "diagnose", force).check(*names_of(believed), figures=FIGURES)
+                ResultFolder(out / folder, "diagnose", force).check(*names_of(nominal), figures=FIGURES)
 
     with compiling():
-        ready, steps = _prepared(believed, logs, preparation)
+        ready, steps = _prepared(nominal, logs, preparation)
 
     def keep(name: str, found: Diagnosis) -> None:
         if out is not None:
@@ -75,11 +75,11 @@ def diagnose_batch(
 
     with compiling(), counting() as watch:
         batch = diagnose_many(
-            believed, ready, threshold=threshold, check=check, jobs=jobs, backend=backend, address=address, file=file,
+            nominal, ready, threshold=threshold, check=check, jobs=jobs, backend=backend, address=address, file=file,
             anew=force, watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
         )  # fmt: skip
     done = [step for name in map(str, logs) for step in steps.get(name, ())]
-    summary = {**batch.to_dict(), "preparation": done, "rests_on": rests_on([believed], logs)}
+    summary = {**batch.to_dict(), "preparation": done, "rests_on": rests_on([nominal], logs)}
     if place is not None:
         from ..report.result_page import write_result_page
 
@@ -99,7 +99,7 @@ def diagnose_batch(
 
 
 def _prepared(
-    believed: Plant, logs: Sequence[Path], how: Preparation
+    nominal: Plant, logs: Sequence[Path], how: Preparation
 ) -> tuple[list[Path | Log], dict[str, list[dict[str, Any]]]]:
     """The logs as they are used, and what was done to each; one that can't be read is left as a path."""
     from .prepared import prepared, read_raw
@@ -108,12 +108,12 @@ def _prepared(
     steps: dict[str, list[dict[str, Any]]] = {}
     for path in logs:
         try:
-            raw = read_raw(path, believed, how)
+            raw = read_raw(path, nominal, how)
         except InputError:
             ready.append(path)
             continue
         try:
-            read = prepared(raw, believed, how)
+            read = prepared(raw, nominal, how)
         except InputError as error:
             where = "" if str(error).startswith(str(path)) else f"{path}: "
             raise InputError(f"{where}{error}") from None

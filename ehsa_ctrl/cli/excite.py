@@ -53,14 +53,14 @@ def command(
     from ..core.written import ResultFolder
     from ..identification.experiment import design_experiment
     from ..plant.plant import load_plant
-    from .output import rests_on, to_json, warn, warn_unbelieved
+    from .output import rests_on, to_json, warn, warn_implausible
     from .progress import compiling, counting
 
     if model not in ("linear", "nonlinear"):
         raise InputError(f"--model {model!r}: expected linear or nonlinear")
     pairs = read_pairs(settings)
     loaded = load_plant(plant, model=model, settings=pairs)  # type: ignore[arg-type]
-    warn_unbelieved([loaded])
+    warn_implausible([loaded])
     place = None
     if out is not None:
         place = ResultFolder(out, "excite", force).check(
@@ -112,14 +112,14 @@ def command(
 def next_commands(found: Experiment, plant: str, settings: dict[str, str], out: Path | None) -> list[str]:
     """What to call next: the virtual bench with this current, then identification from its log."""
     folder = out or Path("results/excite")
-    believed = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
+    set_options = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
     model = ["--model", found.plant.model]
     bench = folder / "bench"
-    simulate = ["ehsa-ctrl", "simulate", plant, "--input", str(folder / "current.csv"), *model, *believed]
+    simulate = ["ehsa-ctrl", "simulate", plant, "--input", str(folder / "current.csv"), *model, *set_options]
     simulate += [*(["--centre"] if found.centre else []), "--out", str(bench)]
     free = [p.name for p in found.forecast.fit.parameters]
     more = [name for name in free if name not in found.plant.free]
     less = [name for name in found.plant.free if name not in free]
-    identify = ["ehsa-ctrl", "identify", str(bench / "log.csv"), "--plant", plant, *model, *believed]
+    identify = ["ehsa-ctrl", "identify", str(bench / "log.csv"), "--plant", plant, *model, *set_options]
     identify += [*(["--free", ",".join(more)] if more else []), *(["--fix", ",".join(less)] if less else [])]
     return [shlex.join(simulate), shlex.join(identify)]

@@ -46,13 +46,13 @@ def command(
     from ..design.load import load_controller
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
-    from .output import to_json, warn_unbelieved
+    from .output import to_json, warn_implausible
     from .progress import compiling
 
-    believed = read_pairs(settings)
-    system = three_state(load_plant(plant, model="linear", settings=believed))
-    checked = load_plant(plant, model="nonlinear", settings=believed)
-    warn_unbelieved([checked])
+    pairs = read_pairs(settings)
+    system = three_state(load_plant(plant, model="linear", settings=pairs))
+    checked = load_plant(plant, model="nonlinear", settings=pairs)
+    warn_implausible([checked])
     chosen = load_controller(controller, system, sample_time=checked.sample_time)
     ResultFolder(out, "export", force).check("controller.c", *FILES)
     with compiling():
@@ -64,7 +64,7 @@ def command(
         result = {
             "controller": chosen.name,
             "plant": plant,
-            "settings": believed,
+            "settings": pairs,
             "samples": len(reference),
             "samples_limited": limited,
             "samples_lost": lost,

@@ -35,13 +35,13 @@ def command(
     from ..plant.plant import load_plant
     from ..simulation.fmu.export import export_fmu
     from ..simulation.fmu.variables import variables_of
-    from .output import to_json, warn_unbelieved
+    from .output import to_json, warn_implausible
 
     if model not in ("linear", "nonlinear"):
         raise InputError(f"--model {model!r}: expected linear or nonlinear")
-    believed = read_pairs(settings)
-    loaded = load_plant(plant, model=model, settings=believed)  # type: ignore[arg-type]
-    warn_unbelieved([loaded])
+    pairs = read_pairs(settings)
+    loaded = load_plant(plant, model=model, settings=pairs)  # type: ignore[arg-type]
+    warn_implausible([loaded])
     path = out
     if out.suffix == ".fmu":
         export_fmu(loaded, out, force=force)
@@ -55,7 +55,7 @@ def command(
         result = {
             "plant": plant,
             "model": model,
-            "settings": believed,
+            "settings": pairs,
             "fmu": str(path),
             "fmi": "2.0 co-simulation",
             "step": loaded.sample_time,

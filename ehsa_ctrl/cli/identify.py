@@ -108,11 +108,11 @@ def command(
     ehsa-ctrl identify log.csv --plant ehsa --model both --set load.stiffness=50e3 --out results/rig
     """
     from ..core.written import ResultFolder
-    from .output import rests_on, to_json, warn, warn_unbelieved
+    from .output import rests_on, to_json, warn, warn_implausible
     from .progress import compiling, watching
 
     models = _models(plant, model, read_pairs(settings))
-    warn_unbelieved(models)
+    warn_implausible(models)
     if linear not in ("keep", "sliding"):
         raise InputError(f"--linear {linear!r}: expected keep or sliding")
     if linear == "sliding" and model != "nonlinear":
@@ -131,12 +131,12 @@ def command(
     preparation = read_preparation(start, stop, zero, rest, resample, align)
     results = []
     with compiling(), watching() as watch:
-        for believed in models:
+        for nominal in models:
             results.append(
                 _one(
-                    believed, logs, validate, preparation, watch,
+                    nominal, logs, validate, preparation, watch,
                     names(free), names(fix), bounds, prior, method, window, starts, seed, names(profiles),
-                    believed is models[0],
+                    nominal is models[0],
                 )
             )  # fmt: skip
     answer = {**results[-1][1], "plant": plant, "settings": read_pairs(settings)}
@@ -150,7 +150,7 @@ def command(
             result[1]["assumed_ranges"] = [drift.to_dict() for drift in tried]
         answer["assumed_ranges"] = results[-1][1]["assumed_ranges"]
     if len(results) > 1:
-        answer["models"] = {believed.model: result[1] for believed, result in zip(models, results, strict=True)}
+        answer["models"] = {nominal.model: result[1] for nominal, result in zip(models, results, strict=True)}
     found = [result[0] for result in results]
     findings = dict.fromkeys(str(finding) for each in found for finding in each.findings)
     for finding in findings:
@@ -193,7 +193,7 @@ def _models(plant: str, model: str, settings: dict[str, str]) -> list[Plant]:
 
 
 def _one(
-    believed: Plant,
+    nominal: Plant,
     logs: list[Path],
     validate: list[Path],
     preparation: Preparation,
@@ -220,9 +220,9 @@ def _one(
     missing: dict[str, str] = {}
 
     def ready(path: Path, how: Preparation) -> Log:
-        read = read_prepared(path, believed, how, tell=tell)
+        read = read_prepared(path, nominal, how, tell=tell)
         steps.extend(read.stated)
-        missing.update(untold(read.log, believed))
+        missing.update(untold(read.log, nominal))
         return read.log
 
     used = [ready(path, preparation) for path in logs]
@@ -233,16 +233,16 @@ def _one(
         low, colon, high = pair.partition(":")
         if not colon:
             raise InputError(f"--bounds {text!r}: expected KEY=LOW:HIGH, as in --bounds K_T=0.9:1.5")
-        limits[key] = (read_quantity(believed, key, low), read_quantity(believed, key, high))
+        limits[key] = (read_quantity(nominal, key, low), read_quantity(nominal, key, high))
     priors: dict[str, float | None] = {}
     for text in prior:
         key, equals, value = text.partition("=")
-        priors[key] = read_quantity(believed, key, value) if equals else None
+        priors[key] = read_quantity(nominal, key, value) if equals else None
     found = identify(
-        believed, used, validate=held_out, free=free, fix=fix, bounds=limits, priors=priors, method=method,
+        nominal, used, validate=held_out, free=free, fix=fix, bounds=limits, priors=priors, method=method,
         window=window, starts=starts, seed=seed, watch=watch,
     )  # fmt: skip
-    answer = {**found.to_dict(), "model": believed.model, "preparation": steps, "untold": list(missing.values())}
+    answer = {**found.to_dict(), "model": nominal.model, "preparation": steps, "untold": list(missing.values())}
     if profiles:
         lines = [profile(found, name) for name in profiles]
         answer["profiles"] = {

@@ -75,7 +75,7 @@ def command(
         raise InputError(f"--confidence {confidence:g}: expected more than 0 and less than 1")
     if require is not None and not 0.0 <= require <= 1.0:
         raise InputError(f"--require {require:g}: expected a probability, 0 to 1")
-    believed = read_pairs(settings)
+    pairs = read_pairs(settings)
     chosen: list[str | None] = [None]
     if controller is not None:
         chosen = [name.strip() for name in controller.split(",") if name.strip()]
@@ -90,7 +90,7 @@ def command(
         with compiling(), counting() as watch:
             result = monte_carlo(
                 scenario, runs=runs, seed=seed, controller=name, plant=plant, design=design,
-                settings=believed, identification=identification, jobs=jobs, backend=backend, address=address,
+                settings=pairs, identification=identification, jobs=jobs, backend=backend, address=address,
                 file=out / f"{stem}.jsonl", anew=force,
                 watch=watch and (lambda done, total, stem=stem: watch(stem, done, total)),
             )  # fmt: skip

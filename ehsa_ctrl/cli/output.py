@@ -49,9 +49,9 @@ def to_json(value: Any) -> str:
     return json.dumps(plain(value), indent=2)
 
 
-def warn_unbelieved(plants: Iterable[Plant]) -> None:
+def warn_implausible(plants: Iterable[Plant]) -> None:
     """Say which values were set outside the range in which a plant's file believes them."""
-    for sentence in dict.fromkeys(sentence for plant in plants for sentence in plant.unbelieved):
+    for sentence in dict.fromkeys(sentence for plant in plants for sentence in plant.implausible):
         warn(sentence)
 
 

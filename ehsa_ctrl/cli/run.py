@@ -97,7 +97,7 @@ def command(
     if update_baselines and not reason.strip() and not sys.stdin.isatty():
         raise InputError("--update-baselines changes what counts as right: say why with --reason TEXT")
 
-    believed = read_pairs(settings)
+    changes = read_pairs(settings)
     names = scenarios or _all(catalogue.folders)
     chosen: list[str | None] = [None]
     if controller is not None:
@@ -123,10 +123,10 @@ def command(
     todo = [(name, other) for name in names for other in chosen]
     try:
         with compiling():
-            results = list(_run_all(todo, plant, design, jobs, assumed, believed))
+            results = list(_run_all(todo, plant, design, jobs, assumed, changes))
     except KeyboardInterrupt:
         raise KeyboardInterrupt("results are written when all scenarios are done; nothing is kept") from None
-    for sentence in dict.fromkeys(sentence for result in results for sentence in result.plant.unbelieved):
+    for sentence in dict.fromkeys(sentence for result in results for sentence in result.plant.implausible):
         warn(sentence)
     if update_baselines:
         results = _update(results, reason, out, quiet=as_json)

@@ -43,7 +43,7 @@ def command(
     from ..plant.plant import load_plant
     from ..simulation.bench import record
     from ..simulation.excitation import excitation as make
-    from .output import rests_on, to_json, warn_unbelieved
+    from .output import rests_on, to_json, warn_implausible
     from .prepared import say_notes
     from .progress import compiling
 
@@ -52,7 +52,7 @@ def command(
     if (input_file is None) == (excitation is None):
         raise InputError("give either --input current.csv or --excitation noise|steps|sine|ramp|chirp|multisine")
     loaded = load_plant(plant, model=model, settings=read_pairs(settings))  # type: ignore[arg-type]
-    warn_unbelieved([loaded])
+    warn_implausible([loaded])
     if input_file is not None:
         given = read_log(input_file, ["current"])
         say_notes(given)

@@ -121,10 +121,10 @@ def diagnose(
         Bench(train, metric, nominal_parameters.loose(loose)), (), {},
         {name: column * loose for name, column in columns.items()}, steps=8, fresh=2,
     )  # fmt: skip
-    believed = {"fitted": fitted.gap({}), "held": held.gap({})}
+    nominal_gaps = {"fitted": fitted.gap({}), "held": held.gap({})}
     shaken = judge.shaken[0]
     expected = float(np.mean(metric.noise_squares)) + shaken.square
-    weighed = weigh(judged, judge.floor, judge.most, threshold, believed, expected, shaken.gap)
+    weighed = weigh(judged, judge.floor, judge.most, threshold, nominal_gaps, expected, shaken.gap)
     location = locate(plant, log, noise)
     return _written(plant, weighed, search, judge, held, bare, free, location, common, began)
 
@@ -230,7 +230,7 @@ def _written(
     # What no log can tell apart makes a set too.
     verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
     following = deciding_experiment(weighed, search, common["noise_sd"])
-    changed = {n: v for n, v in chosen.fit.values.items() if v != _believed(judge, n)}
+    changed = {n: v for n, v in chosen.fit.values.items() if v != _nominal_value(judge, n)}
     caveats = [EFFECTS[id].caveat for id, _ in chosen.causes if named]
     findings = tuple(dict.fromkeys([*common["findings"], *filter(None, caveats)]))
     common = {**common, "findings": findings}
@@ -293,7 +293,7 @@ def _bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[s
     return bound
 
 
-def _believed(judge: Judge, name: str) -> float:
+def _nominal_value(judge: Judge, name: str) -> float:
     """What a symbol or a sensor's word is without the hypothesis."""
     plant = judge.search.bench.twin.plant
     if name in plant.parameters:

@@ -79,7 +79,7 @@ class Nominal:
     """The nominal parameters that every hypothesis may move a little: names, believed values, prior deviations."""
 
     names: tuple[str, ...]
-    believed: np.ndarray
+    values: np.ndarray
     sd: np.ndarray
 
     @classmethod
@@ -121,7 +121,7 @@ class Nominal:
 
     def loose(self, factor: float) -> Nominal:
         """The same with priors that are wider by a factor."""
-        return Nominal(self.names, self.believed, self.sd * factor)
+        return Nominal(self.names, self.values, self.sd * factor)
 
 
 @dataclass
@@ -203,7 +203,7 @@ def frees_of(nominal: Nominal, suspects: Sequence[Suspect]) -> tuple[Free, ...]:
     names, by_factors = {free.name for free in own}, wears()
     rest = [
         Free(name, value, sd, 0.0 if name in by_factors else value / WRONG)
-        for name, value, sd in zip(nominal.names, nominal.believed, nominal.sd, strict=True)
+        for name, value, sd in zip(nominal.names, nominal.values, nominal.sd, strict=True)
         if name not in names
     ]
     return (*own, *rest)
@@ -225,25 +225,25 @@ def refit(
     fresh: after so many steps all derivatives are taken anew (0: never).
     """
     frees = frees_of(bench.nominal, suspects)
-    believed = np.array([f.believed for f in frees])
+    nominal = np.array([f.nominal for f in frees])
     scale = np.array([f.scale for f in frees])
     lower, upper = np.array([f.lower for f in frees]), np.array([f.upper for f in frees])
     names = [f.name for f in frees]
-    x = np.array([start.get(f.name, f.believed) for f in frees])
+    x = np.array([start.get(f.name, f.nominal) for f in frees])
     own = sum(len(s.free) for s in suspects)
 
     def setting(x: np.ndarray) -> dict[str, float]:
         return dict(zip(names, x.tolist(), strict=True))
 
     def pull(x: np.ndarray) -> np.ndarray:
-        return np.asarray((x[own:] - believed[own:]) / scale[own:])
+        return np.asarray((x[own:] - nominal[own:]) / scale[own:])
 
     def cost_of(r: np.ndarray, x: np.ndarray) -> float:
         p = pull(x)
         return TEMPER * bench.loss(r) + float(p @ p)
 
     def column(i: int, x: np.ndarray) -> tuple[dict[str, float], float]:
-        h = 0.3 * scale[i] if i < own else min(0.3 * scale[i], STEP * abs(believed[i]))
+        h = 0.3 * scale[i] if i < own else min(0.3 * scale[i], STEP * abs(nominal[i]))
         if x[i] + h > upper[i]:
             h = -h
         moved = x.copy()

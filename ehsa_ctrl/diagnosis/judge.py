@@ -188,7 +188,7 @@ class Judge:
         groups: dict[Key, set[str]] = {s.key: set(s.names) for s in fit.suspects}
         ids = ids_of(self.search.bench.twin.plant)
         for f in fit.frees[fit.own :]:
-            if not self.lumped and abs(fit.values[f.name] - f.believed) > FAR * f.scale:
+            if not self.lumped and abs(fit.values[f.name] - f.nominal) > FAR * f.scale:
                 groups.setdefault((ids[f.name], None), set()).add(f.name)
         settings = [{n: v for n, v in fit.values.items() if n not in names} for names in groups.values()]
         out: dict[Key, dict[str, float]] = {key: {} for key in groups}

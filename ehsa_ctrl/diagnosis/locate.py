@@ -99,21 +99,21 @@ def locate(plant: Plant, log: Log, noise: Mapping[str, float]) -> Location:
     measured = {c: undo_sensor(plant, log, c) for c in plant.structure.system.outputs if c in log.channels}
     gap = SquaredGap(measured, noise, dt)
     case = Injections(plant, log, current, start, noise, gap, outside)
-    believed = case.run([{}])[0]
-    base = gap.energy(believed)
+    nominal = case.run([{}])[0]
+    base = gap.energy(nominal)
     gap.whole = max(float(base.sum()), 1e-300)
-    worth = {frozenset[str](): Trial(base, 1.0, {}, believed), **case.sets()}
+    worth = {frozenset[str](): Trial(base, 1.0, {}, nominal), **case.sets()}
     best = min(worth.values(), key=lambda trial: trial.cost)
     sensor = suspected_sensor(gap, [worth[frozenset()], best])
-    odd = impossible(gap, believed, base)
+    odd = impossible(gap, nominal, base)
     right = None
     if sensor is not None:
         channel = sensor.channel
         fixed = replace(log, channels={**log.channels, channel: sensor.undone(log[channel], dt)})
         corrected = {**measured, channel: undo_sensor(plant, fixed, channel)}
         other = gap.other(corrected)
-        left = other.energy(believed)
-        alone = Trial(left, float(left.sum()) / gap.whole + SENSOR_PRICE, {}, believed)
+        left = other.energy(nominal)
+        alone = Trial(left, float(left.sum()) / gap.whole + SENSOR_PRICE, {}, nominal)
         # Where balances are silent a sensor has few rivals: it has to explain most of the gap by itself.
         if not case.silent or float(left.sum()) < 0.3 * gap.whole:
             worth[frozenset({"sensor"})] = alone
@@ -243,9 +243,9 @@ def _seen_by_the_cell(case: Injections) -> float | None:
 
 
 def _over_time(
-    case: Injections, where: Injections, believed: Trial, best: Trial
+    case: Injections, where: Injections, nominal: Trial, best: Trial
 ) -> tuple[tuple[float, float, float], ...]:
-    before, after = case.gap.errors(believed.run), where.gap.errors(best.run)
+    before, after = case.gap.errors(nominal.run), where.gap.errors(best.run)
     floor = np.array([case.gap.noise[n] ** 2 / case.gap.power[n] for n in case.gap.names])[:, None]
     size = max(int(round(STRETCH / case.log.sample_time)), 1)
     edges = np.arange(0, len(case.log), size)

@@ -48,12 +48,12 @@ def with_angle(plant: Plant, log: Log, like: Log | None = None) -> Log:
         return log
     log = _turning(log)
     moves, lacks = _lacking(plant, log)
-    believed = ripple_of(plant) > 0.0
-    order = plant["n_c"] if believed else _plain_order(log, moves, lacks)
+    in_plant = ripple_of(plant) > 0.0
+    order = plant["n_c"] if in_plant else _plain_order(log, moves, lacks)
     if order is None or np.count_nonzero(moves) < ENOUGH:
         return log
     log = _kept_in_phase(log, order, moves, lacks)
-    wanted = plant["phi_c"] if believed else None
+    wanted = plant["phi_c"] if in_plant else None
     if wanted is None and like is not None and ANGLE in like.channels:
         there, lacking = _lacking(plant, like)
         wanted = _phase(like, order, np.flatnonzero(there), lacking) if there.any() else None

@@ -241,8 +241,8 @@ class Rivals:
         common = len(asked)
         for i, values in enumerate(self.hypotheses.values()):
             for name, value in values.items():
-                believed = _believed(self.plant, name)
-                change = value - believed if np.isfinite(believed) else value
+                neutral = _nominal_value(self.plant, name)
+                change = value - neutral if np.isfinite(neutral) else value
                 if abs(change) <= FAR * prior.get(name, 0.0) or name in outputs.change or not np.isfinite(value):
                     continue
                 # Towards what is neutral, where every number is allowed.
@@ -257,7 +257,7 @@ class Rivals:
         return nominal, own
 
 
-def _believed(plant: Plant, name: str) -> float:
+def _nominal_value(plant: Plant, name: str) -> float:
     """What a symbol or a sensor's word is without a candidate."""
     if name in plant.parameters:
         return plant[name]

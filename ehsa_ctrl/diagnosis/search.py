@@ -76,20 +76,20 @@ class Search:
         def one(item: tuple[Suspect, tuple[float, ...]]) -> Response | None:
             suspect, start = item
             values = dict(zip(suspect.names, start, strict=True))
-            moved = [np.isfinite(f.believed) for f in suspect.free]
+            moved = [np.isfinite(f.nominal) for f in suspect.free]
             nested = all(moved) and not suspect.shaped
             if nested:
                 settings = []
                 steps = []
                 for f in suspect.free:
-                    h = max(start[suspect.names.index(f.name)] - f.believed, 0.0) or f.scale
-                    settings.append({**at, f.name: f.believed + h})
+                    h = max(start[suspect.names.index(f.name)] - f.nominal, 0.0) or f.scale
+                    settings.append({**at, f.name: f.nominal + h})
                     steps.append(h / f.scale)
                 columns = {}
                 for f, h, r in zip(suspect.free, steps, self.bench.residuals(settings), strict=True):
                     if r is not None:
                         columns[f.name] = (r - zero) / h
-                return Response(suspect, {f.name: f.believed for f in suspect.free}, zero, columns) if columns else None
+                return Response(suspect, {f.name: f.nominal for f in suspect.free}, zero, columns) if columns else None
             base = self.bench.residuals([{**at, **values}])[0]
             if base is None:
                 return None
@@ -124,7 +124,7 @@ class Search:
             nuisance = fit.jacobian
             r = fit.residual
             taken = [f.name for f in fit.frees[:own]]
-            pull = np.array([(fit.values[f.name] - f.believed) / f.scale for f in fit.frees])
+            pull = np.array([(fit.values[f.name] - f.nominal) / f.scale for f in fit.frees])
             pull[:own] = 0.0
         ridge = np.where(np.arange(nuisance.shape[1]) < own, 1e-6, 1.0)
         names = [f.name for f in fit.frees] if fit is not None else list(self.bench.nominal.names)
@@ -203,7 +203,7 @@ class Search:
         self.fit(tasks, "single effects", steps=3)
         # Whoever holds the nominal parameters can't explain less than they do alone.
         worse = [fit for fit in self.best(1) if fit.cost > null.cost and not fit.suspects[0].shaped]
-        worse = [fit for fit in worse if all(np.isfinite(f.believed) for f in fit.suspects[0].free)]
+        worse = [fit for fit in worse if all(np.isfinite(f.nominal) for f in fit.suspects[0].free)]
         self.fit([(fit.suspects, null.values) for fit in worse], "single effects", steps=3)
         self.settle(self.best()[0])
         self.finish(self.best(1)[:FINISHED])
@@ -278,7 +278,7 @@ class Search:
 
 def pulls(fit: Refit) -> float:
     """Sum of squares of how far the nominal parameters went, in prior deviations."""
-    return float(sum(((fit.values[f.name] - f.believed) / f.scale) ** 2 for f in fit.frees[fit.own :]))
+    return float(sum(((fit.values[f.name] - f.nominal) / f.scale) ** 2 for f in fit.frees[fit.own :]))
 
 
 def key_of(suspects: Sequence[Suspect]) -> Key:
@@ -293,6 +293,6 @@ def _start(response: Response, step: np.ndarray, values: Mapping[str, float]) ->
         out[f.name] = response.values[f.name]
     for name, z in zip(response.columns, step, strict=True):
         f = next(f for f in response.suspect.free if f.name == name)
-        at = f.believed if response.suspect.shaped else response.values[name]
+        at = f.nominal if response.suspect.shaped else response.values[name]
         out[name] = float(np.clip(at + z * f.scale, f.lower, f.upper))
     return out

@@ -58,13 +58,13 @@ def suspected_sensor(gap: SquaredGap, trials: Sequence[Trial]) -> SensorError | 
     return best[1]
 
 
-def impossible(gap: SquaredGap, believed: Mapping[str, np.ndarray], base: Energy) -> tuple[SensorError, Trial] | None:
+def impossible(gap: SquaredGap, nominal: Mapping[str, np.ndarray], base: Energy) -> tuple[SensorError, Trial] | None:
     """A sensor that errs as the plant can't: one signal alone is off, or both pressures jump together.
 
     The plant couples its signals, so that a free run that meets all but one shows what that one's sensor did. Both
     pressures rise together only as fast as oil flows in; what comes and goes from sample to sample is not oil.
     """
-    errors = gap.errors(believed)
+    errors = gap.errors(nominal)
     if len(gap.names) < 2:
         return None
     tries: list[tuple[tuple[str, ...], float]] = [
@@ -79,7 +79,7 @@ def impossible(gap: SquaredGap, believed: Mapping[str, np.ndarray], base: Energy
     found = None
     for names, price in tries:
         left = np.where([n in names for n in gap.names], 0.0, base)
-        trial = Trial(left, float(left.sum()) / gap.whole + price, {}, dict(believed))
+        trial = Trial(left, float(left.sum()) / gap.whole + price, {}, dict(nominal))
         if found is None or trial.cost < found[1].cost:
             channels = ["position" if n == "rod_velocity" else n for n in names]
             found = (SensorError(" and ".join(channels), 0.0, 1.0, 0.0, 0.0), trial)

@@ -180,9 +180,9 @@ class Twin:
         """What drove the rig (N,) when this was logged, a ripple that is followed among it."""
         drive, system = self._asked, self.plant.structure.system
         if any(values.get(f"{word}.{system.drive}") for word in ("delay", "filter")):
-            believed = self._believed(system.drive, values)
+            nominal = self._nominal_sensor(system.drive, values)
             held = system.hold == "zero_order"
-            drive = undone(believed, self.log[system.drive], self.log.sample_time, held=held)
+            drive = undone(nominal, self.log[system.drive], self.log.sample_time, held=held)
         if ANGLE not in self.log.channels:
             return drive
         amplitude, order, phase, K_T = (values.get(name, self.plant[name]) for name in ("T_c", "n_c", "phi_c", "K_T"))
@@ -200,9 +200,9 @@ class Twin:
         return out
 
     def _sensor(self, channel: str, signal: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
-        return shown(self._believed(channel, values), signal, self.log.sample_time)
+        return shown(self._nominal_sensor(channel, values), signal, self.log.sample_time)
 
-    def _believed(self, channel: str, values: Mapping[str, float]) -> Sensor:
+    def _nominal_sensor(self, channel: str, values: Mapping[str, float]) -> Sensor:
         """A channel's sensor in a setting: delays and filters come on top of what the plant's has already."""
         sensor = self.plant.sensors.get(channel) or Sensor(channel, "A")
         return replace(

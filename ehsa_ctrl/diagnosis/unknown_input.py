@@ -31,7 +31,7 @@ _RESIDUALS = {
     "flow_1": (("flow__flow_1",), -1.0, None),
     "flow_2": (("flow__flow_2",), -1.0, None),
     "force": (
-        ("force__carriage_force", "force, load as believed__believed_force", "force__take_off_force"),
+        ("force__carriage_force", "force, nominal load__nominal_load_force", "force__take_off_force"),
         1.0,
         "rod",
     ),

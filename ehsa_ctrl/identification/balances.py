@@ -51,7 +51,7 @@ class Estimated:
     value: float
     sd: float
     unit: str
-    believed: float
+    nominal: float
     balance: str
 
 
@@ -96,12 +96,13 @@ class BalanceEstimate(ShownAsText):
         import pandas
 
         rows = [vars(parameter) for parameter in self.parameters.values()]
-        return pandas.DataFrame(rows, columns=["name", "value", "sd", "unit", "believed", "balance"]).set_index("name")
+        table = pandas.DataFrame(rows, columns=["name", "value", "sd", "unit", "nominal", "balance"])
+        return table.rename(columns={"nominal": "believed"}).set_index("name")
 
     def __str__(self) -> str:
         lines = [f"{self.plant.name} ({self.plant.model}) from its balances, {self.method}"]
         for p in self.parameters.values():
-            lines.append(f"  {p.name:<8} {p.value:>12.5g} +- {p.sd:<9.2g} {p.unit:<12} believed {p.believed:.5g}")
+            lines.append(f"  {p.name:<8} {p.value:>12.5g} +- {p.sd:<9.2g} {p.unit:<12} believed {p.nominal:.5g}")
         lines += [f"  {name:<8} not determined: {why}" for name, why in self.undetermined.items()]
         for fit in self.balances:
             lines.append(
@@ -283,7 +284,7 @@ def _rows(
         if contact.name in balance.contacts and plant.structure.law(contact).sticks:
             usable &= data.slides[contact.name]
     evaluate = array_evaluator(equations, (*residuals, *extra))
-    believed = evaluate(known)
+    nominal = evaluate(known)
     base = evaluate({**known, **dict.fromkeys(free, 0.0)})
     columns = []
     for name in free:
@@ -291,8 +292,8 @@ def _rows(
         columns.append([one[residual] - base[residual] for residual in residuals])
     parts = []
     for number, (residual, term) in enumerate(zip(residuals, balance.terms, strict=True)):
-        size = believed[term]
-        shut = usable & (believed[balance.closed[number]] == 0.0) if balance.closed else usable
+        size = nominal[term]
+        shut = usable & (nominal[balance.closed[number]] == 0.0) if balance.closed else usable
         table = np.column_stack(
             [np.broadcast_to(v, samples) for v in (base[residual], size, *(column[number] for column in columns))]
         )

@@ -16,7 +16,7 @@ from .units import gear
 
 #: Agreement of rates with a free run from which on a sample time is believed, and by how much another is better: with
 #: nothing beside it, and where the rod's travel says the same.
-BELIEVED, BETTER, SURE = 0.5, 0.25, 0.1
+PLAUSIBLE, BETTER, SURE = 0.5, 0.25, 0.1
 #: Units of time, in s, that are tried.
 UNITS = {60.0: "minutes", 1e-3: "ms"}
 #: A sample time is tried within this factor of the plant's.
@@ -42,11 +42,11 @@ def wrong_clock(plant: Plant, log: Log) -> str:
         scales = [scale for scale in scales if 0.8 < scale / pumped < 1.25] or travel
     scales = [scale for scale in scales if 1.0 / FARTHEST < scale / ratio < FARTHEST and not 0.9 < scale < 1.1]
     at_hand = _agreement(plant, log, 1.0)
-    if not scales or (not pumped and at_hand > BELIEVED):
+    if not scales or (not pumped and at_hand > PLAUSIBLE):
         return ""
     agreements = {scale: _agreement(plant, log, scale) for scale in scales}
     best = max(agreements, key=lambda scale: agreements[scale])
-    if agreements[best] < max(BELIEVED, at_hand + (SURE if pumped else BETTER)):
+    if agreements[best] < max(PLAUSIBLE, at_hand + (SURE if pumped else BETTER)):
         return ""
     at = plant.log.get("t")
     column, mapped = (at.column, at.scale) if at is not None else ("t", 1.0)

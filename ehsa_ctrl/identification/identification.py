@@ -81,7 +81,7 @@ class Identification(ShownAsText):
     """
 
     plant: Plant
-    believed: Plant
+    nominal: Plant
     method: Literal["simulation", "balances"]
     estimates: tuple[Estimate, ...]
     beside: tuple[Estimate, ...]

@@ -120,7 +120,7 @@ def identify(
     whole = search is None or all(len(piece) == len(piece.log) for piece in search.long)
     return Identification(
         plant=identified,
-        believed=plant,
+        nominal=plant,
         method=chosen,
         estimates=primary,
         beside=beside,

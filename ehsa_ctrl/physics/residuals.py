@@ -28,7 +28,7 @@ def rod_force(F_P: float, F_FR: float, force_measured: float, M: float, v_rate: 
     return F_P - F_FR - force_measured - M * v_rate
 
 
-def believed_force(F_P: float, F_FR: float, F_EXT: float, M: float, m_L: float, v_rate: float) -> float:
+def nominal_load_force(F_P: float, F_FR: float, F_EXT: float, M: float, m_L: float, v_rate: float) -> float:
     """Equation (5) with friction (10), F_EXT as the load's parameters say: where there is no load cell [N]."""
     return F_P - F_FR - F_EXT - (M + m_L) * v_rate
 

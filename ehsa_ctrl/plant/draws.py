@@ -178,7 +178,7 @@ def _values(
     return values
 
 
-def believed_range(plant: Plant, name: str) -> tuple[float, float]:
+def plausible_range(plant: Plant, name: str) -> tuple[float, float]:
     """Least and largest value that a parameter is believed to have, and that is physically possible."""
     parameter = plant.parameters[name]
     (kind,) = [kind for kind in plant.structure.equations.parameters if kind.name == name]
@@ -189,7 +189,7 @@ def believed_range(plant: Plant, name: str) -> tuple[float, float]:
 
 
 def _inside(plant: Plant, name: str, value: float) -> bool:
-    lower, upper = believed_range(plant, name)
+    lower, upper = plausible_range(plant, name)
     return bool(lower <= value <= upper)
 
 

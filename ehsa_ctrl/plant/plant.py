@@ -142,7 +142,7 @@ class Plant(ShownAsText):
         return np.array([self[start[name]] if name in start else 0.0 for name in states])
 
     @property
-    def unbelieved(self) -> tuple[str, ...]:
+    def implausible(self) -> tuple[str, ...]:
         """Sentences on values that were set for one run and lie outside the range in which the file believes them, or
         so far from the file's own that another unit must be meant."""
         return tuple(

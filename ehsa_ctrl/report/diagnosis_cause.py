@@ -24,7 +24,7 @@ class Number:
     name: str
     value: str
     unit: str
-    believed: str
+    nominal: str
     meaning: str
 
 
@@ -99,11 +99,11 @@ def _number(diagnosis: Diagnosis, cause: Cause, name: str, found: Estimated) -> 
     own = {parameter.name: parameter for parameter in EFFECTS[cause.id].parameters}
     meanings = {kind.name: kind.meaning for kind in plant.structure.equations.parameters}
     usual, scale = read(found) if name in own else (found.unit, 1.0)
-    believed = plant[name] if name in plant.parameters else own[name].neutral if name in own else math.inf
+    nominal = plant[name] if name in plant.parameters else own[name].neutral if name in own else math.inf
     meaning = own[name].meaning if name in own else meanings.get(name, "")
     return Number(
         both(name), uncertain(found.value / scale, found.sd / scale), unit(usual),
-        "not there" if math.isinf(believed) else number(believed / scale), meaning,
+        "not there" if math.isinf(nominal) else number(nominal / scale), meaning,
     )  # fmt: skip
 
 
@@ -111,9 +111,9 @@ def _sensor_number(plant: Plant, id: str, channel: str, found: Estimated) -> Num
     word = EFFECTS[id].sensor or ""
     usual, scale = read(found)
     sensor = plant.sensors.get(channel, Sensor(channel, found.unit))
-    believed = {"bias": sensor.bias, "scale": sensor.scale, "delay": sensor.delay, "filter": sensor.filter}[word]
+    nominal = {"bias": sensor.bias, "scale": sensor.scale, "delay": sensor.delay, "filter": sensor.filter}[word]
     value = uncertain(found.value / scale, found.sd / scale)
-    return Number(word, value, unit(usual), number(believed / scale), f"{word} of the sensor of {channel}")
+    return Number(word, value, unit(usual), number(nominal / scale), f"{word} of the sensor of {channel}")
 
 
 def read(found: Estimated) -> tuple[str, float]:

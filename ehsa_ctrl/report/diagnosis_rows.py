@@ -117,11 +117,11 @@ def noise(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
 
 def changes(change: Change) -> list[tuple[str, str, str, str]]:
     """Symbol, value as believed, value of the rig when the first log was made, unit; of what differs."""
-    believed, rig = change.before.plant, change.rig
+    nominal, rig = change.before.plant, change.rig
     return [
-        (both(name), number(believed[name]), number(parameter.value), unit(parameter.unit))
+        (both(name), number(nominal[name]), number(parameter.value), unit(parameter.unit))
         for name, parameter in rig.parameters.items()
-        if name in believed.parameters and abs(parameter.value - believed[name]) > 1e-6 * abs(believed[name])
+        if name in nominal.parameters and abs(parameter.value - nominal[name]) > 1e-6 * abs(nominal[name])
     ]
 
 

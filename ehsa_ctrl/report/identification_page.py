@@ -215,7 +215,7 @@ def write_identification_page(
 
 def _files(identifications: Sequence[Identification]) -> list[tuple[str, str]]:
     runs = [run for found in identifications for run in (*found.train.after, *found.validation.after)]
-    return hashes([*(run.log.path for run in runs), *(found.believed.path for found in identifications)])
+    return hashes([*(run.log.path for run in runs), *(found.nominal.path for found in identifications)])
 
 
 def _headline(identifications: Sequence[Identification]) -> str:

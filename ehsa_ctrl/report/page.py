@@ -185,7 +185,7 @@ class Run:
     def facts(self) -> list[tuple[str, str]]:
         """What was run, whatever the controller."""
         definition = self.result.scenario.definition
-        believed = ", ".join(f"{key} = {value}" for key, value in definition.all_settings.items())
+        changes = ", ".join(f"{key} = {value}" for key, value in definition.all_settings.items())
         given = ", ".join(f"{key} = {value}" for key, value in self.result.settings.items())
         forces = ", ".join(
             f"{quantity(step.force, 'N')} from {quantity(step.start, 's')}"
@@ -197,7 +197,7 @@ class Run:
         plant = self.result.plant
         return [
             ("plant", f"{plant.name}: {plant.title}"),
-            ("set in this scenario", believed or "nothing; the plant as its file has it"),
+            ("set in this scenario", changes or "nothing; the plant as its file has it"),
             *([("set for this run alone", given)] if given else []),
             ("force on the rod", forces or "none"),
             ("faults", faults or "none"),

@@ -38,7 +38,7 @@ class SwingTable:
         return [(name, unit(METRICS[name].shown)) for name in self.metrics]
 
     @property
-    def believed(self) -> list[str]:
+    def nominal(self) -> list[str]:
         return [_read(name, self.result.metrics[name][1]) for name in self.metrics]
 
     @property

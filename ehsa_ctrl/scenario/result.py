@@ -202,7 +202,7 @@ class ScenarioResult:
             "linear_model_passed_limits": [str(item) for item in self.linear.trajectory.exceeded],
             "assumed": {p.name: p.value for p in self._numbers if p.source == "assumed"},
             "assumed_ranges": None if self.swings is None else [swing.to_dict() for swing in self.swings],
-            "warnings": list(self.plant.unbelieved),
+            "warnings": list(self.plant.implausible),
             "seed": self.scenario.definition.sensors.seed,
             "seconds": self.seconds,
             "provenance": versions(),

@@ -130,10 +130,10 @@ def prepare(
         base = _of_model("design", design, "linear") or load_plant(designed, model="linear")
         model = three_state(base)
         linear = with_settings(base, _known_to_linear(definition, base))
-        believed = _of_model("plant", plant, "nonlinear") or load_plant(checked, model="nonlinear")
-        nonlinear = with_settings(believed, definition.all_settings)
+        nominal = _of_model("plant", plant, "nonlinear") or load_plant(checked, model="nonlinear")
+        nonlinear = with_settings(nominal, definition.all_settings)
         if isinstance(law, Path):
-            require_within(law, read_controller(law, base.sample_time)[1], believed)
+            require_within(law, read_controller(law, base.sample_time)[1], nominal)
         chosen: Controller = load_controller(law, model, sample_time=base.sample_time) if isinstance(law, Path) else law
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
@@ -195,7 +195,7 @@ def run(
     """
     begun = clock.perf_counter()
     case = prepare(scenario, controller=controller, plant=plant, design=design, settings=settings)
-    loops = [case.loop(believed) for believed in (case.linear, case.nonlinear)]
+    loops = [case.loop(model) for model in (case.linear, case.nonlinear)]
     loops = [loop.first(min(len(other.trajectory) for other in loops)) for loop in loops]
     predicted, outcome = (case.metrics(loop) for loop in loops)
     result = ScenarioResult(

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from ..core.errors import InputError, shown
-from ..plant.draws import believed_range, read_covariance
+from ..plant.draws import plausible_range, read_covariance
 from ..plant.file import both, key_of, symbol_of
 from ..plant.plant import Plant, read_settings
 
@@ -103,7 +103,7 @@ def uncertainty_of(
     found: dict[str, Uncertain] = {}
     for name, p in plant.parameters.items():
         if p.sd is not None and 0.0 < p.sd < np.inf:
-            found[name] = Uncertain(name, p.value, *believed_range(plant, name), sd=p.sd, unit=p.unit)
+            found[name] = Uncertain(name, p.value, *plausible_range(plant, name), sd=p.sd, unit=p.unit)
         elif np.isfinite([p.lower, p.upper]).all() and p.lower < p.upper and p.source != "given":
             found[name] = Uncertain(name, p.value, p.lower, p.upper, unit=p.unit)
     together: dict[tuple[str, str], float] = {}
@@ -150,7 +150,7 @@ def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, U
     if not 0.0 <= sd < np.inf:
         raise InputError(f"[spread] {key}: {given!r}; a standard deviation must be at least 0")
     return name, Uncertain(
-        name, plant[name], *believed_range(plant, name), sd=sd, unit=plant.parameters[name].unit
+        name, plant[name], *plausible_range(plant, name), sd=sd, unit=plant.parameters[name].unit
     ) if sd > 0 else None
 
 
@@ -168,7 +168,7 @@ def _covariance(plant: Plant, path: Path) -> tuple[dict[str, Uncertain], dict[tu
         (a, b): float(covariance[i, j] / (sd[i] * sd[j])) for i, a in enumerate(names) for j, b in enumerate(names)
     }
     estimated = {
-        name: Uncertain(name, plant[name], *believed_range(plant, name), float(deviation), plant.parameters[name].unit)
+        name: Uncertain(name, plant[name], *plausible_range(plant, name), float(deviation), plant.parameters[name].unit)
         for name, deviation in zip(names, sd, strict=True)
     }
     return estimated, correlation

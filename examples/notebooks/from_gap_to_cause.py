@@ -47,9 +47,9 @@ plt.rcParams.update(RC)
 # truth in tables, and at the end what it does under a controller.
 
 # %%
-believed = e.load_plant("ehsa", settings={"load.stiffness": "50 kN/m"})
+nominal = e.load_plant("ehsa", settings={"load.stiffness": "50 kN/m"})
 a_little_off = {"K_T": 0.985, "J_M": 1.015, "A_FM": 1.01, "B_FR": 1.02, "K_S": 0.99}
-sound = believed.set(**{name: factor * believed[name] for name, factor in a_little_off.items()})
+sound = nominal.set(**{name: factor * nominal[name] for name, factor in a_little_off.items()})
 rig = sound.with_effects("pump_torque_loss", c_f=0.12)
 
 
@@ -69,8 +69,8 @@ def bench(plant, time, current, name, seed):
 
 
 bench(rig, *drive(seed=1), "rig.csv", seed=1)
-log = e.read_plant_log("rig.csv", believed)
-replay = e.replay(believed, log)
+log = e.read_plant_log("rig.csv", nominal)
+replay = e.replay(nominal, log)
 replay
 
 # %% [markdown]
@@ -88,11 +88,11 @@ def gaps(plant, log):
     return {signal: 100.0 * value for signal, value in found.items()}
 
 
-believed_gap = gaps(believed, log)
-assert 10.0 < believed_gap["total"] < 20.0
-pd.DataFrame(
-    {"gap, %": believed_gap, "with the five numbers put right": gaps(believed.set(**sound.values), log)}
-).round(1)
+nominal_gap = gaps(nominal, log)
+assert 10.0 < nominal_gap["total"] < 20.0
+pd.DataFrame({"gap, %": nominal_gap, "with the five numbers put right": gaps(nominal.set(**sound.values), log)}).round(
+    1
+)
 
 # %% [markdown]
 # The left column is what one sees. The right one is what one would see if the five numbers were put right and nothing else:
@@ -104,7 +104,7 @@ pd.DataFrame(
 # parameters may follow a little*; it fits on two thirds of the log and judges on the last third.
 
 # %%
-diagnosis = e.diagnose(believed, log)
+diagnosis = e.diagnose(nominal, log)
 assert diagnosis.verdict == "effect" and [cause.id for cause in diagnosis.effects] == ["pump_torque_loss"]
 print(diagnosis.sentence)
 
@@ -211,14 +211,14 @@ shrinkage_figure(diagnosis)
 # wherever they like.
 
 # %%
-refit = believed.set(**{name: v for name, v in diagnosis.values["refit"].items() if name in believed.parameters})
+refit = nominal.set(**{name: v for name, v in diagnosis.values["refit"].items() if name in nominal.parameters})
 closed = 1.0 - diagnosis.gap["refit"]["total"] / diagnosis.gap["nominal"]["total"]
 print(f"a refit alone closes {100 * closed:.0f} % of the gap on held-out data,")
 print(f"that is {100 * cause.absorbed_by_refit:.0f} % of what the cause closes")
 assert cause.absorbed_by_refit > 0.6
 
 names = ["K_T", "A_FR", "C_FR", "B_FR", "tau_FR", "K_L", "M", "A_FM"]
-table = pd.DataFrame({"believed": believed.values, "refit": refit.values, "truth": rig.values}).loc[names]
+table = pd.DataFrame({"believed": nominal.values, "refit": refit.values, "truth": rig.values}).loc[names]
 table["refit off by %"] = (100 * (table["refit"] / table["truth"] - 1)).round(0)
 assert abs(table.loc["A_FR", "refit off by %"]) > 20 and abs(table.loc["B_FR", "refit off by %"]) > 20
 table
@@ -234,9 +234,9 @@ table
 # %%
 FORCE = 4000.0
 time, current = drive(seed=7)
-bench(rig.set(F_0=FORCE), time, current + motion_current(believed)["load"] * FORCE, "loaded.csv", seed=9)
-loaded = e.read_plant_log("loaded.csv", believed)
-plants = {"believed": believed, "refit": refit, "improved": diagnosis.improved}
+bench(rig.set(F_0=FORCE), time, current + motion_current(nominal)["load"] * FORCE, "loaded.csv", seed=9)
+loaded = e.read_plant_log("loaded.csv", nominal)
+plants = {"believed": nominal, "refit": refit, "improved": diagnosis.improved}
 elsewhere = pd.DataFrame({name: gaps(plant.set(F_0=FORCE), loaded) for name, plant in plants.items()}).T
 assert elsewhere.loc["refit", "total"] > 3 * elsewhere.loc["improved", "total"]
 print("gap against 4 kN, %")
@@ -290,7 +290,7 @@ for line in difflib.unified_diff(before, after, lineterm="", n=0):
 # %%
 late = sound.with_effects("drive_lag", tau_I=0.006)
 bench(late, *e.excitation("sine", amplitude=1.6, duration=8.0), "sine.csv", seed=3)
-unsure = e.diagnose(believed, e.read_plant_log("sine.csv", believed))
+unsure = e.diagnose(nominal, e.read_plant_log("sine.csv", nominal))
 named = {unsure.effects[0].id, *unsure.effects[0].ambiguous_with}
 assert unsure.verdict == "ambiguous" and named == {"drive_lag", "drive_delay"}
 print(unsure.sentence)
@@ -315,7 +315,7 @@ print(experiment)
 # %%
 n = 2001
 bench(late, experiment.sample_time * np.arange(n), experiment.current[:n], "next.csv", seed=5)
-decided = e.diagnose(believed, e.read_plant_log("next.csv", believed))
+decided = e.diagnose(nominal, e.read_plant_log("next.csv", nominal))
 assert decided.verdict == "effect" and decided.effects[0].id == "drive_lag"
 lag = decided.effects[0].parameters["tau_I"]
 assert abs(lag.value - 0.006) < 2e-4
@@ -359,7 +359,7 @@ def of_moves(run):
     }
 
 
-plants = {"believed": believed, "refit": refit, "corrected": corrected, "the rig": rig}
+plants = {"believed": nominal, "refit": refit, "corrected": corrected, "the rig": rig}
 loops = {name: follow(shipped, plant) for name, plant in plants.items()}
 table = pd.DataFrame({name: of_moves(run) for name, run in loops.items()}).T
 real = ends(loops["the rig"])

@@ -61,9 +61,9 @@ steps = bench("steps", 1.5, 4.0, seed=1)
 sine = bench("sine", 1.5, 4.0, seed=2)
 
 coin = np.random.default_rng(0)
-believed = truth.set(**{name: truth[name] * coin.choice([0.7, 1.3]) for name in truth.free})
+nominal = truth.set(**{name: truth[name] * coin.choice([0.7, 1.3]) for name in truth.free})
 
-replays = {"noise": e.replay(believed, noise), "steps": e.replay(believed, steps), "sine": e.replay(believed, sine)}
+replays = {"noise": e.replay(nominal, noise), "steps": e.replay(nominal, steps), "sine": e.replay(nominal, sine)}
 print("fit of the believed plant in free run, %")
 pd.DataFrame({name: run.fit_percent for name, run in replays.items()}).T.round(1)
 
@@ -87,7 +87,7 @@ exchanged = with_channels(noise, p1=noise["p2"], p2=noise["p1"])
 
 for name, log in {"as it is": noise, "p1 turned": turned, "pressures exchanged": exchanged}.items():
     print(f"{name}:")
-    for finding in e.check_log(log, believed) or ["nothing found"]:
+    for finding in e.check_log(log, nominal) or ["nothing found"]:
         print("   ", finding)
 
 # %% [markdown]
@@ -96,7 +96,7 @@ for name, log in {"as it is": noise, "p1 turned": turned, "pressures exchanged":
 
 # %%
 try:
-    e.identify(believed, exchanged)
+    e.identify(nominal, exchanged)
 except e.InputError as error:
     print(error)
 
@@ -108,7 +108,7 @@ except e.InputError as error:
 # both have come to the same minimum.
 
 # %%
-found = e.identify(believed, noise, validate=[steps, sine])
+found = e.identify(nominal, noise, validate=[steps, sine])
 assert found.explained and all(row.identifiable for row in found.estimates)
 found
 
@@ -244,10 +244,10 @@ e.forecast(found.plant, noise.time, noise["current"], free=["load.preload", "loa
 
 # %%
 ramp = bench("ramp", 1.6, 4.0, seed=3, centre=False)
-for finding in e.check_log(ramp, believed):
+for finding in e.check_log(ramp, nominal):
     print(finding)
 
-by_ramp = e.identify(believed, ramp, starts=3)  # more of them end no better
+by_ramp = e.identify(nominal, ramp, starts=3)  # more of them end no better
 assert by_ramp["M"].sd > 3 * found["M"].sd
 table = by_ramp.to_pandas()[["value", "sd", "verdict"]]
 table["truth"] = [truth[name] for name in table.index]

@@ -130,11 +130,11 @@ def test_a_shorter_step_changes_less_than_the_noise(rig):
 def test_every_effect_grows_from_little_to_a_gap(id):
     """At the small end of its range an effect moves the signals less than at the large end, which makes a gap."""
     spring = 5e4 if id in ("backlash", "load_spring") else 0.0
-    believed = Rig(K_S=spring)
+    nominal = Rig(K_S=spring)
     current = sine(1500 if id == "viscosity_warmup" else 400, 2.2)
-    conditions = Conditions(np.random.default_rng(1), simulate(believed, current).samples, spring)
+    conditions = Conditions(np.random.default_rng(1), simulate(nominal, current).samples, spring)
     effect = draw_effect(id, conditions)
-    yardstick = Yardstick(believed, current)
+    yardstick = Yardstick(nominal, current)
 
     small, large = (gap.largest(yardstick.measure(effect, s).alone) for s in (effect.smallest, effect.largest))
 

@@ -165,18 +165,18 @@ def test_bad_arguments_are_sentences(plant, files):
 @pytest.mark.slow
 def test_processes_find_what_this_one_finds(tmp_path):
     """A leak and a log without a gap, diagnosed on two workers: the same rows as one by one."""
-    believed = ehsa_ctrl.load_plant("ehsa").set(K_S=50e3)
+    nominal = ehsa_ctrl.load_plant("ehsa").set(K_S=50e3)
     time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=5.0, seed=1)
     logs = []
-    for name, rig in (("fine", believed), ("leak", believed.set(K_L=8 * believed["K_L"]))):
+    for name, rig in (("fine", nominal), ("leak", nominal.set(K_L=8 * nominal["K_L"]))):
         ehsa_ctrl.record(rig, time, current, seed=2, centre=True)[0].write(tmp_path / f"{name}.csv")
         logs.append(tmp_path / f"{name}.csv")
 
-    found = diagnose_many(believed, logs, jobs=2)
+    found = diagnose_many(nominal, logs, jobs=2)
 
     assert [row.verdict for row in found.rows] == ["no_gap", "effect"]
     assert found.rows[1].cause == "internal_leakage"
-    alone = ehsa_ctrl.diagnose(believed, ehsa_ctrl.read_plant_log(logs[1], believed), jobs=1)
+    alone = ehsa_ctrl.diagnose(nominal, ehsa_ctrl.read_plant_log(logs[1], nominal), jobs=1)
     assert found.rows[1].gap_after == pytest.approx(alone.gap["with_effects"]["total"], rel=1e-6)
     assert found.diagnoses[str(logs[1])].to_dict()["effects"] == alone.to_dict()["effects"]
 

@@ -44,11 +44,11 @@ def test_what_both_logs_show_is_no_change(plant):
     """Rod friction is off in both logs, leakage in the second alone: leakage is what changed, and its size is found.
 
     Against the plant as believed the second log shows the friction too."""
-    believed = plant.set(K_S=50e3)
-    worn = believed.set(A_FR=1.5 * believed["A_FR"])
-    leaking = worn.set(K_L=6.0 * believed["K_L"])
+    nominal = plant.set(K_S=50e3)
+    worn = nominal.set(A_FR=1.5 * nominal["A_FR"])
+    leaking = worn.set(K_L=6.0 * nominal["K_L"])
 
-    found = what_changed(believed, record(worn, 1), record(leaking, 2), jobs=1)
+    found = what_changed(nominal, record(worn, 1), record(leaking, 2), jobs=1)
 
     assert "rod_friction" in {name for cause in found.before.effects for name in (cause.id, *cause.ambiguous_with)}
     assert [cause.id for cause in found.new] == ["internal_leakage"]
@@ -60,25 +60,25 @@ def test_what_both_logs_show_is_no_change(plant):
 @pytest.mark.slow
 def test_nothing_changed(plant):
     """Two logs of a rig with numbers that are a little off, and no gap: it is refitted, and the second has no gap."""
-    believed = plant.set(K_S=50e3)
-    rig = believed.set(B_FR=1.05 * believed["B_FR"], J_M=0.97 * believed["J_M"])
+    nominal = plant.set(K_S=50e3)
+    rig = nominal.set(B_FR=1.05 * nominal["B_FR"], J_M=0.97 * nominal["J_M"])
 
-    found = what_changed(believed, record(rig, 1), record(rig, 2), jobs=1)
+    found = what_changed(nominal, record(rig, 1), record(rig, 2), jobs=1)
 
     assert found.before.verdict == found.after.verdict == "no_gap"
     assert found.sentence.startswith("Nothing that matters changed")
-    assert found.rig.structure == believed.structure
-    assert abs(found.rig["J_M"] / rig["J_M"] - 1.0) < abs(believed["J_M"] / rig["J_M"] - 1.0)
+    assert found.rig.structure == nominal.structure
+    assert abs(found.rig["J_M"] / rig["J_M"] - 1.0) < abs(nominal["J_M"] / rig["J_M"] - 1.0)
 
 
 def test_the_second_log_is_held_against_the_first_ones_plant(plant, monkeypatch):
     """With the causes that the first shows; what is told of progress says which log it is about."""
     improved, seen, told = plant.set(K_L=4e-12), [], []
 
-    def diagnose(believed, log, *, threshold, jobs, watch, check):
-        seen.append((believed["K_L"], log))
+    def diagnose(nominal, log, *, threshold, jobs, watch, check):
+        seen.append((nominal["K_L"], log))
         watch("pairs", 1, 2)
-        return diagnosis(believed, improved=improved if len(seen) == 1 else None)
+        return diagnosis(nominal, improved=improved if len(seen) == 1 else None)
 
     monkeypatch.setattr(module, "diagnose", diagnose)
     first, second = log(), log()
@@ -110,11 +110,11 @@ def test_what_is_said(plant):
 def test_bristles_that_were_found_stay(plant):
     """A rod that yields before it slides is a gap; the plant that the diagnosis gives yields too, so that a second log
     has none."""
-    believed = plant.set(K_S=50e3)
-    bristles = {"sigma_0_FR": 2e6, "sigma_1_FR": float(np.sqrt(2e6 * believed["M"]))}
-    rig = believed.with_structure(replace(believed.structure, rod_friction="lugre"), **bristles)
+    nominal = plant.set(K_S=50e3)
+    bristles = {"sigma_0_FR": 2e6, "sigma_1_FR": float(np.sqrt(2e6 * nominal["M"]))}
+    rig = nominal.with_structure(replace(nominal.structure, rod_friction="lugre"), **bristles)
 
-    found = what_changed(believed, record(rig, 1), record(rig, 2), jobs=1)
+    found = what_changed(nominal, record(rig, 1), record(rig, 2), jobs=1)
 
     assert "presliding" in {name for cause in found.before.effects for name in (cause.id, *cause.ambiguous_with)}
     assert found.after.verdict == "no_gap"

@@ -42,49 +42,47 @@ def found(plant, log):
 
 
 @pytest.fixture(scope="module")
-def believed():
+def nominal():
     return ehsa_ctrl.load_plant("ehsa", settings={"load.stiffness": 50e3})
 
 
-def test_unknown_inputs_of_the_true_plant_vanish(believed):
+def test_unknown_inputs_of_the_true_plant_vanish(nominal):
     """Without noise every balance of the plant that made a log closes within a hundredth of its leading term."""
     current = drive(4.0)
-    run = simulate(believed, current, sample_time=DT)
-    shown = {c: run[s] for c, s in believed.structure.system.outputs.items()}
+    run = simulate(nominal, current, sample_time=DT)
+    shown = {c: run[s] for c, s in nominal.structure.system.outputs.items()}
     log = Log(DT * np.arange(current.size), {**shown, "current": current})
 
-    w = unknown_inputs(believed, signals_of(believed, log, current, {})).values
+    w = unknown_inputs(nominal, signals_of(nominal, log, current, {})).values
 
     leading = {
-        "torque": believed["K_T"] * current,
-        "flow_1": believed["D"] * shown["speed"],
-        "force": believed["A"] * (shown["p1"] - shown["p2"]),
+        "torque": nominal["K_T"] * current,
+        "flow_1": nominal["D"] * shown["speed"],
+        "force": nominal["A"] * (shown["p1"] - shown["p2"]),
     }
     for name, term in leading.items():
         assert np.nanmedian(np.abs(w[name])) < 0.01 * np.std(term)
 
 
-def test_a_flow_put_in_moves_the_pressure_as_oil_does(believed):
+def test_a_flow_put_in_moves_the_pressure_as_oil_does(nominal):
     """Oil pushed into chamber 1 of a resting, sticking rod raises its pressure by beta volume / V."""
     samples, flow = 51, 1e-9
     zero = np.zeros(samples)
-    softness = {"flow_1": np.full(samples - 1, believed["V_10"] / believed["beta"])}
+    softness = {"flow_1": np.full(samples - 1, nominal["V_10"] / nominal["beta"])}
 
-    run = run_with(believed.set(K_L=0.0), zero, believed.rest, DT, [{"flow_1": np.full(samples - 1, flow)}], softness)[
-        0
-    ]
+    run = run_with(nominal.set(K_L=0.0), zero, nominal.rest, DT, [{"flow_1": np.full(samples - 1, flow)}], softness)[0]
 
-    rise = flow * DT * (samples - 1) * believed["beta"] / believed["V_10"]
-    assert run["p1"][-1] - believed["P_0"] == pytest.approx(rise, rel=1e-6)
-    assert run["p2"][-1] == pytest.approx(believed["P_0"], rel=1e-9)
+    rise = flow * DT * (samples - 1) * nominal["beta"] / nominal["V_10"]
+    assert run["p1"][-1] - nominal["P_0"] == pytest.approx(rise, rel=1e-6)
+    assert run["p2"][-1] == pytest.approx(nominal["P_0"], rel=1e-9)
 
 
-def test_a_constant_force_is_found_with_its_size(believed):
+def test_a_constant_force_is_found_with_its_size(nominal):
     """400 N on the rod that nobody believes in: force, constant, 400 N."""
     current = drive()
-    log = with_current(logged(believed, current, force=np.full(current.size, 400.0)), current)
+    log = with_current(logged(nominal, current, force=np.full(current.size, 400.0)), current)
 
-    where = found(believed, log)
+    where = found(nominal, log)
 
     assert where.place == "force"
     assert sum(share for _, share in where.shares) == pytest.approx(1.0)
@@ -93,12 +91,12 @@ def test_a_constant_force_is_found_with_its_size(believed):
     assert where.explained > 0.9
 
 
-def test_more_friction_of_the_rod_goes_with_the_sign_of_its_speed(believed):
+def test_more_friction_of_the_rod_goes_with_the_sign_of_its_speed(nominal):
     """250 N more Coulomb friction is a force error of 250 N with the sign of the rod's speed."""
     current = drive()
-    log = with_current(logged(believed.set(A_FR=believed["A_FR"] + 250.0), current), current)
+    log = with_current(logged(nominal.set(A_FR=nominal["A_FR"] + 250.0), current), current)
 
-    where = found(believed, log)
+    where = found(nominal, log)
 
     assert where.place == "force"
     regime = where.regimes[0]
@@ -108,12 +106,12 @@ def test_more_friction_of_the_rod_goes_with_the_sign_of_its_speed(believed):
 
 
 @pytest.mark.slow
-def test_a_late_current_is_the_drives_and_a_weak_one_the_motors(believed):
+def test_a_late_current_is_the_drives_and_a_weak_one_the_motors(nominal):
     """A current that acts 8 ms late is found as such; a smaller torque constant is a torque along the current."""
     current = drive()
     asked = np.append(current[2:], [0.0, 0.0])
-    late = found(believed, with_current(logged(believed, current), asked))
-    weak = found(believed, with_current(logged(believed.set(K_T=0.9 * believed["K_T"]), current), current))
+    late = found(nominal, with_current(logged(nominal, current), asked))
+    weak = found(nominal, with_current(logged(nominal.set(K_T=0.9 * nominal["K_T"]), current), current))
 
     assert late.place == "drive"
     assert "8 ms late" in late.regimes[0].words
@@ -121,37 +119,37 @@ def test_a_late_current_is_the_drives_and_a_weak_one_the_motors(believed):
     assert "the current" in weak.regimes[0].against
 
 
-def test_a_leak_is_a_flow_along_the_pressure_difference(believed):
+def test_a_leak_is_a_flow_along_the_pressure_difference(nominal):
     """Three litres a minute at 100 bar more leakage: flow, in proportion to the pressure difference."""
     current = drive()
-    log = with_current(logged(believed.set(K_L=believed["K_L"] + 5e-12), current), current)
+    log = with_current(logged(nominal.set(K_L=nominal["K_L"] + 5e-12), current), current)
 
-    where = found(believed, log)
+    where = found(nominal, log)
 
     assert where.place == "flow"
     regime = next(r for r in where.regimes if r.balance == "flow_1" and "pressure difference" in r.against)
     assert np.polyfit(regime.bins, regime.mean, 1)[0] == pytest.approx(-5e-12, rel=0.15)
 
 
-def test_a_shifted_pressure_sensor_is_a_sensor(believed):
+def test_a_shifted_pressure_sensor_is_a_sensor(nominal):
     """One channel alone contradicts the rest: the sensor's place, with the channel and its bias."""
     current = drive()
-    log = with_current(logged(believed, current), current)
+    log = with_current(logged(nominal, current), current)
     log = replace(log, channels={**log.channels, "p2": log["p2"] + 60e3})
 
-    where = found(believed, log)
+    where = found(nominal, log)
 
     assert where.place == "sensor"
     assert where.sensor is not None and where.sensor.startswith("p2 with bias 6")
 
 
-def test_a_log_without_pressures_says_what_it_can_not_tell(believed):
+def test_a_log_without_pressures_says_what_it_can_not_tell(nominal):
     """Torque, flow and force can't be told apart then; their shares are alike and the sentence says why."""
     current = drive(6.0)
-    log = with_current(logged(believed, current, force=np.full(current.size, 400.0)), current)
+    log = with_current(logged(nominal, current, force=np.full(current.size, 400.0)), current)
     log = replace(log, channels={c: v for c, v in log.channels.items() if c not in ("p1", "p2")})
 
-    where = found(believed, log)
+    where = found(nominal, log)
 
     assert dict(where.shares)["torque"] == pytest.approx(dict(where.shares)["force"])
     assert "without p1, p2" in where.untold[0]

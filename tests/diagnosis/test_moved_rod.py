@@ -84,13 +84,13 @@ def test_a_flow_that_is_put_in_does_what_the_valve_would_do(sealed):
     def run(of):
         return ehsa_ctrl.simulate(of, current, force=v, hold="first_order", sample_time=DT, start=start)
 
-    truth, believed = run(leaky), run(plant)
+    truth, nominal = run(leaky), run(plant)
     leak = (leaky["K_L"] - plant["K_L"]) * 0.5 * (truth["dP"][1:] + truth["dP"][:-1])
     softness = {name: np.full(399, plant["V"] / plant["beta"]) for name in ("flow_1", "flow_2")}
     found = run_with(plant, current, start, DT, [{"flow_1": -leak, "flow_2": leak}], softness, outside=v)[0]
 
     for channel, state in (("speed", "omega"), ("p1", "P_1"), ("p2", "P_2")):
-        before = np.sqrt(np.mean((believed[state] - truth[state]) ** 2))
+        before = np.sqrt(np.mean((nominal[state] - truth[state]) ** 2))
         after = np.sqrt(np.mean((found[channel] - truth[state]) ** 2))
         assert after < 0.1 * before, channel
 

@@ -28,8 +28,8 @@ SECONDS = 6.0
 
 def nominal_of(plant, names=("J_M", "K_L", "B_FR", "A_FR", "M")):
     """Parameters that may be wrong by a few per cent."""
-    believed = np.array([plant[name] for name in names])
-    return Nominal(tuple(names), believed, 0.03 * believed)
+    nominal = np.array([plant[name] for name in names])
+    return Nominal(tuple(names), nominal, 0.03 * nominal)
 
 
 def proposed(plant, hypotheses, **more):
@@ -125,10 +125,10 @@ def test_equal_candidates_give_none(plant):
 
 def test_an_equal_pair_is_named_and_the_rest_told_apart(plant):
     """Two of three candidates are equal: the experiment is for the third, and says so."""
-    believed = plant.set(K_S=50e3)
+    nominal = plant.set(K_S=50e3)
     leaks = {"K_L": 12e-13}
 
-    found = proposed(believed, {"leak": leaks, "wear": leaks, "drag": {"B_FR": 12e3}}, spring_possible=False)
+    found = proposed(nominal, {"leak": leaks, "wear": leaks, "drag": {"B_FR": 12e3}}, spring_possible=False)
 
     assert found.alike == (("leak", "wear"),)
     assert found.distance["leak", "wear"] == 0.0
@@ -148,10 +148,10 @@ def test_every_candidate_keeps_the_limits(loaded):
     """The bench finds no limit passed, between samples either, whichever candidate is true."""
     plant, candidates, found = loaded
     time = plant.sample_time * np.arange(found.current.size)
-    believed = plant.set(**({"K_S": found.load["stiffness"]} if found.load else {}))
+    nominal = plant.set(**({"K_S": found.load["stiffness"]} if found.load else {}))
 
     for values in candidates.values():
-        true = believed.set(**{n: v for n, v in values.items() if "." not in n})
+        true = nominal.set(**{n: v for n, v in values.items() if "." not in n})
         _, run = record(true, time, found.current, centre=found.centre)
 
         assert not run.exceeded
@@ -183,9 +183,9 @@ def test_words_name_what_to_do(loaded):
 
 def test_a_spring_in_question_is_not_removed(plant):
     """Two beliefs of the spring's stiffness can't be told apart without the spring."""
-    believed = plant.set(K_S=50e3)
+    nominal = plant.set(K_S=50e3)
 
-    found = proposed(believed, {"soft": {"K_S": 44e3}, "stiff": {"K_S": 56e3}})
+    found = proposed(nominal, {"soft": {"K_S": 44e3}, "stiff": {"K_S": 56e3}})
 
     assert found.load == {}
     assert found.worst > 5.0

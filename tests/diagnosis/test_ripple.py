@@ -83,10 +83,10 @@ def test_a_ripple_that_the_plant_believes_is_followed_too(plant):
     log = with_angle(plant, logged(rig, 1.6))
 
     given = Twin(with_every_effect(plant), log).run([RIPPLE])[0]
-    believed = Twin(with_every_effect(rig), log).run([{}])[0]
+    nominal = Twin(with_every_effect(rig), log).run([{}])[0]
 
     for channel, signal in given.items():
-        np.testing.assert_array_equal(believed[channel], signal, err_msg=channel)
+        np.testing.assert_array_equal(nominal[channel], signal, err_msg=channel)
 
 
 def test_a_plant_that_has_the_ripple_has_no_gap(plant):

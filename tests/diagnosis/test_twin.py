@@ -45,10 +45,10 @@ def test_what_the_plant_says_of_its_sensors_is_believed(rig):
     """Bias, scale, filter and delay of the current too: a free run shows what the log has."""
     log = record(wrong(rig))
 
-    believing = Twin(with_every_effect(wrong(rig)), log).run([{}])[0]
+    with_sensors = Twin(with_every_effect(wrong(rig)), log).run([{}])[0]
     unaware = Twin(with_every_effect(rig), log).run([{}])[0]
 
-    assert worst(log, believing) < 2e-3
+    assert worst(log, with_sensors) < 2e-3
     assert worst(log, unaware) > 0.1
 
 
@@ -71,9 +71,9 @@ def test_a_spring_next_to_none_is_asked_as_none_is(plant, stiffness):
     """50 for 50 kN/m: a tenth of itself would be no step that anything feels."""
     from ehsa_ctrl.diagnosis.suspects import suspects
 
-    believed = plant.set(K_S=stiffness)
-    log = record(replace(believed, sensors={"current": Sensor("current", "A"), **plant.sensors}))
-    spring = next(s for s in suspects(Twin(with_every_effect(believed), log)) if s.id == "load_spring")
+    nominal = plant.set(K_S=stiffness)
+    log = record(replace(nominal, sensors={"current": Sensor("current", "A"), **plant.sensors}))
+    spring = next(s for s in suspects(Twin(with_every_effect(nominal), log)) if s.id == "load_spring")
 
     assert spring.free[0].scale == 2e3
 

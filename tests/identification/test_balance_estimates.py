@@ -83,16 +83,16 @@ def test_a_simulated_carriage_with_a_noisy_encoder(carriage):
 def test_bench_logs_of_the_actuator(model, excitation):
     """Starting 40 % off, 20 s of a noisy bench log give the large parameters within 15 %; nothing is impossible."""
     plant = ehsa_ctrl.load_plant("ehsa", model=model)
-    believed = mistaken(plant)
+    nominal = mistaken(plant)
 
-    found = first_estimate(believed, bench_log(plant, excitation), [*plant.free, "bias.p1"])
+    found = first_estimate(nominal, bench_log(plant, excitation), [*plant.free, "bias.p1"])
 
     wanted = {"linear": ("J_M", "B_FM", "V", "B_FR")}.get(
         model, ("J_M", "A_FM", "B_FM", "V_10", "V_20", "A_FR", "B_FR")
     )
     for name in wanted:
         assert found[name] == pytest.approx(plant[name], rel=0.15), name
-    believed.set(**found)
+    nominal.set(**found)
 
 
 def test_standard_deviations_are_those_of_repeated_experiments(plant):

@@ -126,12 +126,12 @@ def test_a_rate_of_no_use_is_a_sentence(bench, rate):
 @pytest.mark.parametrize("delay", [0.004, 0.0105])
 def test_alignment_finds_a_sensors_delay(delay):
     """To a tenth of a sample, and takes it away."""
-    believed = load_plant("ehsa")
-    true = replace(believed, sensors={**believed.sensors, "speed": replace(believed.sensors["speed"], delay=delay)})
+    nominal = load_plant("ehsa")
+    true = replace(nominal, sensors={**nominal.sensors, "speed": replace(nominal.sensors["speed"], delay=delay)})
     time, current = excitation("noise", amplitude=4.0, duration=6.0, seed=3)
     log, run = record(true, time, current, seed=3)
 
-    new, (step,) = Preparation(align=("speed",)).apply(log, believed)
+    new, (step,) = Preparation(align=("speed",)).apply(log, nominal)
 
     assert step.figures["delay"] == pytest.approx(delay, abs=4e-4)
     assert f"{1e3 * step.figures['delay']:.3g} ms" in str(step)

@@ -63,10 +63,10 @@ def test_what_a_setting_gave_is_not_assumed():
 def test_a_limit_between_both_ends_flips_the_verdict(result):
     """A limit that is kept as believed and not at an end is said to flip; a far one is not."""
     swing = next(s for s in result.swings if s.parameter.name == "K_T")
-    believed = result.metrics["RMSError"][1]
+    nominal = result.metrics["RMSError"][1]
     worst = max(end.metrics["RMSError"] for end in swing.ends)
-    assert worst > believed
-    tight = run(scenario(limits={"RMSError": {"max": f"{0.5 * (believed + worst)} m"}}), assumed=True)
+    assert worst > nominal
+    tight = run(scenario(limits={"RMSError": {"max": f"{0.5 * (nominal + worst)} m"}}), assumed=True)
     wide = run(scenario(limits={"RMSError": {"max": f"{2.0 * worst} m"}}), assumed=True)
 
     assert tight.passed and wide.passed

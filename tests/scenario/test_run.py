@@ -185,7 +185,7 @@ def test_what_is_set_beyond_belief_is_told(edited):
     assert result.to_dict()["warnings"] == [
         "K_T = 1.7 N m/A lies outside 0.87 to 1.6 N m/A, the range in which ehsa believes it"
     ]
-    assert not run("steps_spring").plant.unbelieved
+    assert not run("steps_spring").plant.implausible
 
 
 def test_the_sensors_noise_is_among_what_is_assumed():

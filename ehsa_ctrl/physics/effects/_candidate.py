@@ -31,7 +31,7 @@ class Free:
     """
 
     name: str
-    believed: float
+    nominal: float
     scale: float
     lower: float = -inf
     upper: float = inf
@@ -102,7 +102,7 @@ class Rig(Protocol):
 
 def starts_of(free: Sequence[Free], *sizes: float) -> Starts:
     """Starts with the first number moved by each of `sizes` scales, the others as believed."""
-    return tuple((free[0].believed + s * free[0].scale, *(f.believed for f in free[1:])) for s in sizes)
+    return tuple((free[0].nominal + s * free[0].scale, *(f.nominal for f in free[1:])) for s in sizes)
 
 
 def number(effect: Effect, rig: Rig, name: str, scale: float) -> Free:
@@ -123,7 +123,7 @@ def with_another(effect: Effect, rig: Rig, other: Free) -> list[Candidate]:
     """From neutral, alone and together with another number."""
     (alone,) = from_neutral(effect, rig)
     both = (*alone.free, other)
-    return [alone, Candidate(both, tuple((*start, other.believed) for start in alone.starts))]
+    return [alone, Candidate(both, tuple((*start, other.nominal) for start in alone.starts))]
 
 
 def from_levels(effect: Effect, free: Free, levels: Sequence[float], *others: Free) -> Candidate:
@@ -131,9 +131,9 @@ def from_levels(effect: Effect, free: Free, levels: Sequence[float], *others: Fr
 
     Neutral is infinitely far, also for a plant that has one: where it is never reached its derivatives vanish.
     """
-    known = [free.believed] if isfinite(free.believed) else []
-    starts = tuple((level, *(other.believed for other in others)) for level in [*levels, *known])
-    return Candidate((replace(free, believed=effect.parameter(free.name).neutral), *others), starts)
+    known = [free.nominal] if isfinite(free.nominal) else []
+    starts = tuple((level, *(other.nominal for other in others)) for level in [*levels, *known])
+    return Candidate((replace(free, nominal=effect.parameter(free.name).neutral), *others), starts)
 
 
 def from_symbols(effect: Effect, rig: Rig) -> list[Candidate]:
@@ -143,7 +143,7 @@ def from_symbols(effect: Effect, rig: Rig) -> list[Candidate]:
         if group and all(rig.shows(symbol) for symbol in group):
             free = tuple(rig.symbol(symbol, 0.1, effect.symbols[symbol]) for symbol in group)
             starts = starts_of(free, 0.0)
-            if effect.from_balances and free[0].believed == 0.0:
+            if effect.from_balances and free[0].nominal == 0.0:
                 # From none to all of it is too far for derivatives at none.
                 seen = rig.dry_friction().get(group[0], 0.0)
                 starts = ((seen, *(0.1 * seen for _ in group[1:])),) if seen else starts

@@ -31,7 +31,7 @@ def rate_2(P_2_dot: float, P_2: float, beta: float, air_fraction: float, n_air: 
 def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
     """Little and much air. Slow changes are isothermal, fast ones adiabatic; what lies between is the log's to say."""
     air, exponent = number(effect, rig, "air_fraction", 0.003), number(effect, rig, "n_air", 0.1)
-    return [Candidate((air, exponent), tuple((share, exponent.believed) for share in (0.003, 0.02)))]
+    return [Candidate((air, exponent), tuple((share, exponent.nominal) for share in (0.003, 0.02)))]
 
 
 effect = Effect(

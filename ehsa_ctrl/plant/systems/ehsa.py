@@ -109,7 +109,7 @@ system = System(
         Balance("flow", "m3/s", (residuals.flow_1, residuals.flow_2), ("Q_P", "Q_P"), closed=("Q_T1", "Q_T2")),
         Balance("torque", "N m", (residuals.torque,), ("T_M",), contacts=("shaft",)),
         Balance("force", "N", (residuals.rod_force,), ("F_P",), contacts=("rod",)),
-        Balance("force, load as believed", "N", (residuals.believed_force,), ("F_P",), ("rod",), without="force"),
+        Balance("force, nominal load", "N", (residuals.nominal_load_force,), ("F_P",), ("rod",), without="force"),
         Balance("load", "N", (residuals.load_force,), ("force_measured",)),
     ),
 )

@@ -140,7 +140,7 @@ def fit_table(caption: str, columns: Mapping[str, Mapping[str, float | None]]) -
 
 def settings_of(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Plant and what was set for this run, as facts."""
-    believed = ", ".join(f"{key} = {value}" for key, value in content.get("settings", {}).items())
+    changes = ", ".join(f"{key} = {value}" for key, value in content.get("settings", {}).items())
     plant = str(content.get("plant", ""))
     model = content.get("model")
-    return [("plant", f"{plant} ({model})" if model else plant), ("set for this run", believed or "nothing")]
+    return [("plant", f"{plant} ({model})" if model else plant), ("set for this run", changes or "nothing")]

@@ -11,7 +11,7 @@ from ...plant.plant import Plant, load_plant
 from ...plant.structure import Structure
 
 #: The words and numbers of the plant that was exported, beside its TOML.
-BELIEVED = "believed.json"
+NOMINAL_FILE = "believed.json"
 
 
 def write_exported(plant: Plant, folder: Path) -> tuple[Path, Path]:
@@ -20,7 +20,7 @@ def write_exported(plant: Plant, folder: Path) -> tuple[Path, Path]:
 
     if plant.path is None:
         raise InputError(f"{plant.name} was not read from a TOML file, which has to go into the FMU; use load_plant")
-    toml, believed = folder / f"{plant.name}.toml", folder / BELIEVED
+    toml, nominal = folder / f"{plant.name}.toml", folder / NOMINAL_FILE
     toml.write_text(plant.path.read_text(encoding="utf-8"), encoding="utf-8")
     content = {
         "plant": toml.name,
@@ -29,21 +29,21 @@ def write_exported(plant: Plant, folder: Path) -> tuple[Path, Path]:
         "parameters": {name: {"value": p.value, "source": p.source} for name, p in plant.parameters.items()},
         "ehsa_ctrl": version("ehsa_ctrl"),
     }
-    believed.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    return toml, believed
+    nominal.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    return toml, nominal
 
 
 def read_exported(folder: Path) -> tuple[Plant, str]:
     """The plant in a folder that `write_exported` has filled, and the version of ehsa_ctrl that wrote it."""
-    content = json.loads((folder / BELIEVED).read_text(encoding="utf-8"))
+    content = json.loads((folder / NOMINAL_FILE).read_text(encoding="utf-8"))
     base = load_plant(folder / content["plant"], model=content["model"])
     structure = Structure(**{**content["structure"], "effects": tuple(content["structure"]["effects"])})
-    believed = content["parameters"]
-    lacking = {name: entry["value"] for name, entry in believed.items() if name not in base.parameters}
+    nominal = content["parameters"]
+    lacking = {name: entry["value"] for name, entry in nominal.items() if name not in base.parameters}
     plant = base.with_structure(structure, **lacking)
     parameters = {
-        name: p if p.value == believed[name]["value"] else p.given(believed[name]["value"])
+        name: p if p.value == nominal[name]["value"] else p.given(nominal[name]["value"])
         for name, p in plant.parameters.items()
     }
-    sourced = {name: replace(p, source=believed[name]["source"]) for name, p in parameters.items()}
+    sourced = {name: replace(p, source=nominal[name]["source"]) for name, p in parameters.items()}
     return replace(plant, parameters=sourced), content["ehsa_ctrl"]

@@ -78,10 +78,10 @@ def _outputs(plant: Plant) -> Iterator[Variable]:
 
 def _parameters(plant: Plant) -> Iterator[Variable]:
     for kind in plant.structure.equations.parameters:
-        believed = plant.parameters[kind.name]
-        if abs(believed.value) > ENDLESS or not isfinite(believed.value):
+        nominal = plant.parameters[kind.name]
+        if abs(nominal.value) > ENDLESS or not isfinite(nominal.value):
             continue
-        source = f"{kind.meaning} ({believed.source})" if believed.source else kind.meaning
+        source = f"{kind.meaning} ({nominal.source})" if nominal.source else kind.meaning
         lower = kind.lower if abs(kind.lower) < ENDLESS else None
         upper = kind.upper if abs(kind.upper) < ENDLESS else None
-        yield Variable(kind.name, "parameter", kind.unit, source, kind.name, believed.value, lower, upper)
+        yield Variable(kind.name, "parameter", kind.unit, source, kind.name, nominal.value, lower, upper)
