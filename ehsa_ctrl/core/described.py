@@ -1,13 +1,7 @@
-"""What the keys of a definition mean, read from the docstrings of the forms: one text for readers of the code, for the
-templates that `ehsa-ctrl new` writes, and for the reference of keys.
-
-A docstring says "key: meaning." or "key, other: meaning.", several in a row where they are short; a parenthesis may
-follow a key. A table's own line ("A controller's [rest].") is what stands before the first key.
-"""
+"""Keys of the TOML forms: meaning, unit, default and nested tables."""
 
 from __future__ import annotations
 
-import re
 import types
 import typing
 from collections.abc import Iterator
@@ -28,7 +22,7 @@ class Key:
 
     Attributes
     ----------
-    name: as written in TOML. meaning: in words, empty if the docstring is silent.
+    name: as written in TOML. meaning: description of the field.
     unit: SI, of a quantity; None for a key that is none.
     choices: the words that it may be; empty for any.
     required: whether it must be there. default: what it is where it is left out.
@@ -47,58 +41,12 @@ class Key:
 
 def keys(form: type[BaseModel]) -> list[Key]:
     """The keys of a form, in their order."""
-    said = meanings(form)
-    return [_key(field.alias or name, field, said.get(field.alias or name, "")) for name, field in _fields(form)]
+    return [_key(field.alias or name, field, field.description or "") for name, field in form.model_fields.items()]
 
 
 def summary(form: type[BaseModel]) -> str:
-    """What a form's docstring says before its first key, in one line."""
-    text = _own(form)
-    found = next(iter(_places(text, [field.alias or name for name, field in _fields(form)])), None)
-    head = text if found is None else text[: found[1]]
-    return " ".join(head.split()).removesuffix(" and").strip()
-
-
-def meanings(form: type[BaseModel]) -> dict[str, str]:
-    """Key -> meaning, of a form and what it builds on."""
-    names = [field.alias or name for name, field in _fields(form)]
-    found: dict[str, str] = {}
-    for part in reversed(form.__mro__):
-        if issubclass(part, BaseModel) and part is not BaseModel:
-            found |= _read(_own(part), names)
-    return found
-
-
-def _fields(form: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
-    yield from form.model_fields.items()
-
-
-def _own(form: type[BaseModel]) -> str:
-    return cleandoc(form.__dict__.get("__doc__") or "")
-
-
-def _places(text: str, names: list[str]) -> list[tuple[list[str], int, int]]:
-    """Keys in a docstring: which, where they begin, and where their meaning begins."""
-    word = "|".join(re.escape(name) for name in sorted(names, key=len, reverse=True))
-    one = rf"\[{{0,2}}(?:{word})\]{{0,2}}(?: \([^)]*\))?"
-    found = []
-    for match in re.finditer(rf"(?:(?<=^)|(?<=[\s]))({one}(?:,\s+{one})*):\s", text):
-        listed = re.findall(rf"(?<![\w])({word})(?![\w])", re.sub(r"\([^)]*\)", "", match[1]))
-        found.append((listed, match.start(1), match.end()))
-    return found
-
-
-def _read(text: str, names: list[str]) -> dict[str, str]:
-    places = _places(text, names)
-    ends = [*(begin for _, begin, _ in places), len(text)][1:]
-    found = {}
-    for (listed, begin, start), end in zip(places, ends, strict=False):
-        meaning = re.split(r"\n\s*\n", text[start:end])[0]
-        meaning = " ".join(meaning.split()).rstrip(" .;")
-        notes = dict(re.findall(r"(\w+) \(([^)]*)\)", text[begin:start]))
-        for name in listed:
-            found[name] = f"{notes[name]}: {meaning}" if name in notes and len(listed) > 1 else meaning
-    return found
+    """First paragraph of a form's docstring, in one line."""
+    return " ".join(cleandoc(form.__doc__ or "").split("\n\n")[0].split())
 
 
 def _key(name: str, field: FieldInfo, meaning: str) -> Key:

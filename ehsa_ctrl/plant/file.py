@@ -72,20 +72,20 @@ assert Source.__args__ == SOURCES  # type: ignore[attr-defined]
 
 
 class Quantity(Definition):
-    """A number as a plant states it: with its unit, where it comes from, and how well it is known.
+    """A number with its unit, origin and uncertainty."""
 
-    value: in the unit beside it. unit: any that converts.
-    source: where it comes from. note: a reference or a reason.
-    sd: one standard deviation, in the same unit; montecarlo and analyse --draws draw from it.
-    bounds: [least, most] in which the value is believed, in the same unit; drawn evenly between where there is no sd.
-    """
-
-    value: Unlimited
-    unit: str
-    source: Source
-    sd: Annotated[float, Field(ge=0)] | None = None
-    bounds: Annotated[tuple[Unlimited, Unlimited], Array] | None = None
-    note: str = ""
+    value: Unlimited = Field(description="number in `unit`")
+    unit: str = Field(description="any unit that converts to the SI unit")
+    source: Source = Field(description="origin of the number")
+    sd: Annotated[float, Field(ge=0)] | None = Field(
+        None,
+        description="standard deviation in `unit`; montecarlo and analyse --draws draw from it",
+    )
+    bounds: Annotated[tuple[Unlimited, Unlimited], Array] | None = Field(
+        None,
+        description="[lower, upper] range of plausible values in `unit`; drawn uniformly where there is no sd",
+    )
+    note: str = Field("", description="reference or reason")
 
     @field_validator("unit")
     @classmethod
@@ -118,34 +118,34 @@ class Quantity(Definition):
 
 
 class SensorFile(Definition):
-    """[sensors.CHANNEL]: one sensor of the bench; what is left out is not there.
+    """[sensors.CHANNEL]: a sensor of the bench; it is ideal in what is left out."""
 
-    noise: white, one standard deviation. step: of the converter. filter: time constant, first order.
-    delay: how late it shows what it measures. scale: reading over truth, 1 is right. bias: added to every reading.
-    """
-
-    noise: Quantity | None = None
-    step: Quantity | None = None
-    filter: Quantity | None = None
-    delay: Quantity | None = None
-    scale: Quantity | None = None
-    bias: Quantity | None = None
+    noise: Quantity | None = Field(None, description="standard deviation of white noise")
+    step: Quantity | None = Field(None, description="quantisation step")
+    filter: Quantity | None = Field(None, description="time constant of a first-order low-pass filter")
+    delay: Quantity | None = Field(None, description="delay")
+    scale: Quantity | None = Field(None, description="gain: reading over true value, 1 is ideal")
+    bias: Quantity | None = Field(None, description="offset of the reading")
 
 
 class EstimationFile(Definition):
-    """How `identify` estimates a model: by its simulation or by its balances, and how those are filtered.
+    """[estimation]: method of `identify`, and the filters of its balances."""
 
-    method: what is held against the log. balances: how their derivatives are had.
-    width: of the windows of weak balances. cutoff, parallel: of the filters of filtered balances.
-    beside: whether, with balances, the simulation is tried as well; not where it lacks what the machine does.
-    """
-
-    method: Literal["simulation", "balances"] = "simulation"
-    balances: Literal["weak", "filtered"] = "weak"
-    width: Second | None = None
-    cutoff: Hertz = 100.0
-    parallel: Hertz | None = None
-    beside: bool = True
+    method: Literal["simulation", "balances"] = Field(
+        "simulation",
+        description="simulation error or residuals of the balances",
+    )
+    balances: Literal["weak", "filtered"] = Field(
+        "weak",
+        description="derivatives by the weak form (integration by parts) or by filters",
+    )
+    width: Second | None = Field(None, description="window width of the weak form")
+    cutoff: Hertz = Field(100.0, description="cutoff frequency of the filters")
+    parallel: Hertz | None = Field(None, description="cutoff frequency of the parallel filters")
+    beside: bool = Field(
+        True,
+        description="with balances, also fit by simulation; false where the model lacks known behaviour of the rig",
+    )
 
     @model_validator(mode="after")
     def _positive(self) -> EstimationFile:
@@ -157,67 +157,65 @@ class EstimationFile(Definition):
 
 
 class ModelFile(Definition):
-    """Structure and identified parameters of one model of the plant.
+    """Structure and identified parameters of one model of the plant."""
 
-    shaft_friction, rod_friction: friction law (ehsa-ctrl list friction); none where the system has no such contact.
-    chambers: form of the chamber volumes.
-    effects: what real rigs do beyond the equations, by name (ehsa-ctrl list effects); a parameter of an effect that
-        is not given in [parameters] has its typical value.
-    free: what `identify` estimates; left out, every parameter whose source is "identified".
-    [estimation]: how `identify` works. [parameters]: those of this model alone.
-    """
-
-    shaft_friction: str | None = None
-    rod_friction: str | None = None
-    chambers: str | None = None
-    effects: list[str] = []
-    free: list[str] | None = None
-    estimation: EstimationFile = EstimationFile()
-    parameters: dict[str, Quantity]
+    shaft_friction: str | None = Field(
+        None,
+        description="friction law of the shaft (ehsa-ctrl list friction); none where the system has no such contact",
+    )
+    rod_friction: str | None = Field(
+        None,
+        description="friction law of the rod (ehsa-ctrl list friction); none where the system has no such contact",
+    )
+    chambers: str | None = Field(None, description="form of the chamber volumes")
+    effects: list[str] = Field(
+        [],
+        description="effects added to the equations, by name (ehsa-ctrl list effects); a parameter that is missing "
+        "in [parameters] has its typical value",
+    )
+    free: list[str] | None = Field(
+        None,
+        description='parameters that `identify` estimates; left out, every one whose source is "identified"',
+    )
+    estimation: EstimationFile = Field(EstimationFile(), description="estimation method of `identify`")
+    parameters: dict[str, Quantity] = Field(description="parameters of this model alone")
 
 
 class ColumnFile(Definition):
-    """Where somebody else's logs keep a channel: SI value = scale * column + offset.
+    """Column of a log that holds a channel: SI value = scale * column + offset."""
 
-    column: its name in the file. scale: a negative one turns the direction. offset: in SI units.
-    """
-
-    column: str
-    scale: float = 1.0
-    offset: float = 0.0
+    column: str = Field(description="name of the column in the file")
+    scale: float = Field(1.0, description="SI units per unit of the column; negative reverses the direction")
+    offset: float = Field(0.0, description="in SI units, added after scaling")
 
 
 class SamplingFile(Definition):
-    """[sampling]: how often the bench measures.
+    """[sampling]: sample time of the bench."""
 
-    period: from sample to sample.
-    """
-
-    period: Quantity
+    period: Quantity = Field(description="sample time")
 
 
 class PlantFile(Definition):
-    """A plant's TOML.
+    """A plant's TOML."""
 
-    schema: version of this form. title: one line for lists and tables. note: where the numbers come from.
-    system: which equations.
-    [parameters]: symbols that both models share; forces and pressures are positive as in the equations.
-    [linear], [nonlinear]: the two models; a plant may have one of them.
-    [load]: at the rod; forces are positive when they resist extension, what is left out is not there.
-    [limits]: watched in every run; one that is passed is a trip. [sampling]: of the bench.
-    [sensors]: of the bench, by channel; one that is left out is perfect.
-    [log]: where this rig's own logs keep a channel; one that is left out has its own name and SI units.
-    """
-
-    schema_version: Schema = Field(alias="schema")
-    title: str
-    system: str
-    note: str = ""
-    parameters: dict[str, Quantity]
-    linear: ModelFile | None = None
-    nonlinear: ModelFile | None = None
-    load: dict[Literal["stiffness", "preload", "hardening", "mass", "force"], Quantity] = {}
-    limits: dict[str, Quantity] = {}
-    sampling: SamplingFile
-    sensors: dict[str, SensorFile] = {}
-    log: dict[str, ColumnFile] = {}
+    schema_version: Schema = Field(alias="schema", description="format version")
+    title: str = Field(description="one line for lists and tables")
+    system: str = Field(description="set of equations")
+    note: str = Field("", description="origin of the numbers")
+    parameters: dict[str, Quantity] = Field(description="parameters that both models share; signs as in the equations")
+    linear: ModelFile | None = Field(None, description="linear model; a plant has this, the nonlinear one or both")
+    nonlinear: ModelFile | None = Field(None, description="nonlinear model; a plant has this, the linear one or both")
+    load: dict[Literal["stiffness", "preload", "hardening", "mass", "force"], Quantity] = Field(
+        {},
+        description="load at the rod, positive where it resists extension; what is left out is zero",
+    )
+    limits: dict[str, Quantity] = Field({}, description="limits that every run checks; exceeding one is a trip")
+    sampling: SamplingFile = Field(description="sampling of the bench")
+    sensors: dict[str, SensorFile] = Field(
+        {},
+        description="sensors of the bench, by channel; one that is left out is ideal",
+    )
+    log: dict[str, ColumnFile] = Field(
+        {},
+        description="columns of the rig's own logs; a channel that is left out has its own name and SI units",
+    )

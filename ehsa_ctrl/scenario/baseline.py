@@ -34,17 +34,16 @@ FOLDER = "baselines"
 
 
 class BaselineTolerances(Definition):
-    """A scenario's [baseline]: how far a run may be from the recorded one.
+    """[baseline]: tolerances of a run around the recorded one."""
 
-    time: earlier or later. position, speed, pressure (its difference): half heights of the tubes.
-    share: of a metric's recorded value, on top of the least difference that is looked at.
-    """
-
-    time: Second = 0.012
-    position: Metre = 1e-4
-    speed: RadianPerSecond = 10.0
-    pressure: Annotated[float, In("Pa")] = 2e5
-    share: Annotated[float, Field(ge=0, le=1)] = 0.05
+    time: Second = Field(0.012, description="time shift, in either direction")
+    position: Metre = Field(1e-4, description="half height of the position tube")
+    speed: RadianPerSecond = Field(10.0, description="half height of the speed tube")
+    pressure: Annotated[float, In("Pa")] = Field(2e5, description="half height of the tube of the pressure difference")
+    share: Annotated[float, Field(ge=0, le=1)] = Field(
+        0.05,
+        description="relative change of a metric, on top of its resolution",
+    )
 
     @model_validator(mode="after")
     def _fit(self) -> BaselineTolerances:

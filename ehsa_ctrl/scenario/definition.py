@@ -19,14 +19,11 @@ from .spread import Spread
 
 
 class ForceStep(Definition):
-    """[[disturbance]]: a force step on the rod, as many as there are tables.
+    """[[disturbance]]: force steps on the rod, one for each table."""
 
-    force: positive when it resists extension. start: when it begins. duration: left out, to the end of the run.
-    """
-
-    force: Newton
-    start: Second
-    duration: Second = float("inf")
+    force: Newton = Field(description="positive when it resists extension")
+    start: Second = Field(description="start time")
+    duration: Second = Field(float("inf"), description="left out, to the end of the run")
 
     @model_validator(mode="after")
     def _fit(self) -> ForceStep:
@@ -36,31 +33,24 @@ class ForceStep(Definition):
 
 
 class OtherSensor(Definition):
-    """A sensor that differs from the plant's in this scenario; what is left out is as in the plant.
+    """A sensor of this scenario; what is left out is as in the plant."""
 
-    noise: one standard deviation. step: of the converter. delay: how late it shows what it measures.
-    """
-
-    noise: str | None = None
-    step: str | None = None
-    delay: Second | None = None
+    noise: str | None = Field(None, description="standard deviation of the noise")
+    step: str | None = Field(None, description="quantisation step")
+    delay: Second | None = Field(None, description="delay")
 
 
 class Measuring(Definition):
-    """[sensors]: the plant's sensors, and what is different about them in this scenario.
+    """[sensors]: noise, delay and quantisation, where they differ from the plant's."""
 
-    noise: whether they are noisy. seed: of that noise. lag: whole samples from a measurement to the current from it.
-    [speed], [p1], [p2], [position], [force]: one sensor that differs from the plant's.
-    """
-
-    noise: bool = True
-    seed: Annotated[int, Field(ge=0)] = 0
-    lag: Annotated[int, Field(ge=0, le=50)] = 0
-    speed: OtherSensor = OtherSensor()
-    p1: OtherSensor = OtherSensor()
-    p2: OtherSensor = OtherSensor()
-    position: OtherSensor = OtherSensor()
-    force: OtherSensor = OtherSensor()
+    noise: bool = Field(True, description="whether the sensors are noisy")
+    seed: Annotated[int, Field(ge=0)] = Field(0, description="seed of the noise")
+    lag: Annotated[int, Field(ge=0, le=50)] = Field(0, description="samples of delay between measurement and current")
+    speed: OtherSensor = Field(OtherSensor(), description="speed sensor, where it differs from the plant's")
+    p1: OtherSensor = Field(OtherSensor(), description="pressure sensor 1, where it differs from the plant's")
+    p2: OtherSensor = Field(OtherSensor(), description="pressure sensor 2, where it differs from the plant's")
+    position: OtherSensor = Field(OtherSensor(), description="position sensor, where it differs from the plant's")
+    force: OtherSensor = Field(OtherSensor(), description="load cell, where it differs from the plant's")
 
     @model_validator(mode="after")
     def _fit(self) -> Measuring:
@@ -84,13 +74,10 @@ class Measuring(Definition):
 
 
 class Limit(Definition):
-    """Bounds of a metric on the nonlinear plant, in the metric's SI unit after reading.
+    """Limits of a metric on the nonlinear plant, in SI units."""
 
-    max: at most. min: at least.
-    """
-
-    max: float | None = None
-    min: float | None = None
+    max: float | None = Field(None, description="largest value")
+    min: float | None = Field(None, description="smallest value")
 
     @model_validator(mode="after")
     def _room(self) -> Limit:
@@ -100,42 +87,49 @@ class Limit(Definition):
 
 
 class ScenarioFile(Definition):
-    """A scenario's TOML.
+    """A scenario's TOML."""
 
-    schema: version of this form. title: one line for lists and tables.
-    why: in one sentence, what this scenario protects against.
-    plant: name of a plant, or a path from this file's folder; it is checked on its nonlinear model.
-    controller: name of a controller, or a path from this file's folder; it is designed on the plant's linear model.
-    duration: of the run, 0.05 s to an hour.
-    [load]: at the rod; forces are positive when they resist extension, what is left out is as in the plant.
-    [settings]: what is believed of the plant here, by the symbols of its parameters.
-    [reference]: where the rod is to be; positive extends it, 0 is mid-stroke.
-    [[disturbance]]: force steps on the rod. [sensors]: what is different about the sensors.
-    [[fault]]: what goes wrong. [supervision]: what is taken for possible; beyond it the loop stops.
-    [limits]: of any metric on the nonlinear plant; one that is not kept makes the scenario fail.
-    expect_trips: limits of the plant that must be passed here; any other trip makes the scenario fail.
-    [baseline]: how far a run may be from the recorded one.
-    [spread]: what `montecarlo` draws beyond what the plant's file gives with sd or bounds: one standard deviation
-        ("10 %") or a range of two values.
-    """
-
-    schema_version: Schema = Field(alias="schema")
-    title: str
-    why: str
-    plant: str
-    controller: str
-    duration: Second
-    load: dict[Literal["stiffness", "preload", "hardening", "mass", "force"], str] = {}
-    settings: dict[str, str] = {}
-    reference: Reference
-    disturbance: list[ForceStep] = []
-    sensors: Measuring = Measuring()
-    fault: list[Fault] = []
-    supervision: Supervising | None = None
-    limits: dict[str, Limit] = {}
-    expect_trips: list[str] = []
-    baseline: BaselineTolerances = BaselineTolerances()
-    spread: dict[str, Spread] = {}
+    schema_version: Schema = Field(alias="schema", description="format version")
+    title: str = Field(description="one line for lists and tables")
+    why: str = Field(description="one sentence: what this scenario protects against")
+    plant: str = Field(description="name of a plant, or a path relative to this file; its nonlinear model is simulated")
+    controller: str = Field(
+        description="name of a controller, or a path relative to this file; designed on the plant's linear model",
+    )
+    duration: Second = Field(description="length of the run, 0.05 s to an hour")
+    load: dict[Literal["stiffness", "preload", "hardening", "mass", "force"], str] = Field(
+        {},
+        description="load at the rod, positive where it resists extension; what is left out is as in the plant",
+    )
+    settings: dict[str, str] = Field(
+        {},
+        description="other values of the plant's parameters in this scenario, by symbol",
+    )
+    reference: Reference = Field(description="position reference; positive extends the rod, 0 is mid-stroke")
+    disturbance: list[ForceStep] = Field([], description="force steps on the rod")
+    sensors: Measuring = Field(Measuring(), description="sensors, where they differ from the plant's")
+    fault: list[Fault] = Field([], description="sensor and drive faults")
+    supervision: Supervising | None = Field(
+        None,
+        description="plausibility limits; the loop stops where a reading exceeds one",
+    )
+    limits: dict[str, Limit] = Field(
+        {},
+        description="limits of any metric on the nonlinear plant; the scenario fails where one is exceeded",
+    )
+    expect_trips: list[str] = Field(
+        [],
+        description="limits of the plant that must trip in this scenario; any other trip makes it fail",
+    )
+    baseline: BaselineTolerances = Field(
+        BaselineTolerances(),
+        description="tolerances of a run around the recorded baseline",
+    )
+    spread: dict[str, Spread] = Field(
+        {},
+        description="what `montecarlo` draws besides the parameters with sd or bounds in the plant's file: a "
+        'standard deviation ("10 %") or a range of two values',
+    )
 
     @model_validator(mode="after")
     def _within(self) -> ScenarioFile:

@@ -18,13 +18,10 @@ assert Channel.__args__ == MEASURED  # type: ignore[attr-defined]
 
 
 class _Fault(Definition):
-    """What goes wrong for a while.
+    """A fault that is present for a while."""
 
-    kind: what it is. start: when it begins. duration: left out, to the end of the run.
-    """
-
-    start: Second
-    duration: Second = float("inf")
+    start: Second = Field(description="start time")
+    duration: Second = Field(float("inf"), description="left out, to the end of the run")
 
     @model_validator(mode="after")
     def _fit(self) -> _Fault:
@@ -34,33 +31,24 @@ class _Fault(Definition):
 
 
 class StuckSensor(_Fault):
-    """A sensor that goes on giving its last value.
+    """A sensor that holds its last value."""
 
-    channel: of the sensor.
-    """
-
-    kind: Literal["stuck"]
-    channel: Channel
+    kind: Literal["stuck"] = Field(description="type of fault")
+    channel: Channel = Field(description="channel of the sensor")
 
 
 class LostSensor(_Fault):
-    """A sensor that gives nothing; its samples are lost.
+    """A sensor whose samples are lost."""
 
-    channel: of the sensor.
-    """
-
-    kind: Literal["lost"]
-    channel: Channel
+    kind: Literal["lost"] = Field(description="type of fault")
+    channel: Channel = Field(description="channel of the sensor")
 
 
 class CurrentLimit(_Fault):
-    """A drive that gives no more than a current, whatever it is asked for.
+    """A drive that limits its current below the controller's limit."""
 
-    current: that much, to either side.
-    """
-
-    kind: Literal["current_limit"]
-    current: Ampere
+    kind: Literal["current_limit"] = Field(description="type of fault")
+    current: Ampere = Field(description="largest current, in either direction")
 
     @model_validator(mode="after")
     def _positive(self) -> CurrentLimit:
@@ -83,21 +71,18 @@ def faults_of(listed: list[StuckSensor | LostSensor | CurrentLimit]) -> Faults:
 
 
 class Supervising(Definition):
-    """A scenario's [supervision]: what is taken for possible; beyond it the loop stops and its current is zero.
+    """[supervision]: plausibility limits; where a reading exceeds one, the loop stops with zero current."""
 
-    lost: how long a reading may be lost. position, speed: largest size, of the rod's position and the shaft's speed.
-    pressure_min, pressure_max: range of both pressures.
-    contradiction: largest difference of the rod's position and what the shaft's speed makes of it.
-    memory_time: over which that difference is forgotten.
-    """
-
-    lost: Second = 0.04
-    position: Metre = float("inf")
-    speed: RadianPerSecond = float("inf")
-    pressure_min: Pascal = float("-inf")
-    pressure_max: Pascal = float("inf")
-    contradiction: Metre = float("inf")
-    memory_time: Second = 0.25
+    lost: Second = Field(0.04, description="how long a reading may be missing")
+    position: Metre = Field(float("inf"), description="largest rod position, in either direction")
+    speed: RadianPerSecond = Field(float("inf"), description="largest shaft speed, in either direction")
+    pressure_min: Pascal = Field(float("-inf"), description="lowest pressure")
+    pressure_max: Pascal = Field(float("inf"), description="highest pressure")
+    contradiction: Metre = Field(
+        float("inf"),
+        description="largest difference between measured position and that integrated from the shaft speed",
+    )
+    memory_time: Second = Field(0.25, description="time constant with which that difference is forgotten")
 
     @model_validator(mode="after")
     def _fit(self) -> Supervising:

@@ -18,14 +18,11 @@ MetrePerSecond2 = Annotated[float, In("m/s2")]
 
 
 class Steps(Definition):
-    """Jumps; zero before the first.
+    """Jumps; zero before the first."""
 
-    kind: how the target moves. times: when it jumps. positions: to where, one a time.
-    """
-
-    kind: Literal["steps"]
-    times: list[Second]
-    positions: list[Metre]
+    kind: Literal["steps"] = Field(description="type of reference")
+    times: list[Second] = Field(description="times of the steps")
+    positions: list[Metre] = Field(description="target position after each step")
 
     @model_validator(mode="after")
     def _fit(self) -> Steps:
@@ -57,15 +54,12 @@ class Moves(Definition):
     """Smooth moves, quintic, from rest to rest.
 
     s(t) = 10 t^3 - 15 t^4 + 6 t^5, so that speed and acceleration start and end at zero.
-
-    kind: how the target moves. times: when each begins. positions: to where, one a time.
-    durations: how long each takes; it ends before the next.
     """
 
-    kind: Literal["moves"]
-    times: list[Second]
-    positions: list[Metre]
-    durations: list[Second]
+    kind: Literal["moves"] = Field(description="type of reference")
+    times: list[Second] = Field(description="start time of each motion")
+    positions: list[Metre] = Field(description="target position of each motion")
+    durations: list[Second] = Field(description="duration of each motion; it ends before the next begins")
 
     @model_validator(mode="after")
     def _fit(self) -> Moves:
@@ -101,15 +95,12 @@ class Moves(Definition):
 
 
 class Sine(Definition):
-    """amplitude sin(2 pi frequency (t - start)), at zero before.
+    """amplitude sin(2 pi frequency (t - start)), at zero before."""
 
-    kind: how the target moves. amplitude: its peak. frequency: of the sine. start: when it begins.
-    """
-
-    kind: Literal["sine"]
-    amplitude: Metre
-    frequency: Hertz
-    start: Second = 0.0
+    kind: Literal["sine"] = Field(description="type of reference")
+    amplitude: Metre = Field(description="amplitude")
+    frequency: Hertz = Field(description="frequency")
+    start: Second = Field(0.0, description="start time")
 
     @model_validator(mode="after")
     def _fit(self) -> Sine:
@@ -133,15 +124,12 @@ class Sine(Definition):
 
 
 class Ramp(Definition):
-    """From zero to a position at constant speed, held there; the speed jumps at both ends.
+    """From zero to a position at constant speed, held there; the speed jumps at both ends."""
 
-    kind: how the target moves. position: where it ends. velocity: its size, greater than 0. start: when it begins.
-    """
-
-    kind: Literal["ramp"]
-    position: Metre
-    velocity: MetrePerSecond
-    start: Second = 0.0
+    kind: Literal["ramp"] = Field(description="type of reference")
+    position: Metre = Field(description="final position")
+    velocity: MetrePerSecond = Field(description="magnitude of the velocity")
+    start: Second = Field(0.0, description="start time")
 
     @model_validator(mode="after")
     def _fit(self) -> Ramp:
@@ -173,16 +161,13 @@ class Trapezoid(Definition):
     """Moves under a largest velocity and acceleration.
 
     Speed rises at constant acceleration, is held, and falls likewise; a short move has no held part.
-
-    kind: how the target moves. times: when each begins. positions: to where, one a time.
-    velocity, acceleration: largest size.
     """
 
-    kind: Literal["trapezoid"]
-    times: list[Second]
-    positions: list[Metre]
-    velocity: MetrePerSecond
-    acceleration: MetrePerSecond2
+    kind: Literal["trapezoid"] = Field(description="type of reference")
+    times: list[Second] = Field(description="start time of each motion")
+    positions: list[Metre] = Field(description="target position of each motion")
+    velocity: MetrePerSecond = Field(description="largest velocity")
+    acceleration: MetrePerSecond2 = Field(description="largest acceleration")
 
     @model_validator(mode="after")
     def _fit(self) -> Trapezoid:
@@ -240,13 +225,11 @@ class File(Definition):
 
     Between its rows positions lie on lines, and so do given speeds and accelerations; a speed that is not given is the
     slope of the position. The last position is held.
-
-    kind: how the target moves. file: path of the CSV, from the scenario's own folder. start: when its time 0 is.
     """
 
-    kind: Literal["file"]
-    file: str
-    start: Second = 0.0
+    kind: Literal["file"] = Field(description="type of reference")
+    file: str = Field(description="path of the CSV, relative to the scenario's folder")
+    start: Second = Field(0.0, description="time at which the file's t = 0 lies")
     _table: dict[str, np.ndarray] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")

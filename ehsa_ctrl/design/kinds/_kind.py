@@ -15,25 +15,18 @@ from ..stages.trajectory import Trajectory
 
 
 class ControllerFile(Definition):
-    """What every controller's TOML may have; a kind adds its own keys.
+    """What every controller's TOML may have; a kind adds its own keys."""
 
-    schema: version of this form. kind: of the feedback law.
-    title: one line for lists and tables. note: what a reader should know.
-    sample_time: of the loop; left out, the period of the plant that it is used with.
-    current_limit: largest current that it asks for, to either side.
-    [trajectory], [feedforward], [rest], [dither]: stages around the feedback law; each is off where it is left out.
-    """
-
-    schema_version: Schema = Field(alias="schema")
-    kind: str
-    title: str
-    note: str = ""
-    sample_time: Second = 0.004
-    current_limit: Ampere
-    trajectory: Trajectory | None = None
-    feedforward: Feedforward | None = None
-    rest: Rest | None = None
-    dither: Dither | None = None
+    schema_version: Schema = Field(alias="schema", description="format version")
+    kind: str = Field(description="type of feedback law")
+    title: str = Field(description="one line for lists and tables")
+    note: str = Field("", description="remarks for the reader")
+    sample_time: Second = Field(0.004, description="sample time of the loop; left out, that of the plant")
+    current_limit: Ampere = Field(description="largest current, in either direction")
+    trajectory: Trajectory | None = Field(None, description="motion planning; off where it is left out")
+    feedforward: Feedforward | None = Field(None, description="model-based feedforward; off where it is left out")
+    rest: Rest | None = Field(None, description="deadband at rest; off where it is left out")
+    dither: Dither | None = Field(None, description="sine added to the current; off where it is left out")
 
     @model_validator(mode="after")
     def _possible(self) -> ControllerFile:

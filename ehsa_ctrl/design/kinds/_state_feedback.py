@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from ...core.definition import Ampere, Definition, In, Metre, Newton, RadianPerSecond
 from ..laws.state_feedback import StateFeedback
@@ -23,20 +23,20 @@ AmperePerSecond = Annotated[float, In("A/s")]
 
 
 class Weights(Definition):
-    """[weights]: for each quantity the deviation that costs as much as any other of them; smaller is stricter.
+    """[weights]: for each quantity the deviation that costs as much as any other of them; smaller is stricter."""
 
-    position: error of the rod. current: beyond what the planned motion needs.
-    speed, pressure: errors of shaft speed and pressure difference; left out, they cost nothing.
-    current_rate: change of the current, for a calm one.
-    integral: of the position's error, only with offset_free = "integral".
-    """
-
-    position: Metre
-    current: Ampere = 1.0
-    speed: RadianPerSecond | None = None
-    pressure: Pascal | None = None
-    current_rate: AmperePerSecond | None = None
-    integral: Annotated[float, In("m s")] | None = None
+    position: Metre = Field(description="position error of the rod")
+    current: Ampere = Field(1.0, description="current beyond that of the planned motion")
+    speed: RadianPerSecond | None = Field(None, description="shaft speed error; left out, it has no weight")
+    pressure: Pascal | None = Field(None, description="error of the pressure difference; left out, it has no weight")
+    current_rate: AmperePerSecond | None = Field(
+        None,
+        description="rate of change of the current; left out, it has no weight",
+    )
+    integral: Annotated[float, In("m s")] | None = Field(
+        None,
+        description='integral of the position error, only with offset_free = "integral"',
+    )
 
     @model_validator(mode="after")
     def _positive(self) -> Weights:
@@ -47,19 +47,18 @@ class Weights(Definition):
 
 
 class Observer(Definition):
-    """[observer]: standard deviations for the Kalman filter.
+    """[observer]: standard deviations for the Kalman filter."""
 
-    speed, pressure, position: of the sensors. current: white, at the motor; larger trusts the model less.
-    friction, load, leak: by how much each disturbance may wander in one second.
-    """
-
-    speed: RadianPerSecond = Noise.speed
-    pressure: Pascal = Noise.pressure
-    position: Metre = Noise.position
-    current: Ampere = Noise.current
-    friction: Ampere = Noise.friction
-    load: Newton = Noise.load
-    leak: RadianPerSecond = Noise.leak
+    speed: RadianPerSecond = Field(Noise.speed, description="noise of the speed sensor")
+    pressure: Pascal = Field(Noise.pressure, description="noise of the pressure sensors")
+    position: Metre = Field(Noise.position, description="noise of the position sensor")
+    current: Ampere = Field(
+        Noise.current,
+        description="white process noise of the motor current; larger trusts the model less",
+    )
+    friction: Ampere = Field(Noise.friction, description="random walk of the friction disturbance in one second")
+    load: Newton = Field(Noise.load, description="random walk of the load force in one second")
+    leak: RadianPerSecond = Field(Noise.leak, description="random walk of the leakage disturbance in one second")
 
     @model_validator(mode="after")
     def _positive(self) -> Observer:
@@ -70,16 +69,15 @@ class Observer(Definition):
 
 
 class StateFeedbackFile(ControllerFile):
-    """Keys of every controller that feeds estimated states back.
+    """Keys of every controller that feeds estimated states back."""
 
-    offset_free: "disturbance" estimates friction, load and leakage and pays for them; "integral" integrates the
-        position's error; "none" leaves the error that a load makes.
-    [weights]: what deviations cost. [observer]: of the Kalman filter.
-    """
-
-    offset_free: Literal["disturbance", "integral", "none"] = "disturbance"
-    weights: Weights
-    observer: Observer = Observer()
+    offset_free: Literal["disturbance", "integral", "none"] = Field(
+        "disturbance",
+        description='"disturbance" estimates friction, load and leakage and compensates them; "integral" integrates '
+        'the position error; "none" accepts the steady-state error under load',
+    )
+    weights: Weights = Field(description="weights of the cost function")
+    observer: Observer = Field(Observer(), description="noise levels of the Kalman filter")
 
     @model_validator(mode="after")
     def _fitting(self) -> StateFeedbackFile:

@@ -22,40 +22,37 @@ if TYPE_CHECKING:
 
 
 class SpeedLoop(Definition):
-    """[speed]: the inner loop, PI on the shaft's speed.
+    """[speed]: the inner loop, PI on the shaft's speed."""
 
-    crossover: frequency at which the gain of this loop alone is 1; three to five times that of the position's.
-    phase_margin: there.
-    """
-
-    crossover: RadianPerSecond
-    phase_margin: PhaseMargin
+    crossover: RadianPerSecond = Field(
+        description="gain crossover frequency of this loop alone; three to five times that of the position loop",
+    )
+    phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
 
 
 class PositionLoop(Definition):
-    """[position]: the outer loop, broken at the speed that it asks for.
+    """[position]: the outer loop, broken at the speed that it asks for."""
 
-    crossover: frequency at which its gain is 1. phase_margin: at least this there.
-    integral_ratio: corner of the integral action over the crossover; 0 leaves the integral out, the inner loop has one.
-    speed_limit: largest speed asked of the shaft. velocity_feedforward: share of the planned velocity.
-    """
-
-    crossover: RadianPerSecond
-    phase_margin: PhaseMargin = float(np.radians(60.0))
-    integral_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    speed_limit: RadianPerSecond
-    velocity_feedforward: Annotated[float, Field(ge=0, le=1)] = 1.0
+    crossover: RadianPerSecond = Field(description="gain crossover frequency")
+    phase_margin: PhaseMargin = Field(float(np.radians(60.0)), description="least phase margin at the crossover")
+    integral_ratio: Annotated[float, Field(ge=0, lt=1)] = Field(
+        0.0,
+        description="corner frequency of the integral action over the crossover; 0: no integral, the speed loop has "
+        "one",
+    )
+    speed_limit: RadianPerSecond = Field(description="largest shaft speed reference")
+    velocity_feedforward: Annotated[float, Field(ge=0, le=1)] = Field(
+        1.0,
+        description="share of the planned velocity that is fed forward",
+    )
 
 
 class CascadeFile(ControllerFile):
-    """A cascade's TOML.
+    """A cascade's TOML."""
 
-    [speed], [position]: the inner and the outer loop.
-    """
-
-    kind: Literal["cascade"]
-    speed: SpeedLoop
-    position: PositionLoop
+    kind: Literal["cascade"] = Field(description="type of feedback law")
+    speed: SpeedLoop = Field(description="inner loop")
+    position: PositionLoop = Field(description="outer loop")
 
     @model_validator(mode="after")
     def _fit(self) -> CascadeFile:

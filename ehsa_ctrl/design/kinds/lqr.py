@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+from pydantic import Field
+
 from ..laws.state_feedback import StateFeedback
 from ._kind import ControllerKind
 from ._state_feedback import StateFeedbackFile, design_state_feedback
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
 class LqrFile(StateFeedbackFile):
     """An LQR's TOML: the keys of every state feedback, no more."""
 
-    kind: Literal["lqr"]
+    kind: Literal["lqr"] = Field(description="type of feedback law")
 
 
 def design_lqr(name: str, file: LqrFile, system: control.StateSpace) -> StateFeedback:

@@ -21,20 +21,17 @@ if TYPE_CHECKING:
 
 
 class MpcLimits(Definition):
-    """[limits] beside current_limit; one that is left out does not hold.
+    """[limits] beside current_limit; one that is left out does not hold."""
 
-    current_rate: of the current; always kept.
-    speed (of the shaft), pressure (difference p1 - p2), stroke (of the rod, to either side of 0): soft, because a rod
-        that already is too fast can't keep them; passing one by its own size costs `penalty` times
-        as much as being 0.1 m off the target.
-    penalty: for passing a soft limit, see there.
-    """
-
-    current_rate: AmperePerSecond | None = None
-    speed: RadianPerSecond | None = None
-    pressure: Pascal | None = None
-    stroke: Metre | None = None
-    penalty: Annotated[float, In("1")] = Limits.penalty
+    current_rate: AmperePerSecond | None = Field(None, description="rate of change of the current; a hard limit")
+    speed: RadianPerSecond | None = Field(
+        None,
+        description="shaft speed; a soft limit: exceeding it by its own size costs `penalty` times as much as a "
+        "position error of 0.1 m",
+    )
+    pressure: Pascal | None = Field(None, description="pressure difference p1 - p2; a soft limit as speed")
+    stroke: Metre | None = Field(None, description="rod position, to either side of 0; a soft limit as speed")
+    penalty: Annotated[float, In("1")] = Field(Limits.penalty, description="weight of soft limits, see speed")
 
     @model_validator(mode="after")
     def _room(self) -> MpcLimits:
@@ -45,15 +42,17 @@ class MpcLimits(Definition):
 
 
 class Solver(Definition):
-    """[solver]: which, and when a sample is given up.
+    """[solver]: which, and when a sample is given up."""
 
-    name: daqp or osqp. iteration_limit: per sample, in iterations of an active-set method.
-    deadline: time that a sample may take; left out, a solution is waited for and a run can be repeated to the last bit.
-    """
-
-    name: str = "daqp"
-    iteration_limit: Annotated[int, Field(ge=1)] = 200
-    deadline: Second | None = None
+    name: str = Field("daqp", description="daqp or osqp")
+    iteration_limit: Annotated[int, Field(ge=1)] = Field(
+        200,
+        description="iterations per sample, in those of an active-set method",
+    )
+    deadline: Second | None = Field(
+        None,
+        description="time limit per sample; left out, the solver runs to the end and runs are reproducible",
+    )
 
     @field_validator("name")
     @classmethod
@@ -64,16 +63,15 @@ class Solver(Definition):
 
 
 class MpcFile(StateFeedbackFile):
-    """An MPC's TOML: the keys of every state feedback, a horizon, limits and a solver.
+    """An MPC's TOML: the keys of every state feedback, a horizon, limits and a solver."""
 
-    horizon: samples that are planned ahead; long enough for the hydraulic mode to decay.
-    [limits]: of speed, pressure, stroke and the current's rate. [solver]: of the quadratic programme.
-    """
-
-    kind: Literal["mpc"]
-    horizon: Annotated[int, Field(ge=2, le=500)] = 20
-    limits: MpcLimits = MpcLimits()
-    solver: Solver = Solver()
+    kind: Literal["mpc"] = Field(description="type of feedback law")
+    horizon: Annotated[int, Field(ge=2, le=500)] = Field(
+        20,
+        description="prediction horizon in samples; long enough for the hydraulic mode to decay",
+    )
+    limits: MpcLimits = Field(MpcLimits(), description="constraints on speed, pressure, stroke and current rate")
+    solver: Solver = Field(Solver(), description="solver of the quadratic programme")
 
     @model_validator(mode="after")
     def _possible(self) -> MpcFile:

@@ -22,19 +22,22 @@ Weight = Annotated[float, Field(ge=0, le=1)]
 
 
 class PidLoopFile(ControllerFile):
-    """What all PID controllers' TOML have.
+    """What all PID controllers' TOML have."""
 
-    reference_weight: b, share of the reference in the proportional part; below 1 takes overshoot away.
-    derivative_reference_weight: c, share of the reference's speed in the derivative part.
-    anti_windup: what keeps the integral from running away while the current is limited: back_calculation draws it back
-        with the time constant tracking_time, conditional keeps it from going further into the limit, none lets it run.
-    tracking_time: of back_calculation; left out, sqrt(T_i T_d), or T_i without a derivative.
-    """
-
-    reference_weight: Weight = 1.0
-    derivative_reference_weight: Weight = 0.0
-    anti_windup: Literal["back_calculation", "conditional", "none"] = "back_calculation"
-    tracking_time: Second | None = None
+    reference_weight: Weight = Field(
+        1.0,
+        description="b, setpoint weight of the proportional part; below 1 reduces overshoot",
+    )
+    derivative_reference_weight: Weight = Field(0.0, description="c, setpoint weight of the derivative part")
+    anti_windup: Literal["back_calculation", "conditional", "none"] = Field(
+        "back_calculation",
+        description="back_calculation resets the integral with the time constant tracking_time while the current is "
+        "limited; conditional stops integrating into the limit; none",
+    )
+    tracking_time: Second | None = Field(
+        None,
+        description="time constant of back_calculation; left out, sqrt(T_i T_d), or T_i without a derivative",
+    )
 
     @model_validator(mode="after")
     def _windup(self) -> PidLoopFile:
@@ -76,15 +79,15 @@ class PidLoopFile(ControllerFile):
 
 
 class PidFile(PidLoopFile):
-    """A PID's TOML: one of [design] (crossover and phase margin), [tuning] (optimised), [gains] (given).
+    """A PID's TOML: one of [design] (crossover and phase margin), [tuning] (optimised), [gains] (given)."""
 
-    [design], [tuning], [gains]: exactly one of these three.
-    """
-
-    kind: Literal["pid"]
-    design: PidDesign | None = None
-    tuning: Tuning | None = None
-    gains: PidGains | None = None
+    kind: Literal["pid"] = Field(description="type of feedback law")
+    design: PidDesign | None = Field(
+        None,
+        description="crossover and phase margin; exactly one of [design], [tuning] and [gains]",
+    )
+    tuning: Tuning | None = Field(None, description="optimised gains; exactly one of [design], [tuning] and [gains]")
+    gains: PidGains | None = Field(None, description="given gains; exactly one of [design], [tuning] and [gains]")
 
     @model_validator(mode="after")
     def _one(self) -> PidFile:

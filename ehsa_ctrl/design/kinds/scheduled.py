@@ -23,17 +23,13 @@ if TYPE_CHECKING:
 
 
 class Point(Definition):
-    """[[schedule.points]]: a value of the variable, and either the gains there or how the linear model differs.
+    """[[schedule.points]]: a value of the variable, and either the gains there or how the linear model differs."""
 
-    at: with the variable's unit ("5 bar"). [gains]: there, instead of a design.
-    stiffness, mass: of the load, on top of the model's. bulk_modulus: share of the model's.
-    """
-
-    at: str
-    gains: PidGains | None = None
-    stiffness: Annotated[float, In("N/m")] = 0.0
-    mass: Annotated[float, In("kg")] = 0.0
-    bulk_modulus: Annotated[float, Field(gt=0)] = 1.0
+    at: str = Field(description='value of the scheduling variable with its unit ("5 bar")')
+    gains: PidGains | None = Field(None, description="gains at this point, instead of a design")
+    stiffness: Annotated[float, In("N/m")] = Field(0.0, description="load stiffness, added to the model's")
+    mass: Annotated[float, In("kg")] = Field(0.0, description="load mass, added to the model's")
+    bulk_modulus: Annotated[float, Field(gt=0)] = Field(1.0, description="factor on the model's bulk modulus")
 
     @model_validator(mode="after")
     def _fit(self) -> Point:
@@ -43,18 +39,19 @@ class Point(Definition):
 
 
 class Schedule(Definition):
-    """[schedule]: over what the gains change, and the points between which they are interpolated.
+    """[schedule]: over what the gains change, and the points between which they are interpolated."""
 
-    variable: position, level (mean of both pressures) or load (the load cell's force).
-    filter_time: of the variable. nominal: value at which margins are judged, the middle point by default.
-    [[points]]: two or more, rising.
-    [[points]]: two or more, rising.
-    """
-
-    variable: Literal["position", "level", "load"]
-    filter_time: Second = 0.05
-    nominal: str | None = None
-    points: Annotated[tuple[Point, ...], Field(min_length=2), Array]
+    variable: Literal["position", "level", "load"] = Field(
+        description="scheduling variable: position, level (mean pressure) or load (measured force)",
+    )
+    filter_time: Second = Field(0.05, description="time constant of the variable's low-pass filter")
+    nominal: str | None = Field(
+        None,
+        description="value of the variable at which margins are evaluated; left out, the middle point",
+    )
+    points: Annotated[tuple[Point, ...], Field(min_length=2), Array] = Field(
+        description="two or more, in ascending order",
+    )
 
     @model_validator(mode="after")
     def _rising(self) -> Schedule:
@@ -77,15 +74,18 @@ class Schedule(Definition):
 
 
 class ScheduledFile(PidLoopFile):
-    """A scheduled PID's TOML: the [schedule], and [design] or [tuning] for points that have no gains of their own.
+    """A scheduled PID's TOML: the [schedule], and [design] or [tuning] for points that have no gains of their own."""
 
-    [schedule]: of the gains. [design], [tuning]: exactly one of these where points have no gains of their own.
-    """
-
-    kind: Literal["scheduled_pid"]
-    schedule: Schedule
-    design: PidDesign | None = None
-    tuning: Tuning | None = None
+    kind: Literal["scheduled_pid"] = Field(description="type of feedback law")
+    schedule: Schedule = Field(description="gain schedule")
+    design: PidDesign | None = Field(
+        None,
+        description="crossover and phase margin; this or [tuning] where points have no gains of their own",
+    )
+    tuning: Tuning | None = Field(
+        None,
+        description="optimised gains; this or [design] where points have no gains of their own",
+    )
 
     @model_validator(mode="after")
     def _one(self) -> ScheduledFile:

@@ -14,7 +14,7 @@ from math import exp, inf
 from typing import Annotated
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from ...core.definition import Ampere, Definition, In, Second
 
@@ -41,27 +41,27 @@ def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings:
 
 
 class Feedforward(Definition):
-    """A controller's [feedforward]: numbers of a model over its torque constant; what is left out is zero.
+    """A controller's [feedforward]: numbers of a model over its torque constant; what is left out is zero."""
 
-    inertia, viscous, stiffness: current per planned acceleration, speed and position.
-    preload: constant current, positive where a constant load resists extension.
-    coulomb: current against friction while it moves. stribeck: speed over which it falls from static to coulomb.
-    static: at the start of a motion, at least `coulomb`, which is its default.
-    load: current per measured force, filtered with force_time; it carries what the rod works against before the
-        integral has to learn it. As it comes from a measurement it is a feedback: with a load that depends on the
-        position it takes part in the margins.
-    force_time: time constant of that filter.
-    """
-
-    inertia: Annotated[float, In("A s2/m")] = 0.0
-    viscous: Annotated[float, In("A s/m")] = 0.0
-    stiffness: Annotated[float, In("A/m")] = 0.0
-    preload: Ampere = 0.0
-    coulomb: Ampere = 0.0
-    static: Ampere | None = None
-    stribeck: Annotated[float, In("m/s")] = 0.01
-    load: Annotated[float, In("A/N")] = 0.0
-    force_time: Second = 0.01
+    inertia: Annotated[float, In("A s2/m")] = Field(0.0, description="current per planned acceleration")
+    viscous: Annotated[float, In("A s/m")] = Field(0.0, description="current per planned velocity")
+    stiffness: Annotated[float, In("A/m")] = Field(0.0, description="current per planned position")
+    preload: Ampere = Field(0.0, description="constant current, positive where a constant load resists extension")
+    coulomb: Ampere = Field(0.0, description="current against Coulomb friction during motion")
+    static: Ampere | None = Field(
+        None,
+        description="current against friction at the start of a motion, at least `coulomb`; left out, `coulomb`",
+    )
+    stribeck: Annotated[float, In("m/s")] = Field(
+        0.01,
+        description="velocity over which the friction current falls from static to coulomb",
+    )
+    load: Annotated[float, In("A/N")] = Field(
+        0.0,
+        description="current per measured load force, filtered with force_time. This is feedback: with a "
+        "position-dependent load it changes the stability margins",
+    )
+    force_time: Second = Field(0.01, description="time constant of the force filter")
 
     @model_validator(mode="after")
     def _fit(self) -> Feedforward:

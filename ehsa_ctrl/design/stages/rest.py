@@ -21,7 +21,7 @@ from __future__ import annotations
 from math import exp, pi, sin
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from ...core.definition import Ampere, Definition, Hertz, Metre, RadianPerSecond, Second
 
@@ -102,17 +102,13 @@ def knock(memory: np.ndarray, settings: np.ndarray) -> None:
 
 
 class Knocker(Definition):
-    """[rest.knocker]: short pulses towards the target until a rod that rests outside the band slips.
+    """[rest.knocker]: short pulses towards the target until a rod that rests outside the band slips."""
 
-    first: height of the first pulse. growth: by how much each next one is higher. largest: height at most.
-    width: how long a pulse is. period: from pulse to pulse.
-    """
-
-    first: Ampere
-    growth: Ampere
-    largest: Ampere
-    width: Second = 0.004
-    period: Second = 0.02
+    first: Ampere = Field(description="height of the first pulse")
+    growth: Ampere = Field(description="increase from pulse to pulse")
+    largest: Ampere = Field(description="largest height")
+    width: Second = Field(0.004, description="duration of a pulse")
+    period: Second = Field(0.02, description="time from pulse to pulse")
 
     @model_validator(mode="after")
     def _fit(self) -> Knocker:
@@ -124,23 +120,21 @@ class Knocker(Definition):
 
 
 class Rest(Definition):
-    """A controller's [rest]: near its target the rod is left where friction holds it.
+    """A controller's [rest]: near its target the rod is left where friction holds it."""
 
-    band: error within which a resting rod is left alone.
-    release: error beyond which it is not any more; left out, 1.5 times the band.
-    speed: of the shaft, below which it rests. filter_time: of error and speed for that decision. patience: time after
-    the end of the planned motion before a rest is believed. forget: when the next motion begins, the integral goes back
-    to where the last one ended: what it wound up against friction would push the new motion.
-    [knocker]: pulses that end a rest outside the band.
-    """
-
-    band: Metre
-    release: Metre | None = None
-    speed: RadianPerSecond = 1.2
-    filter_time: Second = 0.02
-    patience: Second = 0.06
-    forget: bool = False
-    knocker: Knocker | None = None
+    band: Metre = Field(description="position error within which a resting rod is left alone")
+    release: Metre | None = Field(
+        None,
+        description="position error at which control resumes; left out, 1.5 times the band",
+    )
+    speed: RadianPerSecond = Field(1.2, description="shaft speed below which the rod counts as at rest")
+    filter_time: Second = Field(0.02, description="time constant of the filter on error and speed")
+    patience: Second = Field(0.06, description="waiting time after the end of the planned motion")
+    forget: bool = Field(
+        False,
+        description="reset the integral at the start of the next motion to its value at the end of the last one",
+    )
+    knocker: Knocker | None = Field(None, description="pulses that move a rod stuck outside the band")
 
     @model_validator(mode="after")
     def _fit(self) -> Rest:
@@ -152,13 +146,10 @@ class Rest(Definition):
 
 
 class Dither(Definition):
-    """A controller's [dither]: a sine on top of the current.
+    """A controller's [dither]: a sine on top of the current."""
 
-    amplitude: its peak. frequency: below half the sample rate.
-    """
-
-    amplitude: Ampere
-    frequency: Hertz
+    amplitude: Ampere = Field(description="amplitude")
+    frequency: Hertz = Field(description="frequency, below half the sample rate")
 
     @model_validator(mode="after")
     def _fit(self) -> Dither:

@@ -13,7 +13,7 @@ from math import inf, sqrt
 from typing import Annotated
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from ...core.definition import Definition, In, Second
 
@@ -62,15 +62,15 @@ def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: n
 
 
 class Trajectory(Definition):
-    """A controller's [trajectory]: limits within which a jump of the target becomes a motion.
+    """A controller's [trajectory]: limits within which a jump of the target becomes a motion."""
 
-    speed, acceleration: largest ones of the rod. duration: least time of a motion from rest to rest; short ways are
-    made with less acceleration (a tenth of the largest at least).
-    """
-
-    speed: Annotated[float, In("m/s")]
-    acceleration: Annotated[float, In("m/s2")]
-    duration: Second = 0.0
+    speed: Annotated[float, In("m/s")] = Field(description="largest rod velocity")
+    acceleration: Annotated[float, In("m/s2")] = Field(description="largest rod acceleration")
+    duration: Second = Field(
+        0.0,
+        description="shortest duration of a motion from rest to rest; short strokes use less acceleration, at least "
+        "a tenth of the largest",
+    )
 
     @model_validator(mode="after")
     def _fit(self) -> Trajectory:

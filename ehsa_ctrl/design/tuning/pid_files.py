@@ -31,22 +31,19 @@ FORMS = {"parallel": ("k_p", "k_i", "k_d"), "standard": ("K", "T_i", "T_d"), "se
 
 
 class PidGains(Definition):
-    """[gains]: given gains instead of a design, all of them positive; what is left out is not there.
+    """[gains]: given gains instead of a design, all of them positive; what is left out is not there."""
 
-    form: parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d.
-    k_p, k_i, k_d: current per error, per its integral and per its rate.
-    K: current per error. T_i: of the integral. T_d: of the derivative.
-    T_f: time constant of the derivative's filter.
-    """
-
-    form: Literal["parallel", "standard", "series"] = "parallel"
-    k_p: AmperePerMetre | None = None
-    k_i: Annotated[float, In("A/(m s)")] | None = None
-    k_d: Annotated[float, In("A s/m")] | None = None
-    K: AmperePerMetre | None = None
-    T_i: Second | None = None
-    T_d: Second | None = None
-    T_f: Second = 0.0
+    form: Literal["parallel", "standard", "series"] = Field(
+        "parallel",
+        description="parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d",
+    )
+    k_p: AmperePerMetre | None = Field(None, description="proportional gain of the parallel form")
+    k_i: Annotated[float, In("A/(m s)")] | None = Field(None, description="integral gain of the parallel form")
+    k_d: Annotated[float, In("A s/m")] | None = Field(None, description="derivative gain of the parallel form")
+    K: AmperePerMetre | None = Field(None, description="gain of the standard and series forms")
+    T_i: Second | None = Field(None, description="integral time")
+    T_d: Second | None = Field(None, description="derivative time")
+    T_f: Second = Field(0.0, description="time constant of the derivative filter")
 
     @model_validator(mode="after")
     def _fit(self) -> PidGains:
@@ -74,18 +71,18 @@ class PidGains(Definition):
 
 
 class PidDesign(Definition):
-    """[design]: the classic target of the loop, broken at the current.
+    """[design]: the classic target of the loop, broken at the current."""
 
-    crossover: frequency at which the loop gain is 1.
-    phase_margin: there.
-    integral_ratio: corner of the integral action over the crossover; small keeps its phase lag small.
-    filter_ratio: corner of the derivative's filter over the crossover.
-    """
-
-    crossover: RadianPerSecond
-    phase_margin: PhaseMargin
-    integral_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.1
-    filter_ratio: Annotated[float, Field(gt=1, le=1e6)] = 10.0
+    crossover: RadianPerSecond = Field(description="gain crossover frequency")
+    phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
+    integral_ratio: Annotated[float, Field(ge=0, lt=1)] = Field(
+        0.1,
+        description="corner frequency of the integral action over the crossover; small values cost little phase",
+    )
+    filter_ratio: Annotated[float, Field(gt=1, le=1e6)] = Field(
+        10.0,
+        description="corner frequency of the derivative filter over the crossover",
+    )
 
 
 def classic_gains(design: PidDesign, system: control.StateSpace, sample_time: float) -> Gains:

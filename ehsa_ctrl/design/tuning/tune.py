@@ -39,26 +39,27 @@ SMALLEST = 1e-12
 
 
 class Tuning(Definition):
-    """A controller's [tuning]: what is minimised, and what the loop, broken at the current, must keep.
+    """A controller's [tuning]: what is minimised, and what the loop, broken at the current, must keep."""
 
-    minimise: IE (integrated error of a load step, 1 / k_i), IAE or ITAE (integral of the absolute error, for ITAE
-        times time) of the response to a step.
-    response: a step of what: load (a current from outside) or reference.
-    terms: of the controller.
-    Ms, Mt: largest |S| and |T|. disk_margin: at least this.
-    noise_gain: largest RMS current per RMS of white position noise. crossover: at least this.
-    lag: whole samples between measurement and current.
-    """
-
-    minimise: Literal["IE", "IAE", "ITAE"] = "ITAE"
-    response: Literal["load", "reference"] = "load"
-    terms: Literal["P", "PI", "PD", "PID"] = "PID"
-    Ms: Annotated[float, Field(gt=1, allow_inf_nan=False)] | None = 1.5
-    Mt: Annotated[float, Field(gt=1)] | None = 1.4
-    disk_margin: Annotated[float, Field(gt=0, lt=2)] | None = 0.7
-    noise_gain: Annotated[float, In("A/m")] | None = 1e4
-    crossover: RadianPerSecond | None = None
-    lag: Annotated[int, Field(ge=0)] = 0
+    minimise: Literal["IE", "IAE", "ITAE"] = Field(
+        "ITAE",
+        description="IE (integrated error, 1 / k_i), IAE (integrated absolute error) or ITAE (time-weighted IAE) of "
+        "a step response",
+    )
+    response: Literal["load", "reference"] = Field(
+        "load",
+        description="step of the load (a current added at the plant's input) or of the reference",
+    )
+    terms: Literal["P", "PI", "PD", "PID"] = Field("PID", description="terms of the controller")
+    Ms: Annotated[float, Field(gt=1, allow_inf_nan=False)] | None = Field(1.5, description="largest sensitivity |S|")
+    Mt: Annotated[float, Field(gt=1)] | None = Field(1.4, description="largest complementary sensitivity |T|")
+    disk_margin: Annotated[float, Field(gt=0, lt=2)] | None = Field(0.7, description="least disk margin")
+    noise_gain: Annotated[float, In("A/m")] | None = Field(
+        1e4,
+        description="largest RMS current per RMS of white position noise",
+    )
+    crossover: RadianPerSecond | None = Field(None, description="least gain crossover frequency")
+    lag: Annotated[int, Field(ge=0)] = Field(0, description="samples of delay between measurement and current")
 
     @model_validator(mode="after")
     def _fit(self) -> Tuning:
