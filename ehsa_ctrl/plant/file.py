@@ -78,14 +78,14 @@ class Quantity(Definition):
     unit: str = Field(description="any unit that converts to the SI unit")
     source: Source = Field(description="origin of the number")
     sd: Annotated[float, Field(ge=0)] | None = Field(
-        None,
+        default=None,
         description="standard deviation in `unit`; montecarlo and analyse --draws draw from it",
     )
     bounds: Annotated[tuple[Unlimited, Unlimited], Array] | None = Field(
-        None,
+        default=None,
         description="[lower, upper] range of plausible values in `unit`; drawn uniformly where there is no sd",
     )
-    note: str = Field("", description="reference or reason")
+    note: str = Field(default="", description="reference or reason")
 
     @field_validator("unit")
     @classmethod
@@ -120,30 +120,30 @@ class Quantity(Definition):
 class SensorFile(Definition):
     """[sensors.CHANNEL]: a sensor of the bench; it is ideal in what is left out."""
 
-    noise: Quantity | None = Field(None, description="standard deviation of white noise")
-    step: Quantity | None = Field(None, description="quantisation step")
-    filter: Quantity | None = Field(None, description="time constant of a first-order low-pass filter")
-    delay: Quantity | None = Field(None, description="delay")
-    scale: Quantity | None = Field(None, description="gain: reading over true value, 1 is ideal")
-    bias: Quantity | None = Field(None, description="offset of the reading")
+    noise: Quantity | None = Field(default=None, description="standard deviation of white noise")
+    step: Quantity | None = Field(default=None, description="quantisation step")
+    filter: Quantity | None = Field(default=None, description="time constant of a first-order low-pass filter")
+    delay: Quantity | None = Field(default=None, description="delay")
+    scale: Quantity | None = Field(default=None, description="gain: reading over true value, 1 is ideal")
+    bias: Quantity | None = Field(default=None, description="offset of the reading")
 
 
 class EstimationFile(Definition):
     """[estimation]: method of `identify`, and the filters of its balances."""
 
     method: Literal["simulation", "balances"] = Field(
-        "simulation",
+        default="simulation",
         description="simulation error or residuals of the balances",
     )
     balances: Literal["weak", "filtered"] = Field(
-        "weak",
+        default="weak",
         description="derivatives by the weak form (integration by parts) or by filters",
     )
-    width: Second | None = Field(None, description="window width of the weak form")
-    cutoff: Hertz = Field(100.0, description="cutoff frequency of the filters")
-    parallel: Hertz | None = Field(None, description="cutoff frequency of the parallel filters")
+    width: Second | None = Field(default=None, description="window width of the weak form")
+    cutoff: Hertz = Field(default=100.0, description="cutoff frequency of the filters")
+    parallel: Hertz | None = Field(default=None, description="cutoff frequency of the parallel filters")
     beside: bool = Field(
-        True,
+        default=True,
         description="with balances, also fit by simulation; false where the model lacks known behaviour of the rig",
     )
 
@@ -160,24 +160,24 @@ class ModelFile(Definition):
     """Structure and identified parameters of one model of the plant."""
 
     shaft_friction: str | None = Field(
-        None,
+        default=None,
         description="friction law of the shaft (ehsa-ctrl list friction); none where the system has no such contact",
     )
     rod_friction: str | None = Field(
-        None,
+        default=None,
         description="friction law of the rod (ehsa-ctrl list friction); none where the system has no such contact",
     )
-    chambers: str | None = Field(None, description="form of the chamber volumes")
+    chambers: str | None = Field(default=None, description="form of the chamber volumes")
     effects: list[str] = Field(
-        [],
+        default=[],
         description="effects added to the equations, by name (ehsa-ctrl list effects); a parameter that is missing "
         "in [parameters] has its typical value",
     )
     free: list[str] | None = Field(
-        None,
+        default=None,
         description='parameters that `identify` estimates; left out, every one whose source is "identified"',
     )
-    estimation: EstimationFile = Field(EstimationFile(), description="estimation method of `identify`")
+    estimation: EstimationFile = Field(default=EstimationFile(), description="estimation method of `identify`")
     parameters: dict[str, Quantity] = Field(description="parameters of this model alone")
 
 
@@ -185,8 +185,8 @@ class ColumnFile(Definition):
     """Column of a log that holds a channel: SI value = scale * column + offset."""
 
     column: str = Field(description="name of the column in the file")
-    scale: float = Field(1.0, description="SI units per unit of the column; negative reverses the direction")
-    offset: float = Field(0.0, description="in SI units, added after scaling")
+    scale: float = Field(default=1.0, description="SI units per unit of the column; negative reverses the direction")
+    offset: float = Field(default=0.0, description="in SI units, added after scaling")
 
 
 class SamplingFile(Definition):
@@ -201,21 +201,25 @@ class PlantFile(Definition):
     schema_version: Schema = Field(alias="schema", description="format version")
     title: str = Field(description="one line for lists and tables")
     system: str = Field(description="set of equations")
-    note: str = Field("", description="origin of the numbers")
+    note: str = Field(default="", description="origin of the numbers")
     parameters: dict[str, Quantity] = Field(description="parameters that both models share; signs as in the equations")
-    linear: ModelFile | None = Field(None, description="linear model; a plant has this, the nonlinear one or both")
-    nonlinear: ModelFile | None = Field(None, description="nonlinear model; a plant has this, the linear one or both")
+    linear: ModelFile | None = Field(
+        default=None, description="linear model; a plant has this, the nonlinear one or both"
+    )
+    nonlinear: ModelFile | None = Field(
+        default=None, description="nonlinear model; a plant has this, the linear one or both"
+    )
     load: dict[Literal["stiffness", "preload", "hardening", "mass", "force"], Quantity] = Field(
-        {},
+        default={},
         description="load at the rod, positive where it resists extension; what is left out is zero",
     )
-    limits: dict[str, Quantity] = Field({}, description="limits that every run checks; exceeding one is a trip")
+    limits: dict[str, Quantity] = Field(default={}, description="limits that every run checks; exceeding one is a trip")
     sampling: SamplingFile = Field(description="sampling of the bench")
     sensors: dict[str, SensorFile] = Field(
-        {},
+        default={},
         description="sensors of the bench, by channel; one that is left out is ideal",
     )
     log: dict[str, ColumnFile] = Field(
-        {},
+        default={},
         description="columns of the rig's own logs; a channel that is left out has its own name and SI units",
     )

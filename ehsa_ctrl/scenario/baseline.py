@@ -36,12 +36,14 @@ FOLDER = "baselines"
 class BaselineTolerances(Definition):
     """[baseline]: tolerances of a run around the recorded one."""
 
-    time: Second = Field(0.012, description="time shift, in either direction")
-    position: Metre = Field(1e-4, description="half height of the position tube")
-    speed: RadianPerSecond = Field(10.0, description="half height of the speed tube")
-    pressure: Annotated[float, In("Pa")] = Field(2e5, description="half height of the tube of the pressure difference")
+    time: Second = Field(default=0.012, description="time shift, in either direction")
+    position: Metre = Field(default=1e-4, description="half height of the position tube")
+    speed: RadianPerSecond = Field(default=10.0, description="half height of the speed tube")
+    pressure: Annotated[float, In("Pa")] = Field(
+        default=2e5, description="half height of the tube of the pressure difference"
+    )
     share: Annotated[float, Field(ge=0, le=1)] = Field(
-        0.05,
+        default=0.05,
         description="relative change of a metric, on top of its resolution",
     )
 

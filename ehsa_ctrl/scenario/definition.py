@@ -23,7 +23,7 @@ class ForceStep(Definition):
 
     force: Newton = Field(description="positive when it resists extension")
     start: Second = Field(description="start time")
-    duration: Second = Field(float("inf"), description="left out, to the end of the run")
+    duration: Second = Field(default=float("inf"), description="left out, to the end of the run")
 
     @model_validator(mode="after")
     def _fit(self) -> ForceStep:
@@ -35,22 +35,26 @@ class ForceStep(Definition):
 class OtherSensor(Definition):
     """A sensor of this scenario; what is left out is as in the plant."""
 
-    noise: str | None = Field(None, description="standard deviation of the noise")
-    step: str | None = Field(None, description="quantisation step")
-    delay: Second | None = Field(None, description="delay")
+    noise: str | None = Field(default=None, description="standard deviation of the noise")
+    step: str | None = Field(default=None, description="quantisation step")
+    delay: Second | None = Field(default=None, description="delay")
 
 
 class Measuring(Definition):
     """[sensors]: noise, delay and quantisation, where they differ from the plant's."""
 
-    noise: bool = Field(True, description="whether the sensors are noisy")
-    seed: Annotated[int, Field(ge=0)] = Field(0, description="seed of the noise")
-    lag: Annotated[int, Field(ge=0, le=50)] = Field(0, description="samples of delay between measurement and current")
-    speed: OtherSensor = Field(OtherSensor(), description="speed sensor, where it differs from the plant's")
-    p1: OtherSensor = Field(OtherSensor(), description="pressure sensor 1, where it differs from the plant's")
-    p2: OtherSensor = Field(OtherSensor(), description="pressure sensor 2, where it differs from the plant's")
-    position: OtherSensor = Field(OtherSensor(), description="position sensor, where it differs from the plant's")
-    force: OtherSensor = Field(OtherSensor(), description="load cell, where it differs from the plant's")
+    noise: bool = Field(default=True, description="whether the sensors are noisy")
+    seed: Annotated[int, Field(ge=0)] = Field(default=0, description="seed of the noise")
+    lag: Annotated[int, Field(ge=0, le=50)] = Field(
+        default=0, description="samples of delay between measurement and current"
+    )
+    speed: OtherSensor = Field(default=OtherSensor(), description="speed sensor, where it differs from the plant's")
+    p1: OtherSensor = Field(default=OtherSensor(), description="pressure sensor 1, where it differs from the plant's")
+    p2: OtherSensor = Field(default=OtherSensor(), description="pressure sensor 2, where it differs from the plant's")
+    position: OtherSensor = Field(
+        default=OtherSensor(), description="position sensor, where it differs from the plant's"
+    )
+    force: OtherSensor = Field(default=OtherSensor(), description="load cell, where it differs from the plant's")
 
     @model_validator(mode="after")
     def _fit(self) -> Measuring:
@@ -76,8 +80,8 @@ class Measuring(Definition):
 class Limit(Definition):
     """Limits of a metric on the nonlinear plant, in SI units."""
 
-    max: float | None = Field(None, description="largest value")
-    min: float | None = Field(None, description="smallest value")
+    max: float | None = Field(default=None, description="largest value")
+    min: float | None = Field(default=None, description="smallest value")
 
     @model_validator(mode="after")
     def _room(self) -> Limit:
@@ -98,35 +102,35 @@ class ScenarioFile(Definition):
     )
     duration: Second = Field(description="length of the run, 0.05 s to an hour")
     load: dict[Literal["stiffness", "preload", "hardening", "mass", "force"], str] = Field(
-        {},
+        default={},
         description="load at the rod, positive where it resists extension; what is left out is as in the plant",
     )
     settings: dict[str, str] = Field(
-        {},
+        default={},
         description="other values of the plant's parameters in this scenario, by symbol",
     )
     reference: Reference = Field(description="position reference; positive extends the rod, 0 is mid-stroke")
-    disturbance: list[ForceStep] = Field([], description="force steps on the rod")
-    sensors: Measuring = Field(Measuring(), description="sensors, where they differ from the plant's")
-    fault: list[Fault] = Field([], description="sensor and drive faults")
+    disturbance: list[ForceStep] = Field(default=[], description="force steps on the rod")
+    sensors: Measuring = Field(default=Measuring(), description="sensors, where they differ from the plant's")
+    fault: list[Fault] = Field(default=[], description="sensor and drive faults")
     supervision: Supervising | None = Field(
-        None,
+        default=None,
         description="plausibility limits; the loop stops where a reading exceeds one",
     )
     limits: dict[str, Limit] = Field(
-        {},
+        default={},
         description="limits of any metric on the nonlinear plant; the scenario fails where one is exceeded",
     )
     expect_trips: list[str] = Field(
-        [],
+        default=[],
         description="limits of the plant that must trip in this scenario; any other trip makes it fail",
     )
     baseline: BaselineTolerances = Field(
-        BaselineTolerances(),
+        default=BaselineTolerances(),
         description="tolerances of a run around the recorded baseline",
     )
     spread: dict[str, Spread] = Field(
-        {},
+        default={},
         description="what `montecarlo` draws besides the parameters with sd or bounds in the plant's file: a "
         'standard deviation ("10 %") or a range of two values',
     )

@@ -21,7 +21,7 @@ class _Fault(Definition):
     """A fault that is present for a while."""
 
     start: Second = Field(description="start time")
-    duration: Second = Field(float("inf"), description="left out, to the end of the run")
+    duration: Second = Field(default=float("inf"), description="left out, to the end of the run")
 
     @model_validator(mode="after")
     def _fit(self) -> _Fault:
@@ -73,16 +73,16 @@ def faults_of(listed: list[StuckSensor | LostSensor | CurrentLimit]) -> Faults:
 class Supervising(Definition):
     """[supervision]: plausibility limits; where a reading exceeds one, the loop stops with zero current."""
 
-    lost: Second = Field(0.04, description="how long a reading may be missing")
-    position: Metre = Field(float("inf"), description="largest rod position, in either direction")
-    speed: RadianPerSecond = Field(float("inf"), description="largest shaft speed, in either direction")
-    pressure_min: Pascal = Field(float("-inf"), description="lowest pressure")
-    pressure_max: Pascal = Field(float("inf"), description="highest pressure")
+    lost: Second = Field(default=0.04, description="how long a reading may be missing")
+    position: Metre = Field(default=float("inf"), description="largest rod position, in either direction")
+    speed: RadianPerSecond = Field(default=float("inf"), description="largest shaft speed, in either direction")
+    pressure_min: Pascal = Field(default=float("-inf"), description="lowest pressure")
+    pressure_max: Pascal = Field(default=float("inf"), description="highest pressure")
     contradiction: Metre = Field(
-        float("inf"),
+        default=float("inf"),
         description="largest difference between measured position and that integrated from the shaft speed",
     )
-    memory_time: Second = Field(0.25, description="time constant with which that difference is forgotten")
+    memory_time: Second = Field(default=0.25, description="time constant with which that difference is forgotten")
 
     @model_validator(mode="after")
     def _fit(self) -> Supervising:

@@ -100,7 +100,7 @@ class Sine(Definition):
     kind: Literal["sine"] = Field(description="type of reference")
     amplitude: Metre = Field(description="amplitude")
     frequency: Hertz = Field(description="frequency")
-    start: Second = Field(0.0, description="start time")
+    start: Second = Field(default=0.0, description="start time")
 
     @model_validator(mode="after")
     def _fit(self) -> Sine:
@@ -129,7 +129,7 @@ class Ramp(Definition):
     kind: Literal["ramp"] = Field(description="type of reference")
     position: Metre = Field(description="final position")
     velocity: MetrePerSecond = Field(description="magnitude of the velocity")
-    start: Second = Field(0.0, description="start time")
+    start: Second = Field(default=0.0, description="start time")
 
     @model_validator(mode="after")
     def _fit(self) -> Ramp:
@@ -229,7 +229,7 @@ class File(Definition):
 
     kind: Literal["file"] = Field(description="type of reference")
     file: str = Field(description="path of the CSV, relative to the scenario's folder")
-    start: Second = Field(0.0, description="time at which the file's t = 0 lies")
+    start: Second = Field(default=0.0, description="time at which the file's t = 0 lies")
     _table: dict[str, np.ndarray] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")

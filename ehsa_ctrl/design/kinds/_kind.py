@@ -20,13 +20,15 @@ class ControllerFile(Definition):
     schema_version: Schema = Field(alias="schema", description="format version")
     kind: str = Field(description="type of feedback law")
     title: str = Field(description="one line for lists and tables")
-    note: str = Field("", description="remarks for the reader")
-    sample_time: Second = Field(0.004, description="sample time of the loop; left out, that of the plant")
+    note: str = Field(default="", description="remarks for the reader")
+    sample_time: Second = Field(default=0.004, description="sample time of the loop; left out, that of the plant")
     current_limit: Ampere = Field(description="largest current, in either direction")
-    trajectory: Trajectory | None = Field(None, description="motion planning; off where it is left out")
-    feedforward: Feedforward | None = Field(None, description="model-based feedforward; off where it is left out")
-    rest: Rest | None = Field(None, description="deadband at rest; off where it is left out")
-    dither: Dither | None = Field(None, description="sine added to the current; off where it is left out")
+    trajectory: Trajectory | None = Field(default=None, description="motion planning; off where it is left out")
+    feedforward: Feedforward | None = Field(
+        default=None, description="model-based feedforward; off where it is left out"
+    )
+    rest: Rest | None = Field(default=None, description="deadband at rest; off where it is left out")
+    dither: Dither | None = Field(default=None, description="sine added to the current; off where it is left out")
 
     @model_validator(mode="after")
     def _possible(self) -> ControllerFile:

@@ -26,15 +26,17 @@ class Weights(Definition):
     """[weights]: for each quantity the deviation that costs as much as any other of them; smaller is stricter."""
 
     position: Metre = Field(description="position error of the rod")
-    current: Ampere = Field(1.0, description="current beyond that of the planned motion")
-    speed: RadianPerSecond | None = Field(None, description="shaft speed error; left out, it has no weight")
-    pressure: Pascal | None = Field(None, description="error of the pressure difference; left out, it has no weight")
+    current: Ampere = Field(default=1.0, description="current beyond that of the planned motion")
+    speed: RadianPerSecond | None = Field(default=None, description="shaft speed error; left out, it has no weight")
+    pressure: Pascal | None = Field(
+        default=None, description="error of the pressure difference; left out, it has no weight"
+    )
     current_rate: AmperePerSecond | None = Field(
-        None,
+        default=None,
         description="rate of change of the current; left out, it has no weight",
     )
     integral: Annotated[float, In("m s")] | None = Field(
-        None,
+        default=None,
         description='integral of the position error, only with offset_free = "integral"',
     )
 
@@ -49,16 +51,20 @@ class Weights(Definition):
 class Observer(Definition):
     """[observer]: standard deviations for the Kalman filter."""
 
-    speed: RadianPerSecond = Field(Noise.speed, description="noise of the speed sensor")
-    pressure: Pascal = Field(Noise.pressure, description="noise of the pressure sensors")
-    position: Metre = Field(Noise.position, description="noise of the position sensor")
+    speed: RadianPerSecond = Field(default=Noise.speed, description="noise of the speed sensor")
+    pressure: Pascal = Field(default=Noise.pressure, description="noise of the pressure sensors")
+    position: Metre = Field(default=Noise.position, description="noise of the position sensor")
     current: Ampere = Field(
-        Noise.current,
+        default=Noise.current,
         description="white process noise of the motor current; larger trusts the model less",
     )
-    friction: Ampere = Field(Noise.friction, description="random walk of the friction disturbance in one second")
-    load: Newton = Field(Noise.load, description="random walk of the load force in one second")
-    leak: RadianPerSecond = Field(Noise.leak, description="random walk of the leakage disturbance in one second")
+    friction: Ampere = Field(
+        default=Noise.friction, description="random walk of the friction disturbance in one second"
+    )
+    load: Newton = Field(default=Noise.load, description="random walk of the load force in one second")
+    leak: RadianPerSecond = Field(
+        default=Noise.leak, description="random walk of the leakage disturbance in one second"
+    )
 
     @model_validator(mode="after")
     def _positive(self) -> Observer:
@@ -72,12 +78,12 @@ class StateFeedbackFile(ControllerFile):
     """Keys of every controller that feeds estimated states back."""
 
     offset_free: Literal["disturbance", "integral", "none"] = Field(
-        "disturbance",
+        default="disturbance",
         description='"disturbance" estimates friction, load and leakage and compensates them; "integral" integrates '
         'the position error; "none" accepts the steady-state error under load',
     )
     weights: Weights = Field(description="weights of the cost function")
-    observer: Observer = Field(Observer(), description="noise levels of the Kalman filter")
+    observer: Observer = Field(default=Observer(), description="noise levels of the Kalman filter")
 
     @model_validator(mode="after")
     def _fitting(self) -> StateFeedbackFile:

@@ -34,15 +34,17 @@ class PositionLoop(Definition):
     """[position]: the outer loop, broken at the speed that it asks for."""
 
     crossover: RadianPerSecond = Field(description="gain crossover frequency")
-    phase_margin: PhaseMargin = Field(float(np.radians(60.0)), description="least phase margin at the crossover")
+    phase_margin: PhaseMargin = Field(
+        default=float(np.radians(60.0)), description="least phase margin at the crossover"
+    )
     integral_ratio: Annotated[float, Field(ge=0, lt=1)] = Field(
-        0.0,
+        default=0.0,
         description="corner frequency of the integral action over the crossover; 0: no integral, the speed loop has "
         "one",
     )
     speed_limit: RadianPerSecond = Field(description="largest shaft speed reference")
     velocity_feedforward: Annotated[float, Field(ge=0, le=1)] = Field(
-        1.0,
+        default=1.0,
         description="share of the planned velocity that is fed forward",
     )
 

@@ -23,15 +23,17 @@ if TYPE_CHECKING:
 class MpcLimits(Definition):
     """[limits] beside current_limit; one that is left out does not hold."""
 
-    current_rate: AmperePerSecond | None = Field(None, description="rate of change of the current; a hard limit")
+    current_rate: AmperePerSecond | None = Field(
+        default=None, description="rate of change of the current; a hard limit"
+    )
     speed: RadianPerSecond | None = Field(
-        None,
+        default=None,
         description="shaft speed; a soft limit: exceeding it by its own size costs `penalty` times as much as a "
         "position error of 0.1 m",
     )
-    pressure: Pascal | None = Field(None, description="pressure difference p1 - p2; a soft limit as speed")
-    stroke: Metre | None = Field(None, description="rod position, to either side of 0; a soft limit as speed")
-    penalty: Annotated[float, In("1")] = Field(Limits.penalty, description="weight of soft limits, see speed")
+    pressure: Pascal | None = Field(default=None, description="pressure difference p1 - p2; a soft limit as speed")
+    stroke: Metre | None = Field(default=None, description="rod position, to either side of 0; a soft limit as speed")
+    penalty: Annotated[float, In("1")] = Field(default=Limits.penalty, description="weight of soft limits, see speed")
 
     @model_validator(mode="after")
     def _room(self) -> MpcLimits:
@@ -44,13 +46,13 @@ class MpcLimits(Definition):
 class Solver(Definition):
     """[solver]: which, and when a sample is given up."""
 
-    name: str = Field("daqp", description="daqp or osqp")
+    name: str = Field(default="daqp", description="daqp or osqp")
     iteration_limit: Annotated[int, Field(ge=1)] = Field(
-        200,
+        default=200,
         description="iterations per sample, in those of an active-set method",
     )
     deadline: Second | None = Field(
-        None,
+        default=None,
         description="time limit per sample; left out, the solver runs to the end and runs are reproducible",
     )
 
@@ -67,11 +69,13 @@ class MpcFile(StateFeedbackFile):
 
     kind: Literal["mpc"] = Field(description="type of feedback law")
     horizon: Annotated[int, Field(ge=2, le=500)] = Field(
-        20,
+        default=20,
         description="prediction horizon in samples; long enough for the hydraulic mode to decay",
     )
-    limits: MpcLimits = Field(MpcLimits(), description="constraints on speed, pressure, stroke and current rate")
-    solver: Solver = Field(Solver(), description="solver of the quadratic programme")
+    limits: MpcLimits = Field(
+        default=MpcLimits(), description="constraints on speed, pressure, stroke and current rate"
+    )
+    solver: Solver = Field(default=Solver(), description="solver of the quadratic programme")
 
     @model_validator(mode="after")
     def _possible(self) -> MpcFile:

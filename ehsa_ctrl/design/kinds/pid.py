@@ -25,17 +25,17 @@ class PidLoopFile(ControllerFile):
     """What all PID controllers' TOML have."""
 
     reference_weight: Weight = Field(
-        1.0,
+        default=1.0,
         description="b, setpoint weight of the proportional part; below 1 reduces overshoot",
     )
-    derivative_reference_weight: Weight = Field(0.0, description="c, setpoint weight of the derivative part")
+    derivative_reference_weight: Weight = Field(default=0.0, description="c, setpoint weight of the derivative part")
     anti_windup: Literal["back_calculation", "conditional", "none"] = Field(
-        "back_calculation",
+        default="back_calculation",
         description="back_calculation resets the integral with the time constant tracking_time while the current is "
         "limited; conditional stops integrating into the limit; none",
     )
     tracking_time: Second | None = Field(
-        None,
+        default=None,
         description="time constant of back_calculation; left out, sqrt(T_i T_d), or T_i without a derivative",
     )
 
@@ -83,11 +83,15 @@ class PidFile(PidLoopFile):
 
     kind: Literal["pid"] = Field(description="type of feedback law")
     design: PidDesign | None = Field(
-        None,
+        default=None,
         description="crossover and phase margin; exactly one of [design], [tuning] and [gains]",
     )
-    tuning: Tuning | None = Field(None, description="optimised gains; exactly one of [design], [tuning] and [gains]")
-    gains: PidGains | None = Field(None, description="given gains; exactly one of [design], [tuning] and [gains]")
+    tuning: Tuning | None = Field(
+        default=None, description="optimised gains; exactly one of [design], [tuning] and [gains]"
+    )
+    gains: PidGains | None = Field(
+        default=None, description="given gains; exactly one of [design], [tuning] and [gains]"
+    )
 
     @model_validator(mode="after")
     def _one(self) -> PidFile:

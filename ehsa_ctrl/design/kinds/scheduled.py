@@ -26,10 +26,10 @@ class Point(Definition):
     """[[schedule.points]]: a value of the variable, and either the gains there or how the linear model differs."""
 
     at: str = Field(description='value of the scheduling variable with its unit ("5 bar")')
-    gains: PidGains | None = Field(None, description="gains at this point, instead of a design")
-    stiffness: Annotated[float, In("N/m")] = Field(0.0, description="load stiffness, added to the model's")
-    mass: Annotated[float, In("kg")] = Field(0.0, description="load mass, added to the model's")
-    bulk_modulus: Annotated[float, Field(gt=0)] = Field(1.0, description="factor on the model's bulk modulus")
+    gains: PidGains | None = Field(default=None, description="gains at this point, instead of a design")
+    stiffness: Annotated[float, In("N/m")] = Field(default=0.0, description="load stiffness, added to the model's")
+    mass: Annotated[float, In("kg")] = Field(default=0.0, description="load mass, added to the model's")
+    bulk_modulus: Annotated[float, Field(gt=0)] = Field(default=1.0, description="factor on the model's bulk modulus")
 
     @model_validator(mode="after")
     def _fit(self) -> Point:
@@ -44,9 +44,9 @@ class Schedule(Definition):
     variable: Literal["position", "level", "load"] = Field(
         description="scheduling variable: position, level (mean pressure) or load (measured force)",
     )
-    filter_time: Second = Field(0.05, description="time constant of the variable's low-pass filter")
+    filter_time: Second = Field(default=0.05, description="time constant of the variable's low-pass filter")
     nominal: str | None = Field(
-        None,
+        default=None,
         description="value of the variable at which margins are evaluated; left out, the middle point",
     )
     points: Annotated[tuple[Point, ...], Field(min_length=2), Array] = Field(
@@ -79,11 +79,11 @@ class ScheduledFile(PidLoopFile):
     kind: Literal["scheduled_pid"] = Field(description="type of feedback law")
     schedule: Schedule = Field(description="gain schedule")
     design: PidDesign | None = Field(
-        None,
+        default=None,
         description="crossover and phase margin; this or [tuning] where points have no gains of their own",
     )
     tuning: Tuning | None = Field(
-        None,
+        default=None,
         description="optimised gains; this or [design] where points have no gains of their own",
     )
 

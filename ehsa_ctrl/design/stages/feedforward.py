@@ -43,25 +43,27 @@ def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings:
 class Feedforward(Definition):
     """A controller's [feedforward]: numbers of a model over its torque constant; what is left out is zero."""
 
-    inertia: Annotated[float, In("A s2/m")] = Field(0.0, description="current per planned acceleration")
-    viscous: Annotated[float, In("A s/m")] = Field(0.0, description="current per planned velocity")
-    stiffness: Annotated[float, In("A/m")] = Field(0.0, description="current per planned position")
-    preload: Ampere = Field(0.0, description="constant current, positive where a constant load resists extension")
-    coulomb: Ampere = Field(0.0, description="current against Coulomb friction during motion")
+    inertia: Annotated[float, In("A s2/m")] = Field(default=0.0, description="current per planned acceleration")
+    viscous: Annotated[float, In("A s/m")] = Field(default=0.0, description="current per planned velocity")
+    stiffness: Annotated[float, In("A/m")] = Field(default=0.0, description="current per planned position")
+    preload: Ampere = Field(
+        default=0.0, description="constant current, positive where a constant load resists extension"
+    )
+    coulomb: Ampere = Field(default=0.0, description="current against Coulomb friction during motion")
     static: Ampere | None = Field(
-        None,
+        default=None,
         description="current against friction at the start of a motion, at least `coulomb`; left out, `coulomb`",
     )
     stribeck: Annotated[float, In("m/s")] = Field(
-        0.01,
+        default=0.01,
         description="velocity over which the friction current falls from static to coulomb",
     )
     load: Annotated[float, In("A/N")] = Field(
-        0.0,
+        default=0.0,
         description="current per measured load force, filtered with force_time. This is feedback: with a "
         "position-dependent load it changes the stability margins",
     )
-    force_time: Second = Field(0.01, description="time constant of the force filter")
+    force_time: Second = Field(default=0.01, description="time constant of the force filter")
 
     @model_validator(mode="after")
     def _fit(self) -> Feedforward:

@@ -107,8 +107,8 @@ class Knocker(Definition):
     first: Ampere = Field(description="height of the first pulse")
     growth: Ampere = Field(description="increase from pulse to pulse")
     largest: Ampere = Field(description="largest height")
-    width: Second = Field(0.004, description="duration of a pulse")
-    period: Second = Field(0.02, description="time from pulse to pulse")
+    width: Second = Field(default=0.004, description="duration of a pulse")
+    period: Second = Field(default=0.02, description="time from pulse to pulse")
 
     @model_validator(mode="after")
     def _fit(self) -> Knocker:
@@ -124,17 +124,17 @@ class Rest(Definition):
 
     band: Metre = Field(description="position error within which a resting rod is left alone")
     release: Metre | None = Field(
-        None,
+        default=None,
         description="position error at which control resumes; left out, 1.5 times the band",
     )
-    speed: RadianPerSecond = Field(1.2, description="shaft speed below which the rod counts as at rest")
-    filter_time: Second = Field(0.02, description="time constant of the filter on error and speed")
-    patience: Second = Field(0.06, description="waiting time after the end of the planned motion")
+    speed: RadianPerSecond = Field(default=1.2, description="shaft speed below which the rod counts as at rest")
+    filter_time: Second = Field(default=0.02, description="time constant of the filter on error and speed")
+    patience: Second = Field(default=0.06, description="waiting time after the end of the planned motion")
     forget: bool = Field(
-        False,
+        default=False,
         description="reset the integral at the start of the next motion to its value at the end of the last one",
     )
-    knocker: Knocker | None = Field(None, description="pulses that move a rod stuck outside the band")
+    knocker: Knocker | None = Field(default=None, description="pulses that move a rod stuck outside the band")
 
     @model_validator(mode="after")
     def _fit(self) -> Rest:

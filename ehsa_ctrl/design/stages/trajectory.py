@@ -67,7 +67,7 @@ class Trajectory(Definition):
     speed: Annotated[float, In("m/s")] = Field(description="largest rod velocity")
     acceleration: Annotated[float, In("m/s2")] = Field(description="largest rod acceleration")
     duration: Second = Field(
-        0.0,
+        default=0.0,
         description="shortest duration of a motion from rest to rest; short strokes use less acceleration, at least "
         "a tenth of the largest",
     )

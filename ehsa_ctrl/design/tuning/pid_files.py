@@ -34,16 +34,16 @@ class PidGains(Definition):
     """[gains]: given gains instead of a design, all of them positive; what is left out is not there."""
 
     form: Literal["parallel", "standard", "series"] = Field(
-        "parallel",
+        default="parallel",
         description="parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d",
     )
-    k_p: AmperePerMetre | None = Field(None, description="proportional gain of the parallel form")
-    k_i: Annotated[float, In("A/(m s)")] | None = Field(None, description="integral gain of the parallel form")
-    k_d: Annotated[float, In("A s/m")] | None = Field(None, description="derivative gain of the parallel form")
-    K: AmperePerMetre | None = Field(None, description="gain of the standard and series forms")
-    T_i: Second | None = Field(None, description="integral time")
-    T_d: Second | None = Field(None, description="derivative time")
-    T_f: Second = Field(0.0, description="time constant of the derivative filter")
+    k_p: AmperePerMetre | None = Field(default=None, description="proportional gain of the parallel form")
+    k_i: Annotated[float, In("A/(m s)")] | None = Field(default=None, description="integral gain of the parallel form")
+    k_d: Annotated[float, In("A s/m")] | None = Field(default=None, description="derivative gain of the parallel form")
+    K: AmperePerMetre | None = Field(default=None, description="gain of the standard and series forms")
+    T_i: Second | None = Field(default=None, description="integral time")
+    T_d: Second | None = Field(default=None, description="derivative time")
+    T_f: Second = Field(default=0.0, description="time constant of the derivative filter")
 
     @model_validator(mode="after")
     def _fit(self) -> PidGains:
@@ -76,11 +76,11 @@ class PidDesign(Definition):
     crossover: RadianPerSecond = Field(description="gain crossover frequency")
     phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
     integral_ratio: Annotated[float, Field(ge=0, lt=1)] = Field(
-        0.1,
+        default=0.1,
         description="corner frequency of the integral action over the crossover; small values cost little phase",
     )
     filter_ratio: Annotated[float, Field(gt=1, le=1e6)] = Field(
-        10.0,
+        default=10.0,
         description="corner frequency of the derivative filter over the crossover",
     )
 

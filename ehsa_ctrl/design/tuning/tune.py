@@ -42,24 +42,26 @@ class Tuning(Definition):
     """A controller's [tuning]: what is minimised, and what the loop, broken at the current, must keep."""
 
     minimise: Literal["IE", "IAE", "ITAE"] = Field(
-        "ITAE",
+        default="ITAE",
         description="IE (integrated error, 1 / k_i), IAE (integrated absolute error) or ITAE (time-weighted IAE) of "
         "a step response",
     )
     response: Literal["load", "reference"] = Field(
-        "load",
+        default="load",
         description="step of the load (a current added at the plant's input) or of the reference",
     )
-    terms: Literal["P", "PI", "PD", "PID"] = Field("PID", description="terms of the controller")
-    Ms: Annotated[float, Field(gt=1, allow_inf_nan=False)] | None = Field(1.5, description="largest sensitivity |S|")
-    Mt: Annotated[float, Field(gt=1)] | None = Field(1.4, description="largest complementary sensitivity |T|")
-    disk_margin: Annotated[float, Field(gt=0, lt=2)] | None = Field(0.7, description="least disk margin")
+    terms: Literal["P", "PI", "PD", "PID"] = Field(default="PID", description="terms of the controller")
+    Ms: Annotated[float, Field(gt=1, allow_inf_nan=False)] | None = Field(
+        default=1.5, description="largest sensitivity |S|"
+    )
+    Mt: Annotated[float, Field(gt=1)] | None = Field(default=1.4, description="largest complementary sensitivity |T|")
+    disk_margin: Annotated[float, Field(gt=0, lt=2)] | None = Field(default=0.7, description="least disk margin")
     noise_gain: Annotated[float, In("A/m")] | None = Field(
-        1e4,
+        default=1e4,
         description="largest RMS current per RMS of white position noise",
     )
-    crossover: RadianPerSecond | None = Field(None, description="least gain crossover frequency")
-    lag: Annotated[int, Field(ge=0)] = Field(0, description="samples of delay between measurement and current")
+    crossover: RadianPerSecond | None = Field(default=None, description="least gain crossover frequency")
+    lag: Annotated[int, Field(ge=0)] = Field(default=0, description="samples of delay between measurement and current")
 
     @model_validator(mode="after")
     def _fit(self) -> Tuning:
