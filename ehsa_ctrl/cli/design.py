@@ -145,7 +145,7 @@ def command(
     if output is not None:
         write_text(output, text)
     if place is not None:
-        from ..design.analysis.step import step_response
+        from ..design.analysis.closed_loop import step_response
         from ..report.figures import loop_figure, nyquist_figure, save, step_figure
         from ..report.result_page import write_result_page
 

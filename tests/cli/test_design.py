@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
+from ehsa_ctrl.design.analysis.closed_loop import step_response
 from ehsa_ctrl.design.analysis.loop import analyse_loop
-from ehsa_ctrl.design.analysis.step import step_response
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.load import build_controller
 from ehsa_ctrl.design.tuning.specification import begin, leaves, resolve, value

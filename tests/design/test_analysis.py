@@ -7,8 +7,7 @@ from made_loops import Made, grows, integral, integrator, proportional, ripples
 
 from ehsa_ctrl import InputError, four_state, load_controller, three_state
 from ehsa_ctrl.core.protocol import MEASURED
-from ehsa_ctrl.design.analysis.closed import closed_loop, law_of
-from ehsa_ctrl.design.analysis.frequency import discrete_response
+from ehsa_ctrl.design.analysis.closed_loop import closed_loop, discrete_response, linear_law
 from ehsa_ctrl.design.analysis.loop import analyse_loop
 from ehsa_ctrl.design.analysis.margins import disk_range
 from ehsa_ctrl.design.analysis.sampled import sampled_plant
@@ -78,7 +77,7 @@ def test_a_gain_beyond_the_margin_makes_the_sampled_loop_grow(system):
 
 def perturbed_poles(system, controller, factor):
     """Poles of the closed loop with a complex factor on the current."""
-    plant, law = sampled_plant(system, controller.sample_time), law_of(controller)
+    plant, law = sampled_plant(system, controller.sample_time), linear_law(controller)
     push, readings = factor * plant.B[:, :1], law.B[:, 3:]
     a = np.block([[plant.A + push @ law.D[:, 3:] @ plant.C, push @ law.C], [readings @ plant.C, law.A]])
     return np.linalg.eigvals(a)
@@ -263,7 +262,7 @@ def test_noise_of_all_sensors_adds_by_squares(system):
     controller = load_controller("lqr_position", system)
     sd = {"speed": 0.5, "p1": 15e3, "p2": 15e3, "position": 2e-5}
     loop = analyse_loop(system, controller, noise=sd)
-    closed = closed_loop(sampled_plant(system, H), law_of(controller))
+    closed = closed_loop(sampled_plant(system, H), linear_law(controller))
     rng = np.random.default_rng(0)
     inputs = np.zeros((closed.ninputs, 60_000))
     for channel, size in sd.items():

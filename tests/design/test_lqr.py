@@ -9,7 +9,7 @@ from linear_loop import LQI, LQR, TEXTS, load, parabola, run, still
 
 from ehsa_ctrl import InputError, load_controller, run_closed_loop
 from ehsa_ctrl.core.catalogue import controllers
-from ehsa_ctrl.design.analysis.closed import closed_loop, law_of
+from ehsa_ctrl.design.analysis.closed_loop import closed_loop, law_of
 from ehsa_ctrl.design.analysis.loop import analyse_loop
 from ehsa_ctrl.design.analysis.sampled import sampled_plant
 from ehsa_ctrl.design.laws.state_feedback import StateFeedback

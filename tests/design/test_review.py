@@ -9,8 +9,8 @@ import pytest
 from made_loops import Made, integral, integrator, proportional
 
 from ehsa_ctrl import InputError, four_state, load_controller, three_state
-from ehsa_ctrl.design.analysis.reachable import hidden_modes
 from ehsa_ctrl.design.analysis.robustness import robust_margins
+from ehsa_ctrl.design.analysis.sampled import hidden_modes
 from ehsa_ctrl.design.review import Known, review
 from ehsa_ctrl.plant.motion_current import motion_current
 

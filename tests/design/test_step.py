@@ -5,7 +5,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.design.analysis.step import step_response
+from ehsa_ctrl.design.analysis.closed_loop import step_response
 from ehsa_ctrl.design.controller import SampledController
 from ehsa_ctrl.design.laws.pid import Pid
 from ehsa_ctrl.design.laws.pid_forms import Gains

@@ -248,7 +248,8 @@ def test_a_loop_without_margins_can_be_drawn():
     """A loop that never reaches a gain of 1 has no crossover: nothing is marked, nothing fails."""
     omega = np.geomspace(0.1, 100, 200)
     response = 0.1 / (1 + 1j * omega)
-    loop = LoopAnalysis("weak", omega, response, np.nan, np.inf, np.inf, np.inf, 1.0, 0.1, True)
+    margins = {"phase_margin": np.inf, "gain_margin": np.inf, "delay_margin": np.inf, "Ms": 1.0, "Mt": 0.1}
+    loop = LoopAnalysis(controller="weak", omega=omega, response=response, stable=True, disk_margin=np.nan, **margins)
 
     assert not [line for ax in loop_figure(loop).axes for line in ax.lines if line.get_linewidth() == 3.0]
 

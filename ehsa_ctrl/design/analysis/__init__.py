@@ -1,1 +1,1 @@
-"""What a linear loop is like: poles, margins, robustness, step responses, exactly sampled."""
+"""Analysis of sampled linear loops: poles, margins, robustness, step responses."""

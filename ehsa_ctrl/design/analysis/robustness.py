@@ -1,4 +1,4 @@
-"""One controller, many plants: the worst margins, and which plant has them."""
+"""Robustness of one controller over many plants: worst margins, and the plant of each."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,22 +21,20 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-#: Margin -> its unit, and whether a large value is the bad one; an unstable loop is worse than any other.
-JUDGED = {
-    "Ms": ("", True),
-    "Mt": ("", True),
-    "disk_margin": ("", False),
-    "phase_margin": ("deg", False),
-    "gain_margin": ("", False),
-    "delay_margin": ("s", False),
+#: Margin -> its unit, and the sign with which it is bad when large.
+MARGINS = {
+    "Ms": ("", 1),
+    "Mt": ("", 1),
+    "disk_margin": ("", -1),
+    "phase_margin": ("deg", -1),
+    "gain_margin": ("", -1),
+    "delay_margin": ("s", -1),
 }
 
 
-@dataclass(frozen=True)
-class Worst:
-    """The worst value of a margin among many plants, and the name of the plant that has it."""
+class WorstMargin(NamedTuple):
+    """The worst value of a margin among many plants, and the label of that plant."""
 
-    margin: str
     value: float
     label: str
 
@@ -48,24 +46,20 @@ class RobustMargins:
     Attributes
     ----------
     controller: its name.
-    loops: label of the plant -> its loop, in the order in which they came.
+    loops: label of the plant -> its loop, in the given order.
     """
 
     controller: str
     loops: Mapping[str, LoopAnalysis]
 
     @cached_property
-    def worst(self) -> dict[str, Worst]:
-        """Of each margin in JUDGED, the worst value with the plant's label; an unstable loop is the worst in all."""
+    def worst(self) -> dict[str, WorstMargin]:
+        """The worst value of each of MARGINS with the plant's label; an unstable loop is the worst in all."""
         found = {}
-        for name, (_, large_is_bad) in JUDGED.items():
-
-            def badness(label: str, name: str = name, sign: int = 1 if large_is_bad else -1) -> float:
-                loop = self.loops[label]
-                return sign * float(getattr(loop, name)) if loop.stable else inf
-
-            label = max(self.loops, key=badness)
-            found[name] = Worst(name, float(getattr(self.loops[label], name)), label)
+        for name, (_, sign) in MARGINS.items():
+            badness = {k: sign * getattr(loop, name) if loop.stable else inf for k, loop in self.loops.items()}
+            label = max(badness, key=badness.__getitem__)
+            found[name] = WorstMargin(float(getattr(self.loops[label], name)), label)
         return found
 
     @property
@@ -80,20 +74,20 @@ class RobustMargins:
 
     @property
     def stable(self) -> bool:
-        """Whether every loop is."""
+        """Whether every loop is stable."""
         return not self.unstable
 
     @property
     def unstable(self) -> tuple[str, ...]:
-        """Labels of the plants with which the loop is not stable."""
+        """Labels of the plants with an unstable loop."""
         return tuple(label for label, loop in self.loops.items() if not loop.stable)
 
     def meets(self, *, Ms: float = 1.6, disk_margin: float = 0.6) -> bool:
-        """Whether every loop is stable, its |S| at most Ms and its disk margin at least disk_margin."""
+        """Whether every loop is stable, with |S| at most Ms and a disk margin of at least disk_margin."""
         return self.stable and self.Ms <= Ms and self.disk_margin >= disk_margin
 
     def band(self, of: str = "S") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Frequencies (n,) [rad/s], and the lowest and highest |S| or |T| (n,) of all stable loops there.
+        """Frequencies (n,) [rad/s] with the smallest and largest |S| or |T| (n,) of all stable loops.
 
         Raises InputError for another symbol, and where no loop is stable.
         """
@@ -111,17 +105,17 @@ class RobustMargins:
         return omega, np.min(curves, axis=0), np.max(curves, axis=0)
 
     def plot(self) -> Figure:
-        """|S| and |T| over frequency: the band of all plants, the first and the worst one.
+        """|S| and |T| over frequency: band of all plants, the first and the worst plant.
 
         Raises InputError where no loop is stable.
         """
         return draw(self)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a plant: stable, crossover [rad/s] and the margins in SI units (phase in deg)."""
+        """One row per plant: stable, crossover [rad/s] and the margins in SI units (phase in deg)."""
         import pandas
 
-        names = ("stable", "crossover", *JUDGED)
+        names = ("stable", "crossover", *MARGINS)
         rows = [{name: getattr(loop, name) for name in names} for loop in self.loops.values()]
         return pandas.DataFrame(rows, index=pandas.Index(list(self.loops), name="plant"))
 
@@ -132,17 +126,16 @@ class RobustMargins:
             "stable": self.stable,
             "unstable": list(self.unstable),
             "worst": {name: {"value": worst.value, "plant": worst.label} for name, worst in self.worst.items()},
-            "quantiles": {
-                name: dict(zip(("5 %", "50 %", "95 %"), self._quantiles(name), strict=True)) for name in JUDGED
-            },
+            "quantiles": {name: self._quantiles(name) for name in MARGINS},
         }
 
-    def _quantiles(self, name: str) -> list[float]:
-        """5, 50 and 95 % of the stable loops, by rank: infinite margins are not averaged."""
+    def _quantiles(self, name: str) -> dict[str, float]:
+        """Of the stable loops, by rank: interpolation would average infinite margins."""
         values = np.sort([getattr(loop, name) for loop in self.loops.values() if loop.stable])
-        if values.size == 0:
-            return [float("nan")] * 3
-        return [float(values[int(round(share * (values.size - 1)))]) for share in (0.05, 0.5, 0.95)]
+        if not values.size:
+            values = np.array([np.nan])
+        shares = {"5 %": 0.05, "50 %": 0.5, "95 %": 0.95}
+        return {key: float(values[int(round(share * (values.size - 1)))]) for key, share in shares.items()}
 
     def __str__(self) -> str:
         head = f"{self.controller} with {len(self.loops)} plants: "
@@ -151,7 +144,7 @@ class RobustMargins:
             return f"{head}{len(self.unstable)} NOT STABLE: {shown}"
         lines = [f"{head}all stable; the worst of each margin, and where"]
         for name, worst in self.worst.items():
-            value, unit = (1e3 * worst.value, "ms") if name == "delay_margin" else (worst.value, JUDGED[name][0])
+            value, unit = (1e3 * worst.value, "ms") if name == "delay_margin" else (worst.value, MARGINS[name][0])
             lines.append(f"  {name.replace('_', ' '):<13} {value:8.3g} {unit:<4} {worst.label}")
         return "\n".join(lines)
 
@@ -159,7 +152,7 @@ class RobustMargins:
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{escape(name.replace('_', ' '))}</td><td>{worst.value:.3g} {JUDGED[name][0]}</td>"
+            f"<tr><td>{escape(name.replace('_', ' '))}</td><td>{worst.value:.3g} {MARGINS[name][0]}</td>"
             f"<td>{escape(worst.label)}</td></tr>"
             for name, worst in self.worst.items()
         )
@@ -183,15 +176,14 @@ def robust_margins(
     Parameters
     ----------
     systems: label -> continuous linear model; `plant.draws` makes them from a plant's uncertainty and operating points.
-    controller: designed once; it stays as it is.
+    controller: one design for all plants.
     lag, delay, points: as in analyse_loop.
 
     Raises InputError if there is no plant.
     """
     if not systems:
         raise InputError("robust_margins got no plant; give at least one")
-    loops = {
-        label: analyse_loop(system, controller, lag=lag, delay=delay, points=points)
-        for label, system in systems.items()
-    }
-    return RobustMargins(controller.name, loops)
+    return RobustMargins(
+        controller.name,
+        {name: analyse_loop(model, controller, lag=lag, delay=delay, points=points) for name, model in systems.items()},
+    )

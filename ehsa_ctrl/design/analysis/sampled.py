@@ -1,4 +1,4 @@
-"""The linear plant as a controller meets it: sampled, behind its hold, with its measurements by channel."""
+"""The sampled linear plant: zero-order hold, input delay, outputs by measured channel."""
 
 from __future__ import annotations
 
@@ -8,28 +8,29 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.protocol import MEASURED
-from .reachable import without_constants
 
 if TYPE_CHECKING:
     import control
 
-#: Most samples by which a current may be late: each is a state.
+#: Longest delay of the current, in samples: each sample of delay is a state.
 LATEST = 100
-#: What a state is divided by: rad/s, Pa and m differ by ten decades, which no Riccati equation and no solver likes.
+#: Scale of each state: rad/s, Pa and m differ by ten decades, too much for a Riccati equation or a QP solver.
 SCALES = {"omega": 100.0, "dP": 1e6, "P_1": 1e6, "P_2": 1e6, "v": 0.1, "x": 0.01}
-#: Channel -> how it follows from a model's outputs; the first row whose outputs the model has is taken.
+#: Channel -> its expressions in the model's outputs; the first whose outputs the model has is taken.
 READINGS: dict[str, tuple[dict[str, float], ...]] = {
     "speed": ({"omega": 1.0},),
-    # (7) knows the pressures as deviations of their difference alone: P_1 - P_2 = dP.
+    # (7) has the pressure difference alone: P_1 - P_2 = dP.
     "p1": ({"P_1": 1.0}, {"dP": 0.5}),
     "p2": ({"P_2": 1.0}, {"dP": -0.5}),
     "position": ({"x": 1.0},),
     "force": ({"force": 1.0},),
 }
+#: Relative singular value below which a matrix counts as rank-deficient.
+RANK_TOLERANCE = 1e-9
 
 
 def readings(system: control.StateSpace) -> np.ndarray:
-    """Matrix (5, outputs) from a model's outputs to the channels of core.protocol.MEASURED; zeros for what it lacks.
+    """Matrix (5, outputs) from a model's outputs to the channels MEASURED; zeros for channels that it lacks.
 
     Raises InputError for a model without a position x.
     """
@@ -46,64 +47,64 @@ def readings(system: control.StateSpace) -> np.ndarray:
     return matrix
 
 
-class Scaled(NamedTuple):
-    """A continuous model for sampling: x' = a x + inputs (current, force), readings = c x, in states of like size."""
+def state_scales(system: control.StateSpace) -> np.ndarray:
+    """Scale (n,) of each state by its name, see SCALES; 1 for other names.
+
+    Not by matrix balancing: a linearised model has 1e-10 instead of 0 from rounding, from which balancing concludes
+    that the position hardly moves.
+    """
+    return np.array([SCALES.get(name, 1.0) for name in system.state_labels])
+
+
+class ScaledModel(NamedTuple):
+    """A continuous model in scaled states: x' = a x + inputs (current, force), readings = c x."""
 
     a: np.ndarray
     inputs: np.ndarray
     c: np.ndarray
 
 
-def sizes(system: control.StateSpace) -> np.ndarray:
-    """SI value (n,) of each state that is as large as 1 of another, by SCALES; 1 for a state of another name.
-
-    Not by balancing the matrix: where a linearised model has 1e-10 from rounding instead of 0, that takes the position
-    for a state that hardly moves.
-    """
-    return np.array([SCALES.get(name, 1.0) for name in system.state_labels])
-
-
-def scaled(system: control.StateSpace) -> Scaled:
-    """A model with the current and the force as inputs and the five channels as outputs, see `sampled_plant`."""
+def scale_model(system: control.StateSpace) -> ScaledModel:
+    """The model with inputs current and force and the five channels as outputs; errors as `sampled_plant`."""
     if not system.isctime():
         raise InputError(f"the model {system.name} is in discrete time; expected the continuous linear model")
     if "current" not in system.input_labels:
         raise InputError(f"the model {system.name} has the inputs {', '.join(system.input_labels)}; expected current")
     if np.any(system.D):
-        raise InputError(f"the model {system.name} has outputs that follow an input at once; expected none")
-    scale = sizes(system)
+        raise InputError(f"the model {system.name} has direct feedthrough; expected none")
+    scale = state_scales(system)
     inputs = np.zeros((system.nstates, 2))
     for column, name in enumerate(("current", "F_D")):
         if name in system.input_labels:
             inputs[:, column] = system.B[:, system.input_labels.index(name)] / scale
     a = system.A * (scale[None, :] / scale[:, None])
-    return Scaled(*without_constants(a, inputs, readings(system) @ system.C * scale[None, :]))
+    return ScaledModel(*remove_constant_states(a, inputs, readings(system) @ system.C * scale[None, :]))
 
 
-def sampled(model: Scaled, sample_time: float, delay: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sample(model: ScaledModel, sample_time: float, delay: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Matrices A, B, C of the sampled plant whose current acts `delay` [s] late, see `sampled_plant`."""
     from scipy.linalg import block_diag, expm
 
     a, inputs, c = model
     n = a.shape[0]
 
-    def held(duration: float) -> tuple[np.ndarray, np.ndarray]:
-        """Transition (n, n) and what held inputs do (n, 2) over a duration."""
+    def hold(duration: float) -> tuple[np.ndarray, np.ndarray]:
+        """Transition (n, n) and effect of held inputs (n, 2) over a duration."""
         exponent = np.zeros((n + 2, n + 2))
         exponent[:n, :n], exponent[:n, n:] = a, inputs
         moved = expm(exponent * duration)
         return moved[:n, :n], moved[:n, n:]
 
-    transition, both = held(sample_time)
+    transition, both = hold(sample_time)
     if delay <= 1e-9 * sample_time:
         return transition, both, c
     whole = int(np.floor(delay / sample_time + 1e-12))
     late = max(delay - whole * sample_time, 0.0)
-    rest, new = held(sample_time - late)
-    # Behind the plant's states a line of currents, the newest first: u[k-1], u[k-2] ... u[k-whole-1].
+    rest, new = hold(sample_time - late)
+    # Delay line behind the plant's states, newest current first: u[k-1], u[k-2] ... u[k-whole-1].
     line = whole + 1
     A, B = block_diag(transition, np.eye(line, k=-1)), np.zeros((n + line, 2))
-    A[:n, n + line - 1] = rest @ held(late)[1][:, 0]
+    A[:n, n + line - 1] = rest @ hold(late)[1][:, 0]
     if whole == 0:
         B[:n, 0] = new[:, 0]
     else:
@@ -116,17 +117,17 @@ def sampled_plant(system: control.StateSpace, sample_time: float, *, delay: floa
     """A continuous linear plant as discrete state space, exact at the samples.
 
     Current and force are held over each sample (zero-order hold); the current acts `delay` [s] late, any fraction of a
-    sample (K. J. Astrom, B. Wittenmark, "Computer-Controlled Systems", 3rd ed. 1997, section 2.3: with the delay
-    d h + tau, the held current of two samples acts within each, the old one for tau).
+    sample. python-control's sample_system has no fractional delays: the matrices follow K. J. Astrom, B. Wittenmark,
+    "Computer-Controlled Systems", 3rd ed. 1997, section 2.3.
 
     Parameters
     ----------
-    system: inputs current and, where there is one, F_D; outputs by name (omega, dP or P_1 and P_2, x).
+    system: inputs current and, optionally, F_D; outputs by name (omega, dP or P_1 and P_2, x).
 
     Returns
     -------
-    inputs current, F_D; outputs MEASURED in this order; the states are scaled, and what no input ever changes
-    (P_1 + P_2 in (6)) is left out.
+    inputs current, F_D; outputs MEASURED in this order; scaled states, without combinations that no input ever
+    changes (P_1 + P_2 in (6)).
 
     Raises InputError for a model in discrete time, with feedthrough, or without the input current or the output x.
     """
@@ -136,7 +137,47 @@ def sampled_plant(system: control.StateSpace, sample_time: float, *, delay: floa
         raise InputError(
             f"sample time {sample_time:g} s, delay {delay:g} s; expected more than zero, and zero to {LATEST} samples"
         )
-    matrices = sampled(scaled(system), sample_time, delay)
+    matrices = sample(scale_model(system), sample_time, delay)
     return control.ss(
         *matrices, 0, sample_time, inputs=["current", "F_D"], outputs=list(MEASURED), name=f"{system.name}, sampled"
     )
+
+
+def remove_constant_states(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Reduce a model a (n, n), b (n, m), c (p, n) by the combinations that no input ever changes, as P_1 + P_2 in (6).
+
+    w' A = 0 and w' B = 0 keep w' x constant; deviations from rest start at 0, so that x stays in the plane w' x = 0.
+    """
+    left, values, _ = np.linalg.svd(np.hstack([a / _norm(a), _unit_columns(b)]))
+    constant = values < RANK_TOLERANCE
+    if not constant.any():
+        return a, b, c
+    plane = left[:, ~constant]
+    return plane.T @ a @ plane, plane.T @ b, c @ plane
+
+
+def hidden_modes(a: np.ndarray, b: np.ndarray) -> list[complex]:
+    """Uncontrollable eigenvalues [rad/s] by the Popov-Belevitch-Hautus test; of (A', C'), the unobservable ones.
+
+    a (n, n), b (n, m): in scaled states.
+    """
+    size = _norm(a)
+    found: list[complex] = []
+    for eigenvalue in np.linalg.eigvals(a):
+        mode = complex(eigenvalue) if abs(eigenvalue) > RANK_TOLERANCE * size else 0j
+        pencil = np.hstack([(mode * np.eye(a.shape[0]) - a) / size, _unit_columns(b)])
+        lost = int(np.count_nonzero(np.linalg.svd(pencil, compute_uv=False) < RANK_TOLERANCE))
+        # A double eigenvalue may be hidden only once.
+        if sum(abs(mode - known) <= RANK_TOLERANCE * size for known in found) < lost:
+            found.append(mode)
+    return found
+
+
+def _norm(a: np.ndarray) -> float:
+    return max(float(np.linalg.norm(a, 2)), 1e-300)
+
+
+def _unit_columns(b: np.ndarray) -> np.ndarray:
+    """Columns scaled to length 1; zero columns are left out."""
+    lengths = np.linalg.norm(b, axis=0)
+    return b[:, lengths > 0] / lengths[lengths > 0]

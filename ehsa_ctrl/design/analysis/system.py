@@ -1,4 +1,4 @@
-"""What a control engineer looks at first: poles, zeros, damping, gains."""
+"""Open-loop analysis of a linear model: poles, zeros, damping, DC gains."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     import control
     import pandas
 
-#: Outputs that are looked at, with the unit of their gain per ampere.
+#: Analysed outputs with the unit of their gain per ampere, and their keys in results.
 OUTPUTS = {"omega": "rad/s", "dP": "Pa", "v": "m/s", "x": "m"}
 KEYS = {"omega": "speed", "dP": "dP", "v": "rod_speed", "x": "position"}
 
 
 @dataclass(frozen=True)
 class Analysis(ShownAsText):
-    """A linear model seen from the current.
+    """Properties of a linear model with the current as input.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Analysis(ShownAsText):
     __repr__ = __str__
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a pole: real and imaginary part and natural frequency (rad/s), damping (nan for an integrator)."""
+        """One row per pole: real and imaginary part and natural frequency (rad/s), damping (nan for an integrator)."""
         import pandas
 
         parts = {"real": self.poles.real, "imaginary": self.poles.imag}
@@ -72,11 +72,10 @@ class Analysis(ShownAsText):
 
 
 def analyse(system: control.StateSpace) -> Analysis:
-    """Analyse a linear model with the current as its first input and outputs named omega, dP, v, x.
+    """Poles, zeros of each channel and DC gains of a linear model, through python-control.
 
-    Through python-control: poles, zeros of each channel, DC gains.
+    system: the current is the first input; outputs are named omega, dP, v, x.
     """
-
     poles = np.sort_complex(system.poles())
     poles = poles[np.argsort(np.abs(poles), kind="stable")]
     frequency = np.where(np.abs(poles) < 1e-9, 0.0, np.abs(poles))
@@ -87,16 +86,16 @@ def analyse(system: control.StateSpace) -> Analysis:
     for output in OUTPUTS:
         if output not in system.output_labels:
             continue
-        part = system if output == "x" else _without_idle_position(system)
+        part = system if output == "x" else _without_free_position(system)
         channel = part[part.output_labels.index(output), 0]
-        # The pencil of a strictly proper system also has zeros at infinity, which rounding brings to large numbers.
-        zeros[output] = np.array([zero for zero in balanced(channel).zeros() if abs(zero) < 1e3 * fastest])
+        # The pencil of a strictly proper system has zeros at infinity too, large numbers after rounding.
+        zeros[output] = np.array([zero for zero in _balanced(channel).zeros() if abs(zero) < 1e3 * fastest])
         gains[output] = float(np.real(channel.dcgain()))
     return Analysis(system, poles, frequency, damping, zeros, gains)
 
 
-def _without_idle_position(system: control.StateSpace) -> control.StateSpace:
-    """Without the position if nothing depends on it: it would put a pole and a zero at 0 into every channel."""
+def _without_free_position(system: control.StateSpace) -> control.StateSpace:
+    """Without the position if nothing depends on it: it would add a pole and a zero at 0 to every channel."""
     import control
 
     if "x" not in system.state_labels or np.any(system.A[:, system.state_labels.index("x")]):
@@ -108,8 +107,8 @@ def _without_idle_position(system: control.StateSpace) -> control.StateSpace:
     return control.ss(a, b, c, np.delete(system.D, y, 0), outputs=outputs)
 
 
-def balanced(system: control.StateSpace) -> control.StateSpace:
-    """The same system in states of like size: speeds in rad/s and pressures in Pa differ by ten decades."""
+def _balanced(system: control.StateSpace) -> control.StateSpace:
+    """The same system in balanced states: speeds in rad/s and pressures in Pa differ by ten decades."""
     import control
     from scipy.linalg import matrix_balance
 

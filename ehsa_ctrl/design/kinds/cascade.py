@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from ...core.definition import Definition, RadianPerSecond
 from ...core.errors import InputError
 from ...core.protocol import MEASURED
-from ..analysis.frequency import discrete_response
+from ..analysis.closed_loop import discrete_response
 from ..analysis.sampled import sampled_plant
 from ..laws.cascade import Cascade
 from ..laws.pid_forms import Gains

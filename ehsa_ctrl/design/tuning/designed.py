@@ -12,8 +12,7 @@ import numpy as np
 from ...core.definition import validate
 from ...core.errors import InputError
 from ...core.unit import parse
-from ..analysis.closed import INPUTS, OUTPUTS, closed_loop, law_of
-from ..analysis.frequency import discrete_response
+from ..analysis.closed_loop import INPUTS, OUTPUTS, closed_loop, discrete_response, linear_law
 from ..analysis.loop import LoopAnalysis, analyse_loop
 from ..analysis.sampled import sampled_plant
 from ..controller import SampledController
@@ -121,7 +120,7 @@ def following(system: control.StateSpace, controller: SampledController) -> floa
 
     A state feedback's loop gain at the current crosses 1 where its speed is fed back, which says nothing of this.
     """
-    closed = closed_loop(sampled_plant(system, controller.sample_time), law_of(controller))
+    closed = closed_loop(sampled_plant(system, controller.sample_time), linear_law(controller))
     if np.max(np.abs(np.linalg.eigvals(closed.A)), initial=0.0) >= 1.0:
         return 0.0
     omega = np.geomspace(0.1, np.pi / controller.sample_time, 2000)

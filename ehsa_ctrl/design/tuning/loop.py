@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...core.protocol import MEASURED
-from ..analysis.frequency import transfer
+from ..analysis.closed_loop import transfer
 from ..analysis.sampled import sampled_plant
 from ..laws.pid_forms import Gains
 

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...design.analysis.step import StepResponse
+from ...design.analysis.closed_loop import StepResponse
 from ..style import BLACK, BLUE, SIGNALS, WIDTH, style
 from . import _panels as panel
 from ._layout import sheet, stack

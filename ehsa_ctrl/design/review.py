@@ -1,46 +1,41 @@
-"""A review: all tests of a design, as a table."""
+"""Design review before simulation: findings with verdict and remedy, as a table.
+
+It makes the checks that MPC tools make of a design (stability, steady-state error, scaling, solver time), and those
+that friction adds.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from ...core.errors import InputError, choices
-from ...core.protocol import Controller
-from ..analysis.loop import LoopAnalysis, analyse_loop
-from .case import Case
-from .finding import Finding, Known
-from .friction import creep, friction
-from .linear import margins, noise, solver, stable, standing, worst
-from .model import reach, scaling
+from ..core.errors import InputError, choices
+from ..core.protocol import Controller
+from .analysis.loop import LoopAnalysis, analyse_loop
+from .review_checks import CHECKS, Known, ReviewContext, ReviewFinding, Verdict
 
 if TYPE_CHECKING:
     import control
     import pandas
 
-    from ..analysis.robustness import RobustMargins
+    from .analysis.robustness import RobustMargins
 
-#: In the order in which they are shown.
-TESTS: tuple[Callable[[Case], Iterator[Finding]], ...] = (
-    reach, stable, margins, worst, scaling, standing, creep, friction, noise, solver,
-)  # fmt: skip
+__all__ = ["Known", "Review", "ReviewFinding", "Verdict", "review"]
 
 
 @dataclass(frozen=True)
 class Review:
-    """The findings of a review, in the order of the tests.
+    """The findings of a design review.
 
     Attributes
     ----------
     controller: its name.
-    findings: one a test.
-    loop: the analysis that most of them rest on.
+    findings: in the order of the checks. loop: the loop analysis behind them.
     """
 
     controller: str
-    findings: tuple[Finding, ...]
+    findings: tuple[ReviewFinding, ...]
     loop: LoopAnalysis
 
     @property
@@ -49,20 +44,20 @@ class Review:
         return all(finding.verdict != "fault" for finding in self.findings)
 
     @property
-    def warnings(self) -> tuple[Finding, ...]:
-        """What is not good, faults first."""
+    def warnings(self) -> tuple[ReviewFinding, ...]:
+        """Faults, then warnings."""
         bad = [finding for finding in self.findings if finding.verdict != "good"]
         return tuple(sorted(bad, key=lambda finding: finding.verdict != "fault"))
 
-    def __getitem__(self, test: str) -> Finding:
-        """The finding of a test. Raises InputError for a test that was not made."""
+    def __getitem__(self, test: str) -> ReviewFinding:
+        """The finding of a check by name. Raises InputError for a check that was not made."""
         for finding in self.findings:
             if finding.test == test:
                 return finding
         raise InputError(f"the review made no test {test!r}; {choices(test, [f.test for f in self.findings])}")
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a test: result, verdict, fix."""
+        """One row per check: result, verdict, fix."""
         import pandas
 
         rows = [(f.result, f.verdict, f.fix) for f in self.findings]
@@ -73,15 +68,15 @@ class Review:
         return {"controller": self.controller, "passed": self.passed, "findings": [vars(f) for f in self.findings]}
 
     def __str__(self) -> str:
-        wide = max(len(finding.test) for finding in self.findings)
+        width = max(len(finding.test) for finding in self.findings)
         sign = {"good": " ", "warning": "!", "fault": "X"}
         lines = [
             f"review of {self.controller}: {'passed' if self.passed else 'FAILED'}, {len(self.warnings)} to look at"
         ]
         for finding in self.findings:
-            lines.append(f"{sign[finding.verdict]} {finding.test:<{wide}}  {finding.result}")
+            lines.append(f"{sign[finding.verdict]} {finding.test:<{width}}  {finding.result}")
             if finding.verdict != "good" and finding.fix:
-                lines.append(f"  {'':<{wide}}  -> {finding.fix}")
+                lines.append(f"  {'':<{width}}  -> {finding.fix}")
         return "\n".join(lines)
 
     __repr__ = __str__
@@ -104,13 +99,13 @@ def review(
     robust: RobustMargins | None = None,
     lag: int = 0,
 ) -> Review:
-    """Look through a controller with the linear model that it was designed on.
+    """Review a controller on the linear model that it was designed for.
 
     Parameters
     ----------
-    system: continuous, as three_state(plant) gives it. controller: with a linear law.
-    known: friction, noise and the like; tests that need what is not known are left out.
-    robust: this controller's margins over other plants, see robust_margins; without it the worst case is not judged.
+    system: continuous, as three_state(plant) returns it. controller: with a linear law.
+    known: friction, noise and other facts; checks that need a missing one are left out.
+    robust: this controller's margins over other plants, see robust_margins; without it there is no worst-case check.
     lag: whole samples between a measurement and its current.
 
     Raises InputError for margins of another controller, and as analyse_loop does.
@@ -120,8 +115,7 @@ def review(
             f"robust has the margins of {robust.controller}, the review is of {controller.name}; expected "
             f"robust_margins(systems, controller) with this controller"
         )
-    facts = known or Known()
-    loop = analyse_loop(system, controller, lag=lag, noise=facts.noise)
-    case = Case(system, controller, facts, loop, robust, lag)
-    findings = [finding for test in TESTS for finding in test(case)]
-    return Review(controller.name, tuple(findings), loop)
+    known = known or Known()
+    loop = analyse_loop(system, controller, lag=lag, noise=known.noise)
+    context = ReviewContext(system, controller, known, loop, robust, lag)
+    return Review(controller.name, tuple(finding for check in CHECKS for finding in check(context)), loop)

@@ -1,0 +1,358 @@
+"""The checks of a design review: model, linear loop, and what friction makes of it.
+
+A check is a generator from a ReviewContext to findings; it yields nothing where it does not apply.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from math import inf, isfinite, nan
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from ..core.protocol import MEASURED
+from .analysis.closed_loop import INPUTS, OUTPUTS, closed_loop, discrete_response, linear_law, unit_step
+from .analysis.loop import LoopAnalysis
+from .analysis.sampled import hidden_modes, readings, sampled_plant, state_scales
+
+if TYPE_CHECKING:
+    import control
+
+    from .analysis.robustness import RobustMargins
+
+Verdict = Literal["good", "warning", "fault"]
+
+#: Limits on a loop: largest |S|, smallest disk margin, samples per period of the crossover.
+MS, DISK, SAMPLES = 1.6, 0.6, 10.0
+#: Largest share of the sample time for a solver, and of the current limit for noise.
+SOLVER_SHARE, NOISE_SHARE = 0.5, 0.02
+#: Largest ratio of state sizes that double precision and first-order solvers handle well.
+STATE_RATIO = 1e6
+#: Current limit over breakaway current: at the first the rod may never move, below the second hardly.
+MOVES, MOVES_WELL = 1.0, 1.5
+#: Error [m] whose breakaway time is reported, and for how many samples it is computed.
+ERROR, PATIENCE = 1e-4, 5000
+#: Two low frequencies, as shares of 1 / sample_time, between which the gain of an integrator falls by ten.
+SLOW = np.array([1e-6, 1e-5])
+
+
+@dataclass(frozen=True)
+class Known:
+    """Facts beside the linear model, in SI units; nan where unknown. `known_of` fills it from a plant.
+
+    static, coulomb: breakaway current [A], and current against Coulomb friction while sliding, unloaded.
+    slip: smallest motion [m] that a current pulse can cause.
+    reach: m, largest |position| asked for, for the load's spring.
+    solver_time: s, longest solution of a sample.
+    noise: channel -> standard deviation of its sensor.
+    """
+
+    static: float = nan
+    coulomb: float = nan
+    slip: float = nan
+    reach: float = nan
+    solver_time: float = nan
+    noise: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class ReviewFinding:
+    """Outcome of one check: result in words, verdict, and the remedy if it is not good."""
+
+    test: str
+    result: str
+    verdict: Verdict
+    fix: str = ""
+
+
+class ReviewContext:
+    """Common input of all checks.
+
+    Attributes
+    ----------
+    system, controller, known, loop, robust: as given to `review`, and the loop's analysis.
+    sample_time: s. law, closed: discrete systems, see analysis.closed_loop.
+    feedback: the law object, which may have a model and a horizon.
+    rests: whether the controller has a [rest], which holds the integral while the rod rests.
+    integrates: whether a lasting error makes the current grow without bound.
+    error_gain: A/m, largest current within five samples of an error that appears at rest.
+    """
+
+    def __init__(
+        self,
+        system: control.StateSpace,
+        controller: Any,
+        known: Known,
+        loop: LoopAnalysis,
+        robust: RobustMargins | None,
+        lag: int,
+    ) -> None:
+        self.system, self.controller, self.known, self.loop, self.robust = system, controller, known, loop, robust
+        self.sample_time = float(controller.sample_time)
+        self.law = linear_law(controller)
+        self.closed = closed_loop(sampled_plant(system, self.sample_time, delay=lag * self.sample_time), self.law)
+        self.feedback = getattr(controller, "law", controller)
+        self.rests = getattr(controller, "rest", None) is not None
+        self.current_limit = float(getattr(controller, "current_limit", inf))
+        slow = np.abs(discrete_response(self.law[0, 3 + MEASURED.index("position")], SLOW / self.sample_time)[:, 0, 0])
+        self.integrates = bool(slow[0] > 3.0 * slow[1])
+        self.error_gain = float(np.max(np.abs(self.current_of_error(5))))
+
+    def current_of_error(self, samples: int) -> np.ndarray:
+        """Current (samples,) [A per metre of error] at standstill, from an error that appears at sample 0."""
+        return unit_step(self.law, 0, [0], samples)[:, 0]
+
+    def a(self, row: str, column: str) -> float:
+        """Entry of the model's A; nan where it has no such states."""
+        return self._entry(self.system.A, row, list(self.system.state_labels), column)
+
+    def b(self, row: str, column: str) -> float:
+        """Entry of the model's B; nan where it has no such state or input."""
+        return self._entry(self.system.B, row, list(self.system.input_labels), column)
+
+    def _entry(self, matrix: np.ndarray, row: str, columns: list[str], column: str) -> float:
+        states = list(self.system.state_labels)
+        return float(matrix[states.index(row), columns.index(column)]) if row in states and column in columns else nan
+
+    @property
+    def rise_time(self) -> float:
+        """s from 10 to 90 % of a reference step; nan if it is not reached."""
+        decay = np.max(np.abs(self.loop.poles), initial=0.0)
+        samples = int(min(max(5.0 / max(-np.log(max(decay, 1e-12)), 1e-4), 50), 20_000))
+        step = unit_step(self.closed, INPUTS.index("r_position"), [OUTPUTS.index("position")], samples)[:, 0]
+        if np.max(step) < 0.9:
+            return nan
+        return float(np.argmax(step >= 0.9) - np.argmax(step >= 0.1)) * self.sample_time
+
+    @property
+    def stiffness(self) -> float:
+        """N/m of the load's spring in the model; nan where the model does not show it."""
+        return self.a("v", "x") / self.b("v", "F_D")
+
+
+def _verdict(bad: bool, otherwise: Verdict = "warning") -> Verdict:
+    return otherwise if bad else "good"
+
+
+def reachability(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """Modes that the current does not control, or that the readings do not observe."""
+    scale = state_scales(case.system)
+    a = case.system.A * (scale[None, :] / scale[:, None])
+    current = case.system.B[:, [list(case.system.input_labels).index("current")]] / scale[:, None]
+    seen = readings(case.system) @ case.system.C * scale[None, :]
+    for word, modes, fix in (
+        ("controllable", hidden_modes(a, current), "design on a model without the mode, e.g. three_state"),
+        ("observable", hidden_modes(a.T, seen.T), "measure more, or design on a model without the mode"),
+    ):
+        words = ", ".join(f"{mode if mode.imag else mode.real:.3g} rad/s" for mode in modes)
+        verdict: Verdict = "good"
+        if any(mode.real > 1e-9 for mode in modes):
+            verdict = "fault"
+        elif any(abs(mode.real) <= 1e-9 for mode in modes):
+            verdict = "warning"
+        yield ReviewFinding(f"model {word}", f"not these modes: {words}" if modes else "every mode", verdict, fix)
+
+
+def stability(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """Stability of the closed loop, and of the controller alone."""
+    radius = float(np.max(np.abs(case.loop.poles), initial=0.0))
+    yield ReviewFinding(
+        "closed loop stable",
+        f"largest |pole| {radius:.5f}" + ("" if case.loop.stable else ": NOT STABLE"),
+        _verdict(not case.loop.stable, "fault"),
+        "lower the gains or the crossover; check the sign of the feedback",
+    )
+    own = np.linalg.eigvals(case.law.A) if case.law.nstates else np.zeros(1)
+    inner = float(np.max(np.abs(own)))
+    yield ReviewFinding(
+        "controller stable by itself",
+        f"largest |pole| {inner:.5f}" + (" (integral action)" if abs(inner - 1.0) < 1e-9 else ""),
+        _verdict(inner > 1.0 + 1e-9),
+        "an unstable law runs away where the current is limited: lower the crossover or detune the observer",
+    )
+
+
+def stability_margins(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """Ms, disk and delay margin, and samples per period of the crossover."""
+    loop = case.loop
+    if not loop.stable:
+        return
+    fix = "lower the crossover or ask for more phase"
+    yield ReviewFinding("Ms", f"{loop.Ms:.3g}, asked at most {MS:g}", _verdict(loop.Ms > MS), fix)
+    disk = f"{loop.disk_margin:.3g}, asked at least {DISK:g}"
+    yield ReviewFinding("disk margin", disk, _verdict(loop.disk_margin < DISK), fix)
+    samples = loop.delay_margin / case.sample_time
+    yield ReviewFinding(
+        "delay margin",
+        f"{1e3 * loop.delay_margin:.3g} ms, {samples:.3g} samples",
+        _verdict(samples < 2.0, "fault" if samples < 1.0 else "warning"),
+        "one sample of extra delay is soon there: lower the crossover or sample faster",
+    )
+    if loop.crossover > 0:
+        turn = 2 * np.pi / (loop.crossover * case.sample_time)
+        words = f"{turn:.3g} samples a period of the crossover"
+        yield ReviewFinding("sampling", words, _verdict(turn < SAMPLES), "sample faster")
+
+
+def worst_case(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """Worst margins over other plants."""
+    robust = case.robust
+    if robust is None:
+        return
+    for word, key, value, bad in (
+        ("worst disk margin", "disk_margin", robust.disk_margin, robust.disk_margin < DISK),
+        ("worst Ms", "Ms", robust.Ms, not robust.Ms <= MS),
+    ):
+        yield ReviewFinding(
+            word,
+            f"{value:.3g} over {len(robust.loops)} plants, at {robust.worst[key].label}",
+            _verdict(bad, "warning" if robust.stable else "fault"),
+            "lower the crossover, or know that parameter better",
+        )
+
+
+def state_scaling(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """Ratio of state sizes of the model that the law computes with."""
+    from scipy.linalg import matrix_balance
+
+    model = getattr(case.feedback, "model", None)
+    scale = state_scales(case.system)
+    if model is not None:
+        _, (scale, _) = matrix_balance(np.asarray(model.A), permute=False, separate=True)
+    ratio = float(np.max(scale) / np.min(scale))
+    of = "the law's own model" if model is not None else "the plant's model, in SI units"
+    computes = model is not None or hasattr(case.feedback, "horizon")
+    yield ReviewFinding(
+        "state scaling",
+        f"sizes of the states differ by {ratio:.1e} in {of}",
+        _verdict(computes and ratio > STATE_RATIO),
+        "design in units in which the states are of like size (rad/s, bar, mm)",
+    )
+
+
+def steady_state_error(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """Steady-state error of the linear loop to a reference and to a load."""
+    if not case.loop.stable:
+        return
+    closed, row = case.closed, OUTPUTS.index("position")
+    column = INPUTS.index("r_position")
+    gain = float(closed.C[row] @ np.linalg.solve(np.eye(closed.nstates) - closed.A, closed.B[:, column]))
+    yield ReviewFinding(
+        "reaches its target",
+        f"{100 * (1 - gain):.3g} % short in the long run" if abs(1 - gain) > 1e-6 else "without error, linearly",
+        _verdict(abs(1 - gain) > 1e-3),
+        "add integral action, an estimate of the disturbance, or a reference gain",
+    )
+    static = abs(case.loop.static_compliance)
+    words = f"{1e9 * static:.3g} um for each kN that lasts" if static > 1e-15 else "none"
+    if case.stiffness > 0:
+        words += f", with a spring of {1e-3 * case.stiffness:.4g} kN/m"
+    yield ReviewFinding(
+        "droop under load", words, _verdict(static > 1e-7), "add integral action or an estimate of the load"
+    )
+
+
+def leakage_creep(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """Creep while friction holds the shaft: the load's oil leaks past the pump, v = -K_L dP / A with dP = F / A."""
+    leak = case.a("dP", "dP") / case.a("dP", "v")
+    area = -case.a("v", "dP") / case.b("v", "F_D")
+    if not (isfinite(leak) and isfinite(area)) or area == 0.0:
+        return
+    per_force = leak / area
+    force = case.stiffness * case.known.reach
+    words = f"{1e9 * per_force:.3g} um/s for each kN while the shaft stands"
+    if isfinite(force) and force > 0:
+        words += f", {1e6 * per_force * force:.3g} um/s at {1e3 * case.known.reach:.3g} mm against the spring"
+    yield ReviewFinding("creep by leakage", words, "good")
+
+
+def friction(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """Breakaway current, stick band, and limit cycles of the integral."""
+    static, coulomb = case.known.static, case.known.coulomb
+    if not (isfinite(static) and static > 0):
+        return
+    load = case.known.reach * -case.a("v", "x") / case.a("v", "dP")
+    torque = case.a("omega", "dP") / case.b("omega", "current")
+    spring = abs(load * torque) if isfinite(load * torque) else 0.0
+    needed = static + spring
+    words = f"{static:.3g} A" + (f" + {spring:.3g} A for the spring" if spring else "")
+    yield ReviewFinding(
+        "breakaway",
+        f"{words} of {case.current_limit:.3g} A that may be asked",
+        "fault" if case.current_limit <= MOVES * needed else _verdict(case.current_limit < MOVES_WELL * needed),
+        "raise current_limit, or ask for less reach",
+    )
+    yield _stick_band(case)
+    if case.integrates:
+        words = "Coulomb friction is not known"
+        if isfinite(coulomb) and coulomb > 0:
+            words = f"static friction is {100 * (static / coulomb - 1):.3g} % above Coulomb friction, "
+            words += "the integral is held at rest" if case.rests else "nothing holds the integral at rest"
+        yield ReviewFinding(
+            "limit cycle of the integral",
+            words,
+            _verdict(isfinite(coulomb) and static > coulomb and not case.rests),
+            "add a [rest] band of some sizes of the smallest slip, or take the integral out",
+        )
+
+
+def _stick_band(case: ReviewContext) -> ReviewFinding:
+    """Errors that friction holds: at once, and for how long."""
+    band = case.known.static / case.error_gain if case.error_gain > 0 else inf
+    words = f"an error up to {1e6 * band:.4g} um stands"
+    if case.integrates:
+        current = np.abs(case.current_of_error(PATIENCE)) * ERROR
+        late = np.flatnonzero(current >= case.known.static)
+        after = f"{late[0] * case.sample_time:.3g} s" if late.size else f"more than {PATIENCE * case.sample_time:g} s"
+        words += f" until the integral has built up, one of {1e6 * ERROR:g} um for {after}"
+    else:
+        words += " for good"
+    if isfinite(case.known.slip):
+        words += f"; the smallest slip is {1e6 * case.known.slip:.3g} um"
+    fix = "add [feedforward] of friction or a [rest] with a knocker"
+    return ReviewFinding("stick band", words, _verdict(not case.integrates and not case.rests), fix)
+
+
+def noise(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """Current from sensor noise."""
+    if not isfinite(case.loop.current_noise):
+        return
+    share = case.loop.current_noise / case.current_limit if isfinite(case.current_limit) else 0.0
+    yield ReviewFinding(
+        "noise in the current",
+        f"{1e3 * case.loop.current_noise:.3g} mA rms" + (f", {100 * share:.2g} % of the limit" if share else ""),
+        _verdict(share > NOISE_SHARE),
+        "filter the derivative more, or trust the model more in the observer",
+    )
+
+
+def solver(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """Solver time and horizon of a predictive law."""
+    h = case.sample_time
+    if isfinite(case.known.solver_time):
+        share = case.known.solver_time / h
+        yield ReviewFinding(
+            "solver time",
+            f"at most {1e3 * case.known.solver_time:.3g} ms of {1e3 * h:.3g} ms a sample",
+            _verdict(share > SOLVER_SHARE, "fault" if share > 1.0 else "warning"),
+            "shorten the horizon, choose a faster solver or set a deadline",
+        )
+    horizon = getattr(case.feedback, "horizon", None)
+    if horizon is None or not case.loop.stable:
+        return
+    rise = case.rise_time
+    yield ReviewFinding(
+        "horizon",
+        f"{horizon} samples are {1e3 * horizon * h:.4g} ms, the loop rises in {1e3 * rise:.4g} ms",
+        _verdict(bool(horizon * h < rise)),
+        "lengthen the horizon; with a terminal cost it is the limits beyond it that are not seen",
+    )
+
+
+#: In the order in which they are shown.
+CHECKS: tuple[Callable[[ReviewContext], Iterator[ReviewFinding]], ...] = (
+    reachability, stability, stability_margins, worst_case, state_scaling, steady_state_error, leakage_creep,
+    friction, noise, solver,
+)  # fmt: skip
