@@ -18,8 +18,8 @@ from typing import Any, ParamSpec, TypeVar, get_args
 
 import numpy as np
 
+from .core.controller_interface import Controller
 from .core.errors import InputError, shown
-from .core.protocol import Controller
 
 P = ParamSpec("P")
 R = TypeVar("R")

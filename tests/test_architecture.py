@@ -61,3 +61,29 @@ def test_every_folder_has_its_place():
 def test_design_does_not_see_the_nonlinear_plant():
     """Controllers are designed from linear models; neither plant nor simulator is within their reach."""
     assert ALLOWED["design"] == {"core"}
+
+
+#: Class names that two modules still share; the list only shrinks.
+SHARED_NAMES = {
+    "Batch", "Candidate", "Case", "Column", "Estimated", "Experiment", "Finding", "Judge", "Loop", "Metric", "Point",
+    "Refit", "Replay", "Search", "Section", "Table", "Trajectory", "Trial", "Uncertainty", "Variable",
+}  # fmt: skip
+
+
+def test_no_two_classes_share_a_name():
+    """A class name says which class is meant wherever it is read, without the module."""
+    modules = {}
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                modules.setdefault(node.name, set()).add(path.relative_to(PACKAGE).as_posix())
+    shared = {name: sorted(paths) for name, paths in modules.items() if len(paths) > 1 and name not in SHARED_NAMES}
+
+    assert not shared
+
+
+def test_a_module_is_named_after_an_idea():
+    """No module collects leftovers under a name that says nothing."""
+    vague = {"helper", "helpers", "util", "utils", "manager", "managers", "misc", "common"}
+
+    assert not [path for path in PACKAGE.rglob("*.py") if path.stem.strip("_") in vague]

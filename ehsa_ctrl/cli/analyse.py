@@ -71,7 +71,7 @@ def command(
     Examples: ehsa-ctrl analyse ehsa · ehsa-ctrl analyse ehsa --controller pid_position --out results/loop ·
     ehsa-ctrl analyse ehsa --controller pid_position,lqr_position --draws 200 --stiffness '0,50 kN/m,100 kN/m' --review
     """
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from ..design.analysis.loop import analyse_loop
     from ..design.analysis.robustness import robust_margins
     from ..design.analysis.system import analyse

@@ -163,7 +163,7 @@ def _symbols(case: Case, plant: Plant) -> dict[str, float]:
 
 
 def _replay(case: Case, plants: Mapping[str, Plant], found: Diagnosis) -> Replay:
-    from ..core.protocol import MEASURED
+    from ..core.controller_interface import MEASURED
     from ..diagnosis.signals import gap, scored, signal_noise
 
     log, definition = found.log, case.scenario.definition
@@ -184,7 +184,7 @@ def _replay(case: Case, plants: Mapping[str, Plant], found: Diagnosis) -> Replay
 
 def _other(case: Case, log: Log, reference: np.ndarray) -> float:
     """How far the logged current is from what this controller asks for on what was measured."""
-    from ..core.protocol import MEASURED
+    from ..core.controller_interface import MEASURED
 
     n, lag = len(reference), case.scenario.definition.sensors.lag
     spread = float(np.std(log["current"][:n]))

@@ -57,7 +57,7 @@ def command(
     Examples: ehsa-ctrl compare log.csv --plant ehsa · ehsa-ctrl compare log.csv --plant my/rig.toml --model nonlinear
     --set load.stiffness=50e3 --from 2 --to 12 --zero p1,p2 --out results/compare
     """
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from ..identification.checks import check_log, refuse
     from ..identification.record import untold
     from ..identification.replay import fit_words, replay

@@ -62,7 +62,7 @@ def _title(path: Path) -> str:
 
 def _read(path: Path) -> Mapping[str, Any]:
     from ..core.errors import InputError
-    from ..core.reading import read_toml
+    from ..core.files import read_toml
 
     try:
         return read_toml(path)

@@ -66,8 +66,8 @@ def command(
     ehsa-ctrl design ehsa --kind lqr --bandwidth '40 rad/s' --Ms 1.6 --weight current='2 A' -o lqr.toml
     """
     from ..core.catalogue import is_shipped
-    from ..core.reading import read_toml
-    from ..core.written import ResultFolder, refuse_existing, write_text
+    from ..core.files import read_toml, refuse_existing, write_text
+    from ..core.result_folder import ResultFolder
     from ..design.tuning.designed import design, keys_for
     from ..design.tuning.specification import begin, leaves, put
     from ..design.tuning.tune import Tuning

@@ -92,7 +92,7 @@ def command(
     log.csv --plant ehsa --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3
     """
     from ..core.errors import InputError
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from ..plant.plant import load_plant, models_of
     from .output import to_json, warn_implausible
     from .prepared import sentences

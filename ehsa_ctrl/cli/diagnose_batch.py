@@ -44,8 +44,8 @@ def diagnose_batch(
     Raises InputError: a log given twice, an output folder of other diagnoses, a log that can't be prepared so. Exits
     2 if no log could be diagnosed.
     """
-    from ..core.words import folders_of
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
+    from ..core.text import folder_names
     from ..diagnosis.batch import diagnose_many
     from .diagnose import FIGURES, names_of
     from .output import rests_on, to_json
@@ -55,7 +55,7 @@ def diagnose_batch(
     twice = next((log for log, file in zip(logs, files, strict=True) if files.count(file) > 1), None)
     if twice is not None:
         raise InputError(f"{twice}: is given twice; give it once")
-    folders = dict(zip(map(str, logs), folders_of(logs), strict=True))
+    folders = dict(zip(map(str, logs), folder_names(logs), strict=True))
     place, file = None, None
     if out is not None:
         file = out / "diagnoses.jsonl"
@@ -138,14 +138,14 @@ def _print(batch: Batch, out: Path | None) -> None:
 def _table(batch: Batch) -> Table:
     from rich.table import Table
 
-    from ..core.words import told_apart
+    from ..core.text import unique_names
 
     table = Table(box=None, pad_edge=False)
     for column in ("log", "verdict", "cause", "place"):
         table.add_column(column, overflow="fold")
     for column in ("probability", "gap, %", "after, %", "s"):
         table.add_column(column, justify="right")
-    for name, row in zip(told_apart([row.file for row in batch.rows]), batch.rows, strict=True):
+    for name, row in zip(unique_names([row.file for row in batch.rows]), batch.rows, strict=True):
         if row.error:
             table.add_row(name, "failed")
             continue

@@ -50,7 +50,7 @@ def command(
     Examples: ehsa-ctrl excite ehsa --out results/excite · ehsa-ctrl excite ehsa --kind noise --duration 40 ·
     ehsa-ctrl excite my/rig.toml --set load.stiffness=50e3 --free K_T --fix M --margin 0.3 --out results/excite
     """
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from ..identification.experiment import design_experiment
     from ..plant.plant import load_plant
     from .output import rests_on, to_json, warn, warn_implausible

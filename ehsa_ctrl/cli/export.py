@@ -41,7 +41,7 @@ def command(
     Examples: ehsa-ctrl export pid_position --out deploy/pid · ehsa-ctrl export mpc_position --plant my/rig.toml
     --set K_T=1.1 --out deploy/mpc
     """
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from ..design.export import FILES, export_controller
     from ..design.load import load_controller
     from ..plant.linear import three_state
@@ -87,7 +87,7 @@ def exercise(plant: Plant, controller: SampledController, seed: int) -> tuple[np
     """
     import numpy as np
 
-    from ..core.protocol import MEASURED
+    from ..core.controller_interface import MEASURED
     from ..simulation.closed_loop import run_closed_loop
     from ..simulation.faults import Faults, SensorFault
     from ..simulation.sensors import Sensors

@@ -107,7 +107,7 @@ def command(
     ehsa-ctrl identify a.csv b.csv --plant my/rig.toml --free K_T --prior K_T=0.05 --fix M ·
     ehsa-ctrl identify log.csv --plant ehsa --model both --set load.stiffness=50e3 --out results/rig
     """
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from .output import rests_on, to_json, warn, warn_implausible
     from .progress import compiling, watching
 

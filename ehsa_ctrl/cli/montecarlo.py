@@ -64,7 +64,7 @@ def command(
     · ehsa-ctrl montecarlo my/scenario.toml --identification results/rig/identification.json --backend dask
     --address tcp://head:8786 --jobs -1
     """
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from ..report.figures import save
     from ..report.result_page import write_result_page
     from ..scenario.montecarlo import monte_carlo

@@ -166,7 +166,7 @@ def _write(
     beside: list[tuple[Path, Path]] | None = None,
 ) -> None:
     """Write the file, and what goes beside it, and say what to do next."""
-    from ..core.written import refuse_existing, replacing, write_text
+    from ..core.files import atomic_write, refuse_existing, write_text
     from .output import to_json, warn
 
     path = Path(catalogue.kind) / f"{stem}.toml"
@@ -175,7 +175,7 @@ def _write(
     content = text()
     for source, target in beside or []:
         if not target.exists():
-            with replacing(target) as draft:
+            with atomic_write(target) as draft:
                 shutil.copyfile(source, draft)
     write_text(path, content)
     if shadowed:

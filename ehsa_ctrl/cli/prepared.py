@@ -95,10 +95,10 @@ def prepared(raw: Log, plant: Plant, how: Preparation, *, tell: bool = True) -> 
 
 def sentences(stated: Iterable[Mapping[str, Any]], *, read: bool = True) -> list[str]:
     """What was done to which log; without `read` not what standard error has: how it was read, and cautions."""
-    from ..core.words import told_apart
+    from ..core.text import unique_names
 
     lines, stated = [], list(stated)
-    names = told_apart([step["log"] for step in stated])
+    names = unique_names([step["log"] for step in stated])
     for name, step in zip(names, stated, strict=True):
         if step["kind"] not in ("read", "caution"):
             lines.append(f"{name}: {step['words']}")

@@ -24,7 +24,7 @@ def command(
 
     Examples: ehsa-ctrl report results · ehsa-ctrl report demo --force · ehsa-ctrl report results --out to_send
     """
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from ..report.result_page import FILE, results_in, write_overview
     from .output import to_json, warn
 

@@ -17,7 +17,7 @@ from .options import Force, Json, read_pairs
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from ..scenario.result import ScenarioResult
 
 #: How the name of a figure of an old baseline ends.
@@ -86,7 +86,7 @@ def command(
     ehsa-ctrl run --update-baselines --reason "softer spring in the rig"
     """
     from ..core.catalogue import scenarios as catalogue
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from .output import rests_on, to_json, warn
     from .progress import compiling
 
@@ -226,7 +226,7 @@ def _pair(scenario: str, controller: str | None) -> tuple[str, str]:
 
 def _old_baselines(out: Path) -> ResultFolder:
     """Figures of baselines that are about to change; they are looked at before the result is written."""
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
 
     return ResultFolder(out, "baselines", force=True, keep=True)
 

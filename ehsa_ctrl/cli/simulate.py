@@ -39,7 +39,7 @@ def command(
     ehsa-ctrl simulate ehsa --input current.csv --set load.stiffness=50e3 --out results/loaded
     """
     from ..core.log import read_log
-    from ..core.written import ResultFolder
+    from ..core.result_folder import ResultFolder
     from ..plant.plant import load_plant
     from ..simulation.bench import record
     from ..simulation.excitation import excitation as make

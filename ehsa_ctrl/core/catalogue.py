@@ -80,7 +80,7 @@ class Catalogue(Mapping[str, Path]):
 
     def titles(self) -> dict[str, str]:
         """Name and title of every definition."""
-        from .reading import read_toml
+        from .files import read_toml
 
         return {name: str(read_toml(self[name]).get("title", "")) for name in self}
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Strict, ValidationError
 
 from .errors import InputError, choices, shown
-from .reading import read_toml
+from .files import read_toml
 from .unit import parse
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import InputError
-from .words import listed
+from .text import join_words
 
 #: Separators by pandas' word for them -> what a sentence calls them.
 SEPARATORS = {",": "','", ";": "';'", "\t": "tabs", r"\s+": "blanks"}
@@ -128,7 +128,7 @@ def read_dialect(path: Path) -> Dialect:
         rows=tuple(body),
         numbers=tuple(i + 1 for i in rows),
         header_row=(comments[-1] if commented else head) + 1,
-        note=f"{path}: read with {listed(said)}" if said else "",
+        note=f"{path}: read with {join_words(said)}" if said else "",
     )
 
 

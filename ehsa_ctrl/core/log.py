@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from .errors import InputError, choices, shown
-from .notebook import ShownAsText
-from .words import told_apart
-from .written import replacing
+from .files import atomic_write
+from .text import TextResult, unique_names
 
 if TYPE_CHECKING:
     import pandas
@@ -68,7 +67,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Log(ShownAsText):
+class Log(TextResult):
     """A record with channels by name.
 
     Attributes
@@ -171,7 +170,7 @@ class Log(ShownAsText):
 
         Raises InputError for Parquet without pyarrow, and for a path that can't be written.
         """
-        with replacing(path) as draft:
+        with atomic_write(path) as draft:
             self._write(Path(path), draft)
 
     def _write(self, path: Path, draft: Path) -> None:
@@ -198,7 +197,7 @@ def named(logs: Sequence[Log]) -> list[Log]:
     """The logs, those from files called so that they can be told apart."""
     if len(logs) < 2:
         return list(logs)
-    labels = iter(told_apart([log.path for log in logs if log.path is not None]))
+    labels = iter(unique_names([log.path for log in logs if log.path is not None]))
     return [log if log.path is None else replace(log, label=next(labels)) for log in logs]
 
 
@@ -252,10 +251,10 @@ def _log(
     wanted: Sequence[str] = (),
     span: tuple[float | None, float | None] = (None, None),
 ) -> Log:
-    from .mapped import places_of, scale_of, suggested
+    from .column_matching import channel_scale, find_channels, suggest_mapping
 
-    places = places_of(table, dict(columns or {}))
-    lines = suggested(table, places, ("t", *required, *wanted))
+    places = find_channels(table, dict(columns or {}))
+    lines = suggest_mapping(table, places, ("t", *required, *wanted))
     write = f"after a look at units and signs write {lines} under [log] in the plant's TOML" if lines else ""
     for channel in ("t", *required):
         if channel not in places:
@@ -265,10 +264,10 @@ def _log(
             raise InputError(f"{path}: has no column {column!r}{why}; {choices(column, table.names)}{hint}")
     if span != (None, None):
         at = places["t"]
-        table = table.within(at.column, scale_of(path, "t", at, table), at.offset, span)
+        table = table.within(at.column, channel_scale(path, "t", at, table), at.offset, span)
     if len(table.frame) < shortest:
         raise InputError(f"{path}: has {len(table.frame)} rows of data; expected at least {shortest}")
-    scales = {channel: scale_of(path, channel, at, table) for channel, at in places.items()}
+    scales = {channel: channel_scale(path, channel, at, table) for channel, at in places.items()}
     values = {channel: scales[channel] * table.numbers(at.column) + at.offset for channel, at in places.items()}
     time = values.pop("t")
     check_time(path, time, uniform=uniform, lines=table.lines)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.notebook import ShownAsText
-from ..core.protocol import MEASURED
+from ..core.controller_interface import MEASURED
+from ..core.text import TextResult
 from .law import Law
 from .stages.feedforward import Feedforward, feedforward_settings
 from .stages.pipeline import M_LAW, TRACES, compiled_pipeline, pipeline
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class SampledController(ShownAsText):
-    """A controller as the simulator, the analysis and the export take it: a core.protocol.Controller.
+class SampledController(TextResult):
+    """A controller as the simulator, the analysis and the export take it: a core.controller_interface.Controller.
 
     Attributes
     ----------

@@ -17,9 +17,9 @@ class Law(Protocol):
     Attributes
     ----------
     function: law(reference, measured, memory, settings, extra, hold) -> current. `reference` (3,) is the planned
-        motion, `measured` (5,) the trusted readings, in the orders of core.protocol; `extra` [A] is what feed-forward
-        and friction cures add, `hold` 1.0 while integral action is to stand still and -1.0 where a motion begins and
-        what integral action gathered at rest is to be forgotten (a law may ignore that). It returns
+        motion, `measured` (5,) the trusted readings, in the orders of core.controller_interface; `extra` [A] is
+        what feed-forward and friction cures add, `hold` 1.0 while integral action is to stand still and -1.0 where a
+        motion begins and what integral action gathered at rest is to be forgotten (a law may ignore that). It returns
         feedback + extra, limited to the current that the drive can give, and its own anti-windup knows what was given.
         A plain function of a module, whose text is compiled; it may call those in `uses`, sqrt, exp, sin and the
         numpy that numba knows.

@@ -11,7 +11,7 @@ import numpy as np
 from ..core.catalogue import controllers
 from ..core.definition import validate
 from ..core.errors import InputError, choices, shown
-from ..core.reading import read_toml
+from ..core.files import read_toml
 from .controller import SampledController
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 

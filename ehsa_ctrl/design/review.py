@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from ..core.controller_interface import Controller
 from ..core.errors import InputError, choices
-from ..core.protocol import Controller
 from .analysis.loop import LoopAnalysis, analyse_loop
 from .review_checks import CHECKS, Known, ReviewContext, ReviewFinding, Verdict
 

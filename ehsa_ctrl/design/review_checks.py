@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ..core.protocol import MEASURED
+from ..core.controller_interface import MEASURED
 from .analysis.closed_loop import INPUTS, OUTPUTS, closed_loop, discrete_response, linear_law, unit_step
 from .analysis.loop import LoopAnalysis
 from .analysis.sampled import hidden_modes, readings, sampled_plant, state_scales

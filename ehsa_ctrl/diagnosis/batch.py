@@ -13,12 +13,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..core.checkpoint import Checkpoint, open_checkpoint
 from ..core.errors import EhsaError, InputError
-from ..core.kept import Kept, open_kept
+from ..core.files import parse_json
 from ..core.log import Log
 from ..core.parallel import as_done, workers
-from ..core.reading import json_of
-from ..core.words import told_apart
+from ..core.text import unique_names
 from ..identification.record import read_plant_log
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
@@ -184,7 +184,7 @@ def diagnose_many(
     twice = next((name for name in named if named.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"{twice}: is given twice; give it once")
-    labels = dict(zip(named, told_apart(named), strict=True))
+    labels = dict(zip(named, unique_names(named), strict=True))
     if not 0.0 < threshold < 1.0:
         raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
     kept = _earlier(None if file is None else Path(file), _mark(plant, threshold, check), anew)
@@ -271,12 +271,12 @@ def _mark(plant: Plant, threshold: float, check: bool) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _earlier(path: Path | None, mark: str, anew: bool) -> Kept[Row]:
+def _earlier(path: Path | None, mark: str, anew: bool) -> Checkpoint[Row]:
     """Rows that are in this file; the last of each log counts.
 
     Raises InputError for a file of another plant or threshold, or one that is none.
     """
-    return open_kept(
+    return open_checkpoint(
         path,
         "diagnoses",
         mark,
@@ -290,7 +290,7 @@ def _earlier(path: Path | None, mark: str, anew: bool) -> Kept[Row]:
 
 
 def _row(line: str) -> Row:
-    content = json_of(line)
+    content = parse_json(line)
     numbers = {
         name: math.nan if content[name] is None else float(content[name])
         for name in ("probability", "gap_before", "gap_after", "seconds")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
 from ..core.log import Log, named
-from ..core.notebook import ShownAsText
+from ..core.text import TextResult
 from ..plant.plant import Plant
 from .diagnose import Watch, diagnose
 from .diagnosis import Cause, Diagnosis
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Change(ShownAsText):
+class Change(TextResult):
     """What changed between two logs.
 
     Attributes

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..core.log import Log
-from ..core.notebook import ShownAsText
 from ..core.plotting import draw
+from ..core.text import TextResult
 from ..physics.effects import EFFECTS
 from ..plant.file import both
 from ..plant.plant import Plant
@@ -108,7 +108,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Diagnosis(ShownAsText):
+class Diagnosis(TextResult):
     """The answer to where, which and how far.
 
     Attributes

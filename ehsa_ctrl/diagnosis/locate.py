@@ -16,7 +16,7 @@ from math import factorial
 import numpy as np
 
 from ..core.log import Log
-from ..core.words import listed
+from ..core.text import join_words
 from ..identification.drives import acting_drive, logged_drives, undo_sensor
 from ..identification.start import find_start
 from ..plant.plant import Plant
@@ -264,4 +264,4 @@ def _untold(plant: Plant, log: Log, case: Injections) -> tuple[str, ...]:
     quiet = [words for name, words in names.items() if name in case.silent]
     if not quiet:
         return ()
-    return (f"without {', '.join(missing) or 'more channels'} {listed(quiet)} can't be told",)
+    return (f"without {', '.join(missing) or 'more channels'} {join_words(quiet)} can't be told",)

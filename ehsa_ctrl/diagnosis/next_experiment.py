@@ -19,8 +19,8 @@ import numpy as np
 
 from ..core.catalogue import plants
 from ..core.errors import InputError
-from ..core.notebook import ShownAsText
-from ..core.written import write_text
+from ..core.files import write_text
+from ..core.text import TextResult
 from ..plant.file import LOAD_SYMBOLS
 from ..plant.plant import Plant, load_plant
 from .fit import Nominal
@@ -46,7 +46,7 @@ Told = tuple[Trial, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Experiment(ShownAsText):
+class Experiment(TextResult):
     """A proposed experiment and what to expect of it.
 
     Attributes

@@ -26,7 +26,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from ..core.errors import InputError, choices
 from ..core.log import Log
-from ..core.notebook import ShownAsText
+from ..core.text import TextResult
 from ..plant.arrays import array_evaluator, needs
 from ..plant.plant import Plant
 from ..plant.system import Balance, ParameterKind
@@ -67,7 +67,7 @@ class BalanceFit:
 
 
 @dataclass(frozen=True)
-class BalanceEstimate(ShownAsText):
+class BalanceEstimate(TextResult):
     """What the balances of a system tell of its parameters.
 
     Attributes

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.log import CHANNELS, Log
-from ..core.words import listed
+from ..core.text import join_words
 from ..plant.plant import Plant
 from .clipping import clipped_drive, clipped_output, longest_run
 from .clock import late_channels, wrong_clock
@@ -282,8 +282,9 @@ def _held(log: Log, channels: Mapping[str, int]) -> Iterator[Finding]:
         held = [channel for channel in channels if channels[channel] == rows]
         yield Finding(
             "held", held[0] if len(held) == 1 else None, "warning",
-            f"each value of {listed(held)} stands in {rows} rows: sampled every {1e3 * rows * log.sample_time:.3g} ms, "
-            f"and up to that late; log at the full rate, or --resample {1.0 / (rows * log.sample_time):.4g}",
+            f"each value of {join_words(held)} stands in {rows} rows: sampled every "
+            f"{1e3 * rows * log.sample_time:.3g} ms, and up to that late; log at the full rate, or --resample "
+            f"{1.0 / (rows * log.sample_time):.4g}",
         )  # fmt: skip
 
 

@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError, choices
-from ..core.notebook import ShownAsText
+from ..core.files import write_text
 from ..core.plotting import draw
-from ..core.written import write_text
+from ..core.text import TextResult
 from ..plant.file import both
 from ..plant.plant import Plant
 from ..simulation.trajectory import Trajectory, versions
@@ -41,7 +41,7 @@ SHORTEST, LONGEST = 1.0, 600.0
 
 
 @dataclass(frozen=True)
-class Experiment(ShownAsText):
+class Experiment(TextResult):
     """A proposed input and what to expect of it.
 
     Attributes

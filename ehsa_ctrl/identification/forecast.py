@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.errors import InputError, SimulationError
 from ..core.log import Log
-from ..core.notebook import ShownAsText
+from ..core.text import TextResult
 from ..plant.file import both
 from ..plant.plant import Plant
 from ..simulation.bench import record
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Forecast(ShownAsText):
+class Forecast(TextResult):
     """Standard deviations to expect.
 
     run: the believed plant under the input, without noise. estimates: one row a free parameter, the value is the one

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ..core.notebook import ShownAsText
 from ..core.plotting import draw
+from ..core.text import TextResult
 from ..plant.file import both
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
@@ -59,7 +59,7 @@ def _pooled(replays: tuple[Replay, ...]) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Identification(ShownAsText):
+class Identification(TextResult):
     """A plant identified from logs.
 
     Attributes

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from ..core.errors import InputError, choices
-from ..core.notebook import ShownAsText
+from ..core.text import TextResult
 from .estimator import fit
 from .free import with_values
 from .identification import Identification
@@ -27,7 +27,7 @@ STEPS = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 
 
 @dataclass(frozen=True)
-class Profile(ShownAsText):
+class Profile(TextResult):
     """Cost along one parameter.
 
     values (m,) in `unit`, rise (m,): how much larger the cost is there, in units in which one standard deviation

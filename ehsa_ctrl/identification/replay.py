@@ -11,9 +11,8 @@ import numpy as np
 
 from ..core.errors import InputError, SimulationError, choices
 from ..core.log import Log
-from ..core.notebook import ShownAsText
 from ..core.plotting import draw
-from ..core.words import listed
+from ..core.text import TextResult, join_words
 from ..plant.plant import Plant
 from ..simulation.engine import LARGEST
 from ..simulation.sensors import shown
@@ -51,7 +50,7 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
 
 
 @dataclass(frozen=True)
-class Replay(ShownAsText):
+class Replay(TextResult):
     """A free run beside the log that drove it.
 
     Attributes
@@ -127,7 +126,7 @@ def fit_words(fits: Mapping[str, float]) -> str:
     """Channels by the quality of their fit, the worst first: "poor in p1 and p2; good in speed"; "" for none."""
     known = {channel: quality(fit) for channel, fit in fits.items() if not math.isnan(fit)}
     groups = {word: [channel for channel in known if known[channel] == word] for word in ("poor", "fair", "good")}
-    return "; ".join(f"{word} in {listed(channels)}" for word, channels in groups.items() if channels)
+    return "; ".join(f"{word} in {join_words(channels)}" for word, channels in groups.items() if channels)
 
 
 def fit_cell(percent: float) -> str:

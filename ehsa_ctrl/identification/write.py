@@ -10,9 +10,9 @@ from typing import Any
 import tomlkit
 
 from ..core.errors import InputError
+from ..core.files import FORCE_ARGUMENT, refuse_existing, write_text
 from ..core.parameter import Parameter
 from ..core.unit import factor
-from ..core.written import FORCE_ARGUMENT, refuse_existing, write_text
 from ..plant.file import key_of
 from ..plant.plant import SENSOR_WORDS, Plant, Sensor, load_plant
 

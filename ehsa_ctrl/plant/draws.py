@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.errors import InputError, choices
-from ..core.reading import read_json
+from ..core.files import read_json
 from .conditions import Condition, operating_points
 from .file import both
 from .plant import Plant

@@ -15,9 +15,9 @@ from ..core.catalogue import plants
 from ..core.definition import read_definition
 from ..core.errors import InputError, choices, shown
 from ..core.log import CHANNELS, Column
-from ..core.notebook import ShownAsText
 from ..core.parameter import Parameter, check_range
 from ..core.registry import name_project
+from ..core.text import TextResult
 from ..core.unit import parse
 from ..physics.effects import EFFECTS
 from .file import (
@@ -82,7 +82,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Plant(ShownAsText):
+class Plant(TextResult):
     """A plant that can be simulated, linearised, identified.
 
     Attributes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..core.words import listed
+from ..core.text import join_words
 from ..diagnosis.diagnosis import Cause, Diagnosis, Estimated
 from ..physics.effects import EFFECTS
 from ..plant.file import both
@@ -64,7 +64,7 @@ class CauseSection:
     @property
     def rivals(self) -> str:
         """Effects that this log does not tell from it, though another could."""
-        return listed([other for other in self.cause.ambiguous_with if other not in self.cause.why_same])
+        return join_words([other for other in self.cause.ambiguous_with if other not in self.cause.why_same])
 
     @property
     def reach(self) -> list[tuple[str, str]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ..core.words import listed
+from ..core.text import join_words
 from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import MODELS, Diagnosis
 from ..diagnosis.signals import SIGNALS
@@ -202,6 +202,5 @@ def _reached(diagnosis: Diagnosis) -> str:
     how = sentence(after_words(diagnosis)).rstrip(".") if after is not None else "As believed"
     if not left:
         return f"{how}, every signal is closer than {limit} on held-out data."
-    return (
-        f"{how}, {listed(left)} still {'have' if len(left) > 1 else 'has'} a gap of {limit} or more on held-out data."
-    )
+    have = "have" if len(left) > 1 else "has"
+    return f"{how}, {join_words(left)} still {have} a gap of {limit} or more on held-out data."

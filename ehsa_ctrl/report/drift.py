@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..core.words import listed
+from ..core.text import join_words
 from ..identification.assumed import Drift, Refit
 from ..identification.identification import Identification
 from ..plant.file import both
@@ -81,7 +81,7 @@ def _sentence(found: Identification, drift: Drift) -> tuple[str, bool | None]:
                 worst = (size, estimate.name, end)
     assert worst is not None
     size, moved, end = worst
-    against = f"; the log speaks against {listed(ends)}" if ends else ""
+    against = f"; the log speaks against {join_words(ends)}" if ends else ""
     at = written(drift.parameter, end.value)
     moves = f"{both(moved)} moves by {number(100.0 * float(f'{size:.2g}'))} %"
     return f"{name}: at {at}, which the log does not exclude, {moves}{against}.", size < MATTERS

@@ -9,7 +9,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..core.errors import InputError
-from ..core.words import listed
+from ..core.text import join_words
 from ..identification.assumed import Drift
 from ..identification.identification import Identification
 from ..identification.replay import GOOD, POOR
@@ -159,8 +159,8 @@ class Section:
         if found.method == "balances" and found.balances is not None:
             by = f"balances, {found.balances.method}"
         beside = " beside" if found.method == "balances" else ""
-        facts = [("method", by), ("logs used", listed([run.log.name for run in found.train.after]))]
-        facts.append(("held out", listed([run.log.name for run in found.validation.after]) or "none"))
+        facts = [("method", by), ("logs used", join_words([run.log.name for run in found.train.after]))]
+        facts.append(("held out", join_words([run.log.name for run in found.validation.after]) or "none"))
         if found.fit is not None:
             length = "whole logs in free run" if found.window is None else f"windows of {number(found.window)} s"
             facts.append((f"simulation{beside}", length))
@@ -224,7 +224,7 @@ def _headline(identifications: Sequence[Identification]) -> str:
         + (f" ({found.plant.model})" if len(identifications) > 1 else "")
         for found in identifications
     ]
-    return f"{identifications[0].plant.name}: {listed(counts)} parameters well determined"
+    return f"{identifications[0].plant.name}: {join_words(counts)} parameters well determined"
 
 
 def _models(identifications: Sequence[Identification]) -> list[tuple[str, list[str]]]:
@@ -243,7 +243,7 @@ def _written(estimate: Estimate, meanings: dict[str, str]) -> dict[str, str]:
     low, high = estimate.interval
     notes = [f"at its {estimate.at_bound} bound"] if estimate.at_bound else []
     if estimate.trades:
-        notes.append(f"trades with {listed(map(both, estimate.trades))}")
+        notes.append(f"trades with {join_words(map(both, estimate.trades))}")
     if estimate.prior_sd is not None:
         notes.append(f"held at {number(estimate.start)} ± {number(estimate.prior_sd)}")
     word, dot, channel = estimate.name.partition(".")

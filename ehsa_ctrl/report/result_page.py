@@ -15,7 +15,7 @@ from markupsafe import Markup
 from pydantic import BaseModel
 
 from ..core.errors import InputError
-from ..core.reading import read_json
+from ..core.files import read_json
 from .document import Picture, anchors, image, write_document
 from .kinds import kinds
 from .kinds._result import DOUBT, Kind, Result

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..core.text import join_words
 from ..core.unit import factor
-from ..core.words import listed
 from ..plant.file import both
 from ..scenario.assumed import End, Swing
 from ..scenario.metrics import METRICS
@@ -74,7 +74,7 @@ class SwingTable:
         if not flips:
             return f"Limits stay {kept} at both ends of the believed range of each of {many}.", True
         other = "not kept" if self.swings[0].kept else "kept"
-        return f"Limits are {kept} as believed, but {other} at {listed(flips)}.", False
+        return f"Limits are {kept} as believed, but {other} at {join_words(flips)}.", False
 
 
 def _read(metric: str, value: float) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal, NamedTuple
 
-from ..core.words import listed
+from ..core.text import join_words
 from ..identification.identification import Identification
 from ..identification.replay import quality
 from ..identification.window import sensor_sd
@@ -56,19 +56,19 @@ def _determined(identification: Identification) -> tuple[str, bool]:
     if identification.method == "balances" and identification.balances is not None:
         fits = identification.balances.balances
         closing = [f"{number(100.0 * fit.relative_error)} % ({fit.name})" for fit in fits]
-        many += f" from balances that close within {listed(closing)} of their leading terms"
+        many += f" from balances that close within {join_words(closing)} of their leading terms"
     others: dict[str, list[str]] = {}
     for estimate in estimates:
         if not estimate.identifiable:
             others.setdefault(estimate.verdict, []).append(both(estimate.name))
-    return "; ".join([many, *(f"{word}: {listed(names)}" for word, names in others.items())]) + ".", not others
+    return "; ".join([many, *(f"{word}: {join_words(names)}" for word, names in others.items())]) + ".", not others
 
 
 def _reached(identification: Identification) -> Sentence:
     """The worst channel's fit before and after, on logs held out if there are any."""
     held_out = bool(identification.validation.after)
     reach = identification.validation if held_out else identification.train
-    names = listed([run.log.name for run in reach.after])
+    names = join_words([run.log.name for run in reach.after])
     where = f"In free run on {names}, {'held out' if held_out else 'used to identify as none was held out'}, "
     ended = [run.stopped for run in reach.after if run.stopped]
     if ended:
@@ -80,7 +80,7 @@ def _reached(identification: Identification) -> Sentence:
     before = reach.fit_percent_before[worst]
     came = "from a run that ended early" if math.isnan(before) else f"from {number(before)} %"
     fell = [channel for channel, fit in known.items() if fit < reach.fit_percent_before[channel] - FELL]
-    lower = f"; the fit of {listed(fell)} fell" if fell else ""
+    lower = f"; the fit of {join_words(fell)} fell" if fell else ""
     reached = f"{number(known[worst])} % ({quality(known[worst])})"
     state = False if fell else FITS[quality(known[worst])]
     return f"{where}the worst fit, that of {worst}, went {came} to {reached}{lower}.", state

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import InputError
-from ..core.written import FORCE_ARGUMENT, ResultFolder
+from ..core.files import FORCE_ARGUMENT
+from ..core.result_folder import ResultFolder
 from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import Diagnosis
 from ..identification.identification import Identification

@@ -14,9 +14,8 @@ from pydantic import Field, model_validator
 
 from ..core.definition import Definition, In, Metre, RadianPerSecond, Second
 from ..core.errors import InputError
-from ..core.reading import json_of, read_text
+from ..core.files import parse_json, read_text, write_text
 from ..core.unit import factor
-from ..core.written import write_text
 from .funnel import Tube, tube, worst_exit
 from .metrics import METRICS
 
@@ -155,7 +154,7 @@ def baseline_files(scenario: Scenario) -> list[Path]:
 def read_baseline(path: Path) -> Baseline:
     """Read a baseline's file. Raises InputError with file and key if it is none."""
     try:
-        content = json_of(read_text(path))
+        content = parse_json(read_text(path))
         metrics = {
             name: tuple(np.nan if v is None else float(v) for v in pair) for name, pair in content["metrics"].items()
         }

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.kept import Kept, open_kept
-from ..core.reading import json_of
+from ..core.checkpoint import Checkpoint, open_checkpoint
+from ..core.files import parse_json
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,14 @@ class Outcome:
     failures: tuple[str, ...] = ()
 
 
-def open_campaign(path: Path | None, mark: str, *, anew: bool = False) -> Kept[Outcome]:
+def open_campaign(path: Path | None, mark: str, *, anew: bool = False) -> Checkpoint[Outcome]:
     """Continue the campaign in this file, or begin it; see `open_kept`.
 
     mark: what makes two campaigns the same. anew: replace the campaign that is in the file.
 
     Raises InputError for a file of another campaign, or one that is none.
     """
-    return open_kept(
+    return open_checkpoint(
         path,
         "campaign",
         mark,
@@ -61,5 +61,5 @@ def line_of(outcome: Outcome) -> str:
 
 
 def _outcome(line: str) -> Outcome:
-    content = json_of(line)
+    content = parse_json(line)
     return Outcome(**(content | {"margin": float(content["margin"]), "failures": tuple(content["failures"])}))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..core.errors import InputError
-from ..core.reading import read_toml
+from ..core.files import read_toml
 from ..design.load import load_controller, read_controller
 from ..plant.linear import three_state
 from ..plant.plant import load_plant

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from ..core.controller_interface import MEASURED
 from ..core.definition import Definition, Newton, Schema, Second
 from ..core.errors import InputError, choices, shown
-from ..core.protocol import MEASURED
 from ..core.unit import parse
 from ..plant.file import CHANNEL_UNITS, LIMIT_UNITS
 from .baseline import BaselineTolerances

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from ..core.controller_interface import MEASURED
 from ..core.definition import Ampere, Definition, In, Metre, RadianPerSecond, Second
-from ..core.protocol import MEASURED
 from ..design.stages.supervision import Supervision
 from ..plant.plant import Plant
 from ..simulation.faults import DriveLimit, Faults, SensorFault

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import nan
 
-from ..core.protocol import MEASURED
+from ..core.controller_interface import MEASURED
 from ..design.review import Known
 from ..plant.motion_current import motion_current
 from ..plant.plant import Plant

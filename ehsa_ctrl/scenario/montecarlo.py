@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.controller_interface import Controller
 from ..core.errors import InputError, SimulationError
-from ..core.notebook import ShownAsText
 from ..core.parallel import in_rounds, workers
 from ..core.plotting import draw
-from ..core.protocol import Controller
+from ..core.text import TextResult
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .campaign import Outcome, line_of, open_campaign
@@ -38,7 +38,7 @@ LARGEST_SEED = 2**31
 
 
 @dataclass(frozen=True)
-class MonteCarlo(ShownAsText):
+class MonteCarlo(TextResult):
     """A scenario on many plants.
 
     Attributes

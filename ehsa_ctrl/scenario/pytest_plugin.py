@@ -94,7 +94,7 @@ class ScenarioTest(pytest.Item):
         """Figure of the run, and the signals with their tubes as a table."""
         if not self.config.getoption("--scenario-out"):
             return
-        from ..core.written import ResultFolder
+        from ..core.result_folder import ResultFolder
 
         name = f"{result.scenario.name}-{result.controller.name}"
         # A manifest for each run: several processes may test at once.

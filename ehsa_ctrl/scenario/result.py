@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ..core.controller_interface import MEASURED, Controller
 from ..core.parameter import Parameter
 from ..core.plotting import draw
-from ..core.protocol import MEASURED, Controller
 from ..core.unit import factor
 from ..design.analysis.loop import LoopAnalysis
 from ..plant.plant import Plant

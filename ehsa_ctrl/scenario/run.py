@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.catalogue import controllers, plants
+from ..core.controller_interface import MEASURED, Controller
 from ..core.errors import InputError
-from ..core.protocol import MEASURED, Controller
 from ..design.analysis.loop import analyse_loop
 from ..design.controller import SampledController
 from ..design.load import load_controller, read_controller

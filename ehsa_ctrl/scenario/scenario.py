@@ -7,15 +7,15 @@ from pathlib import Path
 
 from ..core.catalogue import scenarios
 from ..core.definition import validate
-from ..core.notebook import ShownAsText
-from ..core.reading import read_toml
+from ..core.files import read_toml
+from ..core.text import TextResult
 from ..core.unit import factor
 from .definition import ScenarioFile
 from .metrics import METRICS
 
 
 @dataclass(frozen=True)
-class Scenario(ShownAsText):
+class Scenario(TextResult):
     """A scenario's definition with its name and file."""
 
     name: str

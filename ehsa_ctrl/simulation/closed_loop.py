@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.controller_interface import MEASURED, REFERENCE, Controller
 from ..core.errors import InputError, SimulationError
-from ..core.notebook import ShownAsText
-from ..core.protocol import MEASURED, REFERENCE, Controller
+from ..core.text import TextResult
 from ..plant.plant import Plant
 from .compiled import engine
 from .engine import DONE, NO_CURRENT, UNFINISHED, checked_start, initial_carry, initial_modes, why_stopped
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ClosedLoop(ShownAsText):
+class ClosedLoop(TextResult):
     """A closed-loop run.
 
     Attributes
     ----------
     trajectory: true signals; its current is the one that acts.
     reference: (N, 3) position, speed, acceleration asked for.
-    measured: (N, 5) what the controller got, in the order of core.protocol.MEASURED.
+    measured: (N, 5) what the controller got, in the order of core.controller_interface.MEASURED.
     asked: (N,) the current the controller asked for at each sample.
     traces: name -> (N,), what the controller's protocol names of its memory.
     """

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core.controller_interface import MEASURED
 from ..core.errors import InputError, choices
-from ..core.protocol import MEASURED
 
 #: Kinds of a sensor's fault, as the engine knows them.
 KINDS = {"stuck": 1, "lost": 2}

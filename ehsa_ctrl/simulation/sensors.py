@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.protocol import MEASURED
+from ..core.controller_interface import MEASURED
 from ..plant.file import CHANNEL_UNITS
 from ..plant.plant import Plant, Sensor
 from .trajectory import Trajectory

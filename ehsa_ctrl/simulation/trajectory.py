@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import SimulationError
-from ..core.notebook import ShownAsText
 from ..core.plotting import draw
+from ..core.text import TextResult
 from ..plant.plant import Plant
 from .limits import Exceedance, exceedances
 
@@ -31,7 +31,7 @@ def versions() -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Trajectory(ShownAsText):
+class Trajectory(TextResult):
     """One run of a plant, sampled.
 
     Attributes

@@ -8,9 +8,9 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.cli.closed_loop import case_of, check_replay, close, table
+from ehsa_ctrl.core.controller_interface import MEASURED
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.core.protocol import MEASURED
 from ehsa_ctrl.diagnosis.diagnosis import MODELS, Diagnosis
 
 SCENARIO = """\

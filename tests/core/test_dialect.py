@@ -7,8 +7,8 @@ import numpy as np
 import pandas
 import pytest
 
+from ehsa_ctrl.core.column_matching import match_columns
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.likely import likely
 from ehsa_ctrl.core.log import CHANNELS, Column, Log, read_log
 from ehsa_ctrl.core.unit import factor
 
@@ -209,7 +209,7 @@ PLAIN = {"t": "s", "current": "A", "speed": "rad/s", "p1": "Pa", "p2": "Pa", "po
 )  # fmt: skip
 def test_plain_names_are_recognised(column, channel, scale):
     """With their unit, however it is attached."""
-    (found,) = likely([column, "valve", "T_oil [°C]"], PLAIN).items()
+    (found,) = match_columns([column, "valve", "T_oil [°C]"], PLAIN).items()
 
     assert found[0] == channel and found[1].scale == pytest.approx(scale, rel=1e-6)
 
@@ -217,7 +217,7 @@ def test_plain_names_are_recognised(column, channel, scale):
 @pytest.mark.parametrize("columns", [["I [A]", "i_cmd"], ["n [1/min]"], ["p1 [mm]"], ["pressure"], ["I [V]"]])
 def test_what_is_not_plain_is_not_guessed(columns):
     """Two that fit, a unit of another thing, turns that may be radians."""
-    assert likely(columns, PLAIN) == {}
+    assert match_columns(columns, PLAIN) == {}
 
 
 def test_a_missing_column_comes_with_the_lines_to_write(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from made_loops import Made, grows, integral, integrator, proportional, ripples
 
 from ehsa_ctrl import InputError, four_state, load_controller, three_state
-from ehsa_ctrl.core.protocol import MEASURED
+from ehsa_ctrl.core.controller_interface import MEASURED
 from ehsa_ctrl.design.analysis.closed_loop import closed_loop, discrete_response, linear_law
 from ehsa_ctrl.design.analysis.loop import analyse_loop
 from ehsa_ctrl.design.analysis.margins import disk_range

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
+from ehsa_ctrl.core.controller_interface import INPUTS
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.protocol import INPUTS
 from ehsa_ctrl.design.analysis.loop import analyse_loop
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.laws.cascade import Cascade

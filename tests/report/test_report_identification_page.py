@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.words import listed
+from ehsa_ctrl.core.text import join_words
 from ehsa_ctrl.identification.checks import Finding
 from ehsa_ctrl.identification.identification import Reach
 from ehsa_ctrl.identification.preparation import Step
@@ -267,4 +267,9 @@ def test_a_page_about_nothing_is_refused(write, tmp_path):
 
 def test_words_are_listed_as_in_a_sentence():
     """A comma between, "and" before the last."""
-    assert [listed(words) for words in ([], ["a"], ["a", "b"], ["a", "b", "c"])] == ["", "a", "a and b", "a, b and c"]
+    assert [join_words(words) for words in ([], ["a"], ["a", "b"], ["a", "b", "c"])] == [
+        "",
+        "a",
+        "a and b",
+        "a, b and c",
+    ]

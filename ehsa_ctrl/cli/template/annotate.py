@@ -14,7 +14,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from ...core.described import Key, keys, summary
-from ...core.reading import read_toml
+from ...core.files import read_toml
 from ...core.unit import factor
 
 #: Lines of a template; in each a comment begins with "# " and what is switched off with "#" alone.

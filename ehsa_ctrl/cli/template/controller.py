@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomlkit
 
 from ...core.catalogue import controllers, is_shipped, shipped
-from ...core.reading import read_toml
+from ...core.files import read_toml
 from ...design.kinds import CONTROLLER_KINDS
 from ...design.load import read_controller
 from ...design.tuning.specification import leaves as known_keys

@@ -10,7 +10,7 @@ import tomlkit
 
 from ...core.catalogue import is_shipped, plants, shipped
 from ...core.errors import InputError, choices
-from ...core.reading import read_toml
+from ...core.files import read_toml
 from ...plant.file import LOAD_SYMBOLS
 from ...plant.plant import Plant, load_plant
 from ...scenario.carried import carrier

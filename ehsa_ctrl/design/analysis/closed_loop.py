@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.controller_interface import MEASURED, REFERENCE, Controller
 from ...core.errors import InputError
-from ...core.protocol import MEASURED, REFERENCE, Controller
 from .sampled import sampled_plant
 
 if TYPE_CHECKING:

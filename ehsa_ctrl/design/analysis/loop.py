@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.controller_interface import MEASURED, REFERENCE, Controller
 from ...core.errors import InputError
 from ...core.log import CHANNELS
-from ...core.notebook import ShownAsText
 from ...core.plotting import draw
-from ...core.protocol import MEASURED, REFERENCE, Controller
+from ...core.text import TextResult
 from .closed_loop import (
     INPUTS,
     OUTPUTS,
@@ -49,7 +49,7 @@ LONGEST = 60
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoopAnalysis(ShownAsText, Margins):
+class LoopAnalysis(TextResult, Margins):
     """A position loop, broken at the current, with the plant sampled exactly (zero-order hold).
 
     Attributes

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...core.controller_interface import Controller
 from ...core.errors import InputError
 from ...core.plotting import draw
-from ...core.protocol import Controller
 from .loop import LoopAnalysis, analyse_loop
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ...core.controller_interface import MEASURED
 from ...core.errors import InputError
-from ...core.protocol import MEASURED
 
 if TYPE_CHECKING:
     import control

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.notebook import ShownAsText
+from ...core.text import TextResult
 
 if TYPE_CHECKING:
     import control
@@ -19,7 +19,7 @@ KEYS = {"omega": "speed", "dP": "dP", "v": "rod_speed", "x": "position"}
 
 
 @dataclass(frozen=True)
-class Analysis(ShownAsText):
+class Analysis(TextResult):
     """Properties of a linear model with the current as input.
 
     Attributes

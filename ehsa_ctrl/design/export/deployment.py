@@ -14,7 +14,8 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from ...core.written import FORCE_ARGUMENT, ResultFolder
+from ...core.files import FORCE_ARGUMENT
+from ...core.result_folder import ResultFolder
 from ..controller import SampledController
 from ..law import Law
 from ..laws.mpc import Mpc

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.controller_interface import INPUTS, MEASURED, REFERENCE
 from ...core.errors import InputError
-from ...core.protocol import INPUTS, MEASURED, REFERENCE
 from ..controller import SampledController
 
 
@@ -19,7 +19,7 @@ class Vector:
 
     Attributes
     ----------
-    reference (N, 3), measured (N, 5): as in core.protocol; a reading that is not a number was lost.
+    reference (N, 3), measured (N, 5): as in core.controller_interface; a reading that is not a number was lost.
     current: (N,) of the Python controller [A].
     exact: (N,) what an exact solver gives from the same memory [A]; None for a law without a solver.
     unsolved: (N,) whether the law's own solver left the sample to the fallback.

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from ...core.controller_interface import MEASURED
 from ...core.definition import Definition, RadianPerSecond
 from ...core.errors import InputError
-from ...core.protocol import MEASURED
 from ..analysis.closed_loop import discrete_response
 from ..analysis.sampled import sampled_plant
 from ..laws.cascade import Cascade

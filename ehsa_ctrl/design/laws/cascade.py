@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.protocol import INPUTS
+from ...core.controller_interface import INPUTS
 
 if TYPE_CHECKING:
     import control

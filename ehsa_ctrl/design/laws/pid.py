@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.protocol import INPUTS, MEASURED
+from ...core.controller_interface import INPUTS, MEASURED
 from .pid_forms import Gains
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.protocol import INPUTS, MEASURED
+from ...core.controller_interface import INPUTS, MEASURED
 from ..synthesis.kalman import Kalman
 from ..synthesis.model import DesignModel
 from ..synthesis.regulator import Regulator

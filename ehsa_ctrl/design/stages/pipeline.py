@@ -47,7 +47,7 @@ TRACES = {
 def pipeline(
     reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, law: Callable[..., float]
 ) -> float:
-    """Current [A] of one sample; arguments as in core.protocol.Controller.step."""
+    """Current [A] of one sample; arguments as in core.controller_interface.Controller.step."""
     if supervise(measured, memory[:M_PLAN], settings[:S_PLAN]) == 2.0:
         return 0.0
     trusted = memory[1:6]

@@ -12,7 +12,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from ...core.protocol import MEASURED
+from ...core.controller_interface import MEASURED
 
 #: What the trace `status` of a controller says.
 STATUS = {0.0: "sound", 1.0: "a lost reading is replaced by the last good one", 2.0: "stopped: the current is zero"}

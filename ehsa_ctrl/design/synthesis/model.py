@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...core.controller_interface import MEASURED
 from ...core.errors import InputError
-from ...core.protocol import MEASURED
 from ..analysis.sampled import SCALES, readings
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class DesignModel:
     scale: (n,) SI value of a state of 1.
     states, signals, disturbances: names; signals are those of SIGNALS that the model has.
     disturbance_scale: (d,) SI value of a disturbance of 1.
-    pick: (m, 5) from the channels of core.protocol.MEASURED to y.
+    pick: (m, 5) from the channels of core.controller_interface.MEASURED to y.
     sample_time: s.
     """
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.protocol import MEASURED
+from ...core.controller_interface import MEASURED
 from ..analysis.closed_loop import transfer
 from ..analysis.sampled import sampled_plant
 from ..laws.pid_forms import Gains

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 
 from ...core.catalogue import controllers
 from ...core.errors import InputError, choices
-from ...core.reading import read_toml
+from ...core.files import read_toml
 from ..kinds import CONTROLLER_KINDS, ControllerKind
 
 #: Tables of which a definition has one: asking for a key of one takes the others out.

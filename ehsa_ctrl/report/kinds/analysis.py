@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ...core.words import listed
+from ...core.text import join_words
 from ._margins import MARGINS, margin, margins_table
 from ._result import Drawing, Kind, Result, Sentence, Table, written
 
@@ -36,7 +36,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
 def _with(loops: list[Any]) -> str:
     """The controllers of the loops, for the title."""
     names = [str(loop["controller"]) for loop in loops]
-    return f", with {listed(names[:4])}" + (" and more" if len(names) > 4 else "") if names else ""
+    return f", with {join_words(names[:4])}" + (" and more" if len(names) > 4 else "") if names else ""
 
 
 def _sentences(content: Mapping[str, Any], loops: list[Any], robust: list[Any], reviews: list[Any]) -> list[Sentence]:

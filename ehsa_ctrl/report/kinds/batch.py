@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...core.words import folders_of, told_apart
+from ...core.text import folder_names, unique_names
 from ._result import DOUBT, Kind, Result, Sentence, Table, percent, written
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Result:
     logs = content["logs"]
     files = [row["file"] for row in logs]
-    named = list(zip(told_apart(files), logs, strict=True))
+    named = list(zip(unique_names(files), logs, strict=True))
     counts = ", ".join(f"{count} {str(word).replace('_', ' ')}" for word, count in content["counts"].items())
     sentences: list[Sentence] = [(f"{len(logs)} logs: {counts}.", None)]
     sentences += [
@@ -34,7 +34,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
         tables=[Table("Gap of all signals on held-out data, as believed and with the causes", head, rows)],
         facts=[("plant", str(content["plant"])), ("a gap matters from", f"{percent(content['threshold'])} on")],
         versions=content["provenance"],
-        covers=folders_of(files),
+        covers=folder_names(files),
     )
 
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from ...core.reading import read_json
-from ...core.words import listed
+from ...core.files import read_json
+from ...core.text import join_words
 from ...diagnosis.diagnosis import MODELS
 from ...diagnosis.signals import SIGNALS
 from ...plant.file import both
@@ -36,7 +36,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     facts = [
         (
             "where, over the whole log",
-            listed(f"{w['place']} {percent(w['share'], 2)}" for w in content["where"] if w["share"] >= 0.01),
+            join_words(f"{w['place']} {percent(w['share'], 2)}" for w in content["where"] if w["share"] >= 0.01),
         )
     ]
     if closed.is_file():

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...core.words import listed
+from ...core.text import join_words
 from ...plant.file import both
 from ...simulation.limits import SHOWN, scale_of
 from ..number import unit
@@ -24,7 +24,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
     nearest = max(content["limits"], key=lambda name: content["limits"][name]["worst_share"])
     sentences: list[Sentence] = [
         (f"{content['input']}, for {written(content['duration'])} s.", None),
-        (f"{determined}{'; not ' + listed(map(both, poor)) if poor else ''}. The worst is {both(worst)}: "
+        (f"{determined}{'; not ' + join_words(map(both, poor)) if poor else ''}. The worst is {both(worst)}: "
          f"{percent(parameters[worst]['relative_sd'])} expected.", True if not poor else DOUBT),
         (f"It stays within the plant's limits; nearest is {nearest.replace('_', ' ')}, "
          f"{percent(content['limits'][nearest]['worst_share'], 2)} of the way even if parameters are "

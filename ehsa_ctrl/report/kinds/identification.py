@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...core.words import listed, told_apart
+from ...core.text import join_words, unique_names
 from ...identification.replay import fit_words, quality
 from ...plant.file import both
 from ..number import uncertain, unit
@@ -34,8 +34,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
         drawings=drawings,
         facts=[
             *settings_of({**content, "model": ""}),
-            ("logs used", listed(map(str, content["logs"]["train"]))),
-            ("held out", listed(map(str, content["logs"]["validate"])) or "none"),
+            ("logs used", join_words(map(str, content["logs"]["train"]))),
+            ("held out", join_words(map(str, content["logs"]["validate"])) or "none"),
             ("written", str(content.get("written", ""))),
         ],
         versions=content["provenance"],
@@ -44,15 +44,15 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
 
 def _logs(content: Mapping[str, Any]) -> str:
     """Names of the logs that were used; of many their number."""
-    names = told_apart([str(log) for log in content["logs"]["train"]])
-    return listed(names) if 0 < len(names) < 4 else f"{len(names)} logs"
+    names = unique_names([str(log) for log in content["logs"]["train"]])
+    return join_words(names) if 0 < len(names) < 4 else f"{len(names)} logs"
 
 
 def _sentences(model: str, each: Mapping[str, Any]) -> list[Sentence]:
     parameters = each["parameters"]
     poor = [both(name) for name, p in parameters.items() if not p["identifiable"]]
     words = f"{model} model: {len(parameters) - len(poor)} of {len(parameters)} parameters well determined"
-    found: list[Sentence] = [(f"{words}{'; not ' + listed(poor) if poor else ''}.", True if not poor else DOUBT)]
+    found: list[Sentence] = [(f"{words}{'; not ' + join_words(poor) if poor else ''}.", True if not poor else DOUBT)]
     fits = each["fit_percent"]
     held = {name: fit for name, fit in (fits.get("validate") or fits["train"]).items() if fit is not None}
     if held:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ...core.text import join_words
 from ...core.unit import factor
-from ...core.words import listed
 from ...scenario.metrics import METRICS
 from ...scenario.result import NAMED, few
 from ..number import unit
@@ -38,7 +38,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
         head = ["scenario", "controller", "parameter", "at", "limits"]
         tables.append(Table(caption, head, [row for rows in swings for row in rows]))
     return Result(
-        title=f"{good} of {len(runs)} scenarios passed: {listed(names[:4])}" + (" and more" if len(names) > 4 else ""),
+        title=f"{good} of {len(runs)} scenarios passed: {join_words(names[:4])}"
+        + (" and more" if len(names) > 4 else ""),
         sentences=_sentences(runs, good),
         tables=tables,
         drawings=[
@@ -58,7 +59,7 @@ def _sentences(runs: list[Mapping[str, Any]], good: int) -> list[Sentence]:
     if not failed:
         found.append(("Every scenario kept its limits on the nonlinear plant.", True))
     flips = [
-        f"{_name(run)} ({listed(each['name'] for each in run['assumed_ranges'] if each['flips'])})"
+        f"{_name(run)} ({join_words(each['name'] for each in run['assumed_ranges'] if each['flips'])})"
         for run in runs
         if any(each["flips"] for each in run.get("assumed_ranges") or ())
     ]

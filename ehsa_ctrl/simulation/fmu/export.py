@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...core.errors import InputError
-from ...core.written import refuse_existing, replacing
+from ...core.files import atomic_write, refuse_existing
 from .exported import write_exported
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
 
     name = identifier(plant.name)
     known_paths, module = list(sys.path), f"{name}_slave"
-    with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
+    with atomic_write(path) as draft, tempfile.TemporaryDirectory() as folder:
         files = write_exported(plant, Path(folder))
         # The same plant gives the same FMU, but for its date: what runs may be told apart by what it is.
         guid = uuid.uuid5(uuid.NAMESPACE_URL, "".join(file.read_text(encoding="utf-8") for file in files))

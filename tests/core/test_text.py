@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 
 from ehsa_ctrl.core.log import Log, named
-from ehsa_ctrl.core.words import folders_of, listed, told_apart
+from ehsa_ctrl.core.text import folder_names, join_words, unique_names
 
 
 def test_a_list_reads_as_a_sentence():
     """One, two, three."""
-    assert [listed(list("abc")[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
+    assert [join_words(list("abc")[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
 
 
 @pytest.mark.parametrize(
@@ -25,13 +25,13 @@ def test_a_list_reads_as_a_sentence():
 )
 def test_files_of_one_name_are_called_by_their_folders(files, names):
     """By no more of them than it takes."""
-    assert told_apart(files) == names
+    assert unique_names(files) == names
 
 
 def test_results_of_one_name_get_folders_of_their_own():
     """Without the ending, unless that alone tells them apart."""
-    assert folders_of(["a/log.csv", "b/log.csv", "c.csv"]) == ["a/log", "b/log", "c"]
-    assert folders_of(["log.csv", "log.mat"]) == ["log.csv", "log.mat"]
+    assert folder_names(["a/log.csv", "b/log.csv", "c.csv"]) == ["a/log", "b/log", "c"]
+    assert folder_names(["log.csv", "log.mat"]) == ["log.csv", "log.mat"]
 
 
 def test_logs_know_what_they_are_called_beside_others():

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from .errors import InputError
-from .reading import json_of
-from .written import write_text
+from .files import parse_json, write_text
 
 T = TypeVar("T")
 
 
 @dataclass
-class Kept(Generic[T]):
+class Checkpoint(Generic[T]):
     """What a file holds, and how it goes on.
 
     Attributes
@@ -47,7 +46,7 @@ class Kept(Generic[T]):
             ) from None
 
 
-def open_kept(
+def open_checkpoint(
     path: Path | None,
     key: str,
     mark: Any,
@@ -57,7 +56,7 @@ def open_kept(
     none: str,
     other: str,
     wrong: str,
-) -> Kept[T]:
+) -> Checkpoint[T]:
     """Continue a file, or begin it with its first results, its head {key: mark}.
 
     A last line that was cut off by an interrupt is dropped, from the file too: the next one must not be joined to it.
@@ -76,16 +75,16 @@ def open_kept(
     """
     begun = json.dumps({key: mark}) + "\n"
     if path is None or not path.exists():
-        return Kept(path, [], begun)
+        return Checkpoint(path, [], begun)
     try:
         head, *lines = path.read_text(encoding="utf-8").split("\n")
-        found = json_of(head)[key]
+        found = parse_json(head)[key]
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror})") from None
     except (ValueError, LookupError, TypeError, ArithmeticError):
         raise InputError(f"{path}: {none}") from None
     if anew:
-        return Kept(path, [], begun)
+        return Checkpoint(path, [], begun)
     if found != mark:
         raise InputError(f"{path}: {other}")
     results, whole = [], [head]
@@ -101,4 +100,4 @@ def open_kept(
         whole.append(line)
     if [*whole, ""] != [head, *lines]:
         write_text(path, "\n".join(whole) + "\n")
-    return Kept(path, results)
+    return Checkpoint(path, results)

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from ehsa_ctrl.core.checkpoint import open_checkpoint
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.kept import open_kept
-from ehsa_ctrl.core.written import ResultFolder, refuse_existing, replacing, write_text
+from ehsa_ctrl.core.files import atomic_write, refuse_existing, write_text
+from ehsa_ctrl.core.result_folder import ResultFolder
 
 FULL = OSError(errno.ENOSPC, "No space left on device")
 
@@ -170,7 +171,7 @@ def test_a_single_file_is_replaced_whole_or_not_at_all(tmp_path, stop):
     """What was there stays; a folder that was made for it goes."""
 
     def broken(path):
-        with replacing(path) as draft:
+        with atomic_write(path) as draft:
             draft.write_text("ne")
             raise stop
 
@@ -204,7 +205,7 @@ def test_a_named_file_is_replaced_only_with_force(tmp_path):
 
 
 def kept(path, *, anew=False, mark=1):
-    return open_kept(path, "numbers", mark, int, anew=anew, none="is none", other="is another", wrong="is wrong")
+    return open_checkpoint(path, "numbers", mark, int, anew=anew, none="is none", other="is another", wrong="is wrong")
 
 
 def test_kept_results_are_replaced_when_there_is_a_new_one(tmp_path):

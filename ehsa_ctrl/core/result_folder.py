@@ -13,56 +13,12 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import InputError
-from .reading import json_of
-
-#: How the names of manifests and of folders of drafts begin.
-PREFIX = ".ehsa_ctrl-"
-#: How one says that a result may be replaced, on the command line and in Python.
-FORCE_OPTION, FORCE_ARGUMENT = "say --force", "say force=True"
-
-
-@contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
-    """A file beside `path` to be written, which takes its place when the block ends without an error.
-
-    The folder is made where it is missing. After an error or an interrupt the old file is still there, whole.
-
-    Raises InputError for a path that can't be written.
-    """
-    # A link stays one: what it points to is replaced.
-    path = Path(path).resolve() if Path(path).is_symlink() else Path(path)
-    made = _missing(path.parent)
-    # The ending stays: some writers go by it.
-    draft = path.with_name(f"{PREFIX}{secrets.token_hex(4)}{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield draft
-        draft.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: can't be written ({_reason(error)})") from error
-    finally:
-        draft.unlink(missing_ok=True)
-        _remove_empty(made)
-
-
-def write_text(path: str | Path, text: str) -> Path:
-    """Write a text file as `replacing` does and return its path."""
-    with replacing(path) as draft:
-        draft.write_text(text, encoding="utf-8")
-    return Path(path)
-
-
-def refuse_existing(path: Path, *, force: bool, how: str = FORCE_OPTION) -> None:
-    """For a file that the user names: raise InputError if it is there, unless force is set."""
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder; give the name of a file")
-    if path.exists() and not force:
-        raise InputError(f"{path}: is there already; choose another name or {how}")
+from .files import DRAFT_PREFIX, FORCE_OPTION, missing_folders, parse_json, remove_empty, strerror
 
 
 @dataclass(frozen=True)
@@ -108,8 +64,8 @@ class ResultFolder:
 
         Raises InputError for that, and for a folder that can't be written to.
         """
-        made = _missing(self.folder)
-        draft = self.folder / f"{PREFIX}{secrets.token_hex(4)}"
+        made = missing_folders(self.folder)
+        draft = self.folder / f"{DRAFT_PREFIX}{secrets.token_hex(4)}"
         try:
             draft.mkdir(parents=True)
             yield draft
@@ -120,12 +76,12 @@ class ResultFolder:
             if not isinstance(cause, OSError):
                 raise
             kept = "; what it held before is unchanged" if self.folder not in made else ""
-            raise InputError(f"{self.folder}: can't be written ({_reason(cause)}){kept}") from cause
+            raise InputError(f"{self.folder}: can't be written ({strerror(cause)}){kept}") from cause
         except KeyboardInterrupt as stopped:
             raise KeyboardInterrupt(str(stopped) or f"the result is not kept, {self.folder} is as it was") from None
         finally:
             shutil.rmtree(draft, ignore_errors=True)
-            _remove_empty(made)
+            remove_empty(made)
 
     def _swap(self, draft: Path) -> None:
         """Move the drafted files into place and the old ones out; back again if that breaks off."""
@@ -133,11 +89,11 @@ class ResultFolder:
         self._refuse(new, draft)
         old = self._unedited()
         kept = {name: digest for name, digest in old.items() if self.keep and name not in new}
-        manifest = f"{PREFIX}{self.owner}.json"
+        manifest = f"{DRAFT_PREFIX}{self.owner}.json"
         content = {"command": self.owner, "files": kept | new}
         (draft / manifest).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         away = [name for name in (*old, manifest) if name not in kept and (self.folder / name).exists()]
-        moves = [(self.folder / name, draft / PREFIX / name) for name in away]
+        moves = [(self.folder / name, draft / DRAFT_PREFIX / name) for name in away]
         moves += [(draft / name, self.folder / name) for name in (*new, manifest)]
         begun = []
         try:
@@ -150,7 +106,7 @@ class ResultFolder:
                 if target.exists() and not source.exists():
                     target.replace(source)
             raise
-        _remove_empty({(self.folder / name).parent for name in old} - {self.folder})
+        remove_empty({(self.folder / name).parent for name in old} - {self.folder})
 
     def _refuse(self, names: Iterable[str], draft: Path | None = None) -> None:
         """Raise InputError for the first of these files that must not be replaced; a draft is kept elsewhere."""
@@ -171,14 +127,14 @@ class ResultFolder:
 
     def _unedited(self) -> dict[str, str]:
         """The files of this command's earlier result that are as it wrote them, with their hashes."""
-        listed = _listed(self.folder / f"{PREFIX}{self.owner}.json")
-        return {name: digest for name, digest in listed.items() if _hash(self.folder / name) == digest}
+        join_words = _listed(self.folder / f"{DRAFT_PREFIX}{self.owner}.json")
+        return {name: digest for name, digest in join_words.items() if _hash(self.folder / name) == digest}
 
     def _whose(self, name: str) -> str:
         """Why a file that is not an unedited one of ours stays, and what to do."""
-        for manifest in sorted(self.folder.glob(f"{PREFIX}*.json")):
+        for manifest in sorted(self.folder.glob(f"{DRAFT_PREFIX}*.json")):
             if name in _listed(manifest):
-                owner = manifest.stem.removeprefix(PREFIX)
+                owner = manifest.stem.removeprefix(DRAFT_PREFIX)
                 if owner != self.owner:
                     return f"belongs to the result of {owner} in this folder; choose another folder"
                 return f"was edited since {owner} wrote it; move it away or choose another folder"
@@ -188,7 +144,7 @@ class ResultFolder:
 def _listed(manifest: Path) -> Mapping[str, str]:
     """Files that a manifest names; nothing for one that is missing or damaged, or for paths that leave the folder."""
     try:
-        files = json_of(manifest.read_text(encoding="utf-8"))["files"].items()
+        files = parse_json(manifest.read_text(encoding="utf-8"))["files"].items()
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return {}
     inside = {name: digest for name, digest in files if not Path(name).is_absolute() and ".." not in Path(name).parts}
@@ -213,18 +169,3 @@ def _free(path: Path) -> Path:
         number += 1
         place = path.with_name(f"{path.name}-new-{number}")
     return place
-
-
-def _missing(folder: Path) -> list[Path]:
-    """The folder and those above it that are not there, the innermost first."""
-    return [place for place in (folder, *folder.parents) if not place.exists()]
-
-
-def _remove_empty(folders: Iterable[Path]) -> None:
-    for place in sorted(folders, key=lambda folder: -len(folder.parts)):
-        with suppress(OSError):
-            place.rmdir()
-
-
-def _reason(error: OSError) -> str:
-    return error.strerror or str(error)

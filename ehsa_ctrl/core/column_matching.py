@@ -1,0 +1,155 @@
+"""Match the columns of a table to channels: by the plant's [log] table and the file's row of units; where columns are
+left over, suggest [log] lines from their names. A suggestion is shown to the user and never applied.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from .errors import InputError, choices
+from .log import CHANNELS, Column
+from .unit import factor, names_angle
+
+if TYPE_CHECKING:
+    from .table import Table
+
+#: A scale in [log] may include a calibration: it agrees with a unit within this factor.
+AGREES = 2.0
+
+#: Channel -> usual column names, in lower case, without blanks and punctuation.
+NAMES = {
+    "t": ("t", "time", "timestamp", "seconds", "zeit", "temps", "tempo"),
+    "current": (
+        "current", "i", "icmd", "iref", "iset", "icommand", "icommanded", "iq", "iqref", "isoll", "currentcommand",
+        "currentcmd", "currentref", "motorcurrent", "strom", "motorstrom", "corrente",
+    ),
+    "current_measured": ("currentmeasured", "imeas", "imeasured", "iact", "iist", "currentactual"),
+    "speed": (
+        "speed", "omega", "w", "n", "motorspeed", "pumpspeed", "shaftspeed", "omegam", "nmot", "nmotor", "drehzahl",
+        "velocita",
+    ),
+    "p1": ("p1", "pressure1", "pa", "pressurea", "druck1", "druckp1", "drucka", "pressurep1"),
+    "p2": ("p2", "pressure2", "pb", "pressureb", "druck2", "druckp2", "druckb", "pressurep2"),
+    "position": ("position", "x", "s", "pos", "stroke", "rodposition", "xrod", "weg", "hub", "posizione"),
+    "velocity": ("velocity", "v", "rodvelocity", "vrod", "xdot", "geschwindigkeit"),
+    "acceleration": ("acceleration", "a", "acc", "xddot", "beschleunigung"),
+    "force": ("force", "f", "fext", "load", "loadcell", "externalforce", "kraft", "forza"),
+    "drive_force": ("driveforce", "motorforce"),
+}  # fmt: skip
+
+
+def find_channels(table: Table, mapped: Mapping[str, Column]) -> dict[str, Column]:
+    """Where each channel stands in this file, those that don't left out."""
+    for channel in mapped:
+        if channel not in CHANNELS:
+            raise InputError(f"[log] {channel}: is no channel; {choices(channel, CHANNELS)}")
+    names = table.names
+    own_format = not any(at.column in names for at in mapped.values())
+    places = {}
+    for channel in CHANNELS:
+        at = Column(channel) if own_format else mapped.get(channel, Column(channel))
+        if at.column in names:
+            places[channel] = at
+    return places
+
+
+def channel_scale(path: Path | str, channel: str, at: Column, table: Table) -> float:
+    """SI units that are one of the column: as mapped, else as the file's row of units says.
+
+    Raises InputError for a unit that does not fit the channel, and where mapping and unit contradict each other.
+    """
+    unit = table.units.get(at.column, "")
+    if not unit:
+        return at.scale
+    si = CHANNELS[channel].unit
+    own = unit_scale(unit, si)
+    where = f"{path}: row {table.units_row} gives column {at.column!r} the unit {unit!r}"
+    if own is None and at.scale == 1.0:
+        raise InputError(
+            f"{where}, which is not known as one of {channel}; write "
+            f'{channel} = {{ column = "{at.column}", scale = ... '
+            f"}} ({si} per unit of the column) under [log] in the plant's TOML, or begin the row with #"
+        )
+    if own is None:
+        return at.scale
+    if at.scale == 1.0:
+        return own
+    if not 1.0 / AGREES < abs(at.scale) / own < AGREES:
+        raise InputError(
+            f"{where}, which is {own:.7g} {si}, and the plant's [log] scales {channel} by {at.scale:.7g}; write "
+            f"scale = {math.copysign(own, at.scale):.7g} there, or begin the row with # if the unit is wrong"
+        )
+    return at.scale
+
+
+def suggest_mapping(table: Table, places: Mapping[str, Column], wanted: Sequence[str]) -> str:
+    """Lines of [log] for channels that are wanted and not there, out of columns that nothing is read from."""
+    missing = {channel: CHANNELS[channel].unit for channel in wanted if channel not in places and channel in CHANNELS}
+    used = {at.column for at in places.values()}
+    free = [name for name in table.names if name and name not in used]
+    if not missing or not free:
+        return ""
+    found = match_columns(free, missing)
+    return ", ".join(found[channel].line(channel) for channel in missing if channel in found)
+
+
+class ColumnMatch(NamedTuple):
+    """A column, the unit that its name says (empty where it says none), and how many SI units that is."""
+
+    column: str
+    unit: str
+    scale: float
+
+    def line(self, channel: str) -> str:
+        """As it stands in a plant's [log]."""
+        column = self.column.replace("\\", "\\\\").replace('"', '\\"')
+        scale = f", scale = {self.scale:.7g}" if self.scale != 1.0 else ""
+        return f'{channel} = {{ column = "{column}"{scale} }}'
+
+
+def match_columns(columns: Iterable[str], channels: Mapping[str, str]) -> dict[str, ColumnMatch]:
+    """The one column for each of these channels (name -> SI unit) whose name and unit fit it; none where two do."""
+    found: dict[str, list[ColumnMatch]] = {}
+    for column in columns:
+        for channel, si in channels.items():
+            fits = _fit(column, channel, si)
+            if fits is not None:
+                found.setdefault(channel, []).append(fits)
+    once = {channel: fits[0] for channel, fits in found.items() if len(fits) == 1}
+    used = [fit.column for fit in once.values()]
+    return {channel: fit for channel, fit in once.items() if used.count(fit.column) == 1}
+
+
+def _fit(column: str, channel: str, si: str) -> ColumnMatch | None:
+    """A column as this channel, with its unit taken off the name; None where they don't go together."""
+    for name, unit in _parted(column):
+        if re.sub(r"[^a-z0-9]", "", name.lower()) not in (*NAMES.get(channel, ()), channel.replace("_", "")):
+            continue
+        if not unit:
+            return ColumnMatch(column, "", 1.0)
+        scale = unit_scale(unit, si)
+        if scale is not None:
+            return ColumnMatch(column, unit, scale)
+    return None
+
+
+def _parted(column: str) -> list[tuple[str, str]]:
+    """A column's name taken apart into name and unit, in all ways that make sense: "I [A]", "n_rpm", "p1 / bar"."""
+    inside = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*", column)
+    if inside:
+        return [(inside[1], inside[2].strip())]
+    last = re.fullmatch(r"(.+?)(?:\s+in\s+|\s*/\s*|[\s_.]+)([^\s_]+)", column)
+    return [(column, ""), *([(last[1], last[2])] if last else [])]
+
+
+def unit_scale(unit: str, si: str) -> float | None:
+    """How many `si` are one `unit`; None where it is unknown, does not fit, or may be turns or radians, as 1/min."""
+    try:
+        scale = factor(unit, si)
+    except InputError:
+        return None
+    return None if "rad" in si and not names_angle(unit) else scale

@@ -1,0 +1,42 @@
+"""Text of sentences, names of files that tell them apart, and results as text in a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+
+class TextResult:
+    """A result that a notebook shows as its own text, in a font of fixed width so that tables stay aligned."""
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def join_words(items: Iterable[str]) -> str:
+    """Items with commas between them and "and" before the last; empty for none."""
+    words = list(items)
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
+def unique_names(files: Sequence[str | Path]) -> list[str]:
+    """The name of each file, with as many of its folders as distinguish it from the others: a/log.csv and b/log.csv."""
+    paths = [Path.cwd() / file for file in files]
+
+    def ending(path: Path, count: int) -> str:
+        return "/".join(path.parts[-count:])
+
+    def shortest(path: Path) -> str:
+        others = set(paths) - {path}
+        endings = ((n, ending(path, n)) for n in range(1, len(path.parts)))
+        return next((name for n, name in endings if name not in {ending(o, n) for o in others}), str(path))
+
+    return [shortest(path) for path in paths]
+
+
+def folder_names(files: Sequence[str | Path]) -> list[str]:
+    """A folder name for the results of each file: without the ending, as long as the names stay different."""
+    bare = [(Path.cwd() / file).with_suffix("") for file in files]
+    return unique_names(bare if len(set(bare)) == len(bare) else files)
