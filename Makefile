@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+VERSIONS := 3.11 3.12 3.13
 
 # The matrices here are small: threads of the linear algebra only get into each other's way.
 export OPENBLAS_NUM_THREADS ?= 1
@@ -10,7 +11,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # What the demo believes before it has seen a log: some numbers 30 % off.
 WRONG := --set J_M=4.3e-4 --set A_FM=0.56 --set B_FM=1.76e-3 --set V_10=2.67e-3 --set A_FR=598 --set B_FR=11900
 
-.PHONY: demo test quick lint docs bench withheld clean
+.PHONY: demo test quick coverage versions lint docs bench withheld clean
 
 demo: $(READY)          ## the main job: log, identify, design, check on the nonlinear plant, reports in demo/
 	$(BIN)/ehsa-ctrl simulate ehsa --excitation noise --amplitude 3 --duration 20 --centre --out demo/noise --force
@@ -19,11 +20,21 @@ demo: $(READY)          ## the main job: log, identify, design, check on the non
 	$(BIN)/ehsa-ctrl run steps_spring slow_sine force_step --controller pid_position,lqr_friction --plant demo/rig/ehsa_identified.toml --out demo --force
 	$(BIN)/ehsa-ctrl report demo --force
 
-test: $(READY)          ## all tests
-	$(BIN)/python -m pytest -n auto
+test: $(READY)          ## all tests; ARGS goes to pytest (ARGS=--cov measures coverage)
+	$(BIN)/python -m pytest -n auto $(ARGS)
 
 quick: $(READY)         ## the tests that take less than two minutes together
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto -m "not slow" $(ARGS)
+
+coverage:               ## the quick tests with the coverage floor of pyproject.toml
+	$(MAKE) quick ARGS="--cov --cov-report=term:skip-covered"
+
+versions:               ## the quick tests with each supported Python on the PATH, each in an environment of its own
+	@for version in $(VERSIONS); do \
+	    if ! python$$version -c '' 2>/dev/null; then echo "Python $$version: not found, not tested"; continue; fi; \
+	    echo "Python $$version:"; \
+	    $(MAKE) --no-print-directory quick PYTHON=python$$version VENV=.venv-$$version || exit 1; \
+	done
 
 lint: $(READY)          ## style and types
 	$(BIN)/ruff check .
@@ -44,7 +55,7 @@ withheld: $(READY)      ## the diagnosis on a bench of its own whose effects it 
 	$(BIN)/python benchmarks/withheld/score.py results/withheld/reported --jobs 2
 
 clean:
-	rm -rf $(VENV) demo results site
+	rm -rf $(VENV) $(VENV)-3.* demo results site
 
 # Installed once; again only when what is to be installed has changed.
 $(READY): pyproject.toml
