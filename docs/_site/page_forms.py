@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-import typing
-from collections.abc import Collection
-from typing import Any, Literal
+from collections.abc import Collection, Iterator
+from typing import Any
 
 from pydantic import BaseModel
 from words import cell, sentence
 
-from ehsa_ctrl.core.described import Key, keys, summary
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS, ControllerFile
 from ehsa_ctrl.plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_SYMBOLS, PlantFile
 from ehsa_ctrl.plant.systems import SYSTEMS
@@ -25,7 +23,7 @@ def plants() -> str:
         "In `plants/`, or anywhere if you give the path. An unknown key is a mistake and is said to be one. Numbers "
         "have the form of [`[parameters]`](#parameters) everywhere: in `[limits]`, `[load]`, `[sampling]` and "
         "`[sensors.CHANNEL]` too.",
-        *form(PlantFile, ""),
+        *form(PlantFile),
         "",
         "## Systems and their symbols",
         "",
@@ -55,11 +53,11 @@ def controllers() -> str:
         "In `controllers/`, or anywhere if you give the path. `kind` selects the feedback law and with it the keys; "
         "the stages `[trajectory]`, `[feedforward]`, `[rest]` and `[dither]` go with every kind.",
     ]
-    seen: set[Any] = set()
-    lines += ["", "## Every kind", *form(ControllerFile, "", level=3, title="every", seen=seen)]
-    shared = {key.name for key in keys(ControllerFile)} - {"kind"}
+    seen: set[str] = set()
+    lines += ["", "## Every kind", *form(ControllerFile, level=3, title="every", seen=seen)]
+    shared = set(ControllerFile.model_json_schema()["properties"]) - {"kind"}
     for kind in CONTROLLER_KINDS.values():
-        own = form(kind.file, "", level=3, title=kind.name, seen=set(seen), without=shared)
+        own = form(kind.file, level=3, title=kind.name, seen=set(seen), without=shared)
         lines += ["", f"## {kind.name}", "", sentence(kind.summary), *own]
     return "\n".join(lines) + "\n"
 
@@ -71,109 +69,102 @@ def scenarios() -> str:
         "",
         "In `scenarios/`, or anywhere if you give the path. What may stand under `[limits]` is in "
         "[Metrics](metrics.md).",
-        *form(ScenarioFile, ""),
+        *form(ScenarioFile),
     ]
     return "\n".join(lines) + "\n"
 
 
 def form(
-    kind: type[BaseModel],
-    table: str,
+    model: type[BaseModel],
+    *,
     level: int = 2,
     title: str = "",
-    seen: set[Any] | None = None,
+    seen: set[str] | None = None,
     without: Collection[str] = (),
 ) -> list[str]:
-    """A table of the keys of one form but those in `without`, and below it those of the tables in it.
+    """A table of the keys of a file but those in `without`, and below it those of the tables in it.
 
-    title: first word of the anchors. seen: forms that need not be told again; those that are told here are added.
+    title: first word of the anchors. seen: names of models that are not repeated; those described here are added.
     """
-    seen = set() if seen is None else seen
-    seen.add(kind)
-    known = [key for key in keys(kind) if key.name not in without]
+    schema = model.model_json_schema()
+    return _table(schema, schema["$defs"], "", level, title, set() if seen is None else seen, without)
+
+
+def _table(
+    schema: dict[str, Any],
+    models: dict[str, Any],
+    table: str,
+    level: int,
+    title: str,
+    seen: set[str],
+    without: Collection[str] = (),
+) -> list[str]:
+    seen.add(schema["title"])
+    known = {key: field for key, field in schema["properties"].items() if key not in without}
     lines = []
     if table:
+        word = schema["properties"].get("kind", {}).get("const", "")
         # A nested table's own anchor, so that the same word in two kinds does not clash.
-        anchor = "-".join(re.findall(r"\w+", f"{title} {table} {_word(kind)}")).lower()
-        lines += ["", f"{'#' * level} {_heading(kind, table)} {{ #{anchor} }}"]
-        said = re.sub(r"^.{0,40}?\[+[\w.]+\]+[:.]?\s*", "", summary(kind))
-        if said:
-            lines += ["", sentence(said)]
+        anchor = "-".join(re.findall(r"\w+", f"{title} {table} {word}")).lower()
+        lines += ["", f"{'#' * level} `[{table}]`{f' of kind `{word}`' if word else ''} {{ #{anchor} }}"]
+        summary = " ".join(schema.get("description", "").split("\n\n")[0].split())
+        summary = re.sub(r"^.{0,40}?\[+[\w.]+\]+[:.]?\s*", "", summary)
+        lines += ["", sentence(summary)] if summary else []
     lines += ["", "| key | value | default | meaning |", "|---|---|---|---|"]
-    lines += [f"| `{key.name}` | {_value(key, kind)} | {_default(key)} | {cell(key.meaning)} |" for key in known]
-    for key in known:
-        for inner in key.forms or _mapped(kind, key):
-            if inner not in seen:
-                path = f"{table}.{key.name}" if table else key.name
-                deeper = form(inner, f"[{path}]" if key.many else path, level + (1 if table else 0), title, seen)
-                lines += deeper
+    for key, field in known.items():
+        default = "required" if key in schema.get("required", ()) else _default(field)
+        lines.append(f"| `{key}` | {_value(field)} | {default} | {cell(field['description'])} |")
+    for key, field in known.items():
+        for name, many in _nested(field):
+            if name not in seen:
+                path = f"{table}.{key}" if table else key
+                path = f"[{path}]" if many else path
+                lines += _table(models[name], models, path, level + (1 if table else 0), title, seen)
     return lines
 
 
-def _heading(kind: type[BaseModel], table: str) -> str:
-    """The table as it is written; where a key chooses the form, with that."""
-    word = _word(kind)
-    return f"`[{table}]`" + (f" of kind `{word}`" if word else "")
+def _alternatives(field: dict[str, Any]) -> list[dict[str, Any]]:
+    parts = field.get("anyOf") or field.get("oneOf") or [field]
+    return [part for part in parts if part.get("type") != "null"]
 
 
-def _word(kind: type[BaseModel]) -> str:
-    """The word by which a key `kind` chooses this form; empty where none does."""
-    field = kind.model_fields.get("kind")
-    return str(typing.get_args(field.annotation)[0]) if field and typing.get_origin(field.annotation) is Literal else ""
+def _nested(field: dict[str, Any]) -> Iterator[tuple[str, bool]]:
+    """Names of the models that a key may hold, and whether it is an array of them."""
+    for part in _alternatives(field):
+        if "$ref" in part:
+            yield part["$ref"].rpartition("/")[2], False
+        for inner in (part.get("items"), part.get("additionalProperties")):
+            if isinstance(inner, dict):
+                yield from ((name, "items" in part) for name, _ in _nested(inner))
 
 
-def _mapped(kind: type[BaseModel], key: Key) -> tuple[type[BaseModel], ...]:
-    """The form of the values of a key that is a table of names, as [parameters] is."""
-    field = next(f for name, f in kind.model_fields.items() if (f.alias or name) == key.name)
-    arguments = typing.get_args(field.annotation)
-    if typing.get_origin(field.annotation) is dict and isinstance(arguments[1], type):
-        return (arguments[1],) if issubclass(arguments[1], BaseModel) else ()
-    return ()
-
-
-def _value(key: Key, kind: type[BaseModel]) -> str:
+def _value(field: dict[str, Any]) -> str:
     """What a key takes, in words."""
-    if key.choices:
-        return " or ".join(f"`{word}`" for word in key.choices)
-    if key.unit is not None:
-        field = next(f for name, f in kind.model_fields.items() if (f.alias or name) == key.name)
-        several = "list of " if "list[" in str(field.annotation) else ""
-        return several + ("number" if key.unit in ("1", "fraction") else f'`"... {key.unit}"`')
-    if key.forms:
-        return "tables" if key.many else "table"
-    field = next(f for name, f in kind.model_fields.items() if (f.alias or name) == key.name)
-    return _plain(field.annotation)
+    parts = _alternatives(field)
+    part = parts[0]
+    words = part.get("enum") or ([part["const"]] if "const" in part else [])
+    kinds = {"boolean": "`true` or `false`", "integer": "whole number", "number": "number", "string": "text"}
+    if isinstance(part.get("additionalProperties"), dict):
+        names = part.get("propertyNames", {}).get("enum", ())
+        return "table of " + (", ".join(f"`{word}`" for word in names) or "names")
+    if words:
+        return " or ".join(f"`{word}`" for word in words)
+    if "unit" in part:
+        return "number" if part["unit"] in ("1", "fraction") else f'`"... {part["unit"]}"`'
+    if "prefixItems" in part:
+        return f"[{', '.join(_value(item) for item in part['prefixItems'])}]"
+    if "items" in part:
+        several = next(_nested(field), None)
+        return "tables" if several else f"list of {_value(part['items'])}".replace("number", "numbers")
+    return "table" if "$ref" in part else kinds.get(part.get("type", ""), "")
 
 
-def _plain(annotation: Any) -> str:
-    if typing.get_origin(annotation) is dict:
-        names = typing.get_args(annotation)[0]
-        words = typing.get_args(names) if typing.get_origin(names) is Literal else ()
-        return "table of " + (", ".join(f"`{word}`" for word in words) if words else "names")
-    inner = [part for part in typing.get_args(annotation) if part is not type(None)]
-    if type(None) in typing.get_args(annotation) and len(inner) == 1:
-        return _plain(inner[0])
-    if typing.get_origin(annotation) is list:
-        return f"list of {_plain(inner[0])}".replace("number", "numbers")
-    if typing.get_origin(annotation) is tuple:
-        return f"[{', '.join(_plain(part) for part in inner)}]"
-    text = str(annotation)
-    for word, meaning in (("bool", "`true` or `false`"), ("int", "whole number"), ("float", "number"), ("str", "text")):
-        if annotation.__class__ is type and annotation.__name__ == word:
-            return meaning
-        if re.search(rf"\b{word}\b", text):
-            return meaning
-    return ""
-
-
-def _default(key: Key) -> str:
-    if key.required:
-        return "required"
-    if key.default is None or key.default in ("", [], {}) or isinstance(key.default, BaseModel):
-        return ""
-    if isinstance(key.default, bool):
-        return f"`{str(key.default).lower()}`"
-    if isinstance(key.default, float):
-        unit = f" {key.unit}" if key.unit not in (None, "1", "fraction") else ""
-        return "none" if key.default in (float("inf"), float("-inf")) else f"`{key.default:.4g}{unit}`"
-    return f"`{key.default}`" if isinstance(key.default, str | int) else ""
+def _default(field: dict[str, Any]) -> str:
+    value = field.get("default")
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, float):
+        unit = next((f" {part['unit']}" for part in _alternatives(field) if "unit" in part), "")
+        unit = "" if unit in (" 1", " fraction") else unit
+        return "none" if value in (float("inf"), float("-inf")) else f"`{value:.4g}{unit}`"
+    return f"`{value}`" if isinstance(value, str | int) and value != "" else ""

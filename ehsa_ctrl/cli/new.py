@@ -1,10 +1,11 @@
-"""`ehsa-ctrl new`: a commented TOML of one's own, in the folder where it is found by name."""
+"""`ehsa-ctrl new`: write a commented TOML to the folder where commands find it by name."""
 
 from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -43,12 +44,11 @@ def plant(
     Examples: ehsa-ctrl new plant rig · ehsa-ctrl new plant axis --from emps
     """
     from ..core.catalogue import plants as catalogue
-    from .template.plant import next_commands, plant_toml
+    from .definitions import plant_commands, plant_toml
 
     stem = _stem(name, catalogue, base)
-    _write(
-        catalogue, stem, base, lambda: plant_toml(base, stem), next_commands(base, stem), as_json=as_json, force=force
-    )
+    commands = plant_commands(base, stem)
+    _write(catalogue, stem, base, lambda: plant_toml(base, stem), commands, as_json=as_json, force=force)
 
 
 @app.command("controller")
@@ -77,21 +77,14 @@ def controller(
     """
     from ..core.catalogue import controllers as catalogue
     from ..design.tuning.specification import begin
-    from .template.controller import controller_toml, next_commands
+    from .definitions import controller_commands, controller_toml
 
     if kind is not None:
         begin(kind, base)
     chosen = base or begin(kind or "pid")[1].stem
     stem = _stem(name, catalogue, kind or chosen)
-    _write(
-        catalogue,
-        stem,
-        chosen,
-        lambda: controller_toml(chosen, stem, plant=plant),
-        next_commands(stem, plant),
-        as_json=as_json,
-        force=force,
-    )
+    text = partial(controller_toml, chosen, stem, plant=plant)
+    _write(catalogue, stem, chosen, text, controller_commands(stem, plant), as_json=as_json, force=force)
 
 
 @app.command("scenario")
@@ -124,24 +117,25 @@ def scenario(
     from ..core.catalogue import controllers as known_controllers
     from ..core.catalogue import plants as known_plants
     from ..core.catalogue import scenarios as catalogue
-    from .template.scenario import base_of, next_commands, reference_of, scenario_toml, trajectory
+    from ..scenario.scenario import load_scenario
+    from .definitions import scenario_commands, scenario_of_kind, scenario_toml
 
-    if kind is not None and base is not None and reference_of(base) != kind:
-        raise InputError(f"--kind {kind}: {base} has a reference of the kind {reference_of(base)!r}; give one of both")
-    chosen = base or base_of(kind or "steps")
+    if kind is not None and base is not None:
+        found = load_scenario(base).definition.reference.kind
+        if found != kind:
+            raise InputError(f"--kind {kind}: {base} has a reference of the kind {found!r}; give one of both")
+    chosen = base or scenario_of_kind(kind or "steps")
     stem = _stem(name, catalogue, kind or chosen)
     for known, given in ((known_plants, plant), (known_controllers, controller)):
         if given is not None:
             known.find(given)
-    source = trajectory(chosen)
+    begun = load_scenario(chosen)
+    file = getattr(begun.definition.reference, "file", None)
     beside = []
-    if source is not None:
-        target = Path("scenarios") / source[0]
-        beside.append((source[1], target))
-    _write(
-        catalogue, stem, chosen, lambda: scenario_toml(chosen, stem, plant=plant, controller=controller),
-        next_commands(stem), as_json=as_json, force=force, beside=beside,
-    )  # fmt: skip
+    if file is not None and not Path(file).is_absolute() and begun.path is not None:
+        beside.append((begun.path.parent / file, Path("scenarios") / file))
+    text = partial(scenario_toml, chosen, stem, plant=plant, controller=controller)
+    _write(catalogue, stem, chosen, text, scenario_commands(stem), beside=beside, as_json=as_json, force=force)
 
 
 def _stem(name: str | None, catalogue: Catalogue, base: str) -> str:
@@ -163,9 +157,9 @@ def _write(
     *,
     as_json: bool,
     force: bool,
-    beside: list[tuple[Path, Path]] | None = None,
+    beside: Sequence[tuple[Path, Path]] = (),
 ) -> None:
-    """Write the file, and what goes beside it, and say what to do next."""
+    """Write the file and those that it refers to, and print the next commands."""
     from ..core.files import atomic_write, refuse_existing, write_text
     from .output import to_json, warn
 
@@ -173,7 +167,7 @@ def _write(
     refuse_existing(path, force=force)
     shadowed = stem in catalogue and catalogue[stem].resolve() != path.resolve()
     content = text()
-    for source, target in beside or []:
+    for source, target in beside:
         if not target.exists():
             with atomic_write(target) as draft:
                 shutil.copyfile(source, draft)
@@ -181,7 +175,7 @@ def _write(
     if shadowed:
         warn(f"{stem} is also the name of a shipped {catalogue.kind[:-1]}, which is no longer found from this folder")
     if as_json:
-        files = [str(path), *(str(target) for _, target in beside or [])]
+        files = [str(path), *(str(target) for _, target in beside)]
         print(to_json({"written": files, "from": base, "next": following}))
         return
     print(f"written to {path}, begun as {base}; edit it, then")

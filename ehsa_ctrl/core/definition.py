@@ -55,6 +55,9 @@ class In:
 
         return core_schema.no_info_plain_validator_function(convert)
 
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return {"type": "string", "unit": self.unit}
+
 
 #: Pairs and the like, which TOML writes as an array.
 Array = Strict(False)

@@ -7,17 +7,74 @@ from pathlib import Path
 
 import pytest
 
-from ehsa_ctrl.cli.template.controller import controller_toml
-from ehsa_ctrl.cli.template.plant import plant_toml
-from ehsa_ctrl.cli.template.scenario import base_of, reference_kinds, scenario_toml
+from ehsa_ctrl.cli.definitions import controller_toml, plant_toml, reference_kinds, scenario_of_kind, scenario_toml
+from ehsa_ctrl.cli.template import FOLDER, Row, sections, template
 from ehsa_ctrl.core.catalogue import controllers, plants, scenarios
 from ehsa_ctrl.core.definition import validate
-from ehsa_ctrl.core.described import keys
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
-from ehsa_ctrl.plant.file import PlantFile
+from ehsa_ctrl.plant.file import LOAD_SYMBOLS, PlantFile
 from ehsa_ctrl.plant.plant import load_plant
 from ehsa_ctrl.scenario.definition import ScenarioFile
 from ehsa_ctrl.scenario.metrics import METRICS
+
+#: Templates with the model that validates them.
+FORMS = {
+    **{f"controller_{name}": kind.file for name, kind in CONTROLLER_KINDS.items()},
+    "scenario": ScenarioFile,
+    "plant": PlantFile,
+}
+
+
+def text_of(name):
+    """A template as it is used: controllers have the stages behind the keys of their kind."""
+    text = template(name, "controller_stages") if name.startswith("controller") else template(name)
+    return text.replace("UNIT", "1")
+
+
+def tables(schema, table, path=""):
+    """Dotted name and keys of each table of a JSON schema; the tables of free names as CHANNEL."""
+    if "$ref" in table:
+        word = table["$ref"].rpartition("/")[2]
+        table = {} if word == "Quantity" else schema["$defs"][word]
+    for part in (*table.get("anyOf", ()), *table.get("oneOf", ()), table.get("items")):
+        if part:
+            yield from tables(schema, part, path)
+    if table.get("properties"):
+        yield path, list(table["properties"])
+        for name, inner in table["properties"].items():
+            yield from tables(schema, inner, f"{path}.{name}".lstrip("."))
+    elif table.get("additionalProperties"):
+        yield from tables(schema, table["additionalProperties"], f"{path}.CHANNEL")
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_a_template_has_every_key_of_its_form(name):
+    """In its table, or in words where keys exclude each other or the table is written in one line."""
+    text, schema = text_of(name), FORMS[name].model_json_schema()
+    parts = sections(text)
+    for path, known in tables(schema, schema):
+        rows = {row.key for part in parts if part.name == path for row in part.rows if isinstance(row, Row)}
+        inner = {part.name.removeprefix(f"{path}.").partition(".")[0] for part in parts}
+        in_words = {key for key in known if re.search(rf"^#.*\b{key}\b|{{.*\b{key} = ", text, re.MULTILINE)}
+
+        assert set(known) <= rows | inner | in_words, path
+
+
+def test_every_template_is_tested():
+    """A template for a new kind of controller is picked up by its name."""
+    assert {file.stem for file in FOLDER.glob("*.toml")} == {*FORMS, "controller_stages"}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_a_template_is_valid(name):
+    """No key that the form does not have: as it stands, and with each switched-off table instead of its rivals."""
+    text = text_of(name)
+    content = tomllib.loads(text)
+    validate(content, FORMS[name], name)
+    for block in re.findall(r"^#\[(?:.+\n)+", text, re.MULTILINE):
+        table = tomllib.loads(re.sub(r"^#(?! )", "", block, flags=re.MULTILINE))
+        rest = {key: item for key, item in content.items() if not {key, *table} <= {"design", "tuning", "gains"}}
+        validate({**rest, **table}, FORMS[name], block, {"folder": scenarios.slow_sine.parent})
 
 
 def titled(content):
@@ -95,21 +152,21 @@ def test_what_is_switched_off_in_a_plant_can_be_switched_on(tmp_path):
     assert load_plant(path).log["p1"].scale == 1e5
 
 
-def test_every_key_is_in_the_template():
-    """Set, switched off, or in words: a user finds out about it without leaving the file."""
-    for name in controllers:
-        text, form = (
-            controller_toml(name, "mine"),
-            CONTROLLER_KINDS[tomllib.loads(controllers[name].read_text())["kind"]],
-        )
-        assert all(re.search(rf"\b{key.name}\b", text) for key in keys(form.file))
+def test_keys_of_the_registries_are_in_the_file():
+    """Metrics of a scenario and parameters of a plant, with their meaning."""
     text = scenario_toml("steps_spring", "mine")
-    assert all(re.search(rf"\b{key.name}\b", text) for key in keys(ScenarioFile))
     assert all(re.search(rf"^#?{name} = ", text, re.MULTILINE) for name in METRICS)
     text = plant_toml("ehsa", "mine")
     for word in ("linear", "nonlinear"):
-        for name, kind in {k.name: k for k in load_plant("ehsa", model=word).structure.equations.parameters}.items():
-            assert kind.meaning.split(" (")[0] in text, name
+        for kind in load_plant("ehsa", model=word).structure.equations.parameters:
+            assert kind.name in LOAD_SYMBOLS.values() or kind.meaning.split(" (")[0] in text, kind.name
+
+
+def test_the_kinds_of_reference_are_those_of_the_form():
+    """A new kind needs its section in the template."""
+    schema = ScenarioFile.model_json_schema()
+
+    assert set(reference_kinds()) == set(schema["properties"]["reference"]["discriminator"]["mapping"])
 
 
 @pytest.mark.parametrize("kind", reference_kinds())
@@ -121,7 +178,7 @@ def test_a_scenario_of_each_kind_of_reference_is_found_by_name_and_valid(run, tm
     assert "ehsa-ctrl check scenarios/mine.toml" in out
     assert tomllib.loads((tmp_path / "scenarios" / "mine.toml").read_text())["reference"]["kind"] == kind
     assert run("check", "scenarios/mine.toml")[0] == 0
-    assert base_of(kind) in scenarios
+    assert scenario_of_kind(kind) in scenarios
 
 
 @pytest.mark.parametrize("kind", [kind for kind in CONTROLLER_KINDS if kind != "scheduled_pid"])

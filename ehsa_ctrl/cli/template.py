@@ -1,0 +1,182 @@
+"""Fill the shipped templates of `ehsa-ctrl new` with the values of an existing definition.
+
+A template (cli/templates/*.toml) has one key per line, `key = value  # meaning`, below the header of its table. Keys
+that the definition sets get its values, the others are switched off by a leading #.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+import tomllib
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).parent / "templates"
+#: Characters in a line.
+WIDTH = 118
+ROW = re.compile(r"#?([\w.]+) = (.+?)(?:  # (.*))?")
+HEADER = re.compile(r"#?(\[+[\w.]+\]+)")
+HOW = (
+    "A line that begins with # and no space is switched off: remove the # to switch it on. `ehsa-ctrl check` names "
+    "the file and key of a mistake."
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A key of a template: its value as TOML, None where there is no example, and its meaning."""
+
+    key: str
+    value: str | None
+    meaning: str = ""
+
+
+@dataclass
+class Section:
+    """A table of a template: the comments above it, its header, and its rows and comment lines."""
+
+    above: list[str]
+    header: str
+    rows: list[Row | str]
+
+    @property
+    def name(self) -> str:
+        return self.header.strip("[]")
+
+    @property
+    def many(self) -> bool:
+        """Whether this is an element of an array of tables."""
+        return self.header.startswith("[[")
+
+    @property
+    def kind(self) -> str | None:
+        """Value of the key `kind`, by which one of several forms of a table is chosen."""
+        rows = (row for row in self.rows if isinstance(row, Row))
+        return next((str(parse_value(row.value or "")) for row in rows if row.key == "kind"), None)
+
+
+def template(*names: str) -> str:
+    """Text of shipped templates, one after the other; empty where there is none of the first name."""
+    files = [FOLDER / f"{name}.toml" for name in names]
+    return "".join(file.read_text(encoding="utf-8") for file in files) if files[0].exists() else ""
+
+
+def sections(text: str) -> list[Section]:
+    """The tables of a template, the keys above the first table as one without a header."""
+    found = [Section([], "", [])]
+    for line in text.splitlines():
+        rows = found[-1].rows
+        if header := HEADER.fullmatch(line):
+            last = max((k for k, row in enumerate(rows, 1) if isinstance(row, Row)), default=0)
+            found.append(Section([row for row in rows[last:] if isinstance(row, str)], header[1], []))
+            del rows[last:]
+        else:
+            row = ROW.fullmatch(line)
+            rows.append(Row(row[1], row[2], row[3] or "") if row else line)
+    return found
+
+
+def fill(
+    text: str,
+    given: Any,
+    *,
+    more: Mapping[str, Sequence[Row | str]] | None = None,
+    without: Collection[str] = (),
+    example: Callable[[str, Any], Any] = lambda key, value: value,
+) -> str:
+    """A template with the values of a definition.
+
+    given: the definition as tomlkit parsed it, which keeps the notation of its numbers and its comments behind values.
+    more: table -> further rows, for tables whose keys depend on the plant.
+    without: dotted keys and tables of the template that do not apply.
+    example: (dotted key, example in the template) -> example for a key that is switched off.
+    """
+    lines: list[str] = []
+    parts = [section for section in sections(text) if section.name not in without]
+    names = {section.name for section in parts}
+    done: set[tuple[str, str | None]] = set()
+    for section in parts:
+        tables = list(_tables(given, section.name))
+        chosen = [table for table in tables if section.kind in (None, table.get("kind"))]
+        if (section.name, section.kind) in done or (tables and not chosen and not section.many):
+            # A repeated element of an array, or another kind of a table that is set.
+            continue
+        done.add((section.name, section.kind))
+        prefix = f"{section.name}." if section.name else ""
+        rows = [
+            row
+            for row in (*section.rows, *(more or {}).get(section.name, ()))
+            if isinstance(row, str) or f"{prefix}{row.key}" not in without
+        ]
+        for k, table in enumerate(chosen or [{}]):
+            first, entries = k == 0, _entries(table, prefix, names)
+            lines += section.above if first else [""]
+            if section.header:
+                lines.append(section.header if chosen else f"#{section.header}")
+            for row in rows:
+                if isinstance(row, str):
+                    lines += [row] if first else []
+                elif row.key in entries:
+                    item = entries.pop(row.key)
+                    lines += _line(row.key, item.as_string(), row.meaning, item.trivia.comment)
+                elif first and row.value is not None:
+                    old = parse_value(row.value)
+                    new = example(f"{prefix}{row.key}", old)
+                    lines += _line(f"#{row.key}", row.value if new is old else to_toml(new), row.meaning)
+            lines += [f"{key} = {item.as_string()}" for key, item in entries.items()]
+    return "\n".join(lines).strip() + "\n"
+
+
+def _tables(given: Any, name: str) -> Iterator[Any]:
+    """The tables of a dotted name: one, several of an array, or none."""
+    found = [given]
+    for part in name.split(".") if name else ():
+        inner = [table[part] for table in found if part in table]
+        found = [table for one in inner for table in (one if isinstance(one, list) else [one])]
+    yield from found
+
+
+def _line(start: str, value: str, meaning: str, note: str = "") -> list[str]:
+    """A key with its meaning, behind it where there is room; a comment of the definition stays behind the value."""
+    text = f"{start} = {value}"
+    if note or "\n" in text or len(text) + len(meaning) + 4 > WIDTH:
+        above = comment(f"{start.lstrip('#')}: {meaning}") if meaning else []
+        return [*above, f"{text}  {note}".rstrip()]
+    return [f"{text}  # {meaning}" if meaning else text]
+
+
+def _entries(table: Any, prefix: str, names: Collection[str]) -> dict[str, Any]:
+    """Key -> item of a table without those tables within that the template lists; of others dotted keys."""
+    import tomlkit
+    from tomlkit.items import InlineTable
+
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        if any(f"{name}.".startswith(f"{prefix}{key}.") for name in names):
+            continue
+        if isinstance(value, Mapping) and not isinstance(value, InlineTable):
+            found |= {f"{key}.{inner}": item for inner, item in _entries(value, f"{prefix}{key}.", names).items()}
+        else:
+            found[key] = table.item(key) if hasattr(table, "item") else tomlkit.item(value)
+    return found
+
+
+def comment(*texts: str) -> list[str]:
+    """Texts as comment lines; one that begins with a space is not wrapped."""
+    wrapped = (
+        [text] if text.startswith(" ") else textwrap.wrap(text, WIDTH - 2, break_on_hyphens=False) for text in texts
+    )
+    return [f"# {line}" for lines in wrapped for line in lines]
+
+
+def parse_value(text: str) -> Any:
+    return tomllib.loads(f"value = {text}")["value"]
+
+
+def to_toml(value: Any) -> str:
+    import tomlkit
+
+    return tomlkit.item(value).as_string()
