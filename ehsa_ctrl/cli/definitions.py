@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,7 @@ def plant_toml(base: str, name: str) -> str:
         least = f", {'greater than' if kind.lower_open else 'at least'} {kind.lower:g}" if kind.lower > -1e29 else ""
         meanings.append(Row(kind.name, None, f"{kind.meaning} [{kind.unit}]{least}"))
     limits = {**NAMES, "stroke": "full stroke of the rod, half of it to either side of x = 0"}
-    more = {
+    more: dict[str, Sequence[Row | str]] = {
         "parameters": meanings,
         "linear.parameters": meanings,
         "nonlinear.parameters": [*meanings, *_effect_rows(models["nonlinear"])] if "nonlinear" in models else [],
@@ -76,7 +76,7 @@ def plant_toml(base: str, name: str) -> str:
 
 def _effect_rows(plant: Plant) -> list[Row | str]:
     """Parameters of the effects that the plant does not have, switched off, with their typical values."""
-    rows: list[Row | str] = comment("Parameters of effects that `effects` switches on by name, with their defaults:")
+    rows: list[Row | str] = [*comment("Parameters of effects that `effects` switches on by name, with their defaults:")]
     for effect in EFFECTS.values():
         if effect.wired and effect.name not in plant.structure.effects:
             for p in effect.parameters:
@@ -165,7 +165,7 @@ def scenario_toml(base: str, name: str, *, plant: str | None = None, controller:
             size, unit = EXAMPLE_LIMITS.get(known.shown, "10"), "" if known.shown == "1" else f" {known.shown}"
             value = f'{{ max = "{size}{unit}" }}' if unit else f"{{ max = {size} }}"
             limits.append(Row(metric, value, known.meaning + (f" [{known.shown}]" if unit else "")))
-    more = {
+    more: dict[str, Sequence[Row | str]] = {
         "settings": [
             Row(symbol, to_toml(p.written or f"{p.value:g} {p.unit}"), f"{kinds[symbol].meaning} [{p.unit}]")
             for symbol, p in loaded.parameters.items()
