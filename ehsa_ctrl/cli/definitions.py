@@ -23,7 +23,7 @@ from ..scenario.carried import carrier
 from ..scenario.metrics import METRICS
 from ..scenario.scenario import load_scenario
 from ..simulation.limits import NAMES
-from .template import HOW, Row, comment, fill, sections, template, to_toml
+from .template import HOW, KeyLine, comment, fill, sections, template, to_toml
 
 QUANTITIES = 'Quantities are texts with any unit that converts ("20 mm", "50 kN/m"); the SI unit is in brackets.'
 #: Ends of the names of a model's tables.
@@ -52,19 +52,21 @@ def plant_toml(base: str, name: str) -> str:
     # Behind the examples stands what they convert; columns that the plant sets have no such comment.
     columns = re.sub("  # .*", "", text[end:]) if "log" in given else text[end:]
     text = text[:start] + "".join(sensors) + columns
-    log = {row.key for part in sections(text) if part.name == "log" for row in part.rows if isinstance(row, Row)}
+    log = {row.key for part in sections(text) if part.name == "log" for row in part.rows if isinstance(row, KeyLine)}
     symbols = {kind.name: kind for plant in models.values() for kind in plant.structure.equations.parameters}
-    meanings: list[Row | str] = []
+    meanings: list[KeyLine | str] = []
     for kind in symbols.values():
         least = f", {'greater than' if kind.lower_open else 'at least'} {kind.lower:g}" if kind.lower > -1e29 else ""
-        meanings.append(Row(kind.name, None, f"{kind.meaning} [{kind.unit}]{least}"))
+        meanings.append(KeyLine(kind.name, None, f"{kind.meaning} [{kind.unit}]{least}"))
     limits = {**NAMES, "stroke": "full stroke of the rod, half of it to either side of x = 0"}
-    more: dict[str, Sequence[Row | str]] = {
+    more: dict[str, Sequence[KeyLine | str]] = {
         "parameters": meanings,
         "linear.parameters": meanings,
         "nonlinear.parameters": [*meanings, *_effect_rows(models["nonlinear"])] if "nonlinear" in models else [],
-        "limits": [Row(limit, None, f"{limits[limit]} [{unit}]") for limit, unit in LIMIT_UNITS.items()],
-        "log": [Row(word, '{ column = "NAME", scale = 1.0, offset = 0.0 }') for word in channels if word not in log],
+        "limits": [KeyLine(limit, None, f"{limits[limit]} [{unit}]") for limit, unit in LIMIT_UNITS.items()],
+        "log": [
+            KeyLine(word, '{ column = "NAME", scale = 1.0, offset = 0.0 }') for word in channels if word not in log
+        ],
     }
     foreign = {f"log.{word}" for word in CHANNEL_UNITS if word not in (*channels, "current_measured")}
     foreign |= {f"{word}{end}" for word in ("linear", "nonlinear") if word not in models for end in PARTS}
@@ -74,15 +76,17 @@ def plant_toml(base: str, name: str) -> str:
     return "\n".join(head) + "\n" + fill(text, given, more=more, without=foreign, example=lambda k, v: free.get(k, v))
 
 
-def _effect_rows(plant: Plant) -> list[Row | str]:
+def _effect_rows(plant: Plant) -> list[KeyLine | str]:
     """Parameters of the effects that the plant does not have, switched off, with their typical values."""
-    rows: list[Row | str] = [*comment("Parameters of effects that `effects` switches on by name, with their defaults:")]
+    rows: list[KeyLine | str] = [
+        *comment("Parameters of effects that `effects` switches on by name, with their defaults:")
+    ]
     for effect in EFFECTS.values():
         if effect.wired and effect.name not in plant.structure.effects:
             for p in effect.parameters:
                 neutral = f"; no effect at {p.neutral:g}" if p.neutral != p.typical else ""
                 value = f'{{ value = {to_toml(p.typical)}, unit = "{p.unit}", source = "assumed" }}'
-                rows.append(Row(p.name, value, f"{effect.name}: {p.meaning}{neutral}"))
+                rows.append(KeyLine(p.name, value, f"{effect.name}: {p.meaning}{neutral}"))
     return rows
 
 
@@ -164,10 +168,10 @@ def scenario_toml(base: str, name: str, *, plant: str | None = None, controller:
         if not begun.definition.undefined(metric):
             size, unit = EXAMPLE_LIMITS.get(known.shown, "10"), "" if known.shown == "1" else f" {known.shown}"
             value = f'{{ max = "{size}{unit}" }}' if unit else f"{{ max = {size} }}"
-            limits.append(Row(metric, value, known.meaning + (f" [{known.shown}]" if unit else "")))
-    more: dict[str, Sequence[Row | str]] = {
+            limits.append(KeyLine(metric, value, known.meaning + (f" [{known.shown}]" if unit else "")))
+    more: dict[str, Sequence[KeyLine | str]] = {
         "settings": [
-            Row(symbol, to_toml(p.written or f"{p.value:g} {p.unit}"), f"{kinds[symbol].meaning} [{p.unit}]")
+            KeyLine(symbol, to_toml(p.written or f"{p.value:g} {p.unit}"), f"{kinds[symbol].meaning} [{p.unit}]")
             for symbol, p in loaded.parameters.items()
             if symbol not in LOAD_SYMBOLS.values()
         ],

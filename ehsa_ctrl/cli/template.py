@@ -26,7 +26,7 @@ HOW = (
 
 
 @dataclass(frozen=True)
-class Row:
+class KeyLine:
     """A key of a template: its value as TOML, None where there is no example, and its meaning."""
 
     key: str
@@ -35,12 +35,12 @@ class Row:
 
 
 @dataclass
-class Section:
+class TableLines:
     """A table of a template: the comments above it, its header, and its rows and comment lines."""
 
     above: list[str]
     header: str
-    rows: list[Row | str]
+    rows: list[KeyLine | str]
 
     @property
     def name(self) -> str:
@@ -54,7 +54,7 @@ class Section:
     @property
     def kind(self) -> str | None:
         """Value of the key `kind`, by which one of several forms of a table is chosen."""
-        rows = (row for row in self.rows if isinstance(row, Row))
+        rows = (row for row in self.rows if isinstance(row, KeyLine))
         return next((str(parse_value(row.value or "")) for row in rows if row.key == "kind"), None)
 
 
@@ -64,18 +64,18 @@ def template(*names: str) -> str:
     return "".join(file.read_text(encoding="utf-8") for file in files) if files[0].exists() else ""
 
 
-def sections(text: str) -> list[Section]:
+def sections(text: str) -> list[TableLines]:
     """The tables of a template, the keys above the first table as one without a header."""
-    found = [Section([], "", [])]
+    found = [TableLines([], "", [])]
     for line in text.splitlines():
         rows = found[-1].rows
         if header := HEADER.fullmatch(line):
-            last = max((k for k, row in enumerate(rows, 1) if isinstance(row, Row)), default=0)
-            found.append(Section([row for row in rows[last:] if isinstance(row, str)], header[1], []))
+            last = max((k for k, row in enumerate(rows, 1) if isinstance(row, KeyLine)), default=0)
+            found.append(TableLines([row for row in rows[last:] if isinstance(row, str)], header[1], []))
             del rows[last:]
         else:
             row = ROW.fullmatch(line)
-            rows.append(Row(row[1], row[2], row[3] or "") if row else line)
+            rows.append(KeyLine(row[1], row[2], row[3] or "") if row else line)
     return found
 
 
@@ -83,7 +83,7 @@ def fill(
     text: str,
     given: Any,
     *,
-    more: Mapping[str, Sequence[Row | str]] | None = None,
+    more: Mapping[str, Sequence[KeyLine | str]] | None = None,
     without: Collection[str] = (),
     example: Callable[[str, Any], Any] = lambda key, value: value,
 ) -> str:

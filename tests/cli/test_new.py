@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ehsa_ctrl.cli.definitions import controller_toml, plant_toml, reference_kinds, scenario_of_kind, scenario_toml
-from ehsa_ctrl.cli.template import FOLDER, Row, sections, template
+from ehsa_ctrl.cli.template import FOLDER, KeyLine, sections, template
 from ehsa_ctrl.core.catalogue import controllers, plants, scenarios
 from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
@@ -53,7 +53,7 @@ def test_a_template_has_every_key_of_its_form(name):
     text, schema = text_of(name), FORMS[name].model_json_schema()
     parts = sections(text)
     for path, known in tables(schema, schema):
-        rows = {row.key for part in parts if part.name == path for row in part.rows if isinstance(row, Row)}
+        rows = {row.key for part in parts if part.name == path for row in part.rows if isinstance(row, KeyLine)}
         inner = {part.name.removeprefix(f"{path}.").partition(".")[0] for part in parts}
         in_words = {key for key in known if re.search(rf"^#.*\b{key}\b|{{.*\b{key} = ", text, re.MULTILINE)}
 
