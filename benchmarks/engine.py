@@ -1,9 +1,9 @@
-"""Speed and accuracy of the simulation engine beside its peers, all in one run.
+"""Speed and accuracy of the simulation engine compared with its peers, in one run.
 
     python benchmarks/engine.py [--quick] [--json FILE]
 
 Times are CPU times per simulated second and hold for the machine they were taken on; what carries over are ratios.
-Errors are against an event-driven DOP853 at rtol 1e-12 that shares no text with the package.
+Errors are against an event-driven DOP853 at rtol 1e-12 that shares no code with the package.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cases import DT, START, Array, Case, cases, worst_error
+from c_engine import FLAGS, c_run, counts
+from engine_cases import DT, START, Array, Case, cases, worst_error
 from jacobian import jacobian_rows
-from measure import Row, Run, Timing, measure, ratio
 from peers import (
     E1,
     E3,
@@ -38,7 +38,7 @@ from peers import (
 from reference import Solution, event_driven
 from rich.console import Console
 from rich.table import Table
-from twin import FLAGS, counts, twin
+from timing import Row, Run, Timing, measure, ratio
 
 from ehsa_ctrl.plant.structure import NONLINEAR
 from ehsa_ctrl.simulation.compiled import engine
@@ -56,7 +56,7 @@ def parameter_rows(case: Case, runs: int = 1) -> Array:
 
 
 def ours(case: Case, tol: float) -> Run:
-    """One run on the compiled engine; buffers are made once, as for the C twin."""
+    """One run on the compiled engine; buffers are made once, as for the C engine."""
     return ours_batch(case, tol, parameter_rows(case), 1)
 
 
@@ -102,7 +102,8 @@ def contenders() -> list[Row]:
     rows = [Row(f"ours {tol:.0e}", partial(ours, tol=tol)) for tol in TOLERANCES]
     for tol in TOLERANCES:
         rows += [
-            Row(f"C twin {flags} {tol:.0e}", partial(twin, tol=tol, flags=flags), shown=tol == 1e-6) for flags in FLAGS
+            Row(f"C engine {flags} {tol:.0e}", partial(c_run, tol=tol, flags=flags), shown=tol == 1e-6)
+            for flags in FLAGS
         ]
     rows += [Row(f"ours {tol:.0e}, short", partial(ours, tol=tol), short=True, shown=False) for tol in TOLERANCES]
     rows += [Row(peer, prepare, peer=True) for peer, prepare in PEERS.items()]
@@ -153,7 +154,7 @@ def ratio_lines(timings: Timings, names: list[str]) -> dict[str, Any]:
     """ours / C with the fastest of its flags: median of interleaved rounds, 5 and 95 %."""
     return {
         tol: {
-            name: ratio(timings[f"ours {tol}", name], [timings[f"C twin {flags} {tol}", name] for flags in FLAGS])
+            name: ratio(timings[f"ours {tol}", name], [timings[f"C engine {flags} {tol}", name] for flags in FLAGS])
             for name in names
         }
         for tol in (f"{tol:.0e}" for tol in TOLERANCES)
@@ -254,7 +255,7 @@ def main() -> None:
         cells = "  ".join(
             f"{name} {median:.2f} ({low:.2f} to {high:.2f})" for name, (median, low, high) in by_name.items()
         )
-        console.print(f"ours / C twin, fastest flags, at {tol}, median over rounds (5 to 95 %): {cells}")
+        console.print(f"ours / C engine, fastest flags, at {tol}, median over rounds (5 to 95 %): {cells}")
     factors = {row.label: factor_lines(timings, names, row.label) for row in rows if row.slow or row.label in PEERS}
     for label, by_name in factors.items():
         cells = "  ".join(
@@ -276,7 +277,7 @@ def main() -> None:
     for name, case in records.items():
         count = work[name]["1e-06"]
         per_second = "  ".join(f"{what} {number / case.duration:.0f}" for what, number in count.items())
-        console.print(f"work of the twin on {name} at 1e-06, per simulated second: {per_second}")
+        console.print(f"work of the C engine on {name} at 1e-06, per simulated second: {per_second}")
 
     if arguments.json:
         packages = ("numpy", "scipy", "numba", "control", "casadi", "diffrax", "jax", "mujoco")

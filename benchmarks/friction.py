@@ -1,12 +1,11 @@
-"""What controllers make of friction: steps of 1, 5 and 20 mm and a sine against the 50 kN/m spring.
+"""Controllers under friction: steps of 1, 5 and 20 mm and a sine against a spring of 50 kN/m.
 
     python benchmarks/friction.py [CONTROLLER ...] [--seeds 5] [--draws 100]
 
-For each controller: settling time over the shortest one that the current limit allows, overshoot, standing error at
-the end and slips in a hold of five seconds, the worst over seeds of the sensors' noise and over both directions; the
-error in a sine of 1 Hz and 10 mm with friction fed forward and, with the same gains, without; margins over draws
-within two standard deviations (5 % each) of the linear set. Printed as a table for
-the README, and kept in friction.json.
+For each controller: settling time over the shortest one that the current limit allows, overshoot, steady-state error
+and slips in a hold of five seconds, the worst over noise seeds and both directions; the error in a sine of 1 Hz and
+10 mm with friction feed-forward and, with the same gains, without; margins over draws within two standard deviations
+(5 % each) of the linear set. Prints the table of docs/evidence.md and writes friction.json.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""Does identification find the plant again, and are its intervals true? Many bench logs of a known plant.
+"""Parameter recovery and interval coverage of the identification, over many bench logs of a known plant.
 
     python benchmarks/identification.py [--seeds 200] [--kind noise [--amplitude 3]] [--jobs 2] [--cache FILE]
         [--json FILE] [--no-peer]
 
 Every log is 20 s at 250 Hz with the bench's noise on all channels. Each search starts with every free parameter of the
-nonlinear plant 30 % too large or too small. Results are kept in a file as they come; what is there is not computed
-again unless the package has changed. Ctrl-C ends the search and prints what there is. At the end the same logs go
-through scipy's least_squares on the package's engine; what that would take on python-control is extrapolated.
+nonlinear plant 30 % too large or too small. Results are appended to a file and reused unless the package
+has changed. Ctrl-C stops and prints the results so far. At the end the same logs go through scipy's least_squares on
+the package's engine; the time on python-control is extrapolated.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from figures import Summary, summary
+from identification_statistics import Summary, summary
 from least_squares import Peer, Plain, peer, plain_runs
 from recovery import Case, recover_all
 from rich.console import Console

@@ -1,4 +1,4 @@
-"""What the derivatives of a run cost: 12 parameters over 10 s of noise, by sensitivities and by differences."""
+"""Cost of the derivatives of a run: 12 parameters over 10 s of noise, by sensitivities and by finite differences."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from cases import DT, START, Array, Case
+from engine_cases import DT, START, Array, Case
 
 import ehsa_ctrl
 

@@ -1,4 +1,4 @@
-"""The same task without the package's estimator: scipy's `least_squares` over free runs, and what these cost."""
+"""The same task without the package's estimator: scipy's `least_squares` over free runs, and its cost."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from cases import SCALES, Array
+from engine_cases import SCALES, Array
 from joblib import Parallel, delayed, parallel_config
 from recovery import DT, Case, bench_log, start_plant, truth
 from scipy.optimize import least_squares
@@ -16,15 +16,15 @@ import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.plant.plant import Plant
 
-#: A search gives up after so many evaluations, those for Jacobians not counted.
+#: Maximum number of evaluations, those for Jacobians not counted.
 PATIENCE = 100
-#: A free run that ended early misses by so many standard deviations from there on.
+#: Residual, in standard deviations, of samples after the early end of a free run.
 LOST = 1e4
 
 
 @dataclass(frozen=True)
 class Plain:
-    """Where `least_squares` came to, on the package's engine, from start values 30 % off or from the truth.
+    """Result of `least_squares` on the package's engine, from start values 30 % off or from the truth.
 
     worst: largest error of a parameter in percent, and its name. near: share of parameters within 3 % of the truth.
     covered: share within 1.96 standard deviations, these from the Jacobian. simulations: all of them. ended: False if

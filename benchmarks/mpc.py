@@ -1,13 +1,12 @@
-"""How long does a sample of the MPC take, beside the solvers that one would embed, and how fast do closed loops run?
+"""Time per sample of the MPC with several embeddable solvers, and speed of closed loops.
 
     python benchmarks/mpc.py [--horizon 20] [--samples 750] [--json FILE]
 
 The shipped MPC follows jumps of +-20 mm on the nonlinear plant with the bench's sensors. Every solver then gets the
 same quadratic programs, condensed, each from its own last solution: DAQP and OSQP as the package runs them, OSQP with
-a coarser tolerance, PIQP (dense) and qpOASES (in CasADi). They take turns program by program, so that all share the
-machine's moods; for the deadline the package's own law (estimate, program and solution) then runs alone, as it would
-on a rig. Wall time counts what other programs do to a sample, CPU time does not. PIQP and CasADi come with the extra
-`bench`.
+a coarser tolerance, PIQP (dense) and qpOASES (in CasADi). They alternate program by program, so that all see the same
+machine load; for the deadline the package's own law (estimate, program and solution) then runs alone, as on a rig.
+Wall time includes other processes, CPU time does not. PIQP and CasADi come with the extra `bench`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The same plant as users of other tools would write it.
+"""The same plant in other tools, as their users would write it.
 
 With python-control, scipy, casadi and diffrax sign(s) is smoothed to tanh(s / width). Time stepping and MuJoCo keep
-friction set-valued at a fixed step. Every peer is a function of a case that prepares whatever can be prepared and
-returns the run to be timed.
+friction set-valued at a fixed step. Every peer is a function of a case that does all preparation and returns the run
+to be timed.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from math import exp, tanh
 from typing import Any
 
 import numpy as np
-from cases import DT, SCALES, START, Array, Case
+from engine_cases import DT, SCALES, START, Array, Case
 from reference import event_driven, pieces
 from scipy.integrate import solve_ivp
 
 Run = Callable[[], Array]
 Widths = tuple[float, float]
 
-#: Smoothing widths in omega [rad/s] and v [m/s]: what is often taken, and as narrow as the solvers bear.
+#: Smoothing widths in omega [rad/s] and v [m/s]: common values, and the narrowest that the solvers tolerate.
 E1: Widths = (1.0, 1e-3)
 E3: Widths = (0.01, 1e-5)
 
-#: An absolute tolerance that is the same number for Pa and m gives plausible wrong answers; these are per state.
+#: Absolute tolerances per state; one number for both Pa and m gives plausible but wrong results.
 TIGHT: dict[str, Any] = {"rtol": 1e-6, "atol": 1e-6 * SCALES}
 
 

@@ -1,4 +1,4 @@
-"""One identification of a known plant, and many of them on all cores, kept in a file as they come."""
+"""One identification of a known plant, and many of them on all cores with results appended to a file."""
 
 from __future__ import annotations
 

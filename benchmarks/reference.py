@@ -1,8 +1,8 @@
-"""Reference solution of the paper's (12) with the frictions (8), taken at their word: sign(0) is a set.
+"""Reference solution of the paper's (12) with friction (8), where sign(0) is a set.
 
-A contact either slides in a direction d, and (8) is smooth along it, or it sticks, and its speed is zero for as long
-as what drives it stays below the breakaway force A + C. scipy integrates between such changes and finds their
-instants. Nothing here comes from the package: the equations are written down again.
+A contact either slides in a direction d, where (8) is smooth, or it sticks at zero speed while the net force stays
+below the breakaway force A + C. scipy integrates between mode changes and locates them. The file uses nothing of the
+package: the equations are implemented again.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from math import exp
 from typing import Any
 
 import numpy as np
-from cases import DT, SCALES, START, Array, Case
+from engine_cases import DT, SCALES, START, Array, Case
 from scipy.integrate import solve_ivp
 
 SHAFT, ROD = 0, 1

@@ -1,4 +1,4 @@
-"""Draw the benchmark's cases by seed: logs, what is believed, and the key.
+"""Draw the benchmark's cases by seed: logs, the nominal model given to the tool, and the key.
 
 python benchmarks/withheld/cases.py --set tuning --count 120 --out results/withheld/tuning
 python benchmarks/withheld/cases.py --set reported --out results/withheld/reported
@@ -43,19 +43,19 @@ def write_csv(columns: dict[str, np.ndarray], file: Path) -> None:
 
 
 def write(case: Case, name: str, folder: Path) -> None:
-    """CSV and belief where a tool may see them, the key in a folder of its own."""
-    belief: dict[str, Any] = {"log": f"{name}.csv", **case.belief}
+    """CSV and model settings for the tool, the key in a separate folder."""
+    model_settings: dict[str, Any] = {"log": f"{name}.csv", **case.model_settings}
     write_csv(case.log, folder / f"{name}.csv")
     if case.validate:
-        belief["validate"] = f"{name}v.csv"
+        model_settings["validate"] = f"{name}v.csv"
         write_csv(case.validate, folder / f"{name}v.csv")
-    (folder / f"{name}.json").write_text(json.dumps(belief, indent=1) + "\n")
+    (folder / f"{name}.json").write_text(json.dumps(model_settings, indent=1) + "\n")
     (folder / "keys").mkdir(exist_ok=True)
     (folder / "keys" / f"{name}.json").write_text(json.dumps(case.key, indent=1) + "\n")
 
 
 def make(set_name: str, family: str, index: int, name: str, folder: Path) -> str:
-    """Draw and write one case unless it is there; what went wrong, if anything."""
+    """Draw and write one case unless it exists; return the error, if any."""
     if (folder / "keys" / f"{name}.json").exists():
         return ""
     try:
@@ -72,23 +72,23 @@ def collect_keys(folder: Path) -> dict[str, Any]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description="Draw cases by seed; what is already there stays.")
+    parser = argparse.ArgumentParser(description="Draw cases by seed; existing ones are kept.")
     parser.add_argument("--set", choices=sorted(SETS), required=True, help="seeds for tuning, or for reported figures")
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--family", nargs="+", choices=FAMILIES, default=list(FAMILIES))
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)
-    asked = parser.parse_args(arguments)
-    asked.out.mkdir(parents=True, exist_ok=True)
-    rows = plan(asked.count, asked.family)
+    options = parser.parse_args(arguments)
+    options.out.mkdir(parents=True, exist_ok=True)
+    rows = plan(options.count, options.family)
     counted = dict.fromkeys(FAMILIES, 0)
     jobs = []
     for family, index in rows:
         counted[family] += 1
-        jobs.append(delayed(make)(asked.set, family, index, f"{asked.set}_{family}_{index:04d}", asked.out))
-    missing = [why for why in Parallel(asked.jobs, verbose=1)(jobs) if why]
-    key = collect_keys(asked.out)
-    print(f"{len(key)} cases in {asked.out}: " + ", ".join(f"{n} {family}" for family, n in counted.items() if n))
+        jobs.append(delayed(make)(options.set, family, index, f"{options.set}_{family}_{index:04d}", options.out))
+    missing = [why for why in Parallel(options.jobs, verbose=1)(jobs) if why]
+    key = collect_keys(options.out)
+    print(f"{len(key)} cases in {options.out}: " + ", ".join(f"{n} {family}" for family, n in counted.items() if n))
     for why in missing:
         print(f"not drawn: {why}")
 

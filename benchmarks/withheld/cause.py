@@ -1,4 +1,4 @@
-"""A cause as it is drawn: how it changes the bench, over which sizes, and as which ids it counts."""
+"""A drawn effect: how it changes the bench, its range of sizes, and the ids it counts as."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ Names = tuple[tuple[str, str | None], ...]
 
 @dataclass(frozen=True)
 class Bench:
-    """The rig and its sensors: what an effect changes."""
+    """The rig and its sensors."""
 
     rig: Rig
     sensors: Sensors = field(default_factory=Sensors)
 
-    def rigged(self, **changes: float) -> Bench:
+    def with_rig(self, **changes: float) -> Bench:
         return replace(self, rig=self.rig._replace(**changes))
 
-    def sensed(self, kind: str, channel: str, size: float) -> Bench:
+    def with_sensor(self, kind: str, channel: str, size: float) -> Bench:
         return replace(self, sensors=replace(self.sensors, **{kind: {**getattr(self.sensors, kind), channel: size}}))
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a draw may look at: the log of the bench without the effect, and the spring it works against."""
+    """What a draw depends on: the log of the bench without the effect, and the spring."""
 
     rng: np.random.Generator
     samples: np.ndarray
@@ -41,11 +41,11 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Effect:
-    """One cause, drawn.
+    """One drawn effect.
 
     apply: (bench, size) -> bench with it; sizes run from `smallest` to `largest`, both positive.
-    value: size -> what the contract's parameters then are.
-    counts_as: ids (with channel) that are the same in principle under this law, itself apart.
+    value: bench -> the contract's parameters.
+    counts_as: other ids (with channel) that are equivalent under this law.
     """
 
     id: str
@@ -62,24 +62,24 @@ class Effect:
         return ((self.id, self.channel), *self.counts_as)
 
 
-def sign(c: Conditions) -> float:
+def random_sign(c: Conditions) -> float:
     """+1 or -1."""
     return float(c.rng.choice([-1.0, 1.0]))
 
 
-def times(
+def scale_parameter(
     name: str, id: str, law: str, direction: float, low: float, high: float, *more: str, also: Names = ()
 ) -> Effect:
     """Parameters multiplied by exp(+-size)."""
     names = (name, *more)
 
     def apply(b: Bench, s: float) -> Bench:
-        return b.rigged(**{n: getattr(b.rig, n) * float(np.exp(direction * s)) for n in names})
+        return b.with_rig(**{n: getattr(b.rig, n) * float(np.exp(direction * s)) for n in names})
 
     return Effect(id, law, apply, low, high, lambda b: {n: getattr(b.rig, n) for n in names}, counts_as=also)
 
 
-def put(
+def set_parameter(
     id: str,
     law: str,
     name: str,
@@ -91,15 +91,15 @@ def put(
     label: str = "",
     **fixed: float,
 ) -> Effect:
-    """One number of the rig set to +-size, others fixed beside it."""
+    """One parameter of the rig set to +-size, and others to fixed values."""
 
     def apply(b: Bench, s: float) -> Bench:
-        return b.rigged(**{name: direction * s, **fixed})
+        return b.with_rig(**{name: direction * s, **fixed})
 
     return Effect(id, law, apply, low, high, lambda b: {label or name: getattr(b.rig, name)}, counts_as=also)
 
 
-def pick(c: Conditions, *laws: str) -> tuple[str, float]:
+def choose_law(c: Conditions, *laws: str) -> tuple[str, float]:
     """One of the laws, and its number in the rig."""
     k = int(c.rng.integers(len(laws)))
     return laws[k], float(k)

@@ -1,16 +1,16 @@
-"""All ids of the catalogue: drawing one, and the balance that it disturbs."""
+"""All ids of the catalogue: drawing one, and the balance that it changes."""
 
 from __future__ import annotations
 
 from cause import Conditions, Effect
-from flow import draw_flow
-from force import draw_load, draw_rod
-from outside import OUTSIDE
-from outside import PLACES as OUTSIDE_PLACES
-from sensing import draw_sensor
-from torque import draw_torque
+from effects_flow import draw_flow
+from effects_force import draw_load, draw_rod
+from effects_outside import OUTSIDE
+from effects_outside import PLACES as OUTSIDE_PLACES
+from effects_sensor import draw_sensor
+from effects_torque import draw_torque
 
-#: Ids of the contract, in its order. What is drawn at random, in pairs and beside parameter errors, is one of these.
+#: Ids of the contract, in its order. Random draws, pairs and effects with parameter errors use these.
 CONTRACT = (
     "torque_constant", "torque_saturation", "rotor_inertia", "motor_friction", "motor_viscous_friction",
     "torque_ripple", "pump_torque_loss", "current_offset", "drive_lag", "drive_delay", "pump_displacement",
@@ -40,7 +40,7 @@ def draw(id: str, c: Conditions) -> Effect:
 
 
 def place_of(id: str, law: str) -> list[str]:
-    """Balances that the cause disturbs."""
+    """Balances that the cause changes."""
     if id == OUTSIDE:
         return [OUTSIDE_PLACES[law]]
     if id in BEYOND:

@@ -1,4 +1,4 @@
-"""The gap of a model: what it misses of a log beyond the noise, in parts of each signal's spread."""
+"""The gap of a model: RMS error beyond the noise over the standard deviation of each signal."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def gap(
     noise: Mapping[str, float] | None = None,
     window: slice = slice(None),
 ) -> dict[str, float]:
-    """RMS difference less the noise in quadrature, over the spread of what was measured; `total` is the RMS of all."""
+    """RMS difference minus the noise in quadrature, over the measured standard deviation; `total` is the RMS of all."""
     out = {}
     for name in SIGNALS:
         y, difference = measured[name][window], (measured[name] - simulated[name])[window]

@@ -1,4 +1,4 @@
-"""The truth of a case as it is written down: causes, gap, and what the true structure leaves of it."""
+"""The key of a case: true causes, the gap, and the gap that the true structure leaves."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 from cause import Bench
-from drive import Drive
+from effect_gap import COARSE, Cause, drive_command, simulated_signals
 from effects import place_of
+from effects_outside import OUTSIDE
 from gap import SIGNALS, gap, largest, of_samples, signals
-from outside import OUTSIDE
+from operation import Operation
 from plant import Run, simulate
 from rig import Rig
-from yardstick import COARSE, Cause, seen, to_drive
 
 
 def measured(log: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -21,7 +21,7 @@ def measured(log: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def held_out(
-    believed: Rig,
+    nominal_rig: Rig,
     bench: Bench,
     causes: Sequence[Cause],
     run: Run,
@@ -30,37 +30,37 @@ def held_out(
     *,
     whole: bool,
 ) -> dict[str, Any]:
-    """Gap on the part that a diagnosis keeps back: of the belief, of the belief with the true effects, of the truth.
+    """Gap on the held-out part: of the nominal rig, of the nominal rig with the true effects, of the true bench.
 
-    The belief starts the last third from the true state there, as a tool starts it from its estimate; the other two
-    run from the start of the log, since their hidden states have a past.
+    The nominal rig starts the last third from the true state there, as a tool starts it from an estimate; the other two
+    run from the start of the log because of their hidden states.
     """
     n = run.current.size
     first = 0 if whole else 2 * n // 3
-    y, current = measured(log), to_drive(bench, log["current"])
-    nominal = simulate(believed, log["current"][first:], start=run.states[first], steps=COARSE)
+    y, current = measured(log), drive_command(bench, log["current"])
+    nominal = simulate(nominal_rig, log["current"][first:], start=run.states[first], steps=COARSE)
     part = {name: values[first:] for name, values in y.items()}
-    with_effects = Bench(believed)
+    with_effects = Bench(nominal_rig)
     for cause in causes:
         if cause.counts:
             with_effects = cause.effect.apply(with_effects, cause.size)
     gaps = {
         "nominal": gap(part, of_samples(nominal.samples), noise),
-        "effects": gap(y, seen(with_effects, current), noise, slice(first, None)),
-        "truth": gap(y, seen(bench, current), noise, slice(first, None)),
+        "effects": gap(y, simulated_signals(with_effects, current), noise, slice(first, None)),
+        "truth": gap(y, simulated_signals(bench, current), noise, slice(first, None)),
     }
     return {"log": "validate" if whole else "last third", "gap": {name: _rounded(g) for name, g in gaps.items()}}
 
 
 def key(
     family: str,
-    drive: Drive,
+    operation: Operation,
     load_cell: bool,
     bench: Bench,
     causes: Sequence[Cause],
     errors: Mapping[str, float],
     total: Mapping[str, float],
-    kept_back: Mapping[str, Any],
+    held_out_gap: Mapping[str, Any],
 ) -> dict[str, Any]:
     """`effects` largest cause first; `accepted` of each are the ids that are the same in principle."""
     counted = sorted((c for c in causes if c.counts), key=lambda c: -largest(c.alone))
@@ -83,8 +83,8 @@ def key(
         "effects": list(rows.values()),
         "gap": {name: round(total[name], 4) for name in SIGNALS},
         "family": family,
-        "loop": drive.loop,
-        "excitation": drive.shape,
+        "loop": operation.loop,
+        "excitation": operation.shape,
         "load_cell": load_cell,
         "parameter_errors": _rounded(errors),
         "below_threshold": [
@@ -92,7 +92,7 @@ def key(
             for c in causes
             if not c.counts and not c.effect.law.endswith(" off")
         ],
-        "held_out": dict(kept_back),
+        "held_out": dict(held_out_gap),
     }
 
 

@@ -92,7 +92,7 @@ def _simulate(p, loop, wanted, seen, gains, disturbance, start, steps, dense, st
                 dense[i, 0], dense[i, 1], dense[i, 2] = w, P1 + drop_line, P2 - drop_line
                 dense[i, 3], dense[i, 4] = x, cell
 
-            # Drive.
+            # Operation.
             at = k * steps + j - delay
             asked = current[at // steps] if at >= 0 else 0.0
             if p.drive_step > 0.0:

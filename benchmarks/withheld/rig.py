@@ -1,4 +1,4 @@
-"""Every number of the bench: the published nonlinear set, and all effects at the value at which they are absent."""
+"""All parameters of the bench: the published nonlinear set, and all effects at their neutral value."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ P_ATM = 101325.0  # Pa
 class Rig(NamedTuple):
     """SI units, gauge pressures. Floats only, so that the compiled kernel sees one type whatever is switched on.
 
-    numba keeps the kernel until plant.py changes, and reads fields by their place: who changes their order touches it.
+    numba caches the kernel until plant.py changes, and reads fields by position: touch plant.py after reordering them.
     """
 
     # Equation (12) with the friction of (8).
@@ -117,8 +117,8 @@ class Rig(NamedTuple):
     brake_current: float = 0.5
 
 
-#: What --set and identification call the parameters of (12), and the load's name in a plant file.
-BELIEVED = (
+#: Parameters of (12) under their names in --set and identification.
+PLANT_PARAMETERS = (
     "J_M", "K_T", "A_FM", "B_FM", "C_FM", "tau_FM", "D", "K_L", "V_10", "V_20", "beta", "A", "M", "A_FR", "B_FR",
     "C_FR", "tau_FR", "P_0",
 )  # fmt: skip

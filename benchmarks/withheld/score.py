@@ -3,7 +3,7 @@
 python benchmarks/withheld/score.py results/withheld/reported --jobs 2
 python benchmarks/withheld/score.py results/withheld/reported --answers some/folder --no-run
 
-A folder without key.json is answered and not scored.
+Without key.json in the folder the answers are printed and not scored.
 """
 
 from __future__ import annotations
@@ -21,33 +21,33 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from figures import Figure, confusion, sections
+from answer_score import AnswerScore, score_answer
 from joblib import Parallel, delayed
-from judgement import Judgement, judge
+from score_statistics import Figure, confusion, sections
 
 
-def command(tool: Sequence[str], belief: dict[str, Any], out: Path) -> list[str]:
-    """What somebody would type who has the log and knows what is believed."""
-    line = [*tool, "diagnose", "log.csv", "--plant", belief["plant"], "--model", belief["model"]]
-    if belief.get("validate"):
+def command(tool: Sequence[str], model_settings: dict[str, Any], out: Path) -> list[str]:
+    """The command line for a log and its nominal model."""
+    line = [*tool, "diagnose", "log.csv", "--plant", model_settings["plant"], "--model", model_settings["model"]]
+    if model_settings.get("validate"):
         line += ["--validate", "validate.csv"]
-    told = dict(belief.get("set") or {})
-    if belief.get("spring_stiffness"):
-        told["load.stiffness"] = belief["spring_stiffness"]
-    for name, value in told.items():
+    settings = dict(model_settings.get("set") or {})
+    if model_settings.get("spring_stiffness"):
+        settings["load.stiffness"] = model_settings["spring_stiffness"]
+    for name, value in settings.items():
         line += ["--set", f"{name}={value!r}"]
     return [*line, "--out", str(out)]
 
 
 def diagnose(tool: Sequence[str], cases: Path, name: str, answers: Path, timeout: float) -> None:
-    """One answer in answers/NAME/, or failed.txt with why not. The tool sees copies of the logs and nothing else."""
+    """Write one answer to answers/NAME/, or failed.txt with the reason. The tool sees only copies of the logs."""
     target = answers / name
-    belief = json.loads((cases / f"{name}.json").read_text())
+    model_settings = json.loads((cases / f"{name}.json").read_text())
     with tempfile.TemporaryDirectory() as folder:
-        shutil.copyfile(cases / belief["log"], Path(folder, "log.csv"))
-        if belief.get("validate"):
-            shutil.copyfile(cases / belief["validate"], Path(folder, "validate.csv"))
-        line = command(tool, belief, Path(folder, "out"))
+        shutil.copyfile(cases / model_settings["log"], Path(folder, "log.csv"))
+        if model_settings.get("validate"):
+            shutil.copyfile(cases / model_settings["validate"], Path(folder, "validate.csv"))
+        line = command(tool, model_settings, Path(folder, "out"))
         try:
             done = subprocess.run(line, cwd=folder, capture_output=True, text=True, timeout=timeout)
             why = "" if done.returncode == 0 else f"exit status {done.returncode}\n{done.stdout}\n{done.stderr}"
@@ -64,12 +64,12 @@ def diagnose(tool: Sequence[str], cases: Path, name: str, answers: Path, timeout
             shutil.copyfile(answer, target / "diagnosis.json")
 
 
-def beliefs(cases: Path) -> list[str]:
-    """Names of the cases in a folder whose key is somewhere else."""
+def case_names(cases: Path) -> list[str]:
+    """Names of the cases in a folder without a key."""
     return [file.stem for file in cases.glob("*.json") if "log" in json.loads(file.read_text())]
 
 
-def told(answers: Path, names: Sequence[str]) -> list[str]:
+def verdict_lines(answers: Path, names: Sequence[str]) -> list[str]:
     """Each case's verdict with what is named, a line a case."""
     lines = []
     for name in names:
@@ -80,12 +80,12 @@ def told(answers: Path, names: Sequence[str]) -> list[str]:
     return lines
 
 
-def judged(cases: Path, answers: Path, names: Sequence[str]) -> list[Judgement]:
+def score_answers(cases: Path, answers: Path, names: Sequence[str]) -> list[AnswerScore]:
     key = json.loads((cases / "key.json").read_text())
     out = []
     for name in names:
         file = answers / name / "diagnosis.json"
-        out.append(judge(name, key[name], json.loads(file.read_text()) if file.exists() else None))
+        out.append(score_answer(name, key[name], json.loads(file.read_text()) if file.exists() else None))
     return out
 
 
@@ -97,7 +97,7 @@ def table(figures: dict[str, list[Figure]]) -> str:
     return "\n".join(lines[1:])
 
 
-def write(rows: list[Judgement], figures: dict[str, list[Figure]], folder: Path) -> None:
+def write(rows: list[AnswerScore], figures: dict[str, list[Figure]], folder: Path) -> None:
     """score.md, score.json, cases.csv and confusion.csv beside the answers."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "score.md").write_text(table(figures) + "\n")
@@ -130,28 +130,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--tool", default="", help="command to run instead of ehsa-ctrl")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--timeout", type=float, default=600.0, help="seconds of one diagnosis")
-    asked = parser.parse_args(arguments)
-    answers = asked.answers or asked.cases / "answers"
-    keyed = (asked.cases / "key.json").exists()
-    known = json.loads((asked.cases / "key.json").read_text()) if keyed else beliefs(asked.cases)
-    names = asked.only or sorted(known)
-    if not asked.no_run:
+    options = parser.parse_args(arguments)
+    answers = options.answers or options.cases / "answers"
+    keyed = (options.cases / "key.json").exists()
+    known = json.loads((options.cases / "key.json").read_text()) if keyed else case_names(options.cases)
+    names = options.only or sorted(known)
+    if not options.no_run:
         beside = shutil.which("ehsa-ctrl", path=str(Path(sys.executable).parent)) or "ehsa-ctrl"
-        tool = shlex.split(asked.tool) or [beside]
+        tool = shlex.split(options.tool) or [beside]
         due = [
             name
             for name in names
             if not (answers / name / "diagnosis.json").exists()
-            and (asked.retry or not (answers / name / "failed.txt").exists())
+            and (options.retry or not (answers / name / "failed.txt").exists())
         ]
         print(f"{len(due)} of {len(names)} cases to run")
-        Parallel(asked.jobs, prefer="threads", verbose=1)(
-            delayed(diagnose)(tool, asked.cases, name, answers, asked.timeout) for name in due
+        Parallel(options.jobs, prefer="threads", verbose=1)(
+            delayed(diagnose)(tool, options.cases, name, answers, options.timeout) for name in due
         )
     if not keyed:
-        print("\n".join(told(answers, names)))
+        print("\n".join(verdict_lines(answers, names)))
         return
-    rows = judged(asked.cases, answers, names)
+    rows = score_answers(options.cases, answers, names)
     figures = sections(rows)
     write(rows, figures, answers)
     print(table(figures))

@@ -16,18 +16,18 @@ FOLDER = ROOT / "benchmarks" / "withheld"
 sys.path.append(str(FOLDER))
 import cases  # noqa: E402
 import draw  # noqa: E402
-import figures  # noqa: E402
 import gap  # noqa: E402
 import score  # noqa: E402
+import score_statistics  # noqa: E402
+from answer_score import FAILED, score_answer  # noqa: E402
 from cause import Conditions  # noqa: E402
+from effect_gap import EffectGap  # noqa: E402
 from effects import IDS, OUTSIDE  # noqa: E402
 from effects import draw as draw_effect  # noqa: E402
-from judgement import FAILED, judge  # noqa: E402
-from outside import LAWS, draw_outside  # noqa: E402
+from effects_outside import LAWS, draw_outside  # noqa: E402
 from plant import simulate  # noqa: E402
 from rig import LINEAR, Rig  # noqa: E402
 from sensors import NOISE, Sensors  # noqa: E402
-from yardstick import Yardstick  # noqa: E402
 
 pytestmark = pytest.mark.slow
 
@@ -134,9 +134,9 @@ def test_every_effect_grows_from_little_to_a_gap(id):
     current = sine(1500 if id == "viscosity_warmup" else 400, 2.2)
     conditions = Conditions(np.random.default_rng(1), simulate(nominal, current).samples, spring)
     effect = draw_effect(id, conditions)
-    yardstick = Yardstick(nominal, current)
+    effect_gap = EffectGap(nominal, current)
 
-    small, large = (gap.largest(yardstick.measure(effect, s).alone) for s in (effect.smallest, effect.largest))
+    small, large = (gap.largest(effect_gap.of_effect(effect, s).alone) for s in (effect.smallest, effect.largest))
 
     assert effect.id == id
     assert small < 0.05 < large
@@ -145,12 +145,12 @@ def test_every_effect_grows_from_little_to_a_gap(id):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_what_is_outside_the_catalogue_acts(law):
-    """Each of them can be made to cause a gap."""
+    """Each of them can cause a gap."""
     current = sine(2600, 2.2)
     samples = simulate(Rig(), current, steps=40).samples
     effect = draw_outside(Conditions(np.random.default_rng(1), samples, 0.0), law)
 
-    cause = Yardstick(Rig(), current).measure(effect, effect.largest)
+    cause = EffectGap(Rig(), current).of_effect(effect, effect.largest)
 
     assert effect.id == OUTSIDE and cause.counts
 
@@ -205,7 +205,7 @@ def test_sizes_are_found_for_the_gap_that_is_asked():
     conditions = Conditions(np.random.default_rng(1), simulate(Rig(), current).samples, 0.0)
     effect = draw_effect("internal_leakage", conditions)
 
-    cause = Yardstick(Rig(), current).sized(effect, 0.09)
+    cause = EffectGap(Rig(), current).scaled_to(effect, 0.09)
 
     assert gap.largest(cause.alone) == pytest.approx(0.09, rel=0.11)
 
@@ -249,16 +249,16 @@ def test_keys_say_what_the_threshold_says(drawn):
 
 
 def test_logs_have_the_columns_of_the_contract(drawn):
-    """Header, units' decimals and a uniform time; the belief names its files."""
+    """Header, decimals and uniform time; the model settings name their files."""
     folder, key, *_ = drawn
     for name in key:
-        belief = json.loads((folder / f"{name}.json").read_text())
-        with (folder / belief["log"]).open() as file:
+        model_settings = json.loads((folder / f"{name}.json").read_text())
+        with (folder / model_settings["log"]).open() as file:
             rows = list(csv.reader(file))
 
         assert rows[0][:6] == ["t", "current", "speed", "p1", "p2", "position"]
         assert rows[1][0] == "0.000" and rows[-1][0] == f"{0.004 * (len(rows) - 2):.3f}"
-        assert not belief.get("validate") or (folder / belief["validate"]).exists()
+        assert not model_settings.get("validate") or (folder / model_settings["validate"]).exists()
 
 
 def test_a_plan_keeps_the_shares():
@@ -319,7 +319,7 @@ KEYS = [
 
 
 def figure(rows, heading, label):
-    return next(f for f in figures.sections(rows)[heading] if f.label.startswith(label))
+    return next(f for f in score_statistics.sections(rows)[heading] if f.label.startswith(label))
 
 
 def test_a_size_is_right_within_ten_per_cent_or_two_deviations():
@@ -330,7 +330,7 @@ def test_a_size_is_right_within_ten_per_cent_or_two_deviations():
     def sizes(value, sd, id="internal_leakage"):
         answer = answer_of("effect", (id, 1.0, []))
         answer["effects"][0]["parameters"] = {"K_L": {"value": value, "sd": sd}}
-        return judge("", key, answer).sizes
+        return score_answer("", key, answer).sizes
 
     assert sizes(4.39e-12, 1e-14) == (True,) and sizes(4.41e-12, 1e-14) == (False,)
     assert sizes(4.9e-12, 5e-13) == (True,)
@@ -340,7 +340,9 @@ def test_a_size_is_right_within_ten_per_cent_or_two_deviations():
 def test_perfect_answers_score_perfectly():
     """Truth with certainty: all right, nothing wrong, no loss but the floor's, the gap closed as by the truth."""
     rows = [
-        judge(str(i), key, answer_of(key["verdict"], *[(e["id"], 1.0, []) for e in key["effects"] if e["id"] in IDS]))
+        score_answer(
+            str(i), key, answer_of(key["verdict"], *[(e["id"], 1.0, []) for e in key["effects"] if e["id"] in IDS])
+        )
         for i, key in enumerate(KEYS)
     ]
 
@@ -364,10 +366,10 @@ def test_perfect_answers_score_perfectly():
 
 def test_uniform_guessing_has_no_skill():
     """An answer that holds every id for equally likely, at the rate of causes, loses exactly what guessing loses."""
-    perfect = [judge(str(i), key, None) for i, key in enumerate(KEYS)]
-    guess = figures.uniform_guess([r for r in perfect if r.verdict != OUTSIDE])
+    perfect = [score_answer(str(i), key, None) for i, key in enumerate(KEYS)]
+    guess = score_statistics.uniform_guess([r for r in perfect if r.verdict != OUTSIDE])
     everything = [(id, guess, []) for id in IDS]
-    rows = [judge(str(i), key, answer_of("underdetermined", *everything)) for i, key in enumerate(KEYS)]
+    rows = [score_answer(str(i), key, answer_of("underdetermined", *everything)) for i, key in enumerate(KEYS)]
 
     for name in ("log-loss", "Brier"):
         assert figure(rows, "Probabilities", f"skill in {name}").value == pytest.approx(0.0, abs=1e-12)
@@ -378,7 +380,9 @@ def test_uniform_guessing_has_no_skill():
 
 def test_one_wrong_name_for_all_is_wrong_everywhere():
     """A tool that always names the same effect is right where that is the truth and has negative skill."""
-    rows = [judge(str(i), key, answer_of("effect", ("backlash", 1.0, []), closed=0.1)) for i, key in enumerate(KEYS)]
+    rows = [
+        score_answer(str(i), key, answer_of("effect", ("backlash", 1.0, []), closed=0.1)) for i, key in enumerate(KEYS)
+    ]
 
     assert figure(rows, "One cause", "top-1").value == pytest.approx(1.0 / len(IDS))
     assert figure(rows, "One cause", "named alone and wrong").value == pytest.approx(1.0 - 1.0 / len(IDS))
@@ -390,7 +394,7 @@ def test_one_wrong_name_for_all_is_wrong_everywhere():
 
 def test_no_answer_counts_as_wrong():
     """A crash is neither a right "no gap" nor an abstention."""
-    rows = [judge(str(i), key, None) for i, key in enumerate(KEYS)]
+    rows = [score_answer(str(i), key, None) for i, key in enumerate(KEYS)]
 
     assert figure(rows, "All", "answered").value == 0.0
     assert figure(rows, "No gap", "false alarms").value == 1.0
@@ -403,13 +407,13 @@ def test_ids_that_are_the_same_in_principle_both_count():
     key = key_of(cause("torque_constant", None, ("sensor_scale", "current")))
 
     right, same, other = (
-        judge("", key, answer_of("effect", (id, 0.9, [], channel)))
+        score_answer("", key, answer_of("effect", (id, 0.9, [], channel)))
         for id, channel in (("torque_constant", None), ("sensor_scale", "current"), ("sensor_scale", "p1"))
     )
 
     assert right.top_1 and same.top_1 and not other.top_1
     assert right.on_truth == same.on_truth == 0.9 and other.on_truth == 0.0
-    assert figures.losses(right) == figures.losses(same)
+    assert score_statistics.losses(right) == score_statistics.losses(same)
     assert other.wrong == 1 and same.wrong == 0
 
 
@@ -417,8 +421,10 @@ def test_sets_are_the_first_id_with_those_it_is_ambiguous_with():
     """A set holds the truth wherever it stands in it; only the first id makes top-1."""
     key = key_of(cause("rod_friction"))
 
-    row = judge("", key, answer_of("ambiguous", ("presliding", 0.6, ["rod_friction"]), ("rod_friction", 0.4, [])))
-    without = judge("", key, answer_of("ambiguous", ("presliding", 0.6, ["backlash"])))
+    row = score_answer(
+        "", key, answer_of("ambiguous", ("presliding", 0.6, ["rod_friction"]), ("rod_friction", 0.4, []))
+    )
+    without = score_answer("", key, answer_of("ambiguous", ("presliding", 0.6, ["backlash"])))
 
     assert row.in_set and not row.top_1 and row.set_size == 2 and row.wrong == 0
     assert not without.in_set and without.wrong == 1
@@ -428,7 +434,7 @@ def test_real_errors_below_the_threshold_are_no_wrong_names():
     """Naming a parameter that is really off, too little to matter, is counted apart."""
     key = key_of(cause("rod_friction"), parameter_errors={"M": 0.1})
 
-    row = judge(
+    row = score_answer(
         "", key, answer_of("effect", ("rod_friction", 0.9, []), ("payload_mass", 0.8, []), ("backlash", 0.7, []))
     )
 
@@ -437,7 +443,7 @@ def test_real_errors_below_the_threshold_are_no_wrong_names():
 
 def test_intervals_are_wilsons():
     """0 of 50 may be up to 7.1 %; 9 of 10 may be 59.6 to 98.2 %."""
-    none, most = figures.share("", [False] * 50), figures.share("", [True] * 9 + [False])
+    none, most = score_statistics.share("", [False] * 50), score_statistics.share("", [True] * 9 + [False])
 
     assert (none.low, none.high) == (0.0, pytest.approx(0.0713, abs=2e-4))
     assert (most.low, most.high) == (pytest.approx(0.596, abs=1e-3), pytest.approx(0.982, abs=1e-3))
@@ -445,9 +451,9 @@ def test_intervals_are_wilsons():
 
 def test_the_confusion_matrix_counts_every_cause_once():
     """Rows add up to the causes in the keys, and to the cases without."""
-    rows = [judge(str(i), key, answer_of("effect", ("backlash", 1.0, []))) for i, key in enumerate(KEYS)]
+    rows = [score_answer(str(i), key, answer_of("effect", ("backlash", 1.0, []))) for i, key in enumerate(KEYS)]
 
-    down, across, counts = figures.confusion(rows)
+    down, across, counts = score_statistics.confusion(rows)
 
     assert across == ["backlash"]
     assert counts.sum() == sum(max(len(key["effects"]), 1) for key in KEYS)
@@ -473,18 +479,24 @@ json.dump(answer, open(os.path.join(out, "diagnosis.json"), "w"))
 def two_cases(tmp_path):
     folder = tmp_path / "cases"
     folder.mkdir()
-    for name, told in (("a", {"beta": 1.2e9}), ("b", {"K_T": 1.3})):
+    for name, settings in (("a", {"beta": 1.2e9}), ("b", {"K_T": 1.3})):
         (folder / f"{name}.csv").write_text("t,current\n0.000,0\n")
-        belief = {"log": f"{name}.csv", "plant": "ehsa", "model": "nonlinear", "spring_stiffness": 5e4, "set": told}
-        (folder / f"{name}.json").write_text(json.dumps(belief))
+        model_settings = {
+            "log": f"{name}.csv",
+            "plant": "ehsa",
+            "model": "nonlinear",
+            "spring_stiffness": 5e4,
+            "set": settings,
+        }
+        (folder / f"{name}.json").write_text(json.dumps(model_settings))
     (folder / "key.json").write_text(json.dumps({"a": key_of(family="none"), "b": key_of(family="none")}))
     tool = tmp_path / "tool.py"
     tool.write_text(FAKE_TOOL)
     return folder, f"{sys.executable} {tool}"
 
 
-def test_the_tool_gets_log_and_belief_and_nothing_else(two_cases, capsys):
-    """It sees a log by a neutral name, is told what is believed, and is not run again once it has answered."""
+def test_the_tool_gets_log_and_nominal_model_only(two_cases, capsys):
+    """It sees a log by a neutral name and the nominal model, and does not run again once it has answered."""
     folder, tool = two_cases
 
     score.main([str(folder), "--tool", tool])

@@ -1,8 +1,8 @@
-"""Causes in the sensors."""
+"""Sensor effects."""
 
 from __future__ import annotations
 
-from cause import Conditions, Effect, Names, sign
+from cause import Conditions, Effect, Names, random_sign
 from sensors import CHANNELS
 
 
@@ -20,11 +20,11 @@ def draw_sensor(c: Conditions, id: str) -> Effect:
         channel = str(rng.choice(CHANNELS[:4]))
         low, high = 3e-4, 0.03
         kind, to = ("delay" if id == "sensor_delay" else "lag"), lambda s: s
-    way = sign(c)
+    way = random_sign(c)
     same: Names = ()
     if channel == "current":
         same = (("torque_constant", None),) if id == "sensor_scale" else (("current_offset", None),)
     return Effect(
-        id, channel, lambda b, s: b.sensed(kind, channel, to(s)), low, high,
+        id, channel, lambda b, s: b.with_sensor(kind, channel, to(s)), low, high,
         lambda b: {"value": getattr(b.sensors, kind)[channel]}, channel, same,
     )  # fmt: skip

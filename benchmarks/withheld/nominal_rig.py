@@ -1,20 +1,20 @@
-"""What the modeller believes of the rig, and how far off that is."""
+"""The nominal model given to the tool, and its parameter errors."""
 
 from __future__ import annotations
 
 import numpy as np
+from effect_gap import THRESHOLD, UNCERTAIN, EffectGap
 from effects import IDS
 from gap import largest
-from rig import BELIEVED, LINEAR, Rig
-from yardstick import THRESHOLD, UNSURE, Yardstick
+from rig import LINEAR, PLANT_PARAMETERS, Rig
 
 
-def believe(rng: np.random.Generator, family: str, index: int) -> Rig:
-    """The plant file's values, or in half of the cases another copy of the actuator whose values are told by --set."""
+def draw_nominal_rig(rng: np.random.Generator, family: str, index: int) -> Rig:
+    """The plant file's values, or in half of the cases another copy of the actuator, passed by --set."""
     rig = LINEAR if family == "linear" else Rig()
     id = IDS[index % len(IDS)] if family in ("single", "closed_loop") else ""
     if rng.random() < 0.5 and family != "linear":
-        names = [n for n in BELIEVED if n not in ("D", "A", "P_0")]
+        names = [n for n in PLANT_PARAMETERS if n not in ("D", "A", "P_0")]
         rig = rig._replace(**{n: _short(getattr(rig, n) * rng.uniform(0.9, 1.1)) for n in names})
     if id == "anti_cavitation":
         rig = rig._replace(P_0=_short(rng.uniform(8e5, 14e5)))
@@ -30,22 +30,22 @@ def _short(value: float) -> float:
     return float(f"{value:.5g}")
 
 
-def told(believed: Rig, family: str) -> dict[str, float]:
+def set_options(nominal_rig: Rig, family: str) -> dict[str, float]:
     plain = LINEAR if family == "linear" else Rig()
-    return {n: getattr(believed, n) for n in BELIEVED if getattr(believed, n) != getattr(plain, n)}
+    return {n: getattr(nominal_rig, n) for n in PLANT_PARAMETERS if getattr(nominal_rig, n) != getattr(plain, n)}
 
 
 def parameter_errors(
-    rng: np.random.Generator, family: str, attempt: int, yardstick: Yardstick, touched: set[str]
+    rng: np.random.Generator, family: str, attempt: int, effect_gap: EffectGap, touched: set[str]
 ) -> dict[str, float]:
     """Relative errors of 1 to 15 %.
 
-    Each is first drawn as it comes. Where it is not meant to be a cause it is reduced until it moves no signal by more
-    than a share of the threshold; one that would have to be less than 1 % is left out. Later attempts take less.
+    Each is first drawn freely. Unless it is meant to be a cause, it is reduced until it changes no signal by more
+    than a share of the threshold; an error that would be less than 1 % is omitted. Later attempts use smaller shares.
     """
-    believed = yardstick.believed
-    # V_20 stays, so that no error of both volumes stands for one of beta.
-    names = [n for n in UNSURE if n not in touched and getattr(believed, n) > 0.0 and n != "V_20"]
+    nominal_rig = effect_gap.nominal_rig
+    # V_20 is exact, so that errors of both volumes can't imitate one of beta.
+    names = [n for n in UNCERTAIN if n not in touched and getattr(nominal_rig, n) > 0.0 and n != "V_20"]
     if family == "linear":
         names = ["J_M", "M", "K_L"]
     errors: dict[str, float] = {}
@@ -54,7 +54,7 @@ def parameter_errors(
         take, share = rng.random() < 0.7, rng.uniform(0.05, 0.6) * max(0.85**attempt, 0.3)
         if not take:
             continue
-        moved = largest(yardstick.wrong(name, error).alone)
+        moved = largest(effect_gap.of_parameter_error(name, error).alone)
         if moved > share * THRESHOLD:
             error *= share * THRESHOLD / moved
         if abs(error) >= 0.01:

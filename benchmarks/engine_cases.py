@@ -1,4 +1,4 @@
-"""The four tests of the engine benchmark: plant values, inputs and the measure of error, shared by all peers."""
+"""The four cases of the engine benchmark: plant values, inputs and the error measure, shared by all peers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-/* The engine of the nonlinear EHSA by hand in C: the yardstick for the compiled one.
+/* The engine of the nonlinear EHSA hand-written in C, as a reference for the speed of the compiled one.
  *
  * Same algorithm as ehsa_ctrl/simulation/kernel.py.j2, decision by decision: Dormand-Prince 5(4) with a restart at every
  * input sample, the same control of step length, the same short steps of a contact that creeps, the same mode machine for

@@ -1,4 +1,4 @@
-"""How far one thing alone moves the signals of the believed model: what decides whether it is a cause."""
+"""The gap that one effect or parameter error causes alone: it decides what counts as a cause."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ THRESHOLD = 0.03
 COARSE = 40  # steps a sample where nothing is stiff: 100 us
 FINE = 80
 
-#: Parameters that a modeller may have wrong, and the id under which that is reported.
-UNSURE = {
+#: Parameters that may be wrong in the nominal model, and the id that reports each.
+UNCERTAIN = {
     "J_M": "rotor_inertia", "K_T": "torque_constant", "A_FM": "motor_friction", "B_FM": "motor_viscous_friction",
     "C_FM": "motor_friction", "tau_FM": "motor_friction", "K_L": "internal_leakage",
     "V_10": "chamber_volume_variation", "V_20": "chamber_volume_variation", "beta": "bulk_modulus",
@@ -27,7 +27,7 @@ UNSURE = {
 
 @dataclass(frozen=True)
 class Cause:
-    """Something that differs from the belief, and how far it moves each signal on its own."""
+    """An effect at a size, and the gap that it causes alone in each signal."""
 
     effect: Effect
     size: float
@@ -38,43 +38,43 @@ class Cause:
         return largest(self.alone) >= THRESHOLD
 
 
-def seen(bench: Bench, current: np.ndarray, steps: int = FINE) -> dict[str, np.ndarray]:
+def simulated_signals(bench: Bench, current: np.ndarray, steps: int = FINE) -> dict[str, np.ndarray]:
     """Signals of a bench driven by a current, through its sensors, without noise."""
     run = simulate(bench.rig, current, steps=steps)
     return of_samples(bench.sensors.clean(run, np.random.default_rng(current.size)))
 
 
-def to_drive(bench: Bench, logged: np.ndarray) -> np.ndarray:
-    """What was asked of the drive when this was logged."""
+def drive_command(bench: Bench, logged: np.ndarray) -> np.ndarray:
+    """The current command behind a logged current."""
     return (logged - bench.sensors.bias.get("current", 0.0)) / bench.sensors.scale.get("current", 1.0)
 
 
 @dataclass(frozen=True)
-class Yardstick:
-    """The believed model and a logged current."""
+class EffectGap:
+    """Gaps between the nominal model with and without one effect, for a logged current."""
 
-    believed: Rig
+    nominal_rig: Rig
     current: np.ndarray
 
     @cached_property
     def nominal(self) -> dict[str, np.ndarray]:
-        return seen(Bench(self.believed), self.current, COARSE)
+        return simulated_signals(Bench(self.nominal_rig), self.current, COARSE)
 
-    def measure(self, effect: Effect, size: float) -> Cause:
-        """The effect at that size: gap that the believed model has to itself with it, at the same logged current."""
-        bench = effect.apply(Bench(self.believed), size)
+    def of_effect(self, effect: Effect, size: float) -> Cause:
+        """Gap of the nominal model to itself with the effect at that size, at the same logged current."""
+        bench = effect.apply(Bench(self.nominal_rig), size)
         rig = bench.rig
         stiff = rig.bristle > 0.0 or rig.width > 0.0 or rig.x_stop < 1.0 or rig.coupling > 0.0 or rig.T_d > 0.0
-        moved = seen(bench, to_drive(bench, self.current), FINE if stiff else COARSE)
+        moved = simulated_signals(bench, drive_command(bench, self.current), FINE if stiff else COARSE)
         return Cause(effect, size, gap(moved, self.nominal))
 
-    def sized(self, effect: Effect, target: float) -> Cause:
-        """The size at which the effect alone makes the gap asked for, or as near to it as its range goes."""
+    def scaled_to(self, effect: Effect, target: float) -> Cause:
+        """The size at which the effect alone causes the target gap, within its range."""
         low, high = float(np.log(effect.smallest)), float(np.log(effect.largest))
-        best, miss = self.measure(effect, effect.smallest), np.inf
+        best, miss = self.of_effect(effect, effect.smallest), np.inf
         while low < high and miss > 0.1 and high - low > 0.02:
             middle = 0.5 * (low + high)
-            found = self.measure(effect, float(np.exp(middle)))
+            found = self.of_effect(effect, float(np.exp(middle)))
             ratio = max(largest(found.alone) / target, 1e-9)
             if not np.isfinite(ratio):
                 high = middle
@@ -84,20 +84,20 @@ class Yardstick:
             low, high = (low, middle) if ratio > 1.0 else (middle, high)
         return best
 
-    def wrong(self, name: str, error: float) -> Cause:
-        """A parameter that is off by this relative error, as a cause."""
+    def of_parameter_error(self, name: str, error: float) -> Cause:
+        """A relative parameter error as a cause."""
         same: dict[str, tuple[tuple[str, str | None], ...]] = {
             "K_T": (("sensor_scale", "current"),),
             "B_FR": (("line_pressure_drop", None),) if error > 0.0 else (),
             "beta": (("chamber_volume_variation", None),),
         }
         effect = Effect(
-            UNSURE[name],
+            UNCERTAIN[name],
             f"{name} off",
-            lambda b, s: b.rigged(**{name: getattr(b.rig, name) * (1.0 + s)}),
+            lambda b, s: b.with_rig(**{name: getattr(b.rig, name) * (1.0 + s)}),
             0.01,
             0.15,
             lambda b: {name: getattr(b.rig, name)},
             counts_as=same.get(name, ()),
         )
-        return self.measure(effect, error)
+        return self.of_effect(effect, error)

@@ -1,4 +1,4 @@
-"""The C twin of the engine, compiled on demand with each set of flags that a C programmer would try."""
+"""The same algorithm in C, compiled on demand with several sets of usual flags."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from cases import DT, START, Array, Case
+from engine_cases import DT, START, Array, Case
 
-SOURCE = Path(__file__).with_name("engine_twin.c")
-#: Which of these is fastest depends on compiler and processor; the engine is held against the fastest on each case.
+SOURCE = Path(__file__).with_name("c_engine.c")
+#: Which is fastest depends on compiler and processor; the engine is compared with the fastest on each case.
 FLAGS = {
     "-O2": ("-O2", "-march=native"),
     "-O3": ("-O3", "-march=native"),
@@ -21,20 +21,20 @@ FLAGS = {
     "-O2 -fno-math-errno -fno-trapping-math": ("-O2", "-march=native", "-fno-math-errno", "-fno-trapping-math"),
 }
 
-#: Order of `Parameters` in engine_twin.c.
+#: Order of `Parameters` in c_engine.c.
 PARAMETERS = (
     "J_M", "K_T", "D", "K_L", "V_10", "V_20", "beta", "A", "M", "P_0", "x_0", "K_S", "F_pre", "k_3", "F_0", "m_L",
     "A_FM", "B_FM", "C_FM", "tau_FM", "A_FR", "B_FR", "C_FR", "tau_FR",
 )  # fmt: skip
 
-#: What `read_counts` tells when compiled with -DCOUNT.
+#: What `read_counts` returns when compiled with -DCOUNT.
 COUNTS = ("rates", "steps", "rejected", "shortened", "locating", "events")
 
 
 @cache
 def library(*flags: str) -> ctypes.CDLL:
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "engine_twin.so"
+        file = Path(folder) / "c_engine.so"
         subprocess.run(["cc", *flags, "-shared", "-fPIC", str(SOURCE), "-o", str(file), "-lm"], check=True)
         lib = ctypes.CDLL(str(file))
     pointer, number = ctypes.c_void_p, ctypes.c_double
@@ -43,8 +43,8 @@ def library(*flags: str) -> ctypes.CDLL:
     return lib
 
 
-def twin(case: Case, tol: float, flags: str) -> Callable[[], Array]:
-    """A function that runs the case; buffers and their addresses are made once, so that C is timed and not ctypes."""
+def c_run(case: Case, tol: float, flags: str) -> Callable[[], Array]:
+    """A function that runs the case; buffers are allocated once, so that the timing excludes ctypes."""
     run = library(*FLAGS[flags]).run
     n = case.current.size
     p = np.array([case.values.get(name, 0.0) for name in PARAMETERS])
@@ -59,14 +59,14 @@ def twin(case: Case, tol: float, flags: str) -> Callable[[], Array]:
     def call(alive: tuple[np.ndarray, ...] = alive) -> Array:
         y[:], mode[:] = START, 0.0
         if run(*arguments):
-            raise RuntimeError("the C twin did not finish")
+            raise RuntimeError("the C engine did not finish")
         return states
 
     return call
 
 
 def counts(case: Case, tol: float) -> dict[str, int]:
-    """Work done on one run; from a library of its own, so that counting does not slow the timed one."""
+    """Work of one run, counted by a separate library so that counting does not slow the timed one."""
     lib = library("-O2", "-march=native", "-DCOUNT")
     tally = (ctypes.c_longlong * len(COUNTS))()
     lib.read_counts(tally)

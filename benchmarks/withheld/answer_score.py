@@ -1,4 +1,4 @@
-"""One answer against one key: what was right about it."""
+"""Score one answer against one key."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from effects import IDS, place_of
+from effects_outside import OUTSIDE
 from gap import SIGNALS
-from outside import OUTSIDE
 
-#: A listed effect is named when it is held for at least this likely; the first of "effect" and "ambiguous" always.
+#: A listed effect counts as named from this probability on; the first of "effect" and "ambiguous" always.
 NAMED = 0.5
 FAILED = "failed"
 #: A size is right within this share of the true one, or this many deviations.
@@ -20,16 +20,16 @@ Name = tuple[str, str | None]
 
 
 @dataclass(frozen=True)
-class Judgement:
+class AnswerScore:
     """One case.
 
     truth: ids of the causes, empty without a gap. answer: verdict, or "failed".
-    first: id on top, or the verdict where nothing is named. in_set: a cause stands in the first one's set.
-    found: causes that are named, alone or in a set. wrong: named, and neither a cause nor a parameter that is really
-    off below the threshold; minor: those that are.
-    probabilities: (K,) of the ids; labels: (K,) 1 cause, 0 not, None for what is the same as a cause in principle.
+    first: first id, or the verdict if nothing is named. in_set: the first one's set contains a cause.
+    found: causes that are named, alone or in a set. wrong: named, and neither a cause nor a true parameter error
+    below the threshold; minor: the latter. probabilities: (K,) of the ids; labels: (K,) 1 cause, 0 not, None for an
+    equivalent of a cause.
     on_truth: mean probability given to the causes.
-    sizes: of each cause that is named by its own id, whether its numbers came out within the larger of 10 % and two
+    sizes: for each cause named by its own id, whether its parameters are within the larger of 10 % and two standard
     deviations.
     closed, closable: share of the nominal gap that the answer closed on held-out data, and that the truth closes.
     """
@@ -60,38 +60,40 @@ class Judgement:
     seconds: float | None
 
 
-def judge(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | None) -> Judgement:
+def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | None) -> AnswerScore:
     """`answer` is a diagnosis.json, or None where the tool gave none."""
     causes = [_accepted(effect) for effect in key["effects"]]
     truth = tuple(effect["id"] for effect in key["effects"])
     catalogued = [cause for cause, id in zip(causes, truth, strict=True) if id != OUTSIDE]
     effects: list[Mapping[str, Any]] = list(answer["effects"]) if answer else []
     verdict = str(answer["verdict"]) if answer else FAILED
-    told = verdict in ("effect", "ambiguous")
-    named = [e for i, e in enumerate(effects) if float(e["probability"]) >= NAMED or (told and i == 0)]
+    answered = verdict in ("effect", "ambiguous")
+    named = [e for i, e in enumerate(effects) if float(e["probability"]) >= NAMED or (answered and i == 0)]
     if verdict in ("no_gap", "underdetermined"):
         named = []
-    found = [any(_hits(e, cause) for e in named) for cause in catalogued]
+    found = [any(_covers(e, cause) for e in named) for cause in catalogued]
     off = {_PARAMETER_IDS[p] for p in key.get("parameter_errors", {})}
     off |= {e["id"] for e in key.get("below_threshold", [])}
-    stray = [e for e in named if not any(_hits(e, cause) for cause in catalogued)]
+    stray = [e for e in named if not any(_covers(e, cause) for cause in catalogued)]
     minor = sum(e["id"] in off for e in stray)
     first = effects[0] if effects and verdict != "no_gap" else None
     probabilities, labels = _scored(effects, catalogued)
-    on_truth = [max((float(e["probability"]) for e in effects if _is(e, cause)), default=0.0) for cause in catalogued]
+    on_truth = [
+        max((float(e["probability"]) for e in effects if _matches(e, cause)), default=0.0) for cause in catalogued
+    ]
     places = {p for effect in key["effects"] for p in _places(effect)}
     where = max(answer["where"], key=lambda w: w["share"], default=None) if answer and answer.get("where") else None
-    return Judgement(
+    return AnswerScore(
         name=name,
         family=key.get("family", ""),
         verdict=key.get("verdict") or ("no_gap" if not truth else OUTSIDE if OUTSIDE in truth else "effect"),
         truth=truth,
         laws=tuple(effect.get("law", "") for effect in key["effects"]),
         answer=verdict,
-        first=first["id"] if told and first else verdict,
-        top_1=bool(first and told and any(_is(first, cause) for cause in catalogued)),
-        in_set=bool(first and told and any(_hits(first, cause) for cause in catalogued)),
-        set_size=1 + len(first.get("ambiguous_with") or []) if first and told else 0,
+        first=first["id"] if answered and first else verdict,
+        top_1=bool(first and answered and any(_matches(first, cause) for cause in catalogued)),
+        in_set=bool(first and answered and any(_covers(first, cause) for cause in catalogued)),
+        set_size=1 + len(first.get("ambiguous_with") or []) if first and answered else 0,
         found=sum(found),
         wrong=len(stray) - minor,
         minor=minor,
@@ -103,7 +105,7 @@ def judge(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | None) -
             _size_right(effect, e)
             for effect in key["effects"]
             for e in named
-            if _is(e, {_name(effect)}) and _sized(effect, e)
+            if _matches(e, {_name(effect)}) and _common_sizes(effect, e)
         ),
         closed=_closed(answer, "with_effects") if answer else None,
         closable=_closed(key.get("held_out"), "truth"),
@@ -139,33 +141,33 @@ def _name(effect: Mapping[str, Any]) -> Name:
     return effect["id"], effect.get("channel")
 
 
-def _sized(effect: Mapping[str, Any], answered: Mapping[str, Any]) -> set[str]:
+def _common_sizes(effect: Mapping[str, Any], answered: Mapping[str, Any]) -> set[str]:
     """Numbers that both the key and the answer give."""
     return set(effect.get("parameters") or {}) & set(answered.get("parameters") or {})
 
 
 def _size_right(effect: Mapping[str, Any], answered: Mapping[str, Any]) -> bool:
     """Whether all of them are within the larger of 10 % and two deviations; see the README."""
-    for name in _sized(effect, answered):
+    for name in _common_sizes(effect, answered):
         true, got = float(effect["parameters"][name]), answered["parameters"][name]
         if abs(float(got["value"]) - true) > max(SIZE_SHARE * abs(true), SIZE_SDS * float(got["sd"] or 0.0)):
             return False
     return True
 
 
-def _is(effect: Mapping[str, Any], cause: set[Name]) -> bool:
+def _matches(effect: Mapping[str, Any], cause: set[Name]) -> bool:
     return (effect["id"], effect.get("channel")) in cause
 
 
-def _hits(effect: Mapping[str, Any], cause: set[Name]) -> bool:
-    """The effect, or one of those it can't be told from, is the cause. Sets name ids without channels."""
-    return _is(effect, cause) or bool({id for id, _ in cause} & set(effect.get("ambiguous_with") or []))
+def _covers(effect: Mapping[str, Any], cause: set[Name]) -> bool:
+    """The effect or one of its ambiguous alternatives is the cause. Sets name ids without channels."""
+    return _matches(effect, cause) or bool({id for id, _ in cause} & set(effect.get("ambiguous_with") or []))
 
 
 def _scored(
     effects: list[Mapping[str, Any]], causes: list[set[Name]]
 ) -> tuple[tuple[float, ...], tuple[int | None, ...]]:
-    """Probability and label of each id. What is the same as a cause in principle shares the cause's probability."""
+    """Probability and label of each id. Equivalents of a cause share its probability."""
     p = dict.fromkeys(IDS, 0.0)
     label: dict[str, int | None] = dict.fromkeys(IDS, 0)
     for e in effects:
@@ -178,7 +180,7 @@ def _scored(
         held_by = next((id for id, _ in sorted(cause, key=str) if id in p), None)
         if held_by:
             label[held_by] = 1
-            p[held_by] = max((float(e["probability"]) for e in effects if _is(e, cause)), default=0.0)
+            p[held_by] = max((float(e["probability"]) for e in effects if _matches(e, cause)), default=0.0)
     return tuple(p[id] for id in IDS), tuple(label[id] for id in IDS)
 
 

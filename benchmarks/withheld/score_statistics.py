@@ -1,4 +1,4 @@
-"""The figures of a scored set: shares with Wilson intervals, means and medians with bootstrap intervals."""
+"""Statistics of a scored set: shares with Wilson intervals, means and medians with bootstrap intervals."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from answer_score import FAILED, AnswerScore
 from effects import IDS
-from judgement import FAILED, Judgement
-from outside import OUTSIDE
+from effects_outside import OUTSIDE
 from scipy.stats import binomtest, bootstrap
 
-#: Probabilities are clipped to this before the logarithm: an id that is not listed is held for this likely.
+#: Probabilities are clipped to this before the logarithm; it is also that of an id that is not listed.
 FLOOR = 0.005
-Rows = Sequence[Judgement]
+Rows = Sequence[AnswerScore]
 
 
 @dataclass(frozen=True)
@@ -56,22 +56,22 @@ def centre(label: str, values: Sequence[float | None], of: Callable[..., np.floa
     return Figure(label, value, float(low), float(high), y.size, "number")
 
 
-def skill(label: str, told: np.ndarray, guessed: np.ndarray) -> Figure:
+def skill(label: str, answered: np.ndarray, guessed: np.ndarray) -> Figure:
     """1 - loss / loss of guessing, over all cases; the interval draws cases."""
 
     def of(a: np.ndarray, b: np.ndarray) -> float:
         return float(1.0 - np.sum(a) / np.sum(b))
 
-    value = of(told, guessed)
-    if told.size < 3 or np.ptp(told - guessed * (1.0 - value)) < 1e-12:
-        return Figure(label, value, value, value, told.size, "number")
+    value = of(answered, guessed)
+    if answered.size < 3 or np.ptp(answered - guessed * (1.0 - value)) < 1e-12:
+        return Figure(label, value, value, value, answered.size, "number")
     interval = bootstrap(
-        (told, guessed), of, paired=True, vectorized=False, n_resamples=1000, method="percentile", rng=1
+        (answered, guessed), of, paired=True, vectorized=False, n_resamples=1000, method="percentile", rng=1
     ).confidence_interval
-    return Figure(label, value, float(interval.low), float(interval.high), told.size, "number")
+    return Figure(label, value, float(interval.low), float(interval.high), answered.size, "number")
 
 
-def losses(row: Judgement, guess: float | None = None) -> tuple[float, float]:
+def losses(row: AnswerScore, guess: float | None = None) -> tuple[float, float]:
     """Log-loss and Brier score of one case, summed over the ids; with `guess`, of that one probability for all."""
     kept = [(p, label) for p, label in zip(row.probabilities, row.labels, strict=True) if label is not None]
     p = np.array([guess if guess is not None else p for p, _ in kept])
@@ -92,17 +92,17 @@ def probability_figures(rows: Rows) -> list[Figure]:
     if not rows:
         return []
     guess = uniform_guess(rows)
-    told, guessed = np.array([losses(r) for r in rows]), np.array([losses(r, guess) for r in rows])
+    answered, guessed = np.array([losses(r) for r in rows]), np.array([losses(r, guess) for r in rows])
     out = [
-        centre("log-loss of a case", told[:, 0]),
+        centre("log-loss of a case", answered[:, 0]),
         centre("log-loss of uniform guessing", guessed[:, 0]),
-        centre("Brier score of a case", told[:, 1]),
+        centre("Brier score of a case", answered[:, 1]),
         centre("Brier score of uniform guessing", guessed[:, 1]),
     ]
     if guess == 0.0:
         return out
     names = ("log-loss", "Brier score")
-    return out + [skill(f"skill in {names[k]} (1 perfect, 0 guessing)", told[:, k], guessed[:, k]) for k in (0, 1)]
+    return out + [skill(f"skill in {names[k]} (1 perfect, 0 guessing)", answered[:, k], guessed[:, k]) for k in (0, 1)]
 
 
 def single_figures(rows: Rows) -> list[Figure]:

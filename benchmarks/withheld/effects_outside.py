@@ -1,10 +1,10 @@
-"""What the bench does that no id of the catalogue names."""
+"""Effects of the bench outside the catalogue."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from cause import Conditions, Effect, put
+from cause import Conditions, Effect, set_parameter
 
 OUTSIDE = "outside_catalogue"
 
@@ -16,7 +16,7 @@ _RIG = {
     "jam": (10.0, 700.0), "brake": (0.03, 0.5),
 }  # fmt: skip
 _SENSORS = {"mains": (5e3, 4e5), "spikes": (5e3, 4e5), "bow": (2e-5, 3e-3), "dropouts": (0.002, 0.4)}
-#: Law -> balance that it disturbs.
+#: Law -> balance that it changes.
 PLACES = {
     **dict.fromkeys(("coupling_play", "heat_droop", "brake"), "torque"),
     **dict.fromkeys(("drive_step", "drive_slope"), "drive"),
@@ -29,7 +29,7 @@ LAWS = (*_RIG, "drive_slope", *_SENSORS)
 
 
 def draw_outside(c: Conditions, law: str = "") -> Effect:
-    """Something that no id of the contract names."""
+    """An effect without an id in the contract."""
     law = law or str(c.rng.choice(LAWS))
     if law in _SENSORS:
         return Effect(
@@ -38,7 +38,7 @@ def draw_outside(c: Conditions, law: str = "") -> Effect:
         )  # fmt: skip
     if law == "drive_slope":
         return Effect(
-            OUTSIDE, law, lambda b, s: b.rigged(drive_slope=1.0 / s), 1e-3, 0.3, lambda b: {law: b.rig.drive_slope}
+            OUTSIDE, law, lambda b, s: b.with_rig(drive_slope=1.0 / s), 1e-3, 0.3, lambda b: {law: b.rig.drive_slope}
         )
     fixed = {}
     if law == "coupling_play":
@@ -53,4 +53,4 @@ def draw_outside(c: Conditions, law: str = "") -> Effect:
         fixed = {"jam_time": float(c.rng.uniform(6.0, 14.0))}
     elif law == "brake":
         fixed = {"brake_current": float(c.rng.uniform(0.6, 1.2))}
-    return put(OUTSIDE, law, law, *_RIG[law], **fixed)
+    return set_parameter(OUTSIDE, law, law, *_RIG[law], **fixed)

@@ -1,4 +1,4 @@
-"""Figures of many identifications of a known plant: success, coverage, held-out fit, time."""
+"""Statistics of many identifications of a known plant: success, coverage, held-out fit, time."""
 
 from __future__ import annotations
 

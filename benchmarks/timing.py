@@ -1,4 +1,4 @@
-"""Interleaved timing: every contender runs in every round, in a new order, so that all share the machine's moods."""
+"""Interleaved timing: every method runs in every round, in a new order, so that all see the same machine load."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from cases import Array, Case, worst_error
+from engine_cases import Array, Case, worst_error
 
 Run = Callable[[], Array]
 
 
 @dataclass
 class Row:
-    """A contender. Peers run once a round on the beginning of the record, `slow` ones in the first rounds only."""
+    """A method. Peers run once a round on the beginning of the record, `slow` ones in the first rounds only."""
 
     label: str
     prepare: Callable[[Case], Run]
@@ -27,7 +27,7 @@ class Row:
 
 @dataclass
 class Timing:
-    """CPU ms per simulated second, one list a round, of one row on one case; or why there is none."""
+    """CPU ms per simulated second, one list a round, of one row on one case; or the reason for a failure."""
 
     duration: float
     rounds: list[list[float]] = field(default_factory=list)
@@ -80,7 +80,7 @@ def measure(
             try:
                 run = row.prepare(record)
                 timing.error = worst_error(run(), references[name][: record.current.size])
-            except (RuntimeError, ArithmeticError, ValueError) as failure:  # a solver that gives up is a result too
+            except (RuntimeError, ArithmeticError, ValueError) as failure:  # a failed solver is a result too
                 timing.failure = " ".join(str(failure).split())
                 continue
             runs[row.label, name] = run
@@ -89,14 +89,14 @@ def measure(
     for number in range(rounds):
         say(f"round {number + 1} of {rounds}")
         shuffle(order)
-        # Case by case, so that what is compared runs within a few milliseconds.
+        # Case by case, so that compared methods run within a few milliseconds of each other.
         for row, name in sorted(order, key=lambda pair: (pair[0].slow or pair[0].peer, pair[1])):
             if row.slow and number >= slow_rounds:
                 continue
             run, timing = runs[row.label, name], result[row.label, name]
             once = row.slow or row.peer
             if not once:
-                run()  # caches hold the previous contender's code
+                run()  # warm up: caches hold the previous method's code
             times = []
             for _ in range(1 if once else calls):
                 start = time.process_time_ns()
