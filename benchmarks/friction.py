@@ -22,8 +22,7 @@ import ehsa_ctrl as e
 from ehsa_ctrl.design.analysis.robustness import robust_margins
 from ehsa_ctrl.design.controller import SampledController
 from ehsa_ctrl.plant.draws import draw
-from ehsa_ctrl.scenario.hunting import hunting
-from ehsa_ctrl.scenario.step import settling_band, step_metrics
+from ehsa_ctrl.scenario.response import hunting, settling_band, step_metrics
 from ehsa_ctrl.simulation.sensors import Sensors
 from ehsa_ctrl.simulation.shortest import shortest_time
 from ehsa_ctrl.simulation.slip import slip_quantum

@@ -22,7 +22,7 @@ import ehsa_ctrl as e
 from ehsa_ctrl.identification.sliding import sliding_linear
 from ehsa_ctrl.plant.motion_current import motion_current
 from ehsa_ctrl.report.figures import bode_figure, loop_figure, overlay_figure, robustness_figure, save
-from ehsa_ctrl.scenario.hunting import hunting
+from ehsa_ctrl.scenario.response import hunting
 from ehsa_ctrl.simulation.sensors import Sensors
 
 given = [word for word in sys.argv[1:] if not word.startswith("-")]  # in a notebook's kernel there are others

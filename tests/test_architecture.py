@@ -87,3 +87,10 @@ def test_a_module_is_named_after_an_idea():
     vague = {"helper", "helpers", "util", "utils", "manager", "managers", "misc", "common"}
 
     assert not [path for path in PACKAGE.rglob("*.py") if path.stem.strip("_") in vague]
+
+
+def test_only_the_plugin_needs_pytest():
+    """pytest is an extra: the package and all commands work without it."""
+    users = {path.name for path in PACKAGE.rglob("*.py") if "import pytest" in path.read_text()}
+
+    assert users == {"pytest_plugin.py"}

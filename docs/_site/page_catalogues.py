@@ -125,5 +125,5 @@ def metrics() -> str:
     ]
     for name, metric in METRICS.items():
         shown = "" if metric.shown == "1" else metric.shown
-        lines.append(f"| `{name}` | {shown} | {cell(metric.meaning)} | {metric.read(metric.floor)} |")
+        lines.append(f"| `{name}` | {shown} | {cell(metric.meaning)} | {metric.format(metric.floor)} |")
     return "\n".join(lines) + "\n"

@@ -162,7 +162,7 @@ def _numbers(option: str, text: str, unit: str) -> list[float]:
 def _known(name: str, plant: Plant, settings: dict[str, str]) -> Known:
     """What a review asks of a plant, from its nonlinear set where its file has one."""
     from ..plant.plant import load_plant, models_of
-    from ..scenario.known import known_of
+    from ..scenario.plant_data import known_of
 
     if "nonlinear" not in models_of(name):
         return known_of(plant)

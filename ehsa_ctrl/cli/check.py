@@ -29,7 +29,7 @@ def command(
     Examples: ehsa-ctrl check · ehsa-ctrl check scenarios/my_step.toml
     """
     from ..core import catalogue
-    from ..scenario.check import check_definition
+    from ..scenario.run import check_definition
     from .output import say
 
     if files:

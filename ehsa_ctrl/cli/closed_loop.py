@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..core.log import Log
     from ..diagnosis.diagnosis import Diagnosis
     from ..plant.plant import Plant
-    from ..scenario.run import Case
+    from ..scenario.run import PreparedScenario
     from ..simulation.closed_loop import ClosedLoop
 
 
@@ -80,15 +80,15 @@ class Closed:
         }
 
 
-def case_of(scenario: str, controller: str | None, plant: Plant) -> Case:
+def case_of(scenario: str, controller: str | None, plant: Plant) -> PreparedScenario:
     """The scenario, its controller designed on this plant's linear set.
 
     Raises InputError: as `prepare`, a scenario of another system.
     """
     from ..core.catalogue import plants
     from ..plant.plant import load_plant
+    from ..scenario.definition import load_scenario
     from ..scenario.run import prepare
-    from ..scenario.scenario import load_scenario
     from .output import warn
 
     loaded = load_scenario(scenario)
@@ -103,7 +103,7 @@ def case_of(scenario: str, controller: str | None, plant: Plant) -> Case:
     return prepare(loaded, controller=controller, plant=plant.path)
 
 
-def check_replay(case: Case, nominal: Plant, log: Log) -> None:
+def check_replay(case: PreparedScenario, nominal: Plant, log: Log) -> None:
     """Raises InputError for a log that can't have been recorded under this loop."""
     from ..plant.file import both
 
@@ -124,7 +124,7 @@ def check_replay(case: Case, nominal: Plant, log: Log) -> None:
 
 
 def close(
-    case: Case, found: Diagnosis, *, replay: bool = False, words: tuple[str, str] = ("believed", "improved")
+    case: PreparedScenario, found: Diagnosis, *, replay: bool = False, words: tuple[str, str] = ("believed", "improved")
 ) -> Closed:
     """Run the scenario on the plants of a diagnosis, and compare the log with them if it is of this loop.
 
@@ -140,10 +140,12 @@ def close(
         # What the diagnosis found of the load is there in the scenario too.
         kept = {name: v for name, v in symbols.items() if found.improved[name] == found.plant[name]}
         plants[words[1]] = found.improved.set(**kept)
-    loops = {word: case.loop(plant) for word, plant in plants.items()}
+    loops = {word: case.simulate(plant) for word, plant in plants.items()}
     metrics = {word: case.metrics(loop) for word, loop in loops.items()}
     expected = case.scenario.definition.expect_trips
-    failures = {word: failures_of(case.judge(metrics[word]), loop.trajectory, expected) for word, loop in loops.items()}
+    failures = {
+        word: failures_of(case.check_limits(metrics[word]), loop.trajectory, expected) for word, loop in loops.items()
+    }
     return Closed(
         case.scenario.name,
         case.controller.name,
@@ -154,7 +156,7 @@ def close(
     )
 
 
-def _symbols(case: Case, plant: Plant) -> dict[str, float]:
+def _symbols(case: PreparedScenario, plant: Plant) -> dict[str, float]:
     """What the scenario believes of the plant, as far as this model of it has it, SI units."""
     from ..plant.file import symbol_of
 
@@ -162,14 +164,14 @@ def _symbols(case: Case, plant: Plant) -> dict[str, float]:
     return {name: case.nonlinear[name] for name in names if name in plant.parameters}
 
 
-def _replay(case: Case, plants: Mapping[str, Plant], found: Diagnosis) -> Replay:
+def _replay(case: PreparedScenario, plants: Mapping[str, Plant], found: Diagnosis) -> Replay:
     from ..core.controller_interface import MEASURED
     from ..diagnosis.signals import gap, scored, signal_noise
 
     log, definition = found.log, case.scenario.definition
     quiet = definition.model_copy(update={"sensors": definition.sensors.model_copy(update={"noise": False})})
     silent = replace(case, scenario=replace(case.scenario, definition=quiet))
-    loops = {word: silent.loop(plant) for word, plant in plants.items()}
+    loops = {word: silent.simulate(plant) for word, plant in plants.items()}
     n = min(len(log), *(loop.asked.size for loop in loops.values()))
     dt = log.sample_time
     measured = scored({name: values[:n] for name, values in log.channels.items()}, dt)
@@ -182,7 +184,7 @@ def _replay(case: Case, plants: Mapping[str, Plant], found: Diagnosis) -> Replay
     return Replay(gaps, (n - 1) * dt, _other(case, log, reference))
 
 
-def _other(case: Case, log: Log, reference: np.ndarray) -> float:
+def _other(case: PreparedScenario, log: Log, reference: np.ndarray) -> float:
     """How far the logged current is from what this controller asks for on what was measured."""
     from ..core.controller_interface import MEASURED
 

@@ -19,9 +19,9 @@ from ..physics.effects import EFFECTS
 from ..plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_SYMBOLS
 from ..plant.plant import Plant, load_plant, models_of
 from ..plant.systems import SYSTEMS
-from ..scenario.carried import carrier
+from ..scenario.definition import load_scenario
 from ..scenario.metrics import METRICS
-from ..scenario.scenario import load_scenario
+from ..scenario.rescaling import rescaling_to
 from ..simulation.limits import NAMES
 from .template import HOW, KeyLine, comment, fill, sections, template, to_toml
 
@@ -199,7 +199,7 @@ def _rescale(given: Any, plant: str | None, *, shipped_base: bool, keys: Iterabl
     """Rescale a shipped definition's numbers to a plant, in place; returns the function that rescales an example."""
     if plant is None:
         return lambda key, value: value
-    to_plant = carrier(plant)
+    to_plant = rescaling_to(plant)
     if shipped_base:
         changes: Mapping[str, Any] = to_plant.changes(given.unwrap(), keys)
         for key, value in changes.items():
@@ -211,7 +211,7 @@ def _rescale(given: Any, plant: str | None, *, shipped_base: bool, keys: Iterabl
             place.item(last).trivia.comment = ""
         # Its remarks are about the numbers of the shipped plant.
         given.pop("note", None)
-    return to_plant.carry
+    return to_plant.scale
 
 
 def _indented(commands: Iterable[str]) -> list[str]:

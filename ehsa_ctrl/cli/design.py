@@ -73,7 +73,7 @@ def command(
     from ..design.tuning.tune import Tuning
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
-    from ..scenario.carried import carrier
+    from ..scenario.rescaling import rescaling_to
     from .output import rests_on, to_json, warn_implausible
 
     if output is not None and output.suffix != ".toml":
@@ -112,14 +112,14 @@ def command(
     left: list[str] = []
     # A controller of the user's own was chosen for who knows which plant.
     if is_shipped("controllers", begun):
-        to_plant = carrier(plant, pairs)
+        to_plant = rescaling_to(plant, pairs)
         own, left = to_plant.changes(content, leaves(chosen.file)), to_plant.unknown(content)
         content = put(content, chosen, {key: str(value) for key, value in own.items()})
         # A [tuning] that the options begin has a default of its own.
         tuning = put(content, chosen, {**keys_for(chosen, figures)[0], **asked}).get("tuning", {})
         usual = f"{Tuning().noise_gain:g} A/m"
-        if tuning and "noise_gain" not in tuning and to_plant.carry("tuning.noise_gain", usual) != usual:
-            own["tuning.noise_gain"] = begins["tuning.noise_gain"] = to_plant.carry("tuning.noise_gain", usual)
+        if tuning and "noise_gain" not in tuning and to_plant.scale("tuning.noise_gain", usual) != usual:
+            own["tuning.noise_gain"] = begins["tuning.noise_gain"] = to_plant.scale("tuning.noise_gain", usual)
     found = design(name, chosen, content, system, figures=figures, asked=begins | asked)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
     words += [f"{key} = {text} believed" for key, text in pairs.items()]

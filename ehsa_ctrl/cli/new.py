@@ -117,7 +117,7 @@ def scenario(
     from ..core.catalogue import controllers as known_controllers
     from ..core.catalogue import plants as known_plants
     from ..core.catalogue import scenarios as catalogue
-    from ..scenario.scenario import load_scenario
+    from ..scenario.definition import load_scenario
     from .definitions import scenario_commands, scenario_of_kind, scenario_toml
 
     if kind is not None and base is not None:

@@ -218,7 +218,7 @@ def _stem(result: ScenarioResult) -> str:
 
 def _pair(scenario: str, controller: str | None) -> tuple[str, str]:
     """The names of scenario and controller before the run."""
-    from ..scenario.scenario import load_scenario
+    from ..scenario.definition import load_scenario
 
     loaded = load_scenario(scenario)
     return loaded.name, Path(controller or loaded.definition.controller).stem
@@ -234,9 +234,9 @@ def _old_baselines(out: Path) -> ResultFolder:
 def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: bool) -> list[ScenarioResult]:
     """Show what has changed, ask why unless that was said, and record it."""
     from ..report.figures import save
-    from ..scenario.baseline import differences, updated
+    from ..scenario.baseline import baseline_changes, update_baseline
 
-    changed = [(result, differences(result)) for result in results]
+    changed = [(result, baseline_changes(result)) for result in results]
     for result, lines in changed:
         if lines and not quiet:
             print("\n  ".join([f"{result.scenario.name} with {result.controller.name}:", *lines]))
@@ -248,7 +248,7 @@ def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: boo
     if not any(lines for _, lines in changed):
         return results
     reason = reason.strip() or typer.prompt("Why do the baselines change?")
-    return [updated(result, reason)[0] for result in results]
+    return [update_baseline(result, reason)[0] for result in results]
 
 
 def _write_files(results: list[ScenarioResult], folder: Path) -> list[str]:
@@ -313,14 +313,14 @@ def _summary(results: list[ScenarioResult]) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from ..scenario.result import few
+    from ..scenario.result import first_reasons
 
     table = Table(box=None, pad_edge=False)
     for heading in ("scenario", "controller", "verdict", "why"):
         table.add_column(heading)
     for result in results:
         verdict = Text(*VERDICTS[result.verdict])
-        table.add_row(result.scenario.name, result.controller.name, verdict, few(result.failures))
+        table.add_row(result.scenario.name, result.controller.name, verdict, first_reasons(result.failures))
     return table
 
 

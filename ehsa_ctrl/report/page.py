@@ -15,7 +15,7 @@ from ..core.errors import InputError
 from ..core.unit import factor
 from ..design.analysis.loop import LoopAnalysis
 from ..scenario.metrics import METRICS
-from ..scenario.result import Judgement, ScenarioResult, few, gap
+from ..scenario.result import LimitCheck, ScenarioResult, first_reasons, gap
 from .document import anchors, embedded, image, merged_versions, write_document
 from .figures import loop_figure, scenario_figure, to_svg
 from .grounds import assumed_of, hashes
@@ -61,7 +61,7 @@ def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str,
         metrics=METRICS,
         shown=shown,
         cell=cell,
-        few=few,
+        first_reasons=first_reasons,
         said=lambda result: SAID[result.verdict][0],
         mood=lambda result: SAID[result.verdict][1],
         beside=beside,
@@ -71,9 +71,9 @@ def write_page(results: Sequence[ScenarioResult], folder: Path, *, command: str,
         doubtful=[
             (result, anchor, table.sentence[0])
             for result, anchor in zip(results, names, strict=True)
-            if result.swings and not (table := SwingTable(result, result.swings)).sentence[1]
+            if result.sensitivities and not (table := SwingTable(result, result.sensitivities)).sentence[1]
         ],
-        tried=[result for result in results if result.swings],
+        tried=[result for result in results if result.sensitivities],
         files=hashes(file for result in results for file in result.files),
         versions=merged_versions(result.nonlinear.trajectory.provenance for result in results),
         assumed=assumed_of(run.plant for run in runs),
@@ -159,12 +159,12 @@ class Run:
     @property
     def swings(self) -> SwingTable | None:
         """Its metrics over the ranges of assumed parameters, where these were tried."""
-        return None if self.result.swings is None else SwingTable(self.result, self.result.swings)
+        return None if self.result.sensitivities is None else SwingTable(self.result, self.result.sensitivities)
 
     @property
-    def limits(self) -> list[tuple[Judgement, str]]:
+    def limits(self) -> list[tuple[LimitCheck, str]]:
         """Each limit with its bounds in words."""
-        return [(judgement, _bounds(judgement)) for judgement in self.result.judgements]
+        return [(check, _bounds(check)) for check in self.result.limit_checks]
 
     @property
     def comparison(self) -> list[tuple[str, ...]]:
@@ -240,7 +240,7 @@ def _milli(seconds: float) -> str:
     return quantity(1e3 * seconds, "ms")
 
 
-def _bounds(judgement: Judgement) -> str:
+def _bounds(judgement: LimitCheck) -> str:
     words = (("at least", judgement.lower), ("at most", judgement.upper))
     parts = [f"{word} {shown(judgement.metric, bound)}" for word, bound in words if bound is not None]
     return f"{' and '.join(parts)} {unit(METRICS[judgement.metric].shown)}".rstrip()

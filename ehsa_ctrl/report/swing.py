@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from ..core.text import join_words
 from ..core.unit import factor
 from ..plant.file import both
-from ..scenario.assumed import End, Swing
 from ..scenario.metrics import METRICS
 from ..scenario.result import ScenarioResult
+from ..scenario.sensitivity import AssumptionSensitivity, RangeEnd
 from .grounds import written
 from .number import number, unit
 
@@ -24,7 +24,7 @@ class SwingTable:
     """The table of a run: a row for each end of each assumed parameter's range, the believed values first."""
 
     result: ScenarioResult
-    swings: Sequence[Swing]
+    swings: Sequence[AssumptionSensitivity]
 
     @property
     def metrics(self) -> list[str]:
@@ -81,5 +81,5 @@ def _read(metric: str, value: float) -> str:
     return number(value / factor(METRICS[metric].shown, METRICS[metric].unit))
 
 
-def _said(end: End) -> str:
+def _said(end: RangeEnd) -> str:
     return "✓ kept" if end.passed else f"✗ {'; '.join(end.failures)}"

@@ -1,4 +1,11 @@
-"""A baseline: what a scenario gave when somebody looked at it and found it right."""
+"""Baselines: a recorded run of a scenario, and the comparison of a new run with it.
+
+Metrics are compared with a tolerance. Signals must stay inside a tube: the area that a rectangle, half as wide as the
+time tolerance and half as high as the value tolerance, covers when its centre follows the recorded line. A signal may
+thus be a little early or late, and a little high or low, and a steep flank is no stricter than a flat part. Tools for
+regression of simulations compare in the same way (funnel of the Lawrence Berkeley National Laboratory; csv-compare of
+the Modelica Association).
+"""
 
 from __future__ import annotations
 
@@ -7,7 +14,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -16,18 +23,17 @@ from ..core.definition import Definition, In, Metre, RadianPerSecond, Second
 from ..core.errors import InputError
 from ..core.files import parse_json, read_text, write_text
 from ..core.unit import factor
-from .funnel import Tube, tube, worst_exit
 from .metrics import METRICS
 
 if TYPE_CHECKING:
     import pandas
 
+    from .definition import Scenario
     from .result import ScenarioResult
-    from .scenario import Scenario
 
-#: Points of a recorded signal, beside those at events; digits that are kept.
+#: Evenly spaced points of a recorded signal; events are added. Digits that are written.
 POINTS, DIGITS = 500, 6
-#: Signals that are recorded: the unit of their tolerance and the unit a person reads.
+#: Recorded signals: SI unit and the unit in messages.
 SIGNALS = {"x": ("m", "mm"), "omega": ("rad/s", "rpm"), "dP": ("Pa", "bar")}
 FOLDER = "baselines"
 
@@ -57,17 +63,59 @@ class BaselineTolerances(Definition):
         return {"x": self.position, "omega": self.speed, "dP": self.pressure}[signal]
 
 
+class TubeExit(NamedTuple):
+    """Where a signal is farthest outside its tube: time [s], value, distance beyond the bound."""
+
+    time: float
+    value: float
+    by: float
+
+
+class Tube(NamedTuple):
+    """Lower and upper bound (N,) of a signal at given times."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def worst_exit(self, at: np.ndarray, values: np.ndarray) -> TubeExit | None:
+        """The sample farthest outside the tube; None if all are inside."""
+        beyond = np.maximum(values - self.upper, self.lower - values)
+        k = int(np.argmax(beyond))
+        return TubeExit(float(at[k]), float(values[k]), float(beyond[k])) if beyond[k] > 0.0 else None
+
+
+def signal_tube(
+    time: np.ndarray, recorded: np.ndarray, at: np.ndarray, *, value_tolerance: float, time_tolerance: float
+) -> Tube:
+    """Tube around a line of recorded points, exact at the times `at` (N,).
+
+    Parameters
+    ----------
+    time, recorded: (M,) increasing times [s] and values; the value is held before the first and after the last point.
+    value_tolerance, time_tolerance: half height, in the signal's unit, and half width [s] of the rectangle.
+    """
+    early, late = at - time_tolerance, at + time_tolerance
+    ends = np.interp(early, time, recorded), np.interp(late, time, recorded)
+    upper, lower = np.maximum(*ends), np.minimum(*ends)
+    first, stop = np.searchsorted(time, early, side="left"), np.searchsorted(time, late, side="right")
+    # A piecewise linear line has its extremes at its points or at the ends of the window.
+    for k in np.flatnonzero(stop > first):
+        within = recorded[first[k] : stop[k]]
+        upper[k], lower[k] = max(upper[k], within.max()), min(lower[k], within.min())
+    return Tube(lower - value_tolerance, upper + value_tolerance)
+
+
 @dataclass(frozen=True)
 class Baseline:
     """A recorded run.
 
     Attributes
     ----------
-    path: its file, beside the scenario in the folder `baselines`.
-    reason: why it was recorded, in words.
-    of: what decided the run, each as a hash: scenario, plant, controller.
+    path: file, in the folder `baselines` beside the scenario.
+    reason: why it was recorded.
+    of: hashes of scenario, plant and controller, see `run_hashes`.
     metrics: name -> (linear, nonlinear), nan for what did not happen.
-    signals: name -> (M,) of the nonlinear run, with its times under "time".
+    signals: name -> (M,) of the nonlinear run, times [s] under "time".
     """
 
     path: Path
@@ -77,19 +125,19 @@ class Baseline:
     signals: Mapping[str, np.ndarray]
 
     def differences(self, result: ScenarioResult) -> tuple[str, ...]:
-        """Where a run leaves this baseline, a sentence each; empty if it keeps to it."""
+        """Deviations of a run from this baseline, one sentence each; empty if it is within the tolerances."""
         tolerances = result.scenario.definition.baseline
         found = [*self._metric_differences(result, tolerances.share), *self._signal_differences(result)]
         if found:
-            changed = [what for what, mark in marks(result).items() if self.of.get(what) != mark]
+            changed = [name for name, digest in run_hashes(result).items() if self.of.get(name) != digest]
             since = f"; changed since then: {', '.join(changed)}" if changed else ""
             found.append(f"the baseline was recorded because: {self.reason}{since}")
         return tuple(found)
 
     def tube(self, result: ScenarioResult, signal: str) -> Tube:
-        """The tube of a recorded signal at the run's times."""
+        """Tube of a recorded signal at the run's times."""
         tolerances = result.scenario.definition.baseline
-        return tube(
+        return signal_tube(
             self.signals["time"],
             self.signals[signal],
             result.nonlinear.trajectory.time,
@@ -98,7 +146,7 @@ class Baseline:
         )
 
     def to_pandas(self, result: ScenarioResult) -> pandas.DataFrame:
-        """One row a sample of the run: time and, for each signal, its value and the bounds of its tube."""
+        """One row per sample of the run: time and, for each signal, its value and the bounds of its tube."""
         import pandas
 
         run = result.nonlinear.trajectory
@@ -116,7 +164,7 @@ class Baseline:
             metric = METRICS[name]
             for word, old, new in zip(("linear", "nonlinear"), recorded, result.metrics[name], strict=True):
                 if not metric.close(old, new, share):
-                    found.append(f"baseline: {name} ({word}) was {metric.read(old)} and is {metric.read(new)}")
+                    found.append(f"baseline: {name} ({word}) was {metric.format(old)} and is {metric.format(new)}")
         return found
 
     def _signal_differences(self, result: ScenarioResult) -> list[str]:
@@ -127,7 +175,7 @@ class Baseline:
                 f"baseline: the run ended at {run.time[-1]:g} s, the recorded one at {self.signals['time'][-1]:g} s"
             )
         for name, (unit, shown) in SIGNALS.items():
-            left = worst_exit(run.time, run[name], self.tube(result, name))
+            left = self.tube(result, name).worst_exit(run.time, run[name])
             if left is not None:
                 scale = factor(shown, unit)
                 found.append(
@@ -138,13 +186,13 @@ class Baseline:
 
 
 def baseline_path(result: ScenarioResult) -> Path | None:
-    """Where a run's baseline is kept; None for a scenario that has no file."""
+    """File of a run's baseline; None for a scenario without a file."""
     path = result.scenario.path
     return path and path.parent / FOLDER / f"{result.scenario.name}-{result.controller.name}.json"
 
 
 def baseline_files(scenario: Scenario) -> list[Path]:
-    """Baselines of a scenario, whatever the controller; a scenario whose name begins alike has others."""
+    """Baselines of a scenario with any controller; names that only begin with the scenario's may be among them."""
     if scenario.path is None:
         return []
     files = sorted((scenario.path.parent / FOLDER).glob(f"{scenario.name}-*.json"))
@@ -152,7 +200,7 @@ def baseline_files(scenario: Scenario) -> list[Path]:
 
 
 def read_baseline(path: Path) -> Baseline:
-    """Read a baseline's file. Raises InputError with file and key if it is none."""
+    """Read the file of a baseline. Raises InputError with file and reason if it is none."""
     try:
         content = parse_json(read_text(path))
         metrics = {
@@ -182,8 +230,8 @@ def write_baseline(result: ScenarioResult, reason: str) -> Path:
         raise InputError(f"{who}: the scenario has no file beside which a baseline could be kept")
     if not reason.strip():
         raise InputError(f"{who}: say why the baseline changes (--reason TEXT)")
-    if result.other_failures:
-        raise InputError(f"{who}: no baseline is recorded of a run that fails ({result.other_failures[0]})")
+    if result.limit_failures:
+        raise InputError(f"{who}: no baseline is recorded of a run that fails ({result.limit_failures[0]})")
     run = result.nonlinear.trajectory
     points = _points(result)
     content = {
@@ -191,7 +239,7 @@ def write_baseline(result: ScenarioResult, reason: str) -> Path:
         "scenario": result.scenario.name,
         "controller": result.controller.name,
         "reason": reason.strip(),
-        "of": marks(result),
+        "of": run_hashes(result),
         "versions": run.provenance,
         "metrics": {
             name: [_rounded(value) if np.isfinite(value) else None for value in pair]
@@ -202,29 +250,28 @@ def write_baseline(result: ScenarioResult, reason: str) -> Path:
     return write_text(path, _text(content))
 
 
-def differences(result: ScenarioResult) -> tuple[str, ...]:
-    """What recording a run would change, in sentences; nothing for one that keeps its baseline or fails otherwise."""
-    if result.other_failures:
+def baseline_changes(result: ScenarioResult) -> tuple[str, ...]:
+    """What recording a run would change, in sentences; empty if it agrees with its baseline or fails its limits."""
+    if result.limit_failures:
         return ()
     return result.baseline.differences(result) if result.baseline else ("recorded for the first time",)
 
 
-def updated(result: ScenarioResult, reason: str) -> tuple[ScenarioResult, tuple[str, ...]]:
-    """Record a run that has no baseline or leaves it; returns it with its baseline, and what changes, in sentences.
+def update_baseline(result: ScenarioResult, reason: str) -> tuple[ScenarioResult, tuple[str, ...]]:
+    """Record a run without baseline, or one that deviates from it; returns it and the changes in sentences.
 
-    A run that keeps to its baseline leaves the file as it is, so that small changes can't add up unseen. One that fails
-    otherwise is given back unchanged. Raises InputError as write_baseline does.
+    A run within the tolerances leaves the file as it is, so that small changes can't accumulate unseen. A run that
+    fails its limits is returned unchanged. Raises InputError as write_baseline does.
     """
-    changes = differences(result)
+    changes = baseline_changes(result)
     if not changes:
         return result, ()
     path = write_baseline(result, reason)
     return replace(result, baseline=read_baseline(path)), (*changes, f"written to {path}")
 
 
-def marks(result: ScenarioResult) -> dict[str, str]:
-    """Short hashes of what decides a run: the scenario without its limits and words, the plant, the controller as it
-    says itself to be."""
+def run_hashes(result: ScenarioResult) -> dict[str, str]:
+    """Short hashes of what determines a run: scenario (without limits and texts), plant and controller."""
     definition = result.scenario.definition.model_dump(
         mode="json", exclude={"title", "why", "limits", "expect_trips", "baseline", "spread"}
     )
@@ -241,14 +288,14 @@ def marks(result: ScenarioResult) -> dict[str, str]:
 
 
 def _points(result: ScenarioResult) -> np.ndarray:
-    """Samples to record: evenly spaced ones, the rod's changes between sticking and sliding, jumps, extremes."""
+    """Samples to record: evenly spaced ones, changes between sticking and sliding, jumps, extremes."""
     run = result.nonlinear.trajectory
     even = np.linspace(0, len(run) - 1, min(POINTS, len(run))).round().astype(int)
     switched = np.flatnonzero(np.any(np.diff(run.modes, axis=0) != 0, axis=1))
     jumped = np.flatnonzero((np.diff(result.nonlinear.reference[:, 0]) != 0) & (result.nonlinear.reference[1:, 1] == 0))
     forced = np.flatnonzero(np.diff(run.outer_force) != 0)
     extremes = [int(find(run[name])) for name in SIGNALS for find in (np.argmin, np.argmax)]
-    # Of a plant that switches at every other sample not all can be kept.
+    # A plant may switch at every other sample.
     switched = switched[:: max(switched.size // POINTS, 1)]
     events = np.concatenate([switched, jumped[:POINTS], forced])
     return np.unique(np.concatenate([even, events, events + 1, extremes]))

@@ -1,80 +1,24 @@
-"""What a scenario's TOML may contain."""
+"""Scenarios: the form of their TOML, and how they are loaded."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ..core.controller_interface import MEASURED
-from ..core.definition import Definition, Newton, Schema, Second
-from ..core.errors import InputError, choices, shown
-from ..core.unit import parse
-from ..plant.file import CHANNEL_UNITS, LIMIT_UNITS
+from ..core.catalogue import scenarios
+from ..core.definition import Definition, Schema, Second, validate
+from ..core.errors import choices, shown
+from ..core.files import read_toml
+from ..core.text import TextResult
+from ..plant.file import LIMIT_UNITS
 from .baseline import BaselineTolerances
-from .fault import Fault, Supervising
+from .disturbances import Fault, ForceStep, SensorSettings, SupervisionSettings
 from .metrics import METRICS
 from .reference import Reference
-from .spread import Spread
-
-
-class ForceStep(Definition):
-    """[[disturbance]]: force steps on the rod, one for each table."""
-
-    force: Newton = Field(description="positive when it resists extension")
-    start: Second = Field(description="start time")
-    duration: Second = Field(default=float("inf"), description="left out, to the end of the run")
-
-    @model_validator(mode="after")
-    def _fit(self) -> ForceStep:
-        if self.start < 0 or self.duration <= 0:
-            raise ValueError("start must be at least 0 s and duration more than 0 s")
-        return self
-
-
-class OtherSensor(Definition):
-    """A sensor of this scenario; what is left out is as in the plant."""
-
-    noise: str | None = Field(default=None, description="standard deviation of the noise")
-    step: str | None = Field(default=None, description="quantisation step")
-    delay: Second | None = Field(default=None, description="delay")
-
-
-class Measuring(Definition):
-    """[sensors]: noise, delay and quantisation, where they differ from the plant's."""
-
-    noise: bool = Field(default=True, description="whether the sensors are noisy")
-    seed: Annotated[int, Field(ge=0)] = Field(default=0, description="seed of the noise")
-    lag: Annotated[int, Field(ge=0, le=50)] = Field(
-        default=0, description="samples of delay between measurement and current"
-    )
-    speed: OtherSensor = Field(default=OtherSensor(), description="speed sensor, where it differs from the plant's")
-    p1: OtherSensor = Field(default=OtherSensor(), description="pressure sensor 1, where it differs from the plant's")
-    p2: OtherSensor = Field(default=OtherSensor(), description="pressure sensor 2, where it differs from the plant's")
-    position: OtherSensor = Field(
-        default=OtherSensor(), description="position sensor, where it differs from the plant's"
-    )
-    force: OtherSensor = Field(default=OtherSensor(), description="load cell, where it differs from the plant's")
-
-    @model_validator(mode="after")
-    def _fit(self) -> Measuring:
-        for channel in MEASURED:
-            for word, value in self.changes(channel).items():
-                if not 0 <= value < float("inf"):
-                    raise ValueError(f"{channel}.{word} must be at least 0")
-        return self
-
-    def changes(self, channel: str) -> dict[str, Any]:
-        """What differs from the plant's sensor of a channel, in SI units."""
-        other: OtherSensor = getattr(self, channel)
-        found: dict[str, Any] = {}
-        for word, text in (("noise", other.noise), ("step", other.step)):
-            if text is not None:
-                try:
-                    found[word] = parse(text, CHANNEL_UNITS[channel])
-                except InputError as error:
-                    raise ValueError(f"{channel}.{word}: {error}") from None
-        return found | ({} if other.delay is None else {"delay": other.delay})
+from .uncertainty import Spread
 
 
 class Limit(Definition):
@@ -111,9 +55,9 @@ class ScenarioFile(Definition):
     )
     reference: Reference = Field(description="position reference; positive extends the rod, 0 is mid-stroke")
     disturbance: list[ForceStep] = Field(default=[], description="force steps on the rod")
-    sensors: Measuring = Field(default=Measuring(), description="sensors, where they differ from the plant's")
+    sensors: SensorSettings = Field(default=SensorSettings(), description="sensors, where they differ from the plant's")
     fault: list[Fault] = Field(default=[], description="sensor and drive faults")
-    supervision: Supervising | None = Field(
+    supervision: SupervisionSettings | None = Field(
         default=None,
         description="plausibility limits; the loop stops where a reading exceeds one",
     )
@@ -197,11 +141,15 @@ class ScenarioFile(Definition):
                 raise ValueError(f"{name!r} is no metric; {choices(name, METRICS)}")
             if not isinstance(bounds, dict) or not bounds:
                 raise ValueError(f"{name} = {shown(bounds)}; expected {{ max = '...' }}, {{ min = '...' }} or both")
-            read[name] = {key: _bound(name, key, value) for key, value in bounds.items()}
+            for key, value in bounds.items():
+                try:
+                    read.setdefault(name, {})[key] = METRICS[name].read_bound(value)
+                except ValueError as error:
+                    raise ValueError(f"{name}.{key}{error}") from None
         return read
 
     def holds(self) -> list[tuple[float, float]]:
-        """From when to when a place is to be held under the same force, s."""
+        """Intervals [s] in which a target is held under the same force."""
         edges = sorted({edge for step in self.disturbance for edge in (step.start, step.start + step.duration)})
         spans = []
         for start, end in self.reference.holds():
@@ -210,7 +158,7 @@ class ScenarioFile(Definition):
         return spans
 
     def undefined(self, metric: str) -> str:
-        """Why a metric is not defined for this scenario's reference; empty where it is."""
+        """Reason why a metric is not defined for this scenario's reference; empty where it is."""
         match METRICS[metric].of:
             case "step" if not self.reference.jumps():
                 return f"the target of [reference] kind = {self.reference.kind!r} does not jump"
@@ -220,22 +168,42 @@ class ScenarioFile(Definition):
 
     @property
     def first_fault(self) -> float | None:
-        """When the first thing goes wrong, s; None where nothing does."""
+        """Start of the first fault [s]; None without one."""
         return min((fault.start for fault in self.fault), default=None)
 
     @property
     def all_settings(self) -> dict[str, str]:
-        """What is believed of the plant in this scenario, as for `load_plant`."""
+        """Plant parameters that this scenario sets, as for `load_plant`."""
         return {**{f"load.{word}": text for word, text in self.load.items()}, **self.settings}
 
 
-def _bound(name: str, key: str, value: Any) -> Any:
-    unit = METRICS[name].unit
-    if isinstance(value, int | float) and not isinstance(value, bool) and unit != "1":
-        raise ValueError(f"{name}.{key} = {value}: has no unit; write it as in '{value} {METRICS[name].shown}'")
-    if isinstance(value, str):
-        try:
-            return parse(value, unit)
-        except InputError as error:
-            raise ValueError(f"{name}.{key}: {error}") from None
-    return value
+@dataclass(frozen=True)
+class Scenario(TextResult):
+    """A scenario's definition with its name and file."""
+
+    name: str
+    definition: ScenarioFile
+    path: Path | None = None
+
+    @property
+    def title(self) -> str:
+        return self.definition.title
+
+    def __str__(self) -> str:
+        file = self.definition
+        settings = ", ".join(f"{key} = {value}" for key, value in file.all_settings.items())
+        return "\n".join([
+            f"{self.name}: {file.title}",
+            f"  {file.controller} on {file.plant}, {file.duration:g} s of {file.reference.kind}",
+            *([f"  set for this scenario: {settings}"] if settings else []),
+            *(f"  {name} {METRICS[name].format_bounds(bound.min, bound.max)}" for name, bound in file.limits.items()),
+        ])  # fmt: skip
+
+    __repr__ = __str__
+
+
+def load_scenario(name: str | Path) -> Scenario:
+    """Load a scenario by catalogue name or path. Raises InputError with file and key."""
+    path = scenarios.find(name)
+    definition = validate(read_toml(path), ScenarioFile, str(path), context={"folder": path.parent})
+    return Scenario(path.stem, definition, path)

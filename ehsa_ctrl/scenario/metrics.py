@@ -1,26 +1,25 @@
-"""How a closed loop did, in numbers that are right for a plant that sticks."""
+"""Metrics of a closed loop, defined so that they hold for a plant that sticks."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from ..core.unit import factor
+from ..core.errors import InputError
+from ..core.unit import factor, parse
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.shortest import shortest_time
-from .hunting import hunting
-from .step import settling_band, step_metrics
+from .response import hunting, settling_band, step_metrics
 
-#: Hunting is looked for in this last share of the time after the last change of target.
+#: Hunting is evaluated over this last share of the time after the last change of target.
 HUNTING_SHARE = 0.5
-#: The controller's trace and its value from which on supervision has stopped the loop.
+#: Trace of the controller that shows supervision, and its value where supervision has stopped the loop.
 STATUS, STOPPED = "status", 2.0
 
-
-#: By SI unit: what a run on another machine may differ by.
+#: By SI unit: difference between runs on two machines that a regression ignores.
 FLOORS = {
     "s": 0.012, "1": 0.02, "m": 2e-5, "m s": 2e-5, "m2 s": 2e-8, "m s2": 2e-5, "m2 s2": 2e-8, "A": 0.02, "J": 1.0,
 }  # fmt: skip
@@ -28,9 +27,12 @@ FLOORS = {
 
 @dataclass(frozen=True)
 class Metric:
-    """What a number is: its SI unit, the unit a person reads, and a line of explanation.
+    """Description of a metric: everything that tables, limits and baselines know of it.
 
-    `of`: what a reference must have for it: a "step" of the target, a "hold" of a place, or nothing ("run").
+    Attributes
+    ----------
+    unit: SI. shown: unit in tables and messages. meaning: one line.
+    of: what a reference must contain for the metric to be defined: a "step", a "hold", or nothing ("run").
     """
 
     unit: str
@@ -39,25 +41,53 @@ class Metric:
     of: Literal["run", "step", "hold"] = "run"
 
     @property
+    def scale(self) -> float:
+        """SI units in one shown unit."""
+        return factor(self.shown, self.unit)
+
+    @property
+    def suffix(self) -> str:
+        """The shown unit after a number."""
+        return "" if self.shown == "1" else f" {self.shown}"
+
+    @property
     def floor(self) -> float:
-        """The least difference that is looked at in a regression, SI unit."""
+        """Smallest difference that counts in a regression, SI unit."""
         return FLOORS[self.unit]
 
     def close(self, old: float, new: float, share: float) -> bool:
-        """Whether two values differ by no more than the floor and a share of the old one; nan is close to nan."""
+        """Whether two values differ by at most the floor and a share of the old one; nan is close to nan."""
         if not (np.isfinite(old) and np.isfinite(new)):
             return bool(np.isnan(old) == np.isnan(new)) and not np.isinf(old) ^ np.isinf(new)
         return abs(new - old) <= self.floor + share * abs(old)
 
-    def read(self, value: float) -> str:
-        """A value as a person reads it, with its unit."""
+    def format(self, value: float) -> str:
+        """A value in the shown unit."""
         if not np.isfinite(value):
             return "never" if np.isinf(value) else "nothing"
-        unit = "" if self.shown == "1" else f" {self.shown}"
-        return f"{value / factor(self.shown, self.unit):.4g}{unit}"
+        return f"{value / self.scale:.4g}{self.suffix}"
+
+    def format_bounds(self, lower: float | None, upper: float | None) -> str:
+        """The bounds of a limit in the shown unit: "at least 1 mm and at most 3 mm"."""
+        bounds = (("at least", lower), ("at most", upper))
+        return " and ".join(f"{word} {b / self.scale:g}{self.suffix}" for word, b in bounds if b is not None)
+
+    def read_bound(self, value: Any) -> Any:
+        """A bound of a limit in the SI unit, from a text such as "0.3 mm"; a number is allowed where there is no unit.
+
+        Raises ValueError for a number without its unit, and for a text that is no quantity of this unit.
+        """
+        if isinstance(value, int | float) and not isinstance(value, bool) and self.unit != "1":
+            raise ValueError(f" = {value}: has no unit; write it as in '{value} {self.shown}'")
+        if isinstance(value, str):
+            try:
+                return parse(value, self.unit)
+            except InputError as error:
+                raise ValueError(f": {error}") from None
+        return value
 
 
-#: Times are in ms and lengths in mm, so that they can be compared within a table.
+#: Times are shown in ms and lengths in mm, so that the rows of a table can be compared.
 METRICS = {
     "RiseTime": Metric("s", "ms", "from 10 to 90 % of the step, the slowest step", "step"),
     "SettlingTime": Metric(
@@ -107,13 +137,13 @@ def loop_metrics(
 
     Parameters
     ----------
-    jumps: times at which the target jumps; step metrics are the worst over them, nan if there is none.
-    holds: from when to when a place is to be held under the same force. The standing error is the worst over them;
-        hunting is looked for in the last one.
-    current_limit: of the controller, A.
-    first_fault: when something began to be wrong, s; None for a sound run.
-    lag: whole samples between a measurement and the current that follows from it.
-    shortest: False leaves out the shortest possible time, which takes as long as everything else.
+    jumps: times at which the target jumps [s]; step metrics are the worst over them, nan if there is none.
+    holds: intervals in which a target is held under the same force [s]. The steady-state error is the worst over them;
+        hunting is evaluated in the last one.
+    current_limit: of the controller [A].
+    first_fault: start of the first fault [s]; None for a run without one.
+    lag: samples of delay between measurement and current.
+    shortest: False leaves out the shortest possible time, which takes as long to compute as everything else.
     """
     run = loop.trajectory
     time, x, error, target = run.time, run["x"], loop.error, loop.reference[:, 0]
@@ -126,12 +156,9 @@ def loop_metrics(
         found = step_metrics(time[part], x[part], before, float(target[first]))
         settling, wanted = found["SettlingTime"], float(target[first])
         steps.append(found | _against_shortest(loop, settling, before, wanted, current_limit, shortest))
-    for name in ("RiseTime", "SettlingTime", "SettlingTimeAbs", "ShortestTime", "SettlingRatio"):
-        if steps:
-            # A step that never settles is worse than any that does: nan must win over numbers.
-            result[name] = float(np.max(np.array([step[name] for step in steps])))
-    for name in ("Overshoot", "Undershoot"):
-        if steps:
+    for name, metric in METRICS.items():
+        if steps and metric.of == "step":
+            # A step that never settles is worse than any that does: np.max keeps nan.
             result[name] = float(np.max(np.array([step[name] for step in steps])))
     held = _parts(time, holds)
     if held:

@@ -1,9 +1,13 @@
-"""How likely a scenario passes on a plant that is not known exactly, and which parameter decides it."""
+"""Monte Carlo: the probability that a scenario passes on an uncertain plant, and the parameters that decide it.
+
+Results are appended to a file as they come, one JSON line per run, so that an interrupt loses nothing.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,29 +16,62 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.checkpoint import Checkpoint, open_checkpoint
 from ..core.controller_interface import Controller
 from ..core.errors import InputError, SimulationError
+from ..core.files import parse_json
 from ..core.parallel import in_rounds, workers
 from ..core.plotting import draw
 from ..core.text import TextResult
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
-from .campaign import Outcome, line_of, open_campaign
-from .influence import Influence, influences
+from .definition import Scenario
 from .metrics import METRICS
 from .result import failures_of
-from .run import Case, prepare
-from .scenario import Scenario
-from .spread import Uncertainty, uncertainty_of
+from .run import PreparedScenario, prepare
+from .sensitivity import Influence, influences
+from .uncertainty import ParameterUncertainty, uncertainty_of
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-#: Runs that a worker gets at once: enough for its answer to be worth the way, few enough for progress to be seen.
+#: Runs per task: enough to be worth the transfer, few enough for visible progress.
 CHUNK = 10
-#: Of sensors' seeds.
+#: Upper bound of the seeds of sensor noise.
 LARGEST_SEED = 2**31
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One run of a campaign.
+
+    Attributes
+    ----------
+    run: number. passed: whether the limits of scenario and plant hold.
+    margin: smallest margin to a limit, as a share of the limit; negative where one is violated, -inf where its metric
+        did not happen.
+    seed: of the sensor noise. parameters: drawn values, SI units. metrics: the finite ones.
+    failures: in sentences.
+    """
+
+    run: int
+    passed: bool
+    margin: float
+    seed: int
+    parameters: Mapping[str, float]
+    metrics: Mapping[str, float]
+    failures: tuple[str, ...] = ()
+
+    def to_line(self) -> str:
+        """One line of JSON for the campaign's file."""
+        return json.dumps(vars(self) | {"margin": self.margin if math.isfinite(self.margin) else str(self.margin)})
+
+    @classmethod
+    def from_line(cls, line: str) -> Outcome:
+        """Outcome in a line of the campaign's file. Raises ValueError, LookupError or TypeError for another line."""
+        content = parse_json(line)
+        return cls(**(content | {"margin": float(content["margin"]), "failures": tuple(content["failures"])}))
 
 
 @dataclass(frozen=True)
@@ -44,14 +81,14 @@ class MonteCarlo(TextResult):
     Attributes
     ----------
     scenario, controller: names.
-    uncertainty: what was drawn. outcomes: in the order of the runs.
-    seed: of the draws. interrupted: there are fewer runs than were asked for.
-    plant: as believed. files: scenario, controller and plants, as far as they were read from files.
+    uncertainty: of the drawn parameters. outcomes: in the order of the runs.
+    seed: of the draws. interrupted: whether there are fewer runs than requested.
+    plant: nominal. files: of scenario, controller and plants, where they come from files.
     """
 
     scenario: str
     controller: str
-    uncertainty: Uncertainty
+    uncertainty: ParameterUncertainty
     outcomes: tuple[Outcome, ...]
     seed: int
     interrupted: bool = False
@@ -68,7 +105,7 @@ class MonteCarlo(TextResult):
         return self.passes / len(self.outcomes)
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Of the pass probability: exact binomial (C. J. Clopper, E. S. Pearson, Biometrika 26, 1934), by SciPy."""
+        """Exact binomial interval of the probability (C. J. Clopper, E. S. Pearson, Biometrika 26, 1934)."""
         from scipy.stats import binomtest
 
         found = binomtest(self.passes, len(self.outcomes)).proportion_ci(confidence, method="exact")
@@ -76,11 +113,11 @@ class MonteCarlo(TextResult):
 
     @property
     def influences(self) -> tuple[Influence, ...]:
-        """What decides pass or fail, the strongest first."""
+        """Influence of each parameter on passing, the strongest first."""
         return influences(self.outcomes, self.uncertainty.names)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a run: passed, margin, the drawn parameters and the metrics, SI units."""
+        """One row per run: passed, margin, the drawn parameters and the metrics, SI units."""
         import pandas
 
         rows = [
@@ -109,7 +146,7 @@ class MonteCarlo(TextResult):
 
     @property
     def reasons(self) -> dict[str, int]:
-        """What failed in how many runs, the most frequent first."""
+        """Failed limit -> number of runs, the most frequent first."""
         counts: dict[str, int] = {}
         for outcome in self.outcomes:
             # A metric's name, or "trip" with the limit that was passed.
@@ -119,7 +156,7 @@ class MonteCarlo(TextResult):
         return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
     def plot(self) -> Figure:
-        """The decisive parameters: how they lie in runs that pass and in runs that fail."""
+        """Figure: distributions of the decisive parameters in passing and in failing runs."""
         return draw(self)
 
     def __str__(self) -> str:
@@ -153,29 +190,28 @@ def monte_carlo(
     anew: bool = False,
     watch: Callable[[int, int], None] | None = None,
 ) -> MonteCarlo:
-    """Run a scenario many times, each on a plant drawn from what is uncertain, with its own seed of sensor noise.
+    """Run a scenario many times, each time on a plant drawn from its uncertainty, with its own seed of sensor noise.
 
-    The controller stays as it was designed on the believed plant. Run k has the same draw whatever the number of runs,
-    jobs or machines.
+    The controller keeps its design for the nominal plant. Run k has the same draw whatever the number of runs, jobs or
+    machines.
 
     Parameters
     ----------
-    scenario, controller, plant, design, settings: as for `run`. The scenario's [spread] says what is uncertain beyond
-        the plant's own file; see `spread.uncertainty_of`.
-    identification: an identification.json, whose covariance is drawn from.
+    scenario, controller, plant, design, settings: as for `run`. For the uncertainty see `uncertainty.uncertainty_of`.
+    identification: an identification.json, from whose covariance its parameters are drawn.
     jobs, backend, address: see `core.parallel.workers`; by default threads for a compiled controller, whose
-        simulation runs outside Python's lock, and processes for one in plain Python.
-    file: where each result is appended as it comes; a file of the same campaign is continued.
-    anew: begin the file again instead, once the first results are there.
-    watch: called with how many runs are done and how many there will be.
+        simulation releases Python's lock, and processes for one in plain Python.
+    file: to which results are appended; a file of the same campaign is continued.
+    anew: start the file again, once the first results are there.
+    watch: called with the number of finished runs and the total.
 
     Returns
     -------
-    What is there, also after an interrupt from the keyboard, if at least one run is done.
+    The finished runs; after an interrupt from the keyboard too, if there is at least one.
 
     Raises
     ------
-    InputError: a definition is wrong, nothing is judged by the scenario, or the file is of another campaign.
+    InputError: a definition is wrong, the scenario has no limit, or the file is of another campaign.
     """
     if runs < 1:
         raise InputError(f"runs = {runs}: expected at least 1")
@@ -189,7 +225,7 @@ def monte_carlo(
         )
     except InputError as error:
         raise InputError(f"{case.scenario.path or case.scenario.name}: {error}") from None
-    campaign = open_campaign(None if file is None else Path(file), _mark(case, uncertainty, seed), anew=anew)
+    campaign = open_campaign(None if file is None else Path(file), _campaign_key(case, uncertainty, seed), anew=anew)
     done = {outcome.run: outcome for outcome in campaign.results if outcome.run < runs}
     todo = [number for number in range(runs) if number not in done]
     work = partial(_some, case, uncertainty, seed)
@@ -198,7 +234,7 @@ def monte_carlo(
     try:
         with workers(backend, jobs, address) as count:
             for part in in_rounds(work, todo, count=min(count, max(len(todo) // CHUNK, 1)), chunk=CHUNK):
-                campaign.append(map(line_of, part))
+                campaign.append(outcome.to_line() for outcome in part)
                 done |= {outcome.run: outcome for outcome in part}
                 if watch is not None:
                     watch(len(done), runs)
@@ -212,31 +248,53 @@ def monte_carlo(
     )
 
 
-def _some(case: Case, uncertainty: Uncertainty, seed: int, numbers: Sequence[int]) -> list[Outcome]:
+def open_campaign(path: Path | None, key: str, *, anew: bool = False) -> Checkpoint[Outcome]:
+    """Continue the campaign in this file, or begin it.
+
+    key: hash of everything that the results depend on, see `_campaign_key`. anew: replace the campaign in the file.
+
+    Raises InputError for the file of another campaign, or of anything else.
+    """
+    return open_checkpoint(
+        path,
+        "campaign",
+        key,
+        Outcome.from_line,
+        anew=anew,
+        none="is no file of a Monte Carlo campaign; give another one",
+        other="holds runs of another campaign (scenario, plant, controller, uncertainty or seed differ); give "
+        "another folder, or --force to begin anew",
+        wrong="is no result of a run",
+    )
+
+
+def _some(
+    case: PreparedScenario, uncertainty: ParameterUncertainty, seed: int, numbers: Sequence[int]
+) -> list[Outcome]:
     """Some runs of a campaign; on a worker."""
     return [_one(case, uncertainty, seed, number) for number in numbers]
 
 
-def _one(case: Case, uncertainty: Uncertainty, seed: int, number: int) -> Outcome:
+def _one(case: PreparedScenario, uncertainty: ParameterUncertainty, seed: int, number: int) -> Outcome:
     rng = np.random.default_rng([seed, number])
     drawn = uncertainty.draw(rng)
     noise = int(rng.integers(LARGEST_SEED))
     plant: Plant = case.nonlinear.set(**drawn)
     definition = case.scenario.definition
     try:
-        loop = case.loop(plant, noise)
+        loop = case.simulate(plant, noise)
     except SimulationError as error:
         return Outcome(number, False, float("-inf"), noise, drawn, {}, (str(error),))
     metrics = case.metrics(loop, wanted=tuple(definition.limits))
-    judgements = case.judge(metrics)
-    failures = failures_of(judgements, loop.trajectory, definition.expect_trips)
-    margin = min((judgement.margin for judgement in judgements), default=float("nan"))
+    checks = case.check_limits(metrics)
+    failures = failures_of(checks, loop.trajectory, definition.expect_trips)
+    margin = min((check.margin for check in checks), default=float("nan"))
     kept: Mapping[str, float] = {name: metrics[name] for name in METRICS if np.isfinite(metrics[name])}
     return Outcome(number, not failures, margin, noise, drawn, kept, failures)
 
 
-def _mark(case: Case, uncertainty: Uncertainty, seed: int) -> str:
-    """What makes two campaigns the same: their results may stand in one file."""
+def _campaign_key(case: PreparedScenario, uncertainty: ParameterUncertainty, seed: int) -> str:
+    """Hash of everything that the results depend on: runs with the same key may share a file."""
     parts = [
         case.scenario.definition.model_dump(mode="json", exclude={"title", "why", "baseline"}),
         [str(case.nonlinear.structure), case.nonlinear.values, [str(s) for s in case.nonlinear.sensors.values()]],

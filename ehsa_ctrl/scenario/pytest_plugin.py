@@ -1,11 +1,13 @@
-"""Scenarios as tests: `pytest scenarios/` runs every TOML in a folder of that name.
+"""Scenarios as tests: `pytest scenarios/` runs every scenario file in a folder of that name.
 
-The plugin comes with the package, so that this works in any project that has ehsa_ctrl installed. A scenario that asks
-for nothing (no limit, no expected trip, no baseline) is skipped as untested.
+pytest loads the plugin wherever ehsa_ctrl is installed, so it leaves everything else alone: its options begin with
+--ehsa-, and a TOML counts only if it has the form of a scenario. A scenario that tests nothing (no limit, no expected
+trip, no baseline) is skipped as untested. The package itself works without pytest, which is the extra `pytest`.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,42 +17,53 @@ import pytest
 if TYPE_CHECKING:
     from .result import ScenarioResult
 
-#: Key of what an updated baseline has to say at the end of the session; it survives the way from worker to master.
+#: Keys that every scenario has, and how many of them identify a file: one with a mistyped key is reported, not skipped.
+KEYS, ENOUGH = {"why", "plant", "controller", "duration", "reference"}, 3
+#: Key of the property that reports an updated baseline; pytest-xdist hands it from worker to controller.
 UPDATED = "ehsa_ctrl baseline"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("ehsa_ctrl", "scenarios of ehsa_ctrl")
     group.addoption(
-        "--scenario-controller", metavar="A,B", default="", help="Run scenarios with these controllers instead."
+        "--ehsa-controller", metavar="A,B", default="", help="Run scenarios with these controllers instead."
     )
     group.addoption(
-        "--update-baselines",
+        "--ehsa-update-baselines",
         action="store_true",
-        help="Record runs that have no baseline or have left it; needs --reason.",
+        help="Record runs that have no baseline or have left it; needs --ehsa-reason.",
     )
-    group.addoption("--reason", metavar="TEXT", default="", help="Why the baselines change, kept in their files.")
+    group.addoption("--ehsa-reason", metavar="TEXT", default="", help="Why the baselines change, kept in their files.")
     group.addoption(
-        "--scenario-out", metavar="DIR", default="", help="Figures and CSV tables of scenarios that fail go there."
+        "--ehsa-out", metavar="DIR", default="", help="Figures and CSV tables of scenarios that fail go there."
     )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if config.getoption("--update-baselines") and not config.getoption("--reason").strip():
-        raise pytest.UsageError("--update-baselines changes what counts as right: say why with --reason TEXT")
+    if config.getoption("--ehsa-update-baselines") and not config.getoption("--ehsa-reason").strip():
+        raise pytest.UsageError("--ehsa-update-baselines changes what counts as right: say why with --ehsa-reason TEXT")
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> ScenarioToml | None:
-    if file_path.suffix == ".toml" and file_path.parent.name == "scenarios":
+    if file_path.suffix == ".toml" and file_path.parent.name == "scenarios" and _is_scenario(file_path):
         return ScenarioToml.from_parent(parent, path=file_path)
     return None
 
 
+def _is_scenario(path: Path) -> bool:
+    """Whether a file has the form of a scenario; one with an error in its TOML may have it too."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, ValueError):
+        return False
+    return len(KEYS & set(re.findall(r"(?m)^\s*\[?\s*(\w+)\s*[=\].]", text))) >= ENOUGH
+
+
 class ScenarioToml(pytest.File):
-    """A scenario's file; a test for each controller."""
+    """A scenario file; a test for each controller."""
 
     def collect(self) -> Iterator[ScenarioTest]:
-        given = [name.strip() for name in self.config.getoption("--scenario-controller").split(",") if name.strip()]
+        given = [name.strip() for name in self.config.getoption("--ehsa-controller").split(",") if name.strip()]
         if not given:
             yield ScenarioTest.from_parent(self, name=self.path.stem, controller=None)
         for name in given:
@@ -58,7 +71,7 @@ class ScenarioToml(pytest.File):
 
 
 class ScenarioFailure(Exception):  # noqa: N818 - the scenario fails, not the program
-    """Its arguments are the reasons, in sentences."""
+    """A scenario failed; the arguments are the reasons, in sentences."""
 
 
 class ScenarioTest(pytest.Item):
@@ -73,32 +86,32 @@ class ScenarioTest(pytest.Item):
 
         result = run(self.path, controller=self.controller)
         self.add_report_section("call", "scenario", result.scenario.definition.why)
-        if self.config.getoption("--update-baselines"):
+        if self.config.getoption("--ehsa-update-baselines"):
             result = self._update(result)
         if result.verdict == "fail":
-            self._keep(result)
+            self._write_files(result)
             raise ScenarioFailure(*result.failures)
         if result.verdict == "untested":
             pytest.skip(f"untested: {self.path.name} sets no limit, expects no trip and has no baseline")
 
     def _update(self, result: ScenarioResult) -> ScenarioResult:
-        """Record the run if it has no baseline or leaves it; what changes is told at the session's end."""
-        from .baseline import updated
+        """Record a run without baseline, or one that deviates from it; the session's end reports what changed."""
+        from .baseline import update_baseline
 
-        new, changes = updated(result, self.config.getoption("--reason"))
+        new, changes = update_baseline(result, self.config.getoption("--ehsa-reason"))
         if changes:
             self.user_properties.append((UPDATED, f"{self.name}\n  " + "\n  ".join(changes)))
         return new
 
-    def _keep(self, result: ScenarioResult) -> None:
-        """Figure of the run, and the signals with their tubes as a table."""
-        if not self.config.getoption("--scenario-out"):
+    def _write_files(self, result: ScenarioResult) -> None:
+        """Write the figure of the run, and the signals with their tubes as a table."""
+        if not self.config.getoption("--ehsa-out"):
             return
         from ..core.result_folder import ResultFolder
 
         name = f"{result.scenario.name}-{result.controller.name}"
-        # A manifest for each run: several processes may test at once.
-        place = ResultFolder(Path(self.config.getoption("--scenario-out")), f"pytest-{name}", force=True)
+        # One manifest per run: several processes may test at once.
+        place = ResultFolder(Path(self.config.getoption("--ehsa-out")), f"pytest-{name}", force=True)
         with place.draft() as draft:
             result.plot().savefig(draft / f"{name}.png")
             if result.baseline is not None:
@@ -106,7 +119,7 @@ class ScenarioTest(pytest.Item):
                 result.plot_baseline().savefig(draft / f"{name}-baseline.png")
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Sentences instead of a traceback for what a user can do something about."""
+        """Sentences instead of a traceback for errors that a user can correct."""
         from ..core.errors import EhsaError
 
         if isinstance(excinfo.value, ScenarioFailure):
@@ -121,11 +134,11 @@ class ScenarioTest(pytest.Item):
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
     reports = [report for group in terminalreporter.stats.values() for report in group]
-    told = [
+    updates = [
         text for report in reports for key, text in getattr(report, "user_properties", ()) if key == UPDATED
         and getattr(report, "when", "") == "call"
     ]  # fmt: skip
-    if told:
+    if updates:
         terminalreporter.section("baselines recorded")
-        for text in told:
+        for text in updates:
             terminalreporter.line(text)

@@ -1,9 +1,9 @@
-"""What the rod is asked to do: one form a class, each with its signal and its moments of change."""
+"""References of the rod position, one class for each form: the signal, its jumps and its holds."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
@@ -11,13 +11,53 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 from ..core.definition import Definition, Hertz, In, Metre, Second
 from ..core.errors import InputError
 
-#: From when to when something is to be held, s.
+#: Start and end of a hold [s].
 Hold = tuple[float, float]
 MetrePerSecond = Annotated[float, In("m/s")]
 MetrePerSecond2 = Annotated[float, In("m/s2")]
 
 
-class Steps(Definition):
+class _Form(Definition):
+    """A form of reference. Without overriding, its target never jumps and is never held."""
+
+    kind: str = Field(description="type of reference")
+
+    def signal(self, time: np.ndarray) -> np.ndarray:
+        """Position [m], speed and acceleration (N, 3); a jump of the position or speed has no derivative."""
+        raise NotImplementedError
+
+    def jumps(self) -> list[float]:
+        """Times at which the target jumps [s]."""
+        return []
+
+    def holds(self) -> list[Hold]:
+        """Intervals in which the target is constant [s]; the last one lasts to the end of the run."""
+        return []
+
+
+class _Targets(_Form):
+    """A sequence of targets, one for each time."""
+
+    times: list[Second] = Field(description="start time of each motion")
+    positions: list[Metre] = Field(description="target position of each motion")
+
+    @model_validator(mode="after")
+    def _same_length(self) -> _Targets:
+        if not self.times or len(self.times) != len(self.positions):
+            raise ValueError(
+                f"times has {len(self.times)} and positions {len(self.positions)} entries; give one position a time"
+            )
+        return self
+
+    def holds(self) -> list[Hold]:
+        return list(zip(self._ends(), [*self.times[1:], np.inf], strict=True))
+
+    def _ends(self) -> list[float]:
+        """Time at which each target is reached [s]."""
+        return self.times
+
+
+class Steps(_Targets):
     """Jumps; zero before the first."""
 
     kind: Literal["steps"] = Field(description="type of reference")
@@ -26,55 +66,43 @@ class Steps(Definition):
 
     @model_validator(mode="after")
     def _fit(self) -> Steps:
-        if not self.times or len(self.times) != len(self.positions):
-            raise ValueError(
-                f"times has {len(self.times)} and positions {len(self.positions)} entries; give one position a time"
-            )
         if np.any(np.diff(self.times) <= 0) or self.times[0] < 0:
             raise ValueError("times must grow, from 0 s or later")
         return self
 
     def signal(self, time: np.ndarray) -> np.ndarray:
-        """Position, speed and acceleration (N, 3); a jump has neither speed nor acceleration."""
         values = np.zeros((time.size, 3))
         for at, position in zip(self.times, self.positions, strict=True):
             values[time >= at - 1e-9, 0] = position
         return values
 
     def jumps(self) -> list[float]:
-        """Times at which the target jumps, s; a target that is given again is no jump."""
+        """Times at which the target jumps [s]; a repeated target is no jump."""
         return [at for at, way in zip(self.times, np.diff([0.0, *self.positions]), strict=True) if way != 0.0]
 
-    def holds(self) -> list[Hold]:
-        """From when to when a target is to be held, s; the last one to the end of the run."""
-        return list(zip(self.times, [*self.times[1:], np.inf], strict=True))
 
-
-class Moves(Definition):
+class Moves(_Targets):
     """Smooth moves, quintic, from rest to rest.
 
     s(t) = 10 t^3 - 15 t^4 + 6 t^5, so that speed and acceleration start and end at zero.
     """
 
     kind: Literal["moves"] = Field(description="type of reference")
-    times: list[Second] = Field(description="start time of each motion")
-    positions: list[Metre] = Field(description="target position of each motion")
     durations: list[Second] = Field(description="duration of each motion; it ends before the next begins")
 
     @model_validator(mode="after")
     def _fit(self) -> Moves:
-        if not self.times or not len(self.times) == len(self.positions) == len(self.durations):
+        if len(self.times) != len(self.durations):
             raise ValueError(
                 f"times, positions and durations have {len(self.times)}, {len(self.positions)} and "
                 f"{len(self.durations)} entries; give as many of each"
             )
-        ends = [0.0, *(at + takes for at, takes in zip(self.times, self.durations, strict=True))]
+        ends = [0.0, *self._ends()]
         if min(self.durations) <= 0 or any(at < end for at, end in zip(self.times, ends, strict=False)):
             raise ValueError("every move must last more than 0 s and end before the next begins")
         return self
 
     def signal(self, time: np.ndarray) -> np.ndarray:
-        """Position, speed and acceleration (N, 3)."""
         values = np.zeros((time.size, 3))
         start = 0.0
         for at, position, takes in zip(self.times, self.positions, self.durations, strict=True):
@@ -86,15 +114,11 @@ class Moves(Definition):
             start = position
         return values
 
-    def jumps(self) -> list[float]:
-        return []
-
-    def holds(self) -> list[Hold]:
-        ends = [at + takes for at, takes in zip(self.times, self.durations, strict=True)]
-        return list(zip(ends, [*self.times[1:], np.inf], strict=True))
+    def _ends(self) -> list[float]:
+        return [at + takes for at, takes in zip(self.times, self.durations, strict=True)]
 
 
-class Sine(Definition):
+class Sine(_Form):
     """amplitude sin(2 pi frequency (t - start)), at zero before."""
 
     kind: Literal["sine"] = Field(description="type of reference")
@@ -109,21 +133,14 @@ class Sine(Definition):
         return self
 
     def signal(self, time: np.ndarray) -> np.ndarray:
-        """Position, speed and acceleration (N, 3)."""
         w = 2 * np.pi * self.frequency
         t = time - self.start
         on = t >= 0
         columns = [np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)]
         return self.amplitude * np.column_stack(columns) * on[:, None]
 
-    def jumps(self) -> list[float]:
-        return []
 
-    def holds(self) -> list[Hold]:
-        return []
-
-
-class Ramp(Definition):
+class Ramp(_Form):
     """From zero to a position at constant speed, held there; the speed jumps at both ends."""
 
     kind: Literal["ramp"] = Field(description="type of reference")
@@ -139,42 +156,32 @@ class Ramp(Definition):
 
     @property
     def end(self) -> float:
-        """When the ramp has arrived, s."""
+        """Time at which the ramp ends [s]."""
         return self.start + abs(self.position) / self.velocity
 
     def signal(self, time: np.ndarray) -> np.ndarray:
-        """Position, speed and acceleration (N, 3); a jump of the speed has no acceleration."""
         way = np.sign(self.position)
         values = np.zeros((time.size, 3))
         values[:, 0] = way * np.clip(self.velocity * (time - self.start), 0.0, abs(self.position))
         values[:, 1] = way * self.velocity * ((time >= self.start - 1e-9) & (time < self.end - 1e-9))
         return values
 
-    def jumps(self) -> list[float]:
-        return []
-
     def holds(self) -> list[Hold]:
         return [(self.end, np.inf)]
 
 
-class Trapezoid(Definition):
+class Trapezoid(_Targets):
     """Moves under a largest velocity and acceleration.
 
     Speed rises at constant acceleration, is held, and falls likewise; a short move has no held part.
     """
 
     kind: Literal["trapezoid"] = Field(description="type of reference")
-    times: list[Second] = Field(description="start time of each motion")
-    positions: list[Metre] = Field(description="target position of each motion")
     velocity: MetrePerSecond = Field(description="largest velocity")
     acceleration: MetrePerSecond2 = Field(description="largest acceleration")
 
     @model_validator(mode="after")
     def _fit(self) -> Trapezoid:
-        if not self.times or len(self.times) != len(self.positions):
-            raise ValueError(
-                f"times has {len(self.times)} and positions {len(self.positions)} entries; give one position a time"
-            )
         if self.velocity <= 0 or self.acceleration <= 0:
             raise ValueError("velocity and acceleration must be greater than 0")
         ends = [0.0, *self._ends()]
@@ -184,13 +191,12 @@ class Trapezoid(Definition):
         return self
 
     def _phases(self, way: float) -> tuple[float, float]:
-        """Duration of the rise (and of the fall), and of the held speed."""
+        """Duration of the acceleration (and of the deceleration), and of constant speed [s]."""
         rise = min(self.velocity / self.acceleration, float(np.sqrt(abs(way) / self.acceleration)))
         held = abs(way) / self.velocity - rise if rise * self.acceleration >= self.velocity * (1 - 1e-12) else 0.0
         return rise, max(held, 0.0)
 
     def signal(self, time: np.ndarray) -> np.ndarray:
-        """Position, speed and acceleration (N, 3)."""
         values = np.zeros((time.size, 3))
         for at, position, begin in zip(self.times, self.positions, [0.0, *self.positions], strict=False):
             way = position - begin
@@ -205,26 +211,19 @@ class Trapezoid(Definition):
             values[:, 2] += sign * a * ((on & (t < rise)).astype(float) - ((third > 0) & (third < rise)))
         return values
 
-    def jumps(self) -> list[float]:
-        return []
-
     def _ends(self) -> list[float]:
-        """When each move has arrived, s."""
         ends = []
         for at, position, begin in zip(self.times, self.positions, [0.0, *self.positions], strict=False):
             rise, held = self._phases(position - begin)
             ends.append(at + 2 * rise + held)
         return ends
 
-    def holds(self) -> list[Hold]:
-        return list(zip(self._ends(), [*self.times[1:], np.inf], strict=True))
 
+class TrajectoryFile(_Form):
+    """A trajectory from a CSV: t [s], position [m] and, optionally, velocity [m/s] and acceleration [m/s2].
 
-class File(Definition):
-    """A trajectory from a CSV: t [s], position [m] and, where it has them, velocity [m/s] and acceleration [m/s2].
-
-    Between its rows positions lie on lines, and so do given speeds and accelerations; a speed that is not given is the
-    slope of the position. The last position is held.
+    All are linear between the rows; without a velocity column the velocity is the slope of the position. The last
+    position is held.
     """
 
     kind: Literal["file"] = Field(description="type of reference")
@@ -233,7 +232,7 @@ class File(Definition):
     _table: dict[str, np.ndarray] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
-    def _read(self, info: ValidationInfo) -> File:
+    def _read(self, info: ValidationInfo) -> TrajectoryFile:
         folder = (info.context or {}).get("folder")
         path = Path(self.file)
         if folder is not None and (Path(folder) / path).is_file():
@@ -247,12 +246,11 @@ class File(Definition):
         return self
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, File) and self.model_dump() == other.model_dump()
+        return isinstance(other, TrajectoryFile) and self.model_dump() == other.model_dump()
 
     __hash__ = None  # type: ignore[assignment]
 
     def signal(self, time: np.ndarray) -> np.ndarray:
-        """Position, speed and acceleration (N, 3)."""
         table, t = self._table, time - self.start
         values = np.zeros((time.size, 3))
         values[:, 0] = np.interp(t, table["t"], table["position"])
@@ -267,40 +265,27 @@ class File(Definition):
             values[:, 2] = np.interp(t, table["t"], table["acceleration"]) * within
         return values
 
-    def jumps(self) -> list[float]:
-        return []
-
     def holds(self) -> list[Hold]:
         return [(self.start + float(self._table["t"][-1]), np.inf)]
 
 
 def read_trajectory(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a trajectory's CSV: t and position, and velocity and acceleration where they are there.
+    """Columns of a trajectory's CSV: t and position, and velocity and acceleration where it has them.
 
     Raises InputError, naming file, column and row, for a file that is absent or is no such table.
     """
-    import pandas
+    from ..core.table import read_table
 
-    try:
-        frame = pandas.read_csv(path)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; a trajectory is a CSV with columns t and position") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: can't be read as CSV ({error})") from None
-    table: dict[str, np.ndarray] = {}
-    for name in ("t", "position", "velocity", "acceleration"):
-        if name not in frame:
-            if name in ("t", "position"):
-                raise InputError(f"{path}: has no column {name!r}; expected t and position, in s and m")
-            continue
-        column: Any = pandas.to_numeric(frame[name], errors="coerce").to_numpy(dtype=float)
-        bad = np.flatnonzero(~np.isfinite(column))
-        if bad.size:
-            raise InputError(f"{path}: column {name!r}, row {bad[0] + 1} is no finite number")
-        table[name] = column
-    if table["t"].size < 2 or table["t"][0] < 0 or np.any(np.diff(table["t"]) <= 0):
+    table = read_table(path)
+    for name in ("t", "position"):
+        if name not in table.names:
+            raise InputError(f"{path}: has no column {name!r}; expected t and position, in s and m")
+    known = ("t", "position", "velocity", "acceleration")
+    columns = {name: table.numbers(name) for name in known if name in table.names}
+    time = columns["t"]
+    if time.size < 2 or time[0] < 0 or np.any(np.diff(time) <= 0):
         raise InputError(f"{path}: t must grow from row to row, from 0 s or later, over at least two rows")
-    return table
+    return columns
 
 
-Reference = Annotated[Steps | Moves | Sine | Ramp | Trapezoid | File, Field(discriminator="kind")]
+Reference = Annotated[Steps | Moves | Sine | Ramp | Trapezoid | TrajectoryFile, Field(discriminator="kind")]

@@ -1,4 +1,4 @@
-"""What a scenario gave, and whether that is what it should be."""
+"""The result of a scenario, its limits and its verdict."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ import numpy as np
 from ..core.controller_interface import MEASURED, Controller
 from ..core.parameter import Parameter
 from ..core.plotting import draw
-from ..core.unit import factor
 from ..design.analysis.loop import LoopAnalysis
 from ..plant.plant import Plant
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.limits import Exceedance
 from ..simulation.trajectory import Trajectory, versions
 from .baseline import Baseline
+from .definition import Scenario
 from .metrics import METRICS
-from .scenario import Scenario
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,14 +27,14 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-    from .assumed import Swing
+    from .sensitivity import AssumptionSensitivity
 
 Verdict = Literal["pass", "fail", "untested"]
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """One limit of a scenario and whether the nonlinear plant kept it."""
+class LimitCheck:
+    """One limit of a scenario and the metric's value on the nonlinear plant."""
 
     metric: str
     value: float
@@ -44,51 +43,39 @@ class Judgement:
 
     @property
     def passed(self) -> bool:
-        """A metric that is nan (never settled, say) keeps no limit."""
+        """A metric that is nan (never settled, for instance) passes no limit."""
         above = self.lower is None or self.value >= self.lower
         below = self.upper is None or self.value <= self.upper
         return bool(np.isfinite(self.value) and above and below)
 
     @property
     def margin(self) -> float:
-        """Room that is left, as a share of the bound (of a thousandth of the metric's unit for a bound of zero);
-        negative beyond it, -inf for what did not happen."""
+        """Distance to the nearer bound as a share of it (of a thousandth of the metric's unit for a bound of zero);
+        negative where the limit is violated, -inf for what did not happen."""
         if not np.isfinite(self.value):
             return float("-inf")
-        rooms = [
-            (sign * (bound - self.value)) / (abs(bound) or 1e-3)
-            for sign, bound in ((-1, self.lower), (1, self.upper))
-            if bound is not None
-        ]
-        return float(min(rooms))
+        signed = ((-1, self.lower), (1, self.upper))
+        return float(min(sign * (b - self.value) / (abs(b) or 1e-3) for sign, b in signed if b is not None))
 
     def __str__(self) -> str:
         metric = METRICS[self.metric]
-        scale = factor(metric.shown, metric.unit)
-        unit = "" if metric.shown == "1" else f" {metric.shown}"
-        bounds = [
-            f"{word} {bound / scale:g}{unit}"
-            for word, bound in (("at least", self.lower), ("at most", self.upper))
-            if bound is not None
-        ]
-        value = f"{self.value / scale:.4g}{unit}" if np.isfinite(self.value) else "did not happen"
-        return f"{self.metric} {value} ({' and '.join(bounds)})"
+        value = metric.format(self.value) if np.isfinite(self.value) else "did not happen"
+        return f"{self.metric} {value} ({metric.format_bounds(self.lower, self.upper)})"
 
 
-#: Reasons that a sentence names; of more it says how many.
+#: Number of reasons in a sentence; of more than one further reason it gives the count.
 NAMED = 3
 
 
-def few(reasons: Sequence[str]) -> str:
-    """Reasons in a sentence: the first ones, and how many more there are."""
+def first_reasons(reasons: Sequence[str]) -> str:
+    """The first reasons in one sentence, and the number of the others."""
     left = len(reasons) - NAMED
     return "; ".join(reasons) if left <= 1 else "; ".join([*reasons[:NAMED], f"and {left} more"])
 
 
-def failures_of(judgements: Sequence[Judgement], run: Trajectory, expected_trips: Sequence[str]) -> tuple[str, ...]:
-    """Limits of the scenario that were not kept, limits of the plant passed unexpectedly, and expected ones that were
-    not passed, in sentences."""
-    reasons = [str(judgement) for judgement in judgements if not judgement.passed]
+def failures_of(checks: Sequence[LimitCheck], run: Trajectory, expected_trips: Sequence[str]) -> tuple[str, ...]:
+    """Failures in sentences: violated limits of the scenario, unexpected trips, and expected trips that are missing."""
+    reasons = [str(check) for check in checks if not check.passed]
     tripped = {trip.limit for trip in run.exceeded}
     if run.stopped and not tripped & set(expected_trips):
         reasons.append(run.stopped)
@@ -99,21 +86,21 @@ def failures_of(judgements: Sequence[Judgement], run: Trajectory, expected_trips
 
 @dataclass(frozen=True)
 class ScenarioResult:
-    """What a scenario gave.
+    """The result of a scenario.
 
     Attributes
     ----------
     scenario, controller: what was run.
-    linear: prediction, the controller on the identified linear model. nonlinear: the check.
+    linear: prediction with the identified linear model. nonlinear: run on the nonlinear plant.
     metrics: name -> (linear, nonlinear).
-    judgements: the scenario's limits, on the nonlinear plant.
-    trips: limits of the plant that the nonlinear run passed; expected: those that the scenario asserts.
-    loop: margins on the design model, None for a controller without linear feedback.
+    limit_checks: the scenario's limits on the nonlinear plant.
+    trips: limits of the plant that the nonlinear run exceeded.
+    loop: margins on the design model; None for a controller without linear feedback.
     seconds: wall time.
-    baseline: the recorded run that it is held against; None where there is none, or where another plant was checked.
-    swings: the scenario over the believed range of each assumed parameter; None where that was not asked for.
-    files: scenario, controller and plants, as far as they were read from files.
-    settings: what was set of the plant for this run alone.
+    baseline: recorded run for comparison; None where there is none, or where another plant was simulated.
+    sensitivities: of the verdict to each assumed parameter; None where not requested.
+    files: of scenario, controller and plants, where they come from files.
+    settings: plant parameters that were set for this run.
     """
 
     scenario: Scenario
@@ -121,12 +108,12 @@ class ScenarioResult:
     linear: ClosedLoop
     nonlinear: ClosedLoop
     metrics: Mapping[str, tuple[float, float]]
-    judgements: tuple[Judgement, ...]
+    limit_checks: tuple[LimitCheck, ...]
     trips: tuple[Exceedance, ...]
     loop: LoopAnalysis | None
     seconds: float
     baseline: Baseline | None = None
-    swings: tuple[Swing, ...] | None = None
+    sensitivities: tuple[AssumptionSensitivity, ...] | None = None
     files: tuple[Path, ...] = ()
     settings: Mapping[str, str | float] = field(default_factory=dict)
 
@@ -135,27 +122,26 @@ class ScenarioResult:
         return tuple(self.scenario.definition.expect_trips)
 
     @property
-    def other_failures(self) -> tuple[str, ...]:
-        """Why the scenario failed, in sentences, baseline apart; empty if it kept its limits."""
-        return failures_of(self.judgements, self.nonlinear.trajectory, self.expected_trips)
+    def limit_failures(self) -> tuple[str, ...]:
+        """Failures in sentences, without those of the baseline; empty if all limits hold."""
+        return failures_of(self.limit_checks, self.nonlinear.trajectory, self.expected_trips)
 
     @cached_property
     def failures(self) -> tuple[str, ...]:
-        """Why the scenario failed, in sentences; empty if it passed."""
-        return (*self.other_failures, *(self.baseline.differences(self) if self.baseline else ()))
+        """All failures in sentences; empty if the scenario passed."""
+        return (*self.limit_failures, *(self.baseline.differences(self) if self.baseline else ()))
 
     @property
     def passed(self) -> bool:
-        """Nothing failed; a scenario that tests nothing is among these, see `verdict`."""
+        """No failure; also true for a scenario that tests nothing, see `verdict`."""
         return not self.failures
 
     @property
     def verdict(self) -> Verdict:
-        """ "untested" for a run that nothing was asked of: no limit, no expected trip, no baseline."""
+        """ "untested" for a scenario without limit, expected trip and baseline."""
         if not self.passed:
             return "fail"
-        asked = self.judgements or self.expected_trips or self.baseline
-        return "pass" if asked else "untested"
+        return "pass" if self.limit_checks or self.expected_trips or self.baseline else "untested"
 
     @property
     def plant(self) -> Plant:
@@ -163,7 +149,7 @@ class ScenarioResult:
 
     @property
     def _numbers(self) -> tuple[Parameter, ...]:
-        """What the plant's file states: parameters, and the sensors' noise."""
+        """Numbers of the plant's file: parameters and sensors."""
         sensors = [number for sensor in self.plant.sensors.values() for number in sensor.stated]
         return (*self.plant.parameters.values(), *sensors)
 
@@ -181,7 +167,7 @@ class ScenarioResult:
             "baseline": self.baseline and {"file": str(self.baseline.path), "reason": self.baseline.reason},
             "limits": [
                 {"metric": j.metric, "value": j.value, "min": j.lower, "max": j.upper, "passed": j.passed}
-                for j in self.judgements
+                for j in self.limit_checks
             ],
             "trips": [
                 {"limit": t.limit, "allowed": t.allowed, "reached": t.reached, "unit": t.unit, "first": t.first}
@@ -201,7 +187,7 @@ class ScenarioResult:
             "margins": self.loop.to_dict() if self.loop else None,
             "linear_model_passed_limits": [str(item) for item in self.linear.trajectory.exceeded],
             "assumed": {p.name: p.value for p in self._numbers if p.source == "assumed"},
-            "assumed_ranges": None if self.swings is None else [swing.to_dict() for swing in self.swings],
+            "assumed_ranges": None if self.sensitivities is None else [each.to_dict() for each in self.sensitivities],
             "warnings": list(self.plant.implausible),
             "seed": self.scenario.definition.sensors.seed,
             "seconds": self.seconds,
@@ -209,34 +195,33 @@ class ScenarioResult:
         }
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a metric: linear prediction, nonlinear outcome and their gap, in the units a person reads."""
+        """One row per metric: linear prediction, nonlinear outcome and their difference, in the shown units."""
         import pandas
 
         rows = []
         for name, pair in self.metrics.items():
-            metric = METRICS[name]
-            scale = factor(metric.shown, metric.unit)
-            rows.append((name, metric.shown, pair[0] / scale, pair[1] / scale, gap(*pair) / scale))
+            scale = METRICS[name].scale
+            rows.append((name, METRICS[name].shown, pair[0] / scale, pair[1] / scale, gap(*pair) / scale))
         return pandas.DataFrame(rows, columns=["metric", "unit", "linear", "nonlinear", "gap"]).set_index("metric")
 
     def cell(self, metric: str, value: float) -> str:
-        """A value of this run [SI unit] as a table has it, in the metric's shown unit; "-" for what did not happen."""
+        """A value [SI unit] in the metric's shown unit; "-" for what did not happen."""
         if self.scenario.definition.undefined(metric):
             return "not defined"
-        return "-" if np.isnan(value) else f"{value / factor(METRICS[metric].shown, METRICS[metric].unit):.4g}"
+        return "-" if np.isnan(value) else f"{value / METRICS[metric].scale:.4g}"
 
     def table(self) -> pandas.DataFrame:
-        """As to_pandas, in words."""
+        """As to_pandas, with formatted cells."""
         frame = self.to_pandas()
         cells = [[self.cell(name, value) for value in (*pair, gap(*pair))] for name, pair in self.metrics.items()]
         frame[["linear", "nonlinear", "gap"]] = cells
         return frame
 
     def time_series(self) -> pandas.DataFrame:
-        """One row a sample of the run on the nonlinear plant, SI units; as CSV it is a log that every command reads.
+        """One row per sample of the run on the nonlinear plant, SI units; as CSV it is a log that every command reads.
 
-        Columns: t, current and what the sensors gave, named as in a log (nan where a reading was lost); reference, the
-        position asked for; then the true signals of both models, with _linear and _nonlinear behind their names.
+        Columns: t, current and the sensor readings, named as in a log (nan where a reading was lost); reference, the
+        target position; then the true signals of both models with the suffixes _linear and _nonlinear.
         """
         import pandas
 
@@ -249,15 +234,15 @@ class ScenarioResult:
         return table
 
     def plot(self) -> Figure:
-        """Reference, position, speed, pressures and current, linear and nonlinear."""
+        """Figure: reference, position, speed, pressures and current, linear and nonlinear."""
         return draw(self)
 
     def plot_baseline(self) -> Figure:
-        """The recorded signals with their tubes, and this run. Raises InputError for a run without a baseline."""
+        """Figure: recorded signals with their tubes, and this run. Raises InputError for a run without a baseline."""
         return draw(self, view="baseline")
 
     def __str__(self) -> str:
-        verdict = "passed" if self.passed else "FAILED: " + few(self.failures)
+        verdict = "passed" if self.passed else "FAILED: " + first_reasons(self.failures)
         return f"{self.scenario.name} with {self.controller.name}: {verdict}\n{self.table().to_string()}"
 
     __repr__ = __str__
@@ -269,5 +254,5 @@ class ScenarioResult:
 
 
 def gap(linear: float, nonlinear: float) -> float:
-    """What the plant did beyond the prediction; nan where one of them did not happen."""
+    """Nonlinear outcome minus linear prediction; nan where one of them did not happen."""
     return nonlinear - linear if np.isfinite(linear) and np.isfinite(nonlinear) else float("nan")

@@ -1,4 +1,4 @@
-"""The main job: design on the identified linear model, check on the nonlinear plant, compare, judge."""
+"""Run a scenario: design on the identified linear model, simulate on the nonlinear plant, compare, check limits."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from ..core.catalogue import controllers, plants
 from ..core.controller_interface import MEASURED, Controller
 from ..core.errors import InputError
+from ..core.files import read_toml
 from ..design.analysis.loop import analyse_loop
 from ..design.controller import SampledController
 from ..design.load import load_controller, read_controller
@@ -21,33 +22,32 @@ from ..plant.linear import three_state
 from ..plant.plant import Model, Plant, knows, load_plant, with_settings
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.sensors import Sensors
-from .assumed import over_assumed
-from .baseline import baseline_path, read_baseline
-from .definition import Measuring, ScenarioFile
-from .fault import faults_of
+from .baseline import baseline_files, baseline_path, read_baseline
+from .definition import Scenario, ScenarioFile, load_scenario
+from .disturbances import SensorSettings, faults_of
 from .metrics import METRICS, loop_metrics
-from .ratings import require_within
-from .result import Judgement, ScenarioResult
-from .scenario import Scenario, load_scenario
+from .plant_data import check_controller_limits
+from .result import LimitCheck, ScenarioResult
+from .sensitivity import assumption_sensitivity
+from .uncertainty import uncertainty_of
 
 if TYPE_CHECKING:
     import control
 
 
-#: Most samples of a scenario: more than an hour at 250 Hz. Beyond it a time unit is wrong.
+#: Most samples of a scenario, more than an hour at 250 Hz; a longer one has a wrong time unit.
 MOST_SAMPLES = 1_000_000
 
 
 @dataclass(frozen=True)
-class Case:
-    """A scenario with everything it refers to: designed, but not run yet.
+class PreparedScenario:
+    """A scenario with its plants and its designed controller, ready to run.
 
     Attributes
     ----------
-    scenario, controller: what will be run.
     model: linear model on which the controller was designed.
-    linear, nonlinear: plants as they are believed in this scenario, for the prediction and the check.
-    files: where all this was read from. settings: what was set for one run, on top of the scenario's own.
+    linear, nonlinear: plants with the scenario's settings, for the prediction and the check.
+    files: from which all this was read. settings: set for this run, in addition to the scenario's own.
     """
 
     scenario: Scenario
@@ -58,10 +58,10 @@ class Case:
     files: tuple[Path, ...] = ()
     settings: Mapping[str, str | float] = field(default_factory=dict)
 
-    def loop(self, plant: Plant, seed: int | None = None) -> ClosedLoop:
-        """Run the scenario on a plant, with the scenario's own seed of the sensors' noise or another one.
+    def simulate(self, plant: Plant, seed: int | None = None) -> ClosedLoop:
+        """Simulate the scenario on a plant, with the scenario's seed of the sensor noise or another one.
 
-        Raises SimulationError for a run that could not be finished though no limit of the plant was passed.
+        Raises SimulationError for a run that stops although no limit of the plant was exceeded.
         """
         definition = self.scenario.definition
         dt = self.controller.sample_time
@@ -69,13 +69,13 @@ class Case:
         force = np.zeros(time.size)
         for step in definition.disturbance:
             force[(time >= step.start - 1e-9) & (time < step.start + step.duration - 1e-9)] += step.force
-        measuring = definition.sensors if seed is None else definition.sensors.model_copy(update={"seed": seed})
+        settings = definition.sensors if seed is None else definition.sensors.model_copy(update={"seed": seed})
         loop = run_closed_loop(
             plant,
             self.controller,
             definition.reference.signal(time),
             force=force,
-            sensors=_sensors(plant, measuring),
+            sensors=_sensors(plant, settings),
             lag=definition.sensors.lag,
             faults=faults_of(definition.fault),
             raise_on_failure=False,
@@ -84,7 +84,7 @@ class Case:
         return loop
 
     def metrics(self, loop: ClosedLoop, wanted: tuple[str, ...] | None = None) -> dict[str, float]:
-        """All of METRICS for a run of this case; with `wanted`, what takes its time only if it is among these."""
+        """All of METRICS for a run; with `wanted`, the slow ones only if they are among these."""
         definition = self.scenario.definition
         return loop_metrics(
             loop,
@@ -96,10 +96,10 @@ class Case:
             shortest=wanted is None or bool({"ShortestTime", "SettlingRatio"} & {*wanted}),
         )
 
-    def judge(self, metrics: dict[str, float]) -> tuple[Judgement, ...]:
-        """The scenario's limits on these metrics."""
+    def check_limits(self, metrics: Mapping[str, float]) -> tuple[LimitCheck, ...]:
+        """Check these metrics against the scenario's limits."""
         limits = self.scenario.definition.limits
-        return tuple(Judgement(name, metrics[name], bound.min, bound.max) for name, bound in limits.items())
+        return tuple(LimitCheck(name, metrics[name], bound.min, bound.max) for name, bound in limits.items())
 
 
 def prepare(
@@ -109,7 +109,7 @@ def prepare(
     plant: str | Path | Plant | None = None,
     design: str | Path | Plant | None = None,
     settings: Mapping[str, str | float] | None = None,
-) -> Case:
+) -> PreparedScenario:
     """Load a scenario and what it refers to and design its controller; arguments and errors as in `run`."""
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     definition, beside = loaded.definition, loaded.path
@@ -133,7 +133,7 @@ def prepare(
         nominal = _of_model("plant", plant, "nonlinear") or load_plant(checked, model="nonlinear")
         nonlinear = with_settings(nominal, definition.all_settings)
         if isinstance(law, Path):
-            require_within(law, read_controller(law, base.sample_time)[1], nominal)
+            check_controller_limits(law, read_controller(law, base.sample_time)[1], nominal)
         chosen: Controller = load_controller(law, model, sample_time=base.sample_time) if isinstance(law, Path) else law
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
@@ -149,14 +149,14 @@ def prepare(
             "give a longer duration or a shorter lag"
         )
     if definition.supervision is not None and isinstance(chosen, SampledController):
-        chosen = replace(chosen, supervision=definition.supervision.of(linear))
+        chosen = replace(chosen, supervision=definition.supervision.for_plant(linear))
     given = dict(settings or {})
-    # The load is the scenario's and acts in both runs; the rest is what the plant checked on is believed to be.
+    # The load acts in both runs; the other settings change only the plant that is checked on.
     nonlinear = with_settings(nonlinear, given)
     linear = with_settings(linear, {key: value for key, value in given.items() if _is_load(key)})
     files = [loaded.path, law if isinstance(law, Path) else None, checked, designed]
     known = tuple(dict.fromkeys(Path(file) for file in files if file is not None))
-    return Case(loaded, chosen, model, linear, nonlinear, known, given)
+    return PreparedScenario(loaded, chosen, model, linear, nonlinear, known, given)
 
 
 def run(
@@ -168,34 +168,33 @@ def run(
     assumed: bool | None = False,
     settings: Mapping[str, str | float] | None = None,
 ) -> ScenarioResult:
-    """Run a scenario: linear prediction, nonlinear check, comparison, judgement.
+    """Run a scenario: linear prediction, nonlinear check, comparison, limits.
 
-    The controller is designed on the plant's identified linear set as the plant's file has it; the scenario's load,
-    disturbances and faults act in both runs.
+    The controller is designed on the identified linear set of the plant's file; the scenario's load, disturbances and
+    faults act in both runs.
 
     Parameters
     ----------
-    scenario: a name, a path, or a loaded scenario. What it refers to is looked for beside its own file first.
-    controller, plant: instead of those that the scenario names. A controller that is designed already, from
-        `load_controller` or a user's own, is run as it is and held against no baseline.
-        A plant that was loaded, changed or identified is taken as it is, with the scenario's load and settings on top;
-        the linear set of its file is the one to design on.
-    design: the plant whose linear set the controller is designed on and the prediction is made with, if that is
-        another one than the plant it is checked on: the rig's identified model on the plant that one takes for true.
-    assumed: also run it with each assumed parameter at both ends of its believed range; None: if that is quick, which
-        it is with a compiled controller.
-    settings: what the plant that is checked on is believed to be in this run, as for `load_plant`, on top of the
-        scenario's own: {"K_T": 1.1, "load.stiffness": "50 N/mm"}. The load acts in the prediction too; the controller
-        and the rest of the prediction stay with the linear set. There is no recorded run of such a plant.
+    scenario: a name, a path, or a loaded scenario. Files that it names are looked for beside its own file first.
+    controller, plant: replace those that the scenario names. A designed controller, from `load_controller` or a
+        user's own, runs as it is and is compared with no baseline. A loaded, changed or identified plant is used as it
+        is, with the scenario's load and settings; the controller is designed on the linear set of its file.
+    design: plant whose linear set is used for design and prediction, if it differs from the plant that is simulated:
+        the rig's identified model against the plant that counts as true.
+    assumed: also run with each assumed parameter at both ends of its range; None: only with a compiled controller,
+        where this is quick.
+    settings: parameters of the simulated plant in this run, as for `load_plant`, in addition to the scenario's own:
+        {"K_T": 1.1, "load.stiffness": "50 N/mm"}. A load acts in the prediction too; the controller and the rest of
+        the prediction keep the linear set. Such a run is compared with no baseline.
 
     Raises
     ------
-    InputError: a definition is wrong or refers to something that is not there.
-    SimulationError: a run could not be finished though no limit of the plant was passed.
+    InputError: a definition is wrong or refers to something that does not exist.
+    SimulationError: a run stops although no limit of the plant was exceeded.
     """
     begun = clock.perf_counter()
     case = prepare(scenario, controller=controller, plant=plant, design=design, settings=settings)
-    loops = [case.loop(model) for model in (case.linear, case.nonlinear)]
+    loops = [case.simulate(model) for model in (case.linear, case.nonlinear)]
     loops = [loop.first(min(len(other.trajectory) for other in loops)) for loop in loops]
     predicted, outcome = (case.metrics(loop) for loop in loops)
     result = ScenarioResult(
@@ -204,7 +203,7 @@ def run(
         linear=loops[0],
         nonlinear=loops[1],
         metrics={name: (predicted[name], outcome[name]) for name in METRICS},
-        judgements=case.judge(outcome),
+        limit_checks=case.check_limits(outcome),
         trips=loops[1].trajectory.exceeded,
         loop=analyse_loop(case.model, case.controller) if isinstance(case.controller, SampledController) else None,
         seconds=clock.perf_counter() - begun,
@@ -212,17 +211,17 @@ def run(
         settings=case.settings,
     )
     if assumed or (assumed is None and case.controller.compiled is not None):
-        result = replace(result, swings=over_assumed(case, kept=not result.other_failures))
-    # Another plant than the scenario's, or a controller that no file describes, has no recorded run.
+        result = replace(result, sensitivities=assumption_sensitivity(case, kept=not result.limit_failures))
+    # A baseline belongs to the scenario's own plant and to a controller from a file.
     recorded = not plant and not design and not settings and (controller is None or isinstance(controller, str | Path))
     path = baseline_path(result) if recorded else None
     return replace(result, baseline=read_baseline(path) if path and path.is_file() else None)
 
 
-def _sensors(plant: Plant, measuring: Measuring) -> Sensors:
-    """The plant's sensors with what the scenario changes; without noise means without any."""
-    changed = {channel: replace(plant.sensors[channel], **measuring.changes(channel)) for channel in MEASURED}
-    return Sensors.of(replace(plant, sensors={**plant.sensors, **changed}), seed=measuring.seed, noise=measuring.noise)
+def _sensors(plant: Plant, settings: SensorSettings) -> Sensors:
+    """The plant's sensors with the scenario's changes."""
+    changed = {channel: replace(plant.sensors[channel], **settings.changes(channel)) for channel in MEASURED}
+    return Sensors.of(replace(plant, sensors={**plant.sensors, **changed}), seed=settings.seed, noise=settings.noise)
 
 
 def _plant_file(plant: str | Path | Plant | None) -> Path | None:
@@ -252,3 +251,41 @@ def _is_load(key: str) -> bool:
 def _known_to_linear(definition: ScenarioFile, plant: Plant) -> dict[str, str]:
     """The settings that the linear set has as well: a scenario may change A_FR, which only the nonlinear one knows."""
     return {key: value for key, value in definition.all_settings.items() if knows(plant, key)}
+
+
+def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
+    """Return the kind ("plant", "controller", "scenario") of a valid definition.
+
+    Parameters
+    ----------
+    plant: on whose linear model a controller is designed as a check, and whose limits it must respect; by default the
+        shipped EHSA's model, and no limits.
+
+    Raises InputError, one sentence with file and key, for the first mistake: form, unit, value, a name that does not
+    exist, a controller that can't be designed.
+    """
+    content = read_toml(path)
+    if "system" in content:
+        for model in ("linear", "nonlinear"):
+            if model in content:
+                load_plant(path, model=model)
+        if "linear" not in content and "nonlinear" not in content:
+            raise InputError(f"{path}: has neither a [linear] nor a [nonlinear] model")
+        return "plant"
+    if "kind" in content:
+        loaded = load_plant(plant or "ehsa", model="linear")
+        if plant is not None:
+            check_controller_limits(path, read_controller(path, loaded.sample_time)[1], loaded)
+        load_controller(path, three_state(loaded), sample_time=loaded.sample_time)
+        return "controller"
+    if "why" in content or "reference" in content:
+        scenario = load_scenario(path)
+        case = prepare(scenario)
+        try:
+            uncertainty_of(case.nonlinear, scenario.definition.spread)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        for file in baseline_files(scenario):
+            read_baseline(file)
+        return "scenario"
+    raise InputError(f"{path}: is no plant (system = ...), no controller (kind = ...) and no scenario (why = ...)")

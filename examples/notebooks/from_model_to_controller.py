@@ -33,7 +33,7 @@ import ehsa_ctrl as e
 from ehsa_ctrl.plant.motion_current import motion_current
 from ehsa_ctrl.report.figures import bode_figure, loop_figure, nyquist_figure, robustness_figure
 from ehsa_ctrl.report.style import BLACK, BLUE, GREEN, GREY, PURPLE, RC, VERMILION
-from ehsa_ctrl.scenario.hunting import hunting
+from ehsa_ctrl.scenario.response import hunting
 from ehsa_ctrl.simulation.sensors import Sensors
 
 os.chdir(tempfile.mkdtemp())  # a folder of its own, as a project would have

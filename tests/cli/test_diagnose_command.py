@@ -59,7 +59,7 @@ def diagnosis(plant, log, improved):
 
 def recorded(case, rig):
     """What a controller saw and asked for in a run of the case on a rig."""
-    loop = case.loop(rig)
+    loop = case.simulate(rig)
     channels = dict(zip(MEASURED, loop.measured.T, strict=True)) | {"current": loop.asked}
     return Log(loop.trajectory.time, channels)
 
@@ -106,7 +106,7 @@ def test_both_plants_have_the_scenarios_load(scenario, plant):
 
     assert same.metrics["believed"] == pytest.approx(same.metrics["improved"], nan_ok=True)
     assert same.metrics["believed"] == pytest.approx(other.metrics["believed"], nan_ok=True)
-    stiff = case.metrics(case.loop(plant.set(K_S=90e3)))
+    stiff = case.metrics(case.simulate(plant.set(K_S=90e3)))
     assert other.metrics["improved"] == pytest.approx(stiff, nan_ok=True)
     assert stiff["CurrentRMS"] > 1.05 * other.metrics["believed"]["CurrentRMS"]
     assert other.to_dict()["metrics"]["Energy"].keys() == {"believed", "improved", "unit"}

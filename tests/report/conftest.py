@@ -12,9 +12,8 @@ from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.identification.identification import Reach
 from ehsa_ctrl.identification.identify import identify
 from ehsa_ctrl.report.grounds import grounds
-from ehsa_ctrl.scenario.definition import ScenarioFile
+from ehsa_ctrl.scenario.definition import Scenario, ScenarioFile
 from ehsa_ctrl.scenario.run import run
-from ehsa_ctrl.scenario.scenario import Scenario
 
 from .contents import contents
 

@@ -166,15 +166,17 @@ def test_hashes_are_those_of_the_files(tmp_path):
 def test_a_flip_is_said_at_the_top_of_the_run_page(gentle, tmp_path):
     """Where an assumed parameter decides a verdict the page says so before all tables, and shows the numbers."""
     from ehsa_ctrl.report.page import write_page
-    from ehsa_ctrl.scenario.assumed import End, Swing
+    from ehsa_ctrl.scenario.sensitivity import AssumptionSensitivity, RangeEnd
 
     metrics = {name: pair[1] for name, pair in gentle.metrics.items()}
     parameter = gentle.plant.parameters["K_T"]
-    fine = Swing(parameter, End(0.87, metrics, ()), End(1.6, metrics, ()), True)
-    flips = Swing(parameter, End(0.87, metrics, ()), End(1.6, metrics | {"Overshoot": 3.0}, ("Overshoot 300 %",)), True)
+    fine = AssumptionSensitivity(parameter, RangeEnd(0.87, metrics, ()), RangeEnd(1.6, metrics, ()), True)
+    flips = AssumptionSensitivity(
+        parameter, RangeEnd(0.87, metrics, ()), RangeEnd(1.6, metrics | {"Overshoot": 3.0}, ("Overshoot 300 %",)), True
+    )
     texts = {}
     for name, swing in (("fine", fine), ("flips", flips)):
-        result = dataclasses.replace(gentle, swings=(swing,))
+        result = dataclasses.replace(gentle, sensitivities=(swing,))
         texts[name] = write_page([result], tmp_path / name, command="").read_text(encoding="utf-8")
     rows = Page(texts["flips"]).table("assumed", "value")
 

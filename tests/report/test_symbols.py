@@ -10,8 +10,8 @@ from ehsa_ctrl.diagnosis.diagnosis import Cause, Diagnosis, Estimated
 from ehsa_ctrl.identification.free import free_parameters
 from ehsa_ctrl.report.diagnosis_rows import facts
 from ehsa_ctrl.report.kinds import diagnosis
-from ehsa_ctrl.scenario.influence import Influence
-from ehsa_ctrl.scenario.spread import Uncertain
+from ehsa_ctrl.scenario.sensitivity import Influence
+from ehsa_ctrl.scenario.uncertainty import UncertainParameter
 
 BOTH = "K_S (load.stiffness)"
 
@@ -23,7 +23,7 @@ def plant():
 
 def test_a_spring_that_was_drawn_goes_by_its_key():
     """In what was drawn, and in what decides."""
-    assert str(Uncertain("K_S", 5e4, 0.0, 1e5, unit="N/m")).startswith(f"{BOTH} evenly between")
+    assert str(UncertainParameter("K_S", 5e4, 0.0, 1e5, unit="N/m")).startswith(f"{BOTH} evenly between")
     assert str(Influence("K_S", "ks", 0.5, 1e-9, 1e4, 5e4)).startswith(f"{BOTH} decides it")
 
 

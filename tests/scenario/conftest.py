@@ -3,8 +3,7 @@
 import pytest
 
 from ehsa_ctrl.core.definition import validate
-from ehsa_ctrl.scenario.definition import ScenarioFile
-from ehsa_ctrl.scenario.scenario import Scenario
+from ehsa_ctrl.scenario.definition import Scenario, ScenarioFile
 
 SHORT = """\
 schema = 1

@@ -8,7 +8,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.scenario.baseline import SIGNALS, baseline_path, read_baseline, updated, write_baseline
+from ehsa_ctrl.scenario.baseline import SIGNALS, baseline_path, read_baseline, update_baseline, write_baseline
 
 
 @pytest.fixture
@@ -74,10 +74,10 @@ def test_updating_records_what_is_new_and_leaves_what_is_kept(recorded, project)
     """A run that keeps to its baseline leaves the file as it is; one that does not gets a new one, with its reason."""
     file = baseline_path(ehsa_ctrl.run(recorded))
     before = file.read_bytes()
-    same, nothing = updated(ehsa_ctrl.run(recorded), "no reason at all")
+    same, nothing = update_baseline(ehsa_ctrl.run(recorded), "no reason at all")
     assert not nothing and file.read_bytes() == before and same.verdict == "pass"
 
-    changed, told = updated(ehsa_ctrl.run(project(add='\n[settings]\nA_FR = "1300 N"\n')), "stiffer seal")
+    changed, told = update_baseline(ehsa_ctrl.run(project(add='\n[settings]\nA_FR = "1300 N"\n')), "stiffer seal")
 
     assert changed.verdict == "pass" and any("leaves its tube" in line for line in told)
     assert json.loads(file.read_text())["reason"] == "stiffer seal"
@@ -87,7 +87,7 @@ def test_a_run_that_fails_its_limits_is_not_recorded(project):
     """A baseline of a failure would make it right."""
     result = ehsa_ctrl.run(project(add='\n[limits]\nMaxError = { max = "1 um" }\n'))
 
-    assert updated(result, "never mind") == (result, ())
+    assert update_baseline(result, "never mind") == (result, ())
     with pytest.raises(InputError, match="no baseline is recorded of a run that fails"):
         write_baseline(result, "never mind")
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl import load_controller, load_plant, run_closed_loop, three_state
-from ehsa_ctrl.scenario.hunting import hunting
-from ehsa_ctrl.scenario.step import settling_band, step_metrics
+from ehsa_ctrl.scenario.response import hunting, settling_band, step_metrics
 from ehsa_ctrl.simulation.sensors import Sensors
 from ehsa_ctrl.simulation.shortest import shortest_time
 

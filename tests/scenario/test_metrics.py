@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.scenario.hunting import hunting
 from ehsa_ctrl.scenario.metrics import METRICS, loop_metrics
 from ehsa_ctrl.scenario.reference import Steps
-from ehsa_ctrl.scenario.step import step_metrics
+from ehsa_ctrl.scenario.response import hunting, step_metrics
 from ehsa_ctrl.simulation.closed_loop import ClosedLoop
 
 TIME = np.linspace(0, 5, 2001)
@@ -225,7 +224,7 @@ def test_settling_ratio_is_against_the_shortest_time():
 def test_every_metric_is_shown_in_a_unit_that_fits():
     """SI unit and shown unit convert, and each has a floor for the regression."""
     for name, metric in METRICS.items():
-        assert metric.read(1.0), name
+        assert metric.format(1.0), name
         assert metric.floor > 0, name
         assert metric.meaning and metric.close(1.0, 1.0, 0.0)
 

@@ -7,11 +7,10 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.scenario.campaign import Outcome, line_of, open_campaign
-from ehsa_ctrl.scenario.influence import influences
-from ehsa_ctrl.scenario.montecarlo import MonteCarlo, monte_carlo
+from ehsa_ctrl.scenario.montecarlo import MonteCarlo, Outcome, monte_carlo, open_campaign
 from ehsa_ctrl.scenario.run import prepare
-from ehsa_ctrl.scenario.spread import Uncertain, Uncertainty, uncertainty_of
+from ehsa_ctrl.scenario.sensitivity import influences
+from ehsa_ctrl.scenario.uncertainty import ParameterUncertainty, UncertainParameter, uncertainty_of
 
 ADD = '\n[limits]\nMaxError = { max = "2 mm" }\n\n[spread]\nK_T = ["1.0 N m/A", "1.4 N m/A"]\nA_FR = "10 %"\n'
 
@@ -45,7 +44,7 @@ def test_a_run_of_a_campaign_is_a_run_of_the_scenario(scenario):
     """Draw, plant and noise of run 7, done by hand, give its metrics."""
     found = monte_carlo(scenario, runs=8).outcomes[7]
     case = prepare(scenario)
-    metrics = case.metrics(case.loop(case.nonlinear.set(**found.parameters), found.seed))
+    metrics = case.metrics(case.simulate(case.nonlinear.set(**found.parameters), found.seed))
 
     assert found.metrics["MaxError"] == metrics["MaxError"]
     assert found.passed == (metrics["MaxError"] <= 2e-3)
@@ -115,7 +114,7 @@ def test_an_outcome_survives_its_file(tmp_path):
         Outcome(0, True, 0.5, 7, {"K_T": 1.1}, {"IAE": 0.25}),
         Outcome(1, False, float("-inf"), 8, {"K_T": 1.3}, {}, ('it said "no"',)),
     )
-    open_campaign(file, "x").append(map(line_of, outcomes))
+    open_campaign(file, "x").append(outcome.to_line() for outcome in outcomes)
 
     assert open_campaign(file, "x").results == list(outcomes)
 
@@ -139,7 +138,7 @@ def test_the_interval_holds_the_probability_as_often_as_it_says():
     intervals = []
     for k in range(n + 1):
         outcomes = tuple(outcome(i, i < k, K_T=1.0) for i in range(n))
-        intervals.append(MonteCarlo("s", "c", Uncertainty(()), outcomes, 0).interval(0.9))
+        intervals.append(MonteCarlo("s", "c", ParameterUncertainty(()), outcomes, 0).interval(0.9))
     for p in (0.02, 0.3, 0.71, 0.97):
         covered = sum(binom.pmf(k, n, p) for k, (low, high) in enumerate(intervals) if low <= p <= high)
 
@@ -230,7 +229,7 @@ def test_a_wrong_spread_is_a_sentence(plant, spread, says):
 
 def test_bounds_without_room_are_said():
     """A believed range far from the value."""
-    nowhere = Uncertainty((Uncertain("K_T", 1.0, 5.0, 6.0, sd=0.1),))
+    nowhere = ParameterUncertainty((UncertainParameter("K_T", 1.0, 5.0, 6.0, sd=0.1),))
     with pytest.raises(InputError, match="no draw within the bounds of K_T"):
         nowhere.draw(np.random.default_rng(0))
 

@@ -17,7 +17,7 @@ def run(pytester, monkeypatch):
 
     def call(*arguments, **scenarios):
         for name, add in scenarios.items():
-            (folder / f"{name}.toml").write_text(SHORT + add if add is not None else "schema = 1\ntitel = 1\n")
+            (folder / f"{name}.toml").write_text(SHORT + add if add is not None else SHORT.replace("title", "titel"))
         return pytester.runpytest_inprocess("scenarios", "-p", "no:cacheprovider", "-rs", *arguments)
 
     return call
@@ -49,7 +49,7 @@ def test_other_controllers_are_tests_of_their_own(run, pytester):
     from ehsa_ctrl.core.catalogue import controllers
 
     pytester.mkdir("controllers").joinpath("mine.toml").write_text(controllers["pid_position"].read_text())
-    result = run("--scenario-controller", "pid_position,mine", "-v", good=LIMIT)
+    result = run("--ehsa-controller", "pid_position,mine", "-v", good=LIMIT)
 
     result.assert_outcomes(passed=2)
     result.stdout.fnmatch_lines(["*good?pid_position? PASSED*", "*good?mine? PASSED*"])
@@ -58,33 +58,39 @@ def test_other_controllers_are_tests_of_their_own(run, pytester):
 @pytest.mark.slow
 def test_baselines_are_recorded_with_a_reason_and_then_hold(run, pytester):
     """Recorded, kept, left by another plant with the figure and the table of it, recorded anew."""
-    result = run("--update-baselines", "--reason", "first look", good=LIMIT)
+    result = run("--ehsa-update-baselines", "--ehsa-reason", "first look", good=LIMIT)
     result.assert_outcomes(passed=1)
     result.stdout.fnmatch_lines(["*baselines recorded*", "good", "*recorded for the first time*"])
     run().assert_outcomes(passed=1)
 
     other = LIMIT + '\n[settings]\nA_FR = "1300 N"\n'
-    result = run("--scenario-out", "seen", good=other)
+    result = run("--ehsa-out", "seen", good=other)
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*x leaves its tube by*", "*because: first look; changed since then: *"])
     seen = {path.name for path in (pytester.path / "seen").iterdir()}
     assert {"good-pid_position.png", "good-pid_position-baseline.png", "good-pid_position-baseline.csv"} < seen
 
-    result = run("--update-baselines", "--reason", "stiffer seal")
+    result = run("--ehsa-update-baselines", "--ehsa-reason", "stiffer seal")
     result.assert_outcomes(passed=1)
     result.stdout.fnmatch_lines(["*RMSError (nonlinear) was * and is *"])
 
 
 def test_baselines_are_not_changed_without_a_reason(run):
     """A usage error with what to do, before anything is run."""
-    result = run("--update-baselines", good=LIMIT)
+    result = run("--ehsa-update-baselines", good=LIMIT)
 
     assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["*say why with --reason TEXT*"])
+    result.stderr.fnmatch_lines(["*say why with --ehsa-reason TEXT*"])
 
 
 def test_other_tomls_are_left_alone(pytester):
-    """Only a folder of that name holds scenarios."""
-    pytester.makefile(".toml", settings="a = 1")
+    """A scenario lies in a folder of that name and has the form of one; other projects have such folders too."""
+    from .conftest import SHORT
+
+    pytester.makefile(".toml", settings="a = 1", elsewhere=SHORT)
+    folder = pytester.mkdir("scenarios")
+    (folder / "game.toml").write_text('title = "level 1"\nduration = 30\n[[enemy]]\nkind = "troll"\n')
+    (folder / "broken.toml").write_text("[[[")
+    (folder / "bytes.toml").write_bytes(b"\xff\xfe\x00")
 
     assert pytester.runpytest_inprocess("-p", "no:cacheprovider").ret == pytest.ExitCode.NO_TESTS_COLLECTED

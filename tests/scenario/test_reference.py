@@ -90,7 +90,7 @@ def test_a_file_may_bring_its_own_speed(tmp_path):
     ("text", "says"),
     [
         ("t,x\n0,0\n1,1\n", "has no column 'position'"),
-        ("t,position\n0,0\n1,oops\n", "column 'position', row 2"),
+        ("t,position\n0,0\n1,oops\n", "column .position., row 3"),
         ("t,position\n0,0\n0,1\n", "t must grow"),
         ("t,position\n0,0\n", "at least two rows"),
     ],

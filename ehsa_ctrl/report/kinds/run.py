@@ -9,7 +9,7 @@ from typing import Any
 from ...core.text import join_words
 from ...core.unit import factor
 from ...scenario.metrics import METRICS
-from ...scenario.result import NAMED, few
+from ...scenario.result import NAMED, first_reasons
 from ..number import unit
 from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, written
 
@@ -55,7 +55,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
 
 def _sentences(runs: list[Mapping[str, Any]], good: int) -> list[Sentence]:
     failed = [run for run in runs if not run["passed"]]
-    found: list[Sentence] = [(f"{_name(run)} failed: {few(run['failures'])}.", False) for run in failed]
+    found: list[Sentence] = [(f"{_name(run)} failed: {first_reasons(run['failures'])}.", False) for run in failed]
     if not failed:
         found.append(("Every scenario kept its limits on the nonlinear plant.", True))
     flips = [

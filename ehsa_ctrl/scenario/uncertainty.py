@@ -1,4 +1,4 @@
-"""What is not known exactly: how a plant's parameters and its load may lie, and draws of them."""
+"""Parameter uncertainty of a plant and its load, and random draws from it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from ..plant.draws import plausible_range, read_covariance
 from ..plant.file import both, key_of, symbol_of
 from ..plant.plant import Plant, read_settings
 
-#: Draws beyond so many standard deviations are drawn again: nobody believes a normal distribution out there.
+#: Draws beyond this many standard deviations are repeated: no measured distribution is normal that far out.
 WITHIN = 3.0
-#: How often a draw outside its bounds is drawn again before that is called a mistake.
+#: Attempts to draw within the bounds before they are reported as contradictory.
 TRIES = 10_000
 
 
 def _read(value: Any) -> Any:
-    """One standard deviation ("10 %", "50 N"), or a range [low, high] within which all is equally likely."""
+    """One standard deviation ("10 %", "50 N"), or a range [low, high] of a uniform distribution."""
     quantity = str | int | float
     if isinstance(value, str) or (isinstance(value, int | float) and not isinstance(value, bool) and value == 0):
         return str(value)
@@ -37,11 +37,8 @@ Spread = Annotated[str | tuple[str, str], BeforeValidator(_read)]
 
 
 @dataclass(frozen=True)
-class Uncertain:
-    """A parameter that is drawn: normal with `sd` around `value`, or evenly between `lower` and `upper` if sd is None.
-
-    The bounds hold for a normal one too. SI units.
-    """
+class UncertainParameter:
+    """A random parameter: normal with `sd` around `value`, cut off at the bounds, or uniform where sd is None. SI."""
 
     name: str
     value: float
@@ -57,13 +54,10 @@ class Uncertain:
 
 
 @dataclass(frozen=True)
-class Uncertainty:
-    """All parameters that are drawn, and how they go together.
+class ParameterUncertainty:
+    """All random parameters; correlation (k, k) of the normal ones in their order, None where independent."""
 
-    correlation: (k, k) of those with a standard deviation, in their order; None: independent.
-    """
-
-    parameters: tuple[Uncertain, ...]
+    parameters: tuple[UncertainParameter, ...]
     correlation: np.ndarray | None = None
 
     @property
@@ -86,26 +80,26 @@ class Uncertainty:
 
 def uncertainty_of(
     plant: Plant, spread: Mapping[str, str | tuple[str, str]], identification: Path | None = None
-) -> Uncertainty:
-    """What is uncertain in a plant: what its file says, and what a scenario's [spread] says instead.
+) -> ParameterUncertainty:
+    """Uncertainty of a plant's parameters by its file, overridden by a scenario's [spread].
 
-    A parameter with a standard deviation is drawn from a normal distribution within its bounds; one with bounds alone
-    evenly between them. `spread` has a parameter's symbol or load.WORD; "0" takes one out.
+    A parameter with a standard deviation is normal within its bounds; one with bounds only is uniform. Keys of
+    `spread` are symbols and load.WORD; "0" makes a parameter certain.
 
     Parameters
     ----------
-    identification: an identification.json, whose covariance its parameters are drawn with.
+    identification: an identification.json; its parameters are drawn with its covariance.
 
     Raises
     ------
     InputError: an unknown key, a value that does not fit, an empty range.
     """
-    found: dict[str, Uncertain] = {}
+    found: dict[str, UncertainParameter] = {}
     for name, p in plant.parameters.items():
         if p.sd is not None and 0.0 < p.sd < np.inf:
-            found[name] = Uncertain(name, p.value, *plausible_range(plant, name), sd=p.sd, unit=p.unit)
+            found[name] = UncertainParameter(name, p.value, *plausible_range(plant, name), sd=p.sd, unit=p.unit)
         elif np.isfinite([p.lower, p.upper]).all() and p.lower < p.upper and p.source != "given":
-            found[name] = Uncertain(name, p.value, p.lower, p.upper, unit=p.unit)
+            found[name] = UncertainParameter(name, p.value, p.lower, p.upper, unit=p.unit)
     together: dict[tuple[str, str], float] = {}
     if identification is not None:
         estimated, together = _covariance(plant, identification)
@@ -120,11 +114,11 @@ def uncertainty_of(
     parameters = tuple(found.values())
     normal = [p.name for p in parameters if p.sd is not None]
     matrix = np.array([[together.get((a, b), float(a == b)) for b in normal] for a in normal])
-    return Uncertainty(parameters, matrix if together else None)
+    return ParameterUncertainty(parameters, matrix if together else None)
 
 
-def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, Uncertain | None]:
-    """One entry of a scenario's [spread]; None takes the parameter out."""
+def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, UncertainParameter | None]:
+    """One entry of a scenario's [spread]; None for a parameter that becomes certain."""
     name = symbol_of(key)
 
     def read(text: str) -> float:
@@ -138,7 +132,7 @@ def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, U
         kind = next(kind for kind in plant.structure.equations.parameters if kind.name == name)
         if not kind.lower <= low < high <= kind.upper:
             raise InputError(f"[spread] {key}: {given[0]} to {given[1]} is no range that is physically possible")
-        return name, Uncertain(name, plant[name], low, high, unit=kind.unit)
+        return name, UncertainParameter(name, plant[name], low, high, unit=kind.unit)
     if given.strip().endswith("%"):
         read("0" if key_of(name) != name else str(plant.parameters[name].value) if name in plant.parameters else "0")
         try:
@@ -149,12 +143,12 @@ def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, U
         sd = read(given)
     if not 0.0 <= sd < np.inf:
         raise InputError(f"[spread] {key}: {given!r}; a standard deviation must be at least 0")
-    return name, Uncertain(
+    return name, UncertainParameter(
         name, plant[name], *plausible_range(plant, name), sd=sd, unit=plant.parameters[name].unit
     ) if sd > 0 else None
 
 
-def _covariance(plant: Plant, path: Path) -> tuple[dict[str, Uncertain], dict[tuple[str, str], float]]:
+def _covariance(plant: Plant, path: Path) -> tuple[dict[str, UncertainParameter], dict[tuple[str, str], float]]:
     """Parameters and correlations of an identification.json."""
     found = read_covariance(path)
     names, covariance = found.names, found.matrix
@@ -168,7 +162,9 @@ def _covariance(plant: Plant, path: Path) -> tuple[dict[str, Uncertain], dict[tu
         (a, b): float(covariance[i, j] / (sd[i] * sd[j])) for i, a in enumerate(names) for j, b in enumerate(names)
     }
     estimated = {
-        name: Uncertain(name, plant[name], *plausible_range(plant, name), float(deviation), plant.parameters[name].unit)
+        name: UncertainParameter(
+            name, plant[name], *plausible_range(plant, name), float(deviation), plant.parameters[name].unit
+        )
         for name, deviation in zip(names, sd, strict=True)
     }
     return estimated, correlation

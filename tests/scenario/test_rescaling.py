@@ -9,10 +9,9 @@ from ehsa_ctrl.core.catalogue import controllers, plants
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.load import read_controller
 from ehsa_ctrl.design.tuning.specification import leaves
-from ehsa_ctrl.scenario.carried import carrier
-from ehsa_ctrl.scenario.check import check_definition
-from ehsa_ctrl.scenario.ratings import ratings, require_within
-from ehsa_ctrl.scenario.run import prepare
+from ehsa_ctrl.scenario.plant_data import check_controller_limits, ratings
+from ehsa_ctrl.scenario.rescaling import rescaling_to
+from ehsa_ctrl.scenario.run import check_definition, prepare
 
 EHSA = plants["ehsa"].read_text()
 #: Half the stroke, a third of the current, twice the samples.
@@ -41,7 +40,7 @@ def rig(tmp_path):
 
 def changes(name, plant):
     content = tomllib.loads(controllers[name].read_text())
-    return carrier(plant).changes(content, leaves(CONTROLLER_KINDS[content["kind"]].file))
+    return rescaling_to(plant).changes(content, leaves(CONTROLLER_KINDS[content["kind"]].file))
 
 
 @pytest.mark.parametrize("name", list(controllers))
@@ -50,7 +49,7 @@ def test_on_the_shipped_plant_every_shipped_number_stays(name):
     path = controllers[name]
 
     assert changes(name, "ehsa") == {}
-    assert require_within(path, read_controller(path)[1], load_plant("ehsa")) is None
+    assert check_controller_limits(path, read_controller(path)[1], load_plant("ehsa")) is None
 
 
 def test_limits_period_and_weights_are_the_same_share_of_another_plant(rig):
@@ -110,7 +109,7 @@ def test_what_a_plant_does_not_state_stays_and_is_named(rig):
     content = tomllib.loads(controllers["mpc_position"].read_text())
 
     assert changes("mpc_position", bare) == {}
-    assert {"current_limit", "limits.stroke", "limits.speed"} <= set(carrier(bare).unknown(content))
+    assert {"current_limit", "limits.stroke", "limits.speed"} <= set(rescaling_to(bare).unknown(content))
 
 
 @pytest.mark.parametrize(
@@ -162,4 +161,4 @@ def test_a_controller_without_a_sample_time_runs_at_the_plants_period(rig, tmp_p
 def test_a_plant_without_a_linear_set_is_said():
     """Controllers are designed on it."""
     with pytest.raises(InputError, match=r"emps.toml: has no \[linear\] model, on which controllers are designed"):
-        carrier("emps")
+        rescaling_to("emps")

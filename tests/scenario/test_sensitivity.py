@@ -5,10 +5,9 @@ import math
 import pytest
 
 from ehsa_ctrl.core.definition import validate
-from ehsa_ctrl.scenario.assumed import over_assumed
-from ehsa_ctrl.scenario.definition import ScenarioFile
+from ehsa_ctrl.scenario.definition import Scenario, ScenarioFile
 from ehsa_ctrl.scenario.run import prepare, run
-from ehsa_ctrl.scenario.scenario import Scenario
+from ehsa_ctrl.scenario.sensitivity import assumption_sensitivity
 
 STEP = {
     "schema": 1,
@@ -39,15 +38,15 @@ def test_every_assumed_parameter_with_a_range_is_tried(result):
         if p.source == "assumed" and math.isfinite(p.lower) and math.isfinite(p.upper)
     }
 
-    assert {s.parameter.name: (s.low.value, s.high.value) for s in result.swings} == expected
+    assert {s.parameter.name: (s.low.value, s.high.value) for s in result.sensitivities} == expected
     assert "K_T" in expected
 
 
 def test_an_end_is_the_same_loop_on_a_plant_set_so(result):
     """The controller is not designed anew: the run is that of the believed controller on the other plant."""
     case = prepare(scenario())
-    swing = next(s for s in result.swings if s.parameter.name == "K_T")
-    loop = case.loop(case.nonlinear.set(K_T=swing.high.value))
+    swing = next(s for s in result.sensitivities if s.parameter.name == "K_T")
+    loop = case.simulate(case.nonlinear.set(K_T=swing.high.value))
 
     assert swing.high.metrics["RMSError"] == case.metrics(loop)["RMSError"]
     assert swing.high.metrics["RMSError"] != result.metrics["RMSError"][1]
@@ -57,12 +56,12 @@ def test_what_a_setting_gave_is_not_assumed():
     """Who sets a value believes it: it has no range to go through."""
     case = prepare(scenario(settings={"K_T": "1.1 N m/A"}))
 
-    assert "K_T" not in {swing.parameter.name for swing in over_assumed(case, kept=True)}
+    assert "K_T" not in {swing.parameter.name for swing in assumption_sensitivity(case, kept=True)}
 
 
 def test_a_limit_between_both_ends_flips_the_verdict(result):
     """A limit that is kept as believed and not at an end is said to flip; a far one is not."""
-    swing = next(s for s in result.swings if s.parameter.name == "K_T")
+    swing = next(s for s in result.sensitivities if s.parameter.name == "K_T")
     nominal = result.metrics["RMSError"][1]
     worst = max(end.metrics["RMSError"] for end in swing.ends)
     assert worst > nominal
@@ -70,31 +69,31 @@ def test_a_limit_between_both_ends_flips_the_verdict(result):
     wide = run(scenario(limits={"RMSError": {"max": f"{2.0 * worst} m"}}), assumed=True)
 
     assert tight.passed and wide.passed
-    assert next(s for s in tight.swings if s.parameter.name == "K_T").flips
-    assert not any(s.flips for s in wide.swings)
+    assert next(s for s in tight.sensitivities if s.parameter.name == "K_T").flips
+    assert not any(s.flips for s in wide.sensitivities)
 
 
 def test_by_default_nothing_more_is_run():
     """In Python it has to be asked for; None leaves it to what the controller costs."""
-    assert run(scenario()).swings is None
-    assert run(scenario(), assumed=None).swings
+    assert run(scenario()).sensitivities is None
+    assert run(scenario(), assumed=None).sensitivities
 
 
 def test_a_run_that_can_not_be_made_is_a_failure_and_no_crash(monkeypatch):
     """An end where the plant does not run counts as not kept, with the reason."""
     from ehsa_ctrl.core.errors import SimulationError
-    from ehsa_ctrl.scenario.run import Case
+    from ehsa_ctrl.scenario.run import PreparedScenario
 
     case = prepare(scenario())
-    whole = Case.loop
+    whole = PreparedScenario.simulate
 
     def stops(self, plant, seed=None):
         if plant["K_T"] > 1.5:
             raise SimulationError("left the range of its equations")
         return whole(self, plant, seed)
 
-    monkeypatch.setattr(Case, "loop", stops)
-    swing = next(s for s in over_assumed(case, kept=True) if s.parameter.name == "K_T")
+    monkeypatch.setattr(PreparedScenario, "simulate", stops)
+    swing = next(s for s in assumption_sensitivity(case, kept=True) if s.parameter.name == "K_T")
 
     assert swing.low.passed and swing.high.failures == ("left the range of its equations",)
     assert swing.flips and swing.high.metrics == {}

@@ -5,7 +5,7 @@ from math import isnan
 import pytest
 
 from ehsa_ctrl.plant.motion_current import motion_current
-from ehsa_ctrl.scenario.known import known_of
+from ehsa_ctrl.scenario.plant_data import known_of
 
 
 def test_a_nonlinear_plant_tells_its_friction_and_its_stroke(plant):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ehsa_ctrl.scenario.funnel import tube, worst_exit
+from ehsa_ctrl.scenario.baseline import signal_tube
 
 
 def by_rectangles(time, recorded, at, value_tolerance, time_tolerance):
@@ -31,7 +31,7 @@ def test_the_tube_is_what_the_rectangle_covers(points, value_tolerance, time_tol
     time = np.cumsum([gap for gap, _ in points])
     recorded = np.array([value for _, value in points])
     at = np.linspace(time[0] - 0.3, time[-1] + 0.3, 37)
-    found = tube(time, recorded, at, value_tolerance=value_tolerance, time_tolerance=time_tolerance)
+    found = signal_tube(time, recorded, at, value_tolerance=value_tolerance, time_tolerance=time_tolerance)
     lower, upper = by_rectangles(time, recorded, at, value_tolerance, time_tolerance)
 
     # The small steps miss a peak by at most its slope times half a step.
@@ -47,8 +47,8 @@ def test_a_late_flank_stays_within_and_a_later_one_does_not():
     flank = np.clip(time - 0.5, 0, 1)
 
     def late(by):
-        bounds = tube(time, flank, time, value_tolerance=0.0, time_tolerance=0.012)
-        return worst_exit(time, np.interp(time - by, time, flank), bounds)
+        bounds = signal_tube(time, flank, time, value_tolerance=0.0, time_tolerance=0.012)
+        return bounds.worst_exit(time, np.interp(time - by, time, flank))
 
     assert late(0.010) is None
     assert late(-0.010) is None
@@ -61,6 +61,6 @@ def test_the_worst_exit_is_said_with_its_time():
     time = np.arange(10.0)
     values = np.zeros(10)
     values[6] = 0.5
-    left = worst_exit(time, values, tube(time, np.zeros(10), time, value_tolerance=0.2, time_tolerance=1.0))
+    left = signal_tube(time, np.zeros(10), time, value_tolerance=0.2, time_tolerance=1.0).worst_exit(time, values)
 
     assert (left.time, left.value) == (6.0, 0.5) and left.by == pytest.approx(0.3)

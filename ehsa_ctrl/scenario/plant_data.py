@@ -1,12 +1,16 @@
-"""What a plant allows: where a controller's limits meet those of the plant that it is used with."""
+"""Data of a plant that controllers need: the largest values that it allows, and its noise and friction for a review."""
 
 from __future__ import annotations
 
+from math import nan
 from pathlib import Path
 from typing import NamedTuple
 
+from ..core.controller_interface import MEASURED
 from ..core.errors import InputError
 from ..design.kinds import ControllerFile
+from ..design.review import Known
+from ..plant.motion_current import motion_current
 from ..plant.plant import Plant
 
 #: Key of a controller's TOML -> the rating of the plant that bounds it.
@@ -21,7 +25,7 @@ BOUNDED = {
 
 
 class Rating(NamedTuple):
-    """The most that a plant allows of something: value, its SI unit, and from which keys of its file that follows."""
+    """Largest value that a plant allows: value, SI unit, and the keys of its file from which it follows."""
 
     value: float
     unit: str
@@ -29,8 +33,8 @@ class Rating(NamedTuple):
 
 
 def ratings(plant: Plant) -> dict[str, Rating]:
-    """What a plant's [limits] allow: current, speed (of the shaft), rod_speed, pressure (difference), reach (to either
-    side of the middle); without those of which the file states nothing."""
+    """Largest values by a plant's [limits]: current, speed (of the shaft), rod_speed, pressure (difference), reach (to
+    either side of the middle); only those that the file determines."""
     limit = {name: parameter.value for name, parameter in plant.limits.items()}
     found = {}
     if "motor_torque" in limit:
@@ -48,8 +52,8 @@ def ratings(plant: Plant) -> dict[str, Rating]:
     return found
 
 
-def require_within(file: Path, definition: ControllerFile, plant: Plant) -> None:
-    """Raises InputError for a controller that may ask for more than its plant allows: file, key and both values."""
+def check_controller_limits(file: Path, definition: ControllerFile, plant: Plant) -> None:
+    """Raise InputError for a controller whose limits exceed those of its plant: file, key and both values."""
     allowed = ratings(plant)
     for key, name in BOUNDED.items():
         value: object = definition
@@ -63,3 +67,22 @@ def require_within(file: Path, definition: ControllerFile, plant: Plant) -> None
                 f"{plant.name} allows, {most:.4g} {unit} ({source}); lower it, or begin a controller for this plant "
                 f"with ehsa-ctrl new controller NAME --plant {plant.name}"
             )
+
+
+def known_of(plant: Plant) -> Known:
+    """Data of a plant for `review`: sensor noise and, for a nonlinear set, friction and half the stroke.
+
+    It lacks the smallest slip and a solver's time; `dataclasses.replace` adds them.
+
+    Raises InputError as motion_current does.
+    """
+    noise = {channel: plant.sensors[channel].sd for channel in MEASURED if channel in plant.sensors}
+    if plant.model != "nonlinear":
+        return Known(noise=noise)
+    needed, stroke = motion_current(plant), plant.limits.get("stroke")
+    return Known(
+        static=needed["static"],
+        coulomb=needed["coulomb"],
+        reach=0.5 * stroke.value if stroke is not None else nan,
+        noise=noise,
+    )

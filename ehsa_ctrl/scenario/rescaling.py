@@ -1,8 +1,8 @@
-"""A shipped definition's numbers carried over to another plant than the shipped EHSA, which they were chosen for.
+"""Rescale the numbers of a shipped controller or scenario, chosen for the shipped EHSA, to another plant.
 
-What is a property of the plant stays the same share of it: a current limit of the motor's continuous current, a stroke
-of the rod's, a weight of the position of the stroke, a sample time of the bench's period. For the shipped EHSA every
-number stays as it is.
+Each number keeps its ratio to a characteristic value of the plant: a current limit to the motor's continuous current, a
+stroke to the rod's, a weight of the position to the stroke, a sample time to the bench's period. For the shipped EHSA
+no number changes.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from ..core.unit import factor, parse
 from ..design.synthesis.kalman import Noise
 from ..plant.motion_current import motion_current
 from ..plant.plant import Plant, knows, load_plant, models_of, with_settings
-from .ratings import BOUNDED, Rating, ratings
+from .plant_data import BOUNDED, Rating, ratings
 
-#: Size of a plant -> keys of controllers and scenarios that are a share of it.
-SHARES = {
+#: Characteristic value of a plant -> keys of controllers and scenarios that scale with it.
+SCALES_WITH = {
     "period": ("sample_time", "solver.deadline", "rest.knocker.width", "rest.knocker.period", "gains.T_f"),
     "rate": ("dither.frequency",),
     "bandwidth": ("speed.crossover", "position.crossover", "design.crossover", "tuning.crossover"),
@@ -41,7 +41,7 @@ SHARES = {
         "limits.stroke", "weights.position", "weights.integral", "reference.positions", "reference.position",
         "reference.amplitude", "supervision.position",
     ),
-    # A soft limit is weighed against being 0.1 m off, squared.
+    # The penalty of a soft limit is weighed against the squared position error.
     "reach2": ("limits.penalty",),
     "force": ("observer.load",),
     "slip": ("rest.band", "rest.release"),
@@ -51,13 +51,13 @@ SHARES = {
     **{word: (f"feedforward.{word}",) for word in ("inertia", "viscous", "stiffness", "coulomb", "static", "load")},
     "stribeck": ("feedforward.stribeck",),
 }  # fmt: skip
-#: Sensors of an [observer], by the plant's channels.
+#: Keys of [observer] that are sensor noise -> channel of the plant.
 NOISY = {"speed": "speed", "pressure": "p1", "position": "position"}
-SIZES = {key: size for size, keys in SHARES.items() for key in keys}
-#: Continuous over peak current of a motor whose file states the peak torque alone: as the EHSA's.
+VALUE_OF = {key: name for name, keys in SCALES_WITH.items() for key in keys}
+#: Continuous over peak current where the file states only the peak torque: the EHSA's ratio.
 CONTINUOUS = 0.187
-#: What a definition that leaves these keys out has: numbers of the shipped EHSA too.
-LEFT_OUT: dict[str, Any] = {
+#: Defaults of optional keys that are numbers of the shipped EHSA.
+DEFAULTS: dict[str, Any] = {
     "observer.speed": f"{Noise.speed:g} rad/s",
     "observer.pressure": f"{1e-3 * Noise.pressure:g} kPa",
     "observer.position": f"{1e6 * Noise.position:g} um",
@@ -66,58 +66,58 @@ LEFT_OUT: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Carrier:
-    """From the shipped EHSA to another plant.
+class Rescaling:
+    """Rescaling from the shipped EHSA to another plant.
 
-    ratios: size -> the plant's over the EHSA's; without those of which the plant's file states nothing.
+    ratios: characteristic value -> the plant's over the EHSA's, where the plant's file determines it.
     allowed: see `ratings`.
     """
 
     ratios: Mapping[str, float]
     allowed: Mapping[str, Rating]
 
-    def carry(self, key: str, value: Any) -> Any:
-        """A key's value for the plant; the same object where it is no other number."""
+    def scale(self, key: str, value: Any) -> Any:
+        """The value of a key for the plant; the same object where it does not change."""
         if isinstance(value, list):
-            return [self.carry(key, item) for item in value]
-        ratio = self.ratios.get(SIZES.get(key, ""), 1.0)
+            return [self.scale(key, item) for item in value]
+        ratio = self.ratios.get(VALUE_OF.get(key, ""), 1.0)
         if isinstance(value, str):
             number, _, unit = value.partition(" ")
             most = self.allowed.get(BOUNDED.get(key, ""))
             if most is not None and parse(value, most.unit) * ratio > most.value:
                 return f"{_rounded(most.value / factor(unit, most.unit), down=True)} {unit}"
-            return value if _same(ratio) else f"{_rounded(float(number) * ratio)} {unit}"
-        if _same(ratio):
+            return value if abs(ratio - 1.0) < 1e-9 else f"{_rounded(float(number) * ratio)} {unit}"
+        if abs(ratio - 1.0) < 1e-9:
             return value
         return min(max(round(value * ratio), 2), 500) if isinstance(value, int) else float(_rounded(value * ratio))
 
     def changes(self, content: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
-        """Dotted key -> value of what is another number for the plant; `known` are the keys that the form has."""
-        there = {key: value for key, value in LEFT_OUT.items() if key in known} | dict(_leaves(content))
-        carried = {key: self.carry(key, value) for key, value in there.items() if key in SIZES}
-        return {key: value for key, value in carried.items() if value != there[key]}
+        """Dotted key -> value of the numbers that change; `known` are the keys of the form."""
+        there = {key: value for key, value in DEFAULTS.items() if key in known} | dict(_leaves(content))
+        scaled = {key: self.scale(key, value) for key, value in there.items() if key in VALUE_OF}
+        return {key: value for key, value in scaled.items() if value != there[key]}
 
     def unknown(self, content: Mapping[str, Any]) -> list[str]:
-        """Keys that stay as they are because the plant's file does not state what they are a share of."""
-        return [key for key, _ in _leaves(content) if key in SIZES and SIZES[key] not in self.ratios]
+        """Keys that keep their value because the plant's file does not determine what they scale with."""
+        return [key for key, _ in _leaves(content) if key in VALUE_OF and VALUE_OF[key] not in self.ratios]
 
 
-def carrier(plant: str | Path, settings: Mapping[str, str | float] | None = None) -> Carrier:
-    """From the shipped EHSA to this plant, as it is believed with these settings. Raises InputError as load_plant."""
+def rescaling_to(plant: str | Path, settings: Mapping[str, str | float] | None = None) -> Rescaling:
+    """Rescaling from the shipped EHSA to this plant with these settings. Raises InputError as load_plant."""
     here, there = _models(plant, settings or {}), _models(shipped("plants")["ehsa"], {})
-    new, old = sizes(*here), sizes(*there)
-    ratios = {size: new[size] / old[size] for size in new if old.get(size)}
-    # A loop may be as fast as sampling and oil allow, a motion as fast as speed and current do.
+    new, old = characteristic_values(*here), characteristic_values(*there)
+    ratios = {name: new[name] / old[name] for name in new if old.get(name)}
+    # Sampling and the hydraulic mode bound the bandwidth.
     ratios["bandwidth"] = min(1.0, ratios["mode"], ratios["rate"])
-    # The horizon lasts until the oil's mode has decayed.
+    # The prediction horizon covers the decay of the hydraulic mode.
     ratios["samples"] = ratios["rate"] / ratios["mode"]
-    return Carrier(ratios, ratings(here[0]))
+    return Rescaling(ratios, ratings(here[0]))
 
 
-def sizes(linear: Plant, nonlinear: Plant) -> dict[str, float]:
-    """How large everything is that a definition's numbers are a share of, SI units, by the names of SHARES.
+def characteristic_values(linear: Plant, nonlinear: Plant) -> dict[str, float]:
+    """Characteristic values of a plant, SI units, by the names of SCALES_WITH, as far as its file determines them.
 
-    Friction is that of the nonlinear set; of limits that the file does not state nothing is said.
+    Friction is that of the nonlinear set.
     """
     p, motion = linear.values, motion_current(nonlinear)
     found = {name: rating.value for name, rating in ratings(linear).items()}
@@ -127,9 +127,9 @@ def sizes(linear: Plant, nonlinear: Plant) -> dict[str, float]:
         found["current"] *= CONTINUOUS
     found |= {"period": linear.sample_time, "rate": 1.0 / linear.sample_time, "level": p["P_0"], **motion}
     oil, mass = 2.0 * p["beta"] / p["V"], p["M"] + p["m_L"]
-    # Shaft and rod against the oil between them.
+    # Natural frequency of shaft and rod on the oil.
     found["mode"] = sqrt(oil * (p["D"] ** 2 / p["J_M"] + p["A"] ** 2 / mass))
-    # What breaking away sets free goes into the oil.
+    # At breakaway the excess of static friction relaxes the oil.
     slip = (motion["static"] - motion["coulomb"]) / motion["load"] / (oil * p["A"] ** 2)
     noise = {f"noise_{word}": linear.sensors[channel].sd for word, channel in NOISY.items()}
     found |= {name: value for name, value in {"slip": slip, "friction": motion["coulomb"], **noise}.items() if value}
@@ -146,8 +146,7 @@ def sizes(linear: Plant, nonlinear: Plant) -> dict[str, float]:
 
 
 def _models(plant: str | Path, settings: Mapping[str, str | float]) -> tuple[Plant, Plant]:
-    """The linear set, and the nonlinear one with those of the settings that it knows; the linear one where it is the
-    only one."""
+    """The linear set, and the nonlinear one with the settings that it has, or the linear one again without it."""
     linear = load_plant(plant, model="linear", settings=settings)
     if "nonlinear" not in models_of(plant):
         return linear, linear
@@ -161,10 +160,6 @@ def _leaves(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield from _leaves(item, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", item
-
-
-def _same(ratio: float) -> bool:
-    return abs(ratio - 1.0) < 1e-9
 
 
 def _rounded(value: float, *, down: bool = False) -> str:

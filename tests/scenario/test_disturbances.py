@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.scenario.fault import Supervising, faults_of
+from ehsa_ctrl.scenario.disturbances import SupervisionSettings, faults_of
 from ehsa_ctrl.scenario.run import prepare
 
 POSITION = 3
@@ -63,7 +63,7 @@ def test_a_contradiction_stops_the_loop_and_travel_is_the_plants(short):
     plant = case.nonlinear
 
     assert case.controller.supervision.travel == plant["D"] / plant["A"]
-    assert case.metrics(case.loop(plant))["StopTime"] < 0.2
+    assert case.metrics(case.simulate(plant))["StopTime"] < 0.2
 
 
 def test_supervision_that_is_not_asked_for_changes_nothing(short):
@@ -82,6 +82,6 @@ def test_no_fault_is_an_empty_table():
 
 def test_supervising_reads_units(plant):
     """bar and mm in, SI out."""
-    read = Supervising(position="95 mm", pressure_max="200 bar").of(plant)
+    read = SupervisionSettings(position="95 mm", pressure_max="200 bar").for_plant(plant)
 
     assert (read.position, read.pressure_max) == (pytest.approx(0.095), pytest.approx(200e5))

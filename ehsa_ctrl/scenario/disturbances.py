@@ -1,0 +1,153 @@
+"""What disturbs a scenario's loop: forces, sensors, faults; and the supervision that stops the loop."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from ..core.controller_interface import MEASURED
+from ..core.definition import Ampere, Definition, In, Metre, Newton, RadianPerSecond, Second
+from ..core.errors import InputError
+from ..core.unit import parse
+from ..design.stages.supervision import Supervision
+from ..plant.file import CHANNEL_UNITS
+from ..plant.plant import Plant
+from ..simulation.faults import DriveLimit, Faults, SensorFault
+
+Pascal = Annotated[float, In("Pa")]
+Channel = Literal["speed", "p1", "p2", "position", "force"]
+assert Channel.__args__ == MEASURED  # type: ignore[attr-defined]
+
+
+class _Event(Definition):
+    """Something that acts for a while."""
+
+    start: Second = Field(description="start time")
+    duration: Second = Field(default=float("inf"), description="left out, to the end of the run")
+
+    @model_validator(mode="after")
+    def _fit(self) -> _Event:
+        if self.start < 0 or self.duration <= 0:
+            raise ValueError("start must be at least 0 s and duration more than 0 s")
+        return self
+
+
+class ForceStep(_Event):
+    """[[disturbance]]: force steps on the rod, one for each table."""
+
+    force: Newton = Field(description="positive when it resists extension")
+
+
+class SensorOverride(Definition):
+    """A sensor of this scenario; what is left out is as in the plant."""
+
+    noise: str | None = Field(default=None, description="standard deviation of the noise")
+    step: str | None = Field(default=None, description="quantisation step")
+    delay: Second | None = Field(default=None, description="delay")
+
+
+def _override(sensor: str) -> Any:
+    return Field(default=SensorOverride(), description=f"{sensor}, where it differs from the plant's")
+
+
+class SensorSettings(Definition):
+    """[sensors]: noise, delay and quantisation, where they differ from the plant's."""
+
+    noise: bool = Field(default=True, description="whether the sensors are noisy")
+    seed: Annotated[int, Field(ge=0)] = Field(default=0, description="seed of the noise")
+    lag: Annotated[int, Field(ge=0, le=50)] = Field(
+        default=0, description="samples of delay between measurement and current"
+    )
+    speed: SensorOverride = _override("speed sensor")
+    p1: SensorOverride = _override("pressure sensor 1")
+    p2: SensorOverride = _override("pressure sensor 2")
+    position: SensorOverride = _override("position sensor")
+    force: SensorOverride = _override("load cell")
+
+    @model_validator(mode="after")
+    def _fit(self) -> SensorSettings:
+        for channel in MEASURED:
+            for word, value in self.changes(channel).items():
+                if not 0 <= value < float("inf"):
+                    raise ValueError(f"{channel}.{word} must be at least 0")
+        return self
+
+    def changes(self, channel: str) -> dict[str, Any]:
+        """Differences from the plant's sensor of a channel, in SI units."""
+        other: SensorOverride = getattr(self, channel)
+        found: dict[str, Any] = {}
+        for word, text in (("noise", other.noise), ("step", other.step)):
+            if text is not None:
+                try:
+                    found[word] = parse(text, CHANNEL_UNITS[channel])
+                except InputError as error:
+                    raise ValueError(f"{channel}.{word}: {error}") from None
+        return found | ({} if other.delay is None else {"delay": other.delay})
+
+
+class StuckSensor(_Event):
+    """A sensor that holds its last value."""
+
+    kind: Literal["stuck"] = Field(description="type of fault")
+    channel: Channel = Field(description="channel of the sensor")
+
+
+class LostSensor(_Event):
+    """A sensor whose samples are lost."""
+
+    kind: Literal["lost"] = Field(description="type of fault")
+    channel: Channel = Field(description="channel of the sensor")
+
+
+class CurrentLimit(_Event):
+    """A drive that limits its current below the controller's limit."""
+
+    kind: Literal["current_limit"] = Field(description="type of fault")
+    current: Ampere = Field(description="largest current, in either direction")
+
+    @model_validator(mode="after")
+    def _positive(self) -> CurrentLimit:
+        if self.current < 0:
+            raise ValueError("current must be at least 0 A")
+        return self
+
+
+Fault = Annotated[StuckSensor | LostSensor | CurrentLimit, Field(discriminator="kind")]
+
+
+def faults_of(faults: list[StuckSensor | LostSensor | CurrentLimit]) -> Faults:
+    """A scenario's faults in the form of the simulation."""
+    return Faults(
+        sensors=tuple(
+            SensorFault(f.channel, f.kind, f.start, f.duration) for f in faults if not isinstance(f, CurrentLimit)
+        ),
+        drive=tuple(DriveLimit(f.current, f.start, f.duration) for f in faults if isinstance(f, CurrentLimit)),
+    )
+
+
+class SupervisionSettings(Definition):
+    """[supervision]: plausibility limits; where a reading exceeds one, the loop stops with zero current."""
+
+    lost: Second = Field(default=0.04, description="how long a reading may be missing")
+    position: Metre = Field(default=float("inf"), description="largest rod position, in either direction")
+    speed: RadianPerSecond = Field(default=float("inf"), description="largest shaft speed, in either direction")
+    pressure_min: Pascal = Field(default=float("-inf"), description="lowest pressure")
+    pressure_max: Pascal = Field(default=float("inf"), description="highest pressure")
+    contradiction: Metre = Field(
+        default=float("inf"),
+        description="largest difference between measured position and that integrated from the shaft speed",
+    )
+    memory_time: Second = Field(default=0.25, description="time constant with which that difference is forgotten")
+
+    @model_validator(mode="after")
+    def _fit(self) -> SupervisionSettings:
+        if min(self.position, self.speed, self.contradiction, self.memory_time) <= 0 or self.lost < 0:
+            raise ValueError("position, speed, contradiction and memory_time must be greater than 0, lost at least 0 s")
+        if self.pressure_min >= self.pressure_max:
+            raise ValueError("pressure_min must be less than pressure_max")
+        return self
+
+    def for_plant(self, plant: Plant) -> Supervision:
+        """Supervision of a controller of this plant; rod travel per shaft angle is D / A."""
+        return Supervision(**self.model_dump(), travel=plant["D"] / plant["A"])

@@ -1,0 +1,109 @@
+"""Metrics of one response of a plant that sticks: the step response, and stick-slip around a target that is held.
+
+Names are those of python-control's `step_info`. The rules differ where a real actuator breaks them: a step is measured
+from the old target to the new one, crossings are interpolated, and what does not happen is nan instead of an exception
+or a false success.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: A loop has settled when it stays within this share of the step, or within this distance [m] if that is more.
+BAND, BAND_ABSOLUTE = 0.02, 100e-6
+
+
+def step_metrics(time: np.ndarray, y: np.ndarray, before: float, target: float) -> dict[str, float]:
+    """Step metrics of one response, from the moment of the step on; nan for what does not happen.
+
+    Parameters
+    ----------
+    time, y: (N,) s and the response; the first sample is at the step.
+    before, target: the old and the new target.
+
+    Returns
+    -------
+    RiseTime, SettlingTime, SettlingTimeAbs, SettlingMin, SettlingMax, Overshoot and Undershoot (as shares of the
+    step), Peak, PeakTime, SteadyStateValue, SteadyStateError.
+
+    Undershoot is the largest motion in the wrong direction, from the initial value and before the response reaches
+    90 %; an error left from before the step and a later swing back do not count.
+    """
+    size = target - before
+    tail = y[-max(y.size // 10, 1) :]
+    peak = int(np.argmax(np.abs(y)))
+    common = {
+        "Peak": float(abs(y[peak])),
+        "PeakTime": float(time[peak] - time[0]),
+        "SteadyStateValue": float(np.mean(tail)),
+        "SteadyStateError": float(abs(np.mean(tail) - target)),
+    }
+    if size == 0:
+        names = "RiseTime", "SettlingTime", "SettlingTimeAbs", "SettlingMin", "SettlingMax", "Overshoot", "Undershoot"
+        return dict.fromkeys(names, np.nan) | common
+    share = (y - before) / size
+    low, high = _first_crossing(time, share, 0.1), _first_crossing(time, share, 0.9)
+    risen = y[time >= high] if np.isfinite(high) else np.array([np.nan])
+    return common | {
+        "RiseTime": float(high - low),
+        "SettlingTime": _settling(time, share, settling_band(size)),
+        "SettlingTimeAbs": _settling(time, share, BAND_ABSOLUTE / abs(size)),
+        "SettlingMin": float(np.min(risen)),
+        "SettlingMax": float(np.max(risen)),
+        "Overshoot": float(max(np.max(share) - 1.0, 0.0)),
+        "Undershoot": float(max(share[0] - np.min(share[: int(np.argmax(share >= 0.9)) or None]), 0.0)),
+    }
+
+
+def settling_band(size: float) -> float:
+    """Half width of the band in which a step of `size` [m] has settled, as a share of the step."""
+    return max(BAND, BAND_ABSOLUTE / abs(size))
+
+
+def hunting(time: np.ndarray, x: np.ndarray) -> dict[str, float]:
+    """Stick-slip limit cycle while a target is held; the rod sticks exactly where x does not change in any bit.
+
+    A PID on a plant whose static friction exceeds its Coulomb friction has a limit cycle (B. Armstrong, B. Amin, "PID
+    control in the presence of static friction", Automatica 32(5), 1996) that the describing function predicts badly,
+    so it is measured. Reading x instead of the sampled sliding direction also finds a slip between two samples.
+
+    Parameters
+    ----------
+    time, x: (N,) s and m while the target is held.
+
+    Returns
+    -------
+    Slips: number of breakaways and reversals. HuntingAmplitude (peak to peak) and HuntingPeriod: of a motion that
+    reverses at least once; 0 and nan otherwise. With one reversal the period is nan.
+    """
+    way = np.sign(np.diff(x))
+    starts = np.flatnonzero((way != 0) & (np.concatenate([[0.0], way[:-1]]) != way))
+    ways = way[starts]
+    turns = starts[1:][ways[1:] != ways[:-1]]
+    if turns.size == 0:
+        return {"Slips": float(starts.size), "HuntingAmplitude": 0.0, "HuntingPeriod": float("nan")}
+    period = 2 * float(np.mean(np.diff(time[turns]))) if turns.size > 1 else float("nan")
+    return {"Slips": float(starts.size), "HuntingAmplitude": float(np.ptp(x)), "HuntingPeriod": period}
+
+
+def _first_crossing(time: np.ndarray, share: np.ndarray, level: float) -> float:
+    """When `share` first reaches `level`, linear between samples; nan if never."""
+    reached = np.flatnonzero(share >= level)
+    if reached.size == 0:
+        return float("nan")
+    k = int(reached[0])
+    if k == 0:
+        return float(time[0])
+    return float(time[k - 1] + (level - share[k - 1]) / (share[k] - share[k - 1]) * (time[k] - time[k - 1]))
+
+
+def _settling(time: np.ndarray, share: np.ndarray, band: float) -> float:
+    """When `share` enters 1 +- band for good, linear between samples; nan if never."""
+    outside = np.flatnonzero(np.abs(share - 1.0) > band)
+    if outside.size == 0:
+        return 0.0
+    k = int(outside[-1])
+    if k == share.size - 1:
+        return float("nan")
+    edge = 1.0 + band * np.sign(share[k] - 1.0)
+    return float(time[k] + (edge - share[k]) / (share[k + 1] - share[k]) * (time[k + 1] - time[k]) - time[0])
