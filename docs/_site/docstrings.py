@@ -1,7 +1,7 @@
-"""The package's docstrings as mkdocstrings' numpy reader takes them.
+"""Convert the package's docstrings to the form that mkdocstrings' numpy reader expects.
 
-The code writes an item of a section in one line, "name: meaning"; numpydoc's form has the meaning indented on the
-next. This extension of griffe turns the one into the other before the docstring is read.
+The code writes an item of a section in one line, "name: meaning"; numpydoc has the meaning indented on the
+next line. This griffe extension converts the docstring before it is parsed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class OneLineItems(Extension):
 
 
 def numpydoc(text: str) -> str:
-    """The docstring with each item of its sections in two lines, and formulas' signs kept as they are."""
+    """The docstring with each item of its sections in two lines; formulas are unchanged."""
     lines = text.split("\n")
     out: list[str] = []
     index = 0

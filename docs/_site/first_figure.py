@@ -1,4 +1,4 @@
-"""The figure of the first page: one step, as the linear model predicts it and as the plant with friction does it.
+"""The figure of the first page: steps, the linear prediction and the plant with friction.
 
 python docs/_site/first_figure.py writes docs/figures/first_step.svg.
 """
@@ -13,7 +13,7 @@ import ehsa_ctrl as e
 from ehsa_ctrl.report.figures import overlay_figure, save
 
 FIGURES = Path(__file__).parents[1] / "figures"
-#: Of the run so many seconds are shown, and of the error so much [m].
+#: Shown duration [s] and shown range of the error [m].
 LAST, SMALL = 5.0, 0.5e-3
 
 if __name__ == "__main__":
@@ -24,7 +24,7 @@ if __name__ == "__main__":
     reference = result.nonlinear.reference[shown, 0]
     position = {"reference": reference, **{name: loop.trajectory["x"][shown] for name, loop in loops.items()}}
     error = {name: reference - position[name] for name in loops}
-    # What stands at the end is a hundredth of the step: beyond it a line leaves the panel.
+    # The steady-state error is a hundredth of the step; larger errors are cut off.
     error = {name: np.where(np.abs(values) < SMALL, values, np.nan) for name, values in error.items()}
     panels = {
         "position (mm)": {name: 1e3 * values for name, values in position.items()},

@@ -1,7 +1,7 @@
-r"""Formulas as SVG, drawn at build: they look alike everywhere, and pages need no script, no font and no network.
+r"""Formulas as SVG, drawn at build time: pages need no script, no font and no network.
 
-Formulas are written as $...$ and $$...$$. `pymdownx.arithmatex` finds them and ziamath draws them; `\tag{6}` puts the
-equation's number beside one. The text of the formula stays in the page, for search and for screen readers.
+Formulas are written as $...$ and $$...$$. `pymdownx.arithmatex` finds them and ziamath draws them; `\tag{6}` adds the
+equation's number. The formula's source stays in the page for search and screen readers.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>
 TAG = re.compile(r"\\tag\{([^}]*)\}")
 #: Size of the drawn text; lengths in the page are in units of the text around it.
 EM = 16.0
-#: A formula looks right beside sans serif text when it is a little larger.
+#: Scale that matches formulas with sans serif text.
 LARGER = 1.06
 
 ziamath.config.svg2 = False

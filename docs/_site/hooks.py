@@ -1,4 +1,4 @@
-"""What mkdocs is told to do besides: write the reference pages, draw formulas."""
+"""Hooks of mkdocs: write the reference pages, draw formulas."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from mkdocs.structure.files import File, Files
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages that are written from the code."""
+    """Add the pages generated from the code."""
     for path, text in reference.pages().items():
         files.append(File.generated(config, path, content=text))
     return files
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """Formulas, once Markdown has marked them."""
+    """Draw the formulas that Markdown has marked."""
     return formulas.render(html)

@@ -1,10 +1,10 @@
-"""The pages of the Python names: directives for mkdocstrings, which reads the docstrings."""
+"""Pages of the Python API: directives for mkdocstrings."""
 
 from __future__ import annotations
 
 import ehsa_ctrl
 
-#: The API's pages in the order in which a reader meets them: title, what it is about, names.
+#: The API's pages in reading order: title, subject, names.
 API = {
     "plants": ("Plants", "A plant, its structure and its linear models.", (
         "load_plant", "Plant", "Structure", "plants", "four_state", "three_state", "linearise", "to_iosystem",
@@ -27,19 +27,19 @@ API = {
     "diagnosis": ("Diagnosis", "Where rig and simulation differ, and why.", (
         "diagnose", "Diagnosis", "diagnose_many", "what_changed", "gap",
     )),
-    "pages": ("Pages", "What one shows to others.", (
+    "pages": ("Pages", "Results as self-contained pages.", (
         "write_report",
     )),
-    "errors": ("Errors", "What is raised, and when.", ("EhsaError", "InputError", "SimulationError")),
+    "errors": ("Errors", "Exceptions and when they are raised.", ("EhsaError", "InputError", "SimulationError")),
 }  # fmt: skip
 
 WHERE = (
-    "All of these are names of `ehsa_ctrl` itself: `import ehsa_ctrl as e`. Where they expect a plant, a log, a linear "
-    'model, a controller or a scenario, its name or path does it too: `e.simulate("ehsa", current)`. What does not '
-    "fit is an `InputError` of one sentence."
+    "All of these are names of `ehsa_ctrl` itself: `import ehsa_ctrl as e`. A plant, log, linear model, controller or "
+    'scenario can also be given by its name or path: `e.simulate("ehsa", current)`. Wrong arguments raise an '
+    "`InputError` with one sentence."
 )
 
-#: What functions give back, shown below the functions of a page.
+#: Result types, shown below the functions of a page.
 RESULTS = {
     "simulation": ("simulation.trajectory.Trajectory",),
     "logs": ("identification.identification.Identification", "identification.uncertainty.Estimate"),
@@ -50,7 +50,7 @@ RESULTS = {
 
 
 def api_names() -> dict[str, list[str]]:
-    """Page -> public names; one that the table does not place stands with the others of its package."""
+    """Page -> public names; a name missing in the table goes to the page of its package."""
     placed = {page: list(names) for page, (_, _, names) in API.items()}
     homes = {name: page for page, names in placed.items() for name in names}
     packages: dict[str, str] = {}
@@ -63,7 +63,7 @@ def api_names() -> dict[str, list[str]]:
 
 
 def api(page: str) -> str:
-    """Directives for mkdocstrings, one a name."""
+    """Directives for mkdocstrings, one per name."""
     title, about, _ = API[page]
     lines = [f"# {title}", "", about, "", WHERE]
     for name in api_names()[page]:
@@ -78,7 +78,7 @@ def api(page: str) -> str:
 
 def _catalogue(name: str) -> str:
     return (
-        f"The {name} that there are: those of a folder `{name}/` beside your script first, then those shipped. "
-        f"A mapping with attributes, `e.{name}.NAME` or `e.{name}['NAME']`; printed, it is a table.\n\n"
+        f"All {name}: those in a folder `{name}/` beside your script first, then the shipped ones. "
+        f"A mapping with attributes, `e.{name}.NAME` or `e.{name}['NAME']`; it prints as a table.\n\n"
         + "\n".join(f"- `{entry}`: {title}" for entry, title in getattr(ehsa_ctrl, name).titles().items())
     )

@@ -1,4 +1,4 @@
-"""The pages of what there is by name: effects, friction laws, metrics."""
+"""Pages of the catalogues: effects, friction laws, metrics."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ PACKAGE = Path(ehsa_ctrl.__file__).parent
 
 
 def effects() -> str:
-    """The catalogue of effects, place by place, with equations as they stand in the code."""
+    """The catalogue of effects by place, with the equations of the code."""
     lines = [
         "# Effects",
         "",
-        f"What a real rig does that (12) does not: {len(EFFECTS)} effects, off by default. At its neutral value an "
-        "effect changes no bit of a simulation. *In a plant* says how it is switched on, *in a log* what shows it.",
+        f"Behaviour of real rigs that (12) lacks: {len(EFFECTS)} effects, off by default. At its neutral value an "
+        "effect changes no bit of a simulation. *In a plant* shows how to switch it on, *in a log* its signature.",
     ]
     for place in PLACES:
         here = {name: effect for name, effect in EFFECTS.items() if effect.place == place}
@@ -50,7 +50,7 @@ def effects() -> str:
 
 
 def _equations(name: str) -> list[str]:
-    """What the effect's file says of itself: its text beyond the first line, and each equation's line."""
+    """Text of the effect's file beyond the first line, and the description of each equation."""
     module = next(
         module
         for path in (PACKAGE / "physics" / "effects").glob("[!_]*.py")
@@ -113,12 +113,12 @@ def friction() -> str:
 
 
 def metrics() -> str:
-    """What a scenario can put limits on."""
+    """The metrics that a scenario can limit."""
     lines = [
         "# Metrics",
         "",
-        "Of a closed loop; each can stand under a scenario's `[limits]` with `min`, `max` or both. A regression looks "
-        "at differences beyond the last column and a share of the recorded value (`[baseline]`).",
+        "Metrics of a closed loop; a scenario's `[limits]` take each with `min`, `max` or both. A baseline allows a "
+        "difference of the last column plus a share of the recorded value (`[baseline]`).",
         "",
         "| metric | shown in | meaning | least difference |",
         "|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""The page of commands: arguments, options and examples as the program has them."""
+"""The page of commands: arguments, options and examples, from the program."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ehsa_ctrl.cli.main import app
 
 
 def all_commands() -> dict[str, Any]:
-    """Every command by what is typed after `ehsa-ctrl`, those of groups included."""
+    """Every command by the words after `ehsa-ctrl`, including those of groups."""
 
     def walk(group: Any, before: str) -> Iterator[tuple[str, Any]]:
         for name, command in group.commands.items():
@@ -33,8 +33,8 @@ def commands() -> str:
     lines = [
         "# Commands",
         "",
-        "Written from the program itself. Every command answers `--help`. Exit status: 0 done; 1 it ran, but a "
-        "scenario's limit or baseline was not kept; 2 the input was wrong, said in one sentence.",
+        "Generated from the program. Every command has `--help`. Exit status: 0 done; 1 it ran, but a "
+        "scenario's limit or baseline failed; 2 wrong input, explained in one sentence.",
         "",
         "| command | what it does |",
         "|---|---|",
@@ -55,7 +55,7 @@ def _anchor(name: str) -> str:
 
 
 def _about(command: Any) -> tuple[str, list[str], list[str]]:
-    """First sentence, further paragraphs, examples one a line."""
+    """First sentence, further paragraphs, examples one per line."""
     paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n|\x08", inspect.cleandoc(command.help or ""))]
     paragraphs = [part for part in paragraphs if part]
     examples: list[str] = []
@@ -70,7 +70,7 @@ def _about(command: Any) -> tuple[str, list[str], list[str]]:
 
 
 def _option(parameter: Any) -> str:
-    """One row: how it is written, what it takes, what it means."""
+    """One row: spelling, value, meaning."""
     if parameter.opts[0].startswith("-"):
         spelled = ", ".join(f"`{word}`" for word in [*parameter.opts, *parameter.secondary_opts])
     else:

@@ -1,4 +1,4 @@
-"""The pages of TOML files: each key with what it takes, from the forms that validate them."""
+"""Pages of the TOML files: each key with its values, from the models that validate them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ def plants() -> str:
     lines = [
         "# A plant's TOML",
         "",
-        "In `plants/`, or anywhere if you give the path. An unknown key is a mistake and is said to be one. Numbers "
-        "have the form of [`[parameters]`](#parameters) everywhere: in `[limits]`, `[load]`, `[sampling]` and "
-        "`[sensors.CHANNEL]` too.",
+        "In `plants/`, or anywhere if you give the path. Unknown keys are errors. Numbers have the form of "
+        "[`[parameters]`](#parameters) everywhere: in `[limits]`, `[load]`, `[sampling]` and `[sensors.CHANNEL]` too.",
         *form(PlantFile),
         "",
         "## Systems and their symbols",
@@ -38,7 +37,15 @@ def plants() -> str:
         lines += [f"| `{kind.name}` | {kind.unit} | {cell(kind.meaning)} |" for kind in system.parameters]
     lines += ["", "## Limits", "", "| key | unit |", "|---|---|"]
     lines += [f"| `{name}` | {unit} |" for name, unit in LIMIT_UNITS.items()]
-    lines += ["", "## Channels", "", "Of `[sensors]` and `[log]`, beside `t`.", "", "| channel | unit |", "|---|---|"]
+    lines += [
+        "",
+        "## Channels",
+        "",
+        "Keys of `[sensors]` and `[log]`, in addition to `t`.",
+        "",
+        "| channel | unit |",
+        "|---|---|",
+    ]
     lines += [f"| `{name}` | {unit} |" for name, unit in CHANNEL_UNITS.items()]
     lines += ["", "## Load", "", "On the command line `--set load.stiffness=50e3`.", ""]
     lines += ["| key | symbol |", "|---|---|", *(f"| `{word}` | `{symbol}` |" for word, symbol in LOAD_SYMBOLS.items())]
@@ -46,12 +53,12 @@ def plants() -> str:
 
 
 def controllers() -> str:
-    """Keys of a controller's TOML, a section a kind."""
+    """Keys of a controller's TOML, one section per kind."""
     lines = [
         "# A controller's TOML",
         "",
         "In `controllers/`, or anywhere if you give the path. `kind` selects the feedback law and with it the keys; "
-        "the stages `[trajectory]`, `[feedforward]`, `[rest]` and `[dither]` go with every kind.",
+        "every kind accepts the stages `[trajectory]`, `[feedforward]`, `[rest]` and `[dither]`.",
     ]
     seen: set[str] = set()
     lines += ["", "## Every kind", *form(ControllerFile, level=3, title="every", seen=seen)]
@@ -67,8 +74,7 @@ def scenarios() -> str:
     lines = [
         "# A scenario's TOML",
         "",
-        "In `scenarios/`, or anywhere if you give the path. What may stand under `[limits]` is in "
-        "[Metrics](metrics.md).",
+        "In `scenarios/`, or anywhere if you give the path. [Metrics](metrics.md) lists the keys of `[limits]`.",
         *form(ScenarioFile),
     ]
     return "\n".join(lines) + "\n"
@@ -104,7 +110,7 @@ def _table(
     lines = []
     if table:
         word = schema["properties"].get("kind", {}).get("const", "")
-        # A nested table's own anchor, so that the same word in two kinds does not clash.
+        # A nested table has its own anchor, so that the same word in two kinds does not clash.
         anchor = "-".join(re.findall(r"\w+", f"{title} {table} {word}")).lower()
         lines += ["", f"{'#' * level} `[{table}]`{f' of kind `{word}`' if word else ''} {{ #{anchor} }}"]
         summary = " ".join(schema.get("description", "").split("\n\n")[0].split())
@@ -139,7 +145,7 @@ def _nested(field: dict[str, Any]) -> Iterator[tuple[str, bool]]:
 
 
 def _value(field: dict[str, Any]) -> str:
-    """What a key takes, in words."""
+    """The values of a key, in words."""
     parts = _alternatives(field)
     part = parts[0]
     words = part.get("enum") or ([part["const"]] if "const" in part else [])

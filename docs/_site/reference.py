@@ -1,7 +1,4 @@
-"""Reference pages written from the code at each build: commands, keys of TOML files, effects, friction, metrics, API.
-
-What is said here is said in the code; a page can't go stale.
-"""
+"""Reference pages generated from the code at each build: commands, TOML keys, effects, friction, metrics, API."""
 
 from __future__ import annotations
 
