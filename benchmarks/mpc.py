@@ -24,8 +24,8 @@ from rich.console import Console
 from rich.table import Table
 
 import ehsa_ctrl
-from ehsa_ctrl.design.laws.mpc import Mpc
-from ehsa_ctrl.design.laws.mpc_problem import Condensed, ahead, condense
+from ehsa_ctrl.design.mpc import Mpc
+from ehsa_ctrl.design.mpc_problem import Condensed, condense, motion_ahead
 from ehsa_ctrl.design.qp import QP_SOLVERS, QpSolver
 from ehsa_ctrl.design.qp.osqp import Osqp
 from ehsa_ctrl.simulation.closed_loop import run_closed_loop
@@ -49,9 +49,9 @@ def parameters(law: Mpc, memory: np.ndarray, before: np.ndarray, reference: np.n
     z = np.array([memory[law.traces[f"estimate_{name}"]] for name in (*law.model.states, *law.model.disturbances)])
     scale = np.r_[law.model.scale, law.model.disturbance_scale]
     given = law.traces["limit_passed"] + 1
-    motion = np.empty((law.horizon + 1, 3))
-    ahead(*reference, law.model.sample_time, motion)
-    return np.r_[z / scale, motion.ravel(), before[2], 0.0, before[given], 1.0]
+    motion = np.empty(3 * (law.horizon + 1))
+    motion_ahead(reference, law.model.sample_time, law.horizon, motion)
+    return np.r_[z / scale, motion, before[2], 0.0, before[given], 1.0]
 
 
 def of_the_package(solver: QpSolver, n: int, m: int) -> Solve:

@@ -68,9 +68,9 @@ def command(
     from ..core.catalogue import is_shipped
     from ..core.files import read_toml, refuse_existing, write_text
     from ..core.result_folder import ResultFolder
-    from ..design.tuning.designed import design, keys_for
+    from ..design.tuning.bounds import Tuning
+    from ..design.tuning.requirements import design, keys_for
     from ..design.tuning.specification import begin, leaves, put
-    from ..design.tuning.tune import Tuning
     from ..plant.linear import three_state
     from ..plant.plant import load_plant
     from ..scenario.rescaling import rescaling_to
@@ -171,7 +171,7 @@ def frozen(found: Any) -> Any:
     """The same with its gains in the file. Raises InputError for a law that has none to write."""
     from dataclasses import replace
 
-    from ..design.laws.pid import Pid
+    from ..design.kinds.pid import Pid
     from ..design.tuning.specification import ALTERNATIVES
 
     law = found.controller.law

@@ -1,38 +1,83 @@
-"""A controller: a feedback law with supervision, trajectory, feed-forward and cures against friction around it."""
+"""A controller: the interface of a feedback law, and the law with supervision, trajectory, feedforward and friction
+compensation around it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ..core.controller_interface import MEASURED
 from ..core.text import TextResult
-from .law import Law
 from .stages.feedforward import Feedforward, feedforward_settings
 from .stages.pipeline import M_LAW, TRACES, compiled_pipeline, pipeline
 from .stages.rest import Dither, Rest, rest_settings
 from .stages.supervision import Supervision
-from .stages.trajectory import Trajectory, trajectory_settings
+from .stages.trajectory import TrajectoryLimits, trajectory_settings
 
 if TYPE_CHECKING:
     import control
 
 
-@dataclass(frozen=True)
-class SampledController(TextResult):
-    """A controller as the simulator, the analysis and the export take it: a core.controller_interface.Controller.
+class Law(Protocol):
+    """A sampled feedback law.
 
     Attributes
     ----------
-    name: for tables. kind: the word of its kind.
+    function: law(reference, measured, memory, settings, extra, hold) -> current. `reference` (3,) is the planned
+        motion, `measured` (5,) the validated readings, in the orders of core.controller_interface; `extra` [A] is the current of
+        feedforward and friction compensation; `hold` is 1.0 while integral action must pause, and -1.0 at the start of
+        a motion, where the integral of the last rest is to be reset (a law may ignore that). It returns
+        feedback + extra, limited to the drive's current, and uses the limited value in its anti-windup.
+        A plain function of a module, whose text is compiled; it may call those in `uses`, sqrt, exp, sin and the
+        numpy that numba supports.
+    uses: functions that `function` calls.
+    compiles: False for a law that only runs as plain Python (a solver inside); `function` may be any callable then.
+    reads: the channels that it requires.
+    traces: numbers of its memory to be recorded at each sample, name -> index.
+    """
+
+    @property
+    def function(self) -> Callable[..., float]: ...
+
+    @property
+    def uses(self) -> tuple[Callable[..., Any], ...]: ...
+
+    @property
+    def compiles(self) -> bool: ...
+
+    @property
+    def reads(self) -> tuple[str, ...]: ...
+
+    @property
+    def traces(self) -> Mapping[str, int]: ...
+
+    def settings(self) -> np.ndarray:
+        """Settings (k,) of `function`."""
+        ...
+
+    def initial_memory(self) -> np.ndarray:
+        """Fresh memory (m,)."""
+        ...
+
+    def linear(self) -> control.StateSpace:
+        """The law without limits: discrete, inputs [*REFERENCE, *MEASURED], output current."""
+        ...
+
+
+@dataclass(frozen=True)
+class SampledController(TextResult):
+    """A core.controller_interface.Controller for simulation, analysis and export.
+
+    Attributes
+    ----------
+    name: for tables. kind: key of its kind.
     sample_time: s. current_limit: A.
-    law: the feedback.
+    law: the feedback law.
     trajectory, feedforward, rest, dither: the other stages; None leaves one out.
-    supervision: limits of what is taken for possible.
+    supervision: plausibility limits of the readings.
     """
 
     name: str
@@ -40,7 +85,7 @@ class SampledController(TextResult):
     sample_time: float
     current_limit: float
     law: Law
-    trajectory: Trajectory | None = None
+    trajectory: TrajectoryLimits | None = None
     feedforward: Feedforward | None = None
     rest: Rest | None = None
     dither: Dither | None = None
@@ -59,7 +104,7 @@ class SampledController(TextResult):
 
     @cached_property
     def _settings(self) -> np.ndarray:
-        """Once a controller: a plain step asks for them at every sample."""
+        """Cached: a plain step needs them at every sample."""
         return np.concatenate(
             [
                 self.supervision.settings(self.sample_time, self.law.reads),
@@ -72,15 +117,15 @@ class SampledController(TextResult):
 
     def initial_memory(self) -> np.ndarray:
         memory = np.zeros(M_LAW)
-        watched = self.supervision.initial_memory()
-        memory[: watched.size] = watched
+        supervision = self.supervision.initial_memory()
+        memory[: supervision.size] = supervision
         return np.concatenate([memory, self.law.initial_memory()])
 
     def step(self, reference: np.ndarray, measured: np.ndarray, memory: np.ndarray) -> float:
         return float(pipeline(reference, measured, memory, self._settings, self.law.function))
 
     def linear(self) -> control.StateSpace:
-        """The law alone, discrete, inputs [*REFERENCE, *MEASURED], output current."""
+        """The feedback law alone without limits: discrete, inputs [*REFERENCE, *MEASURED], output current."""
         return self.law.linear()
 
     def __str__(self) -> str:
@@ -96,6 +141,3 @@ class SampledController(TextResult):
         ]
         around = f", with {', '.join(stages)}" if stages else ""
         return f"{self.name}: {self.law}, |current| <= {self.current_limit:g} A, every {self.sample_time:g} s{around}"
-
-
-assert len(MEASURED) == 5  # the supervision's memory has a place for each

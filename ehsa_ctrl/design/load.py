@@ -1,4 +1,4 @@
-"""From a controller's TOML to a controller."""
+"""Load a controller's TOML and design it on a linear model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def read_controller(path: Path, sample_time: float | None = None) -> tuple[ControllerKind, ControllerFile]:
-    """Read and validate a controller's TOML; sample_time [s] is its own where the file states none.
+    """Read and validate a controller's TOML; sample_time [s] is the default where the file states none.
 
     Raises InputError with file and key.
     """
@@ -42,11 +42,9 @@ def load_controller(
     Parameters
     ----------
     system: linear model with the current as first input and an output x, e.g. `three_state(plant)`.
-    sample_time: s, the plant's, for a file that states none; 4 ms where this is left out too.
+    sample_time: s, the plant's, for a file without one; by default 4 ms.
 
-    Raises
-    ------
-    InputError: the file is absent or wrong, or the design asked for can't be reached.
+    Raises InputError if the file is missing or wrong, or its design can't be reached.
     """
     path = controllers.find(name)
     kind, definition = read_controller(path, sample_time)
@@ -63,7 +61,7 @@ def build_controller(
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"), warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
-            controller = _around(name, kind, definition, kind.design(name, definition, system))
+            controller = _assemble(name, kind, definition, kind.design(name, definition, system))
             computed = not np.isnan(controller.settings()).any()
     except InputError:
         raise
@@ -77,8 +75,8 @@ def build_controller(
     return controller
 
 
-def _around(name: str, kind: ControllerKind, definition: ControllerFile, law: Any) -> SampledController:
-    """The law with the stages that its definition asks for."""
+def _assemble(name: str, kind: ControllerKind, definition: ControllerFile, law: Any) -> SampledController:
+    """The law with the stages of its definition."""
     return SampledController(
         name=name,
         kind=kind.name,

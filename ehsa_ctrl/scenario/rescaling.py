@@ -15,7 +15,7 @@ from typing import Any
 
 from ..core.catalogue import shipped
 from ..core.unit import factor, parse
-from ..design.synthesis.kalman import Noise
+from ..design.synthesis.kalman import Observer
 from ..plant.motion_current import motion_current
 from ..plant.plant import Plant, knows, load_plant, models_of, with_settings
 from .plant_data import BOUNDED, Rating, ratings
@@ -58,9 +58,9 @@ VALUE_OF = {key: name for name, keys in SCALES_WITH.items() for key in keys}
 CONTINUOUS = 0.187
 #: Defaults of optional keys that are numbers of the shipped EHSA.
 DEFAULTS: dict[str, Any] = {
-    "observer.speed": f"{Noise.speed:g} rad/s",
-    "observer.pressure": f"{1e-3 * Noise.pressure:g} kPa",
-    "observer.position": f"{1e6 * Noise.position:g} um",
+    "observer.speed": f"{Observer().speed:g} rad/s",
+    "observer.pressure": f"{1e-3 * Observer().pressure:g} kPa",
+    "observer.position": f"{1e6 * Observer().position:g} um",
     "limits.penalty": 10.0,
 }
 

@@ -9,7 +9,7 @@ from ehsa_ctrl.core.controller_interface import INPUTS
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.design.analysis.loop import analyse_loop
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
-from ehsa_ctrl.design.laws.cascade import Cascade
+from ehsa_ctrl.design.kinds.cascade import Cascade
 from ehsa_ctrl.design.load import build_controller
 
 T_S = 0.004

@@ -14,11 +14,9 @@ from hypothesis import strategies as st
 
 from ehsa_ctrl import InputError, load_controller, three_state
 from ehsa_ctrl.design.export import Program, export_controller, replay
-from ehsa_ctrl.design.export.mpc_law import motion_ahead
-from ehsa_ctrl.design.laws.mpc_problem import ahead
 from ehsa_ctrl.design.stages.feedforward import Feedforward
 from ehsa_ctrl.design.stages.rest import Dither, Knocker, Rest
-from ehsa_ctrl.design.stages.trajectory import Trajectory
+from ehsa_ctrl.design.stages.trajectory import TrajectoryLimits
 
 CC = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(CC is None, reason="there is no C compiler here")
@@ -323,7 +321,7 @@ def full(controller):
     """The same law with every stage around it."""
     return replace(
         controller,
-        trajectory=Trajectory(speed="0.15 m/s", acceleration="3 m/s2", duration="0.2 s"),
+        trajectory=TrajectoryLimits(speed="0.15 m/s", acceleration="3 m/s2", duration="0.2 s"),
         feedforward=Feedforward(coulomb="0.9 A", static="1 A", load="0.3 A/kN"),
         rest=Rest(band="40 um", knocker=Knocker(first="0.2 A", growth="0.1 A", largest="2 A")),
         dither=Dither(amplitude="0.1 A", frequency="60 Hz"),
@@ -433,16 +431,6 @@ def test_a_law_outside_the_subset_is_a_sentence(system):
     line = law_of_numpy.__code__.co_firstlineno + 3
     with pytest.raises(InputError, match=rf"test_export.py, line {line}: law_of_numpy: the call `np.clip"):
         export_controller(own, *readings(20))
-
-
-@pytest.mark.parametrize("motion", [(0.01, 0.1, -2.0), (0.01, -0.1, 2.0), (0.0, 0.1, 3.0), (0.02, 0.0, 0.0)])
-def test_the_motion_ahead_is_that_of_the_mpc(motion):
-    """The same rows, one behind the other."""
-    table, flat = np.zeros((21, 3)), np.zeros(63)
-    ahead(*motion, 0.004, table)
-    motion_ahead(np.array(motion), 0.004, 20, flat)
-
-    np.testing.assert_array_equal(flat, table.ravel())
 
 
 @needs_compiler

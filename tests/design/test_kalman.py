@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl import InputError, three_state
+from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.design.analysis.sampled import sampled_plant
-from ehsa_ctrl.design.synthesis.kalman import Noise, design_kalman
+from ehsa_ctrl.design.synthesis.kalman import Observer, design_kalman
 from ehsa_ctrl.design.synthesis.model import design_model
-from ehsa_ctrl.design.synthesis.target import target
+from ehsa_ctrl.design.synthesis.regulator import solve_target
 
 T = 0.004
 
@@ -46,7 +47,7 @@ def design_model_small():
 
 def test_scaled_and_unscaled_filters_are_one(system):
     """In states of like size and in SI units the same gain comes out."""
-    a, b = (design_kalman(design_model(system, T, scaled=scaled), Noise()) for scaled in (True, False))
+    a, b = (design_kalman(design_model(system, T, scaled=scaled), Observer()) for scaled in (True, False))
     sizes = np.r_[design_model(system, T).scale, np.ones(3)]
 
     np.testing.assert_allclose(a.gain * sizes[:, None], b.gain, rtol=1e-5)
@@ -54,7 +55,7 @@ def test_scaled_and_unscaled_filters_are_one(system):
 
 def test_the_filter_is_the_limit_of_the_recursion(model):
     """The stationary gain is what the time-varying filter ends with, from another start, without any Riccati solver."""
-    kalman = design_kalman(model, Noise())
+    kalman = design_kalman(model, Observer())
     P = np.eye(7)
     for _ in range(6000):
         S = kalman.C @ P @ kalman.C.T + kalman.R
@@ -69,7 +70,7 @@ def test_the_filter_is_the_limit_of_the_recursion(model):
 def test_the_filter_agrees_with_python_control(model):
     """The predictor's gain A times the filter's is python-control's `dlqe`, given rad/s, bar and mm to measure in: with
     variances in Pa2 beside m2 its Riccati solver stops."""
-    kalman = design_kalman(model, Noise(friction=1.0))
+    kalman = design_kalman(model, Observer(friction="1 A"))
     unit = np.diag([1.0, 1e-5, 1e3])
     L, _, poles = control.dlqe(kalman.A, np.eye(7), unit @ kalman.C, kalman.Q, unit @ kalman.R @ unit)
 
@@ -79,7 +80,7 @@ def test_the_filter_agrees_with_python_control(model):
 
 def test_the_covariance_is_what_the_errors_have(model):
     """Driven by the noise that it was told of, the filter errs by as much as it says."""
-    kalman = design_kalman(model, Noise(friction=1.0, load=300.0))
+    kalman = design_kalman(model, Observer(friction="1 A", load="300 N"))
     rng = np.random.default_rng(1)
     samples, burn = 60000, 2000
     process = rng.multivariate_normal(np.zeros(7), kalman.Q, samples, method="eigh")
@@ -95,7 +96,7 @@ def test_the_covariance_is_what_the_errors_have(model):
 
 def test_the_first_estimate_shows_the_measurement_and_stays(model):
     """A filter that starts under a load shows what is measured, and its prediction without current stays there."""
-    kalman = design_kalman(model, Noise())
+    kalman = design_kalman(model, Observer())
     y = np.array([0.4, 13e5, 0.02])
     z = kalman.start(still=(0,)) @ y
 
@@ -105,7 +106,7 @@ def test_the_first_estimate_shows_the_measurement_and_stays(model):
 
 def test_the_target_moves_along_the_reference(model):
     """x = Pi w, u = Gamma w run along the model: with friction, load and leakage the position is the reference."""
-    to = target(model)
+    to = solve_target(model)
     w = np.array([0.01, 0.05, -0.8, 0.7, 1.2, -2.0])
     for _ in range(50):
         x, u = to.Pi @ w, to.Gamma @ w
@@ -118,7 +119,7 @@ def test_the_target_moves_along_the_reference(model):
 
 def test_what_a_load_needs_is_the_balance_of_the_plant(model, linear):
     """To hold against 1 kN the pump needs dP = F / A and the current K_T I = D dP, but for the leakage's own."""
-    to = target(model)
+    to = solve_target(model)
     p = linear.values
     dP = 1e3 / p["A"]
     leak = p["K_L"] * dP / p["D"]
@@ -158,16 +159,16 @@ def test_a_position_that_cannot_be_held_is_a_sentence():
         T,
     )
 
-    assert np.isfinite(target(held).Gamma).all()
+    assert np.isfinite(solve_target(held).Gamma).all()
     assert design_model(washout, T).disturbances == ("friction",)
     zero = control.ss(
         [[-3.0, 0], [0, -5.0]], [[1.0], [1.0]], [[-3.0, 5.0]], 0, states=["a", "b"], inputs=["current"], outputs=["x"]
     )
     with pytest.raises(InputError, match="zero at z = 1"):
-        target(design_model(zero, T))
+        solve_target(design_model(zero, T))
 
 
 def test_a_noise_of_zero_is_a_sentence():
     """A sensor without noise would leave the filter without a Riccati equation."""
     with pytest.raises(InputError, match="position = 0; expected a standard deviation"):
-        Noise(position=0.0)
+        validate({"position": "0 m"}, Observer, "mine.toml")

@@ -9,15 +9,14 @@ from linear_loop import LQI, LQR, TEXTS, load, parabola, run, still
 
 from ehsa_ctrl import InputError, load_controller, run_closed_loop
 from ehsa_ctrl.core.catalogue import controllers
-from ehsa_ctrl.design.analysis.closed_loop import closed_loop, law_of
+from ehsa_ctrl.design.analysis.closed_loop import closed_loop, linear_law
 from ehsa_ctrl.design.analysis.loop import analyse_loop
 from ehsa_ctrl.design.analysis.sampled import sampled_plant
-from ehsa_ctrl.design.laws.state_feedback import StateFeedback
 from ehsa_ctrl.design.load import read_controller
-from ehsa_ctrl.design.synthesis.kalman import Noise, design_kalman
+from ehsa_ctrl.design.state_feedback import StateFeedback
+from ehsa_ctrl.design.synthesis.kalman import Observer, design_kalman
 from ehsa_ctrl.design.synthesis.model import design_model
-from ehsa_ctrl.design.synthesis.regulator import Cost, design_regulator, weighted
-from ehsa_ctrl.design.synthesis.target import target
+from ehsa_ctrl.design.synthesis.regulator import Cost, design_regulator, solve_target, weight_matrix
 
 T = 0.004
 
@@ -38,7 +37,7 @@ def free(law):
 
 
 def cost_of(model, **more):
-    return Cost(weighted(model, {"position": 5e-4, "speed": 50.0}), 1.0, **more)
+    return Cost(weight_matrix(model, {"position": 5e-4, "speed": 50.0}), 1.0, **more)
 
 
 def test_the_gain_is_python_controls(model):
@@ -87,7 +86,7 @@ def test_scaled_and_unscaled_states_give_one_law(system):
     laws = []
     for scaled in (True, False):
         model = design_model(system, T, scaled=scaled)
-        parts = target(model), design_kalman(model, Noise()), design_regulator(model, cost_of(model))
+        parts = solve_target(model), design_kalman(model, Observer()), design_regulator(model, cost_of(model))
         laws.append(StateFeedback(model, *parts, 6.0))
 
     np.testing.assert_allclose(laws[0].K, laws[1].K, rtol=1e-6)
@@ -99,7 +98,7 @@ def test_scaled_and_unscaled_states_give_one_law(system):
 def test_the_poles_separate(system, name, tmp_path):
     """The closed loop's poles are the regulator's and the observer's, no others."""
     controller = load(TEXTS[name], system, tmp_path)
-    closed = closed_loop(sampled_plant(system, T), law_of(controller))
+    closed = closed_loop(sampled_plant(system, T), linear_law(controller))
     poles = np.r_[controller.law.regulator.poles, controller.law.kalman.poles]
 
     for pole in closed.poles():
@@ -146,7 +145,9 @@ def test_the_estimate_is_the_disturbance(lqr):
 def test_without_either_the_error_stands(model):
     """A state feedback that neither estimates nor integrates gives way to a load, by K's stiffness."""
     bare = model.without_disturbance
-    law = StateFeedback(bare, target(bare), design_kalman(bare, Noise()), design_regulator(bare, cost_of(bare)), 1e9)
+    law = StateFeedback(
+        bare, solve_target(bare), design_kalman(bare, Observer()), design_regulator(bare, cost_of(bare)), 1e9
+    )
     position, _, _ = run(law, still(1500), load=1000.0, plant=model)
 
     assert -position[-1] > 1e-5

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from linear_loop import MPC, load, run, still
+from mpc_statement import MpcStatement
 
 from ehsa_ctrl import InputError, run_closed_loop
-from ehsa_ctrl.design.laws.mpc_problem import Limits, MpcProblem, ahead, condense
-from ehsa_ctrl.design.laws.mpc_reference import MpcStatement
+from ehsa_ctrl.design.mpc_problem import Limits, MpcProblem, condense, motion_ahead
 from ehsa_ctrl.design.qp import FAILED, INFEASIBLE, LIMIT, NO_BOUND, QP_SOLVERS, SOLVED, QpSolution
 
 T = 0.004
@@ -23,7 +23,7 @@ def mpc(system, tmp_path):
 def with_limits(law, *, current=None, **limits):
     """The same MPC with other limits; none where none is given."""
     current = current or law.problem.current_limit
-    problem = replace(law.problem, limits=Limits(**limits), current_limit=current)
+    problem = replace(law.problem, limits=Limits.model_construct(**limits), current_limit=current)
     return replace(law, problem=problem, feedback=replace(law.feedback, current_limit=current))
 
 
@@ -37,9 +37,9 @@ def states(law, count, seed=0, size=1.0):
         disturbance = rng.standard_normal(d) * np.array([0.5, 0.5, 1.0])[:d]
         motion = rng.standard_normal(3) * np.array([0.005, 0.05, 0.5])
         given = rng.uniform(-1, 1) * law.problem.current_limit
-        later = np.empty((law.horizon + 1, 3))
-        ahead(*motion, T, later)
-        yield np.r_[state, disturbance, later.ravel(), rng.standard_normal(), 0.3 * rng.standard_normal(), given]
+        later = np.empty(3 * (law.horizon + 1))
+        motion_ahead(motion, T, law.horizon, later)
+        yield np.r_[state, disturbance, later, rng.standard_normal(), 0.3 * rng.standard_normal(), given]
 
 
 def current_by(law, p):
@@ -130,15 +130,14 @@ def test_osqp_agrees(mpc):
 
 def test_scaled_and_unscaled_states_give_one_plan(system, mpc):
     """Units of the states are the solver's business: a model in SI units gives the same currents."""
-    from ehsa_ctrl.design.kinds._state_feedback import Weights, cost_of
+    from ehsa_ctrl.design.kinds.lqr import Weights, cost_of
     from ehsa_ctrl.design.synthesis.model import design_model
-    from ehsa_ctrl.design.synthesis.regulator import design_regulator
-    from ehsa_ctrl.design.synthesis.target import target
+    from ehsa_ctrl.design.synthesis.regulator import design_regulator, solve_target
 
     model = design_model(system, T, scaled=False)
     cost = cost_of(model, Weights(position="0.5 mm"))
     regulator = design_regulator(model, cost)
-    problem = MpcProblem(model, target(model), cost, regulator, 20, 6.0, mpc.problem.limits)
+    problem = MpcProblem(model, solve_target(model), cost, regulator, 20, 6.0, mpc.problem.limits)
     plain = replace(mpc, problem=problem)
     for p in states(mpc, 20, seed=7):
         q = p.copy()
@@ -249,10 +248,9 @@ def test_a_rod_that_already_is_too_fast_is_slowed_down(mpc):
 
 def test_a_plan_goes_on_within_its_own_speed():
     """Braking ends at standstill where the parabola says; an acceleration is not taken to go on."""
-    motion = np.empty((31, 3))
-    ahead(0.0, 0.1, -2.0, T, motion)
-    braked = motion.copy()
-    ahead(0.0, -0.1, -2.0, T, motion)
+    braked, motion = np.empty((31, 3)), np.empty((31, 3))
+    motion_ahead(np.array([0.0, 0.1, -2.0]), T, 30, braked.reshape(-1))
+    motion_ahead(np.array([0.0, -0.1, -2.0]), T, 30, motion.reshape(-1))
 
     assert braked[-1, 0] == pytest.approx(0.1**2 / 4, rel=0.02) and np.all(braked[13:, 1:] == 0.0)
     np.testing.assert_allclose(motion[1:, 1], -0.1)

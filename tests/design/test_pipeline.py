@@ -12,7 +12,7 @@ from ehsa_ctrl.design.stages.feedforward import Feedforward, feedforward, feedfo
 from ehsa_ctrl.design.stages.pipeline import M_LAW, M_REST, S_LAW, pipeline
 from ehsa_ctrl.design.stages.rest import MEMORY as REST_MEMORY
 from ehsa_ctrl.design.stages.rest import Dither, Knocker, Rest, rest, rest_settings
-from ehsa_ctrl.design.stages.trajectory import Trajectory
+from ehsa_ctrl.design.stages.trajectory import TrajectoryLimits
 
 T = 0.004
 
@@ -27,7 +27,7 @@ def full(pid):
     """Every stage on."""
     return replace(
         pid,
-        trajectory=Trajectory(speed="0.15 m/s", acceleration="3 m/s2"),
+        trajectory=TrajectoryLimits(speed="0.15 m/s", acceleration="3 m/s2"),
         feedforward=Feedforward(inertia="0.7 A s2/m", viscous="5 A s/m", coulomb="0.9 A", static="1 A"),
         rest=Rest(band="40 um", knocker=Knocker(first="0.2 A", growth="0.1 A", largest="2 A")),
         dither=Dither(amplitude="0.1 A", frequency="60 Hz"),

@@ -7,8 +7,7 @@ import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.design.analysis.closed_loop import step_response
 from ehsa_ctrl.design.controller import SampledController
-from ehsa_ctrl.design.laws.pid import Pid
-from ehsa_ctrl.design.laws.pid_forms import Gains
+from ehsa_ctrl.design.kinds.pid import Gains, Pid
 
 T_S = 0.004
 

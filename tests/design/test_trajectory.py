@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 
 from ehsa_ctrl import InputError
 from ehsa_ctrl.core.definition import validate
-from ehsa_ctrl.design.stages.trajectory import MEMORY, Trajectory, plan, trajectory_settings
+from ehsa_ctrl.design.stages.trajectory import MEMORY, TrajectoryLimits, plan, trajectory_settings
 
 T = 0.004
 
 
 def planned(reference, *, speed=0.15, acceleration=3.0, start=0.0):
-    limits = trajectory_settings(Trajectory(speed=f"{speed} m/s", acceleration=f"{acceleration} m/s2"), T)
+    limits = trajectory_settings(TrajectoryLimits(speed=f"{speed} m/s", acceleration=f"{acceleration} m/s2"), T)
     memory, rows = np.zeros(MEMORY), []
     for row in reference:
         plan(row, start, memory, limits)
@@ -106,4 +106,4 @@ def test_without_limits_nothing_changes():
 def test_limits_must_be_possible():
     """Zero speed is no limit."""
     with pytest.raises(InputError, match=r"rig\.toml: speed and acceleration must be greater than 0"):
-        validate({"speed": "0 m/s", "acceleration": "1 m/s2"}, Trajectory, "rig.toml")
+        validate({"speed": "0 m/s", "acceleration": "1 m/s2"}, TrajectoryLimits, "rig.toml")

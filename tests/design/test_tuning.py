@@ -5,11 +5,11 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.design.laws.pid_forms import Gains
-from ehsa_ctrl.design.synthesis.altered import altered
-from ehsa_ctrl.design.tuning.bounds import BANDS, POINTS, band_peaks
-from ehsa_ctrl.design.tuning.loop import Loop, SampledPlant, position_plant
-from ehsa_ctrl.design.tuning.tune import Tuning, tune
+from ehsa_ctrl.design.kinds.pid import Gains
+from ehsa_ctrl.design.kinds.scheduled import operating_point
+from ehsa_ctrl.design.tuning.bounds import BANDS, POINTS, Tuning, band_peaks
+from ehsa_ctrl.design.tuning.loop import PidLoop, SampledPlant, position_plant
+from ehsa_ctrl.design.tuning.tune import tune
 
 T_S = 0.004
 
@@ -48,7 +48,7 @@ def sensitivities(system, gains, points=20000):
 def test_an_integrator_under_p_has_the_poles_and_the_integral_of_the_closed_form():
     """y[k] = 1 - (1 - a)^k with a = k_p T_s: pole at 1 - a, integral of the error T_s / a."""
     plant = SampledPlant(np.array([[1.0]]), np.array([T_S]), np.array([1.0]), T_S)
-    loop = Loop(plant, Gains(100.0))
+    loop = PidLoop(plant, Gains(100.0))
 
     assert loop.radius() == pytest.approx(1 - 100.0 * T_S)
     assert np.allclose(loop.error(50, "reference"), (1 - 100.0 * T_S) ** np.arange(50))
@@ -58,7 +58,7 @@ def test_an_integrator_under_p_has_the_poles_and_the_integral_of_the_closed_form
 def test_the_integrated_error_of_a_load_step_is_one_over_k_i(model):
     """Whatever the plant: the integral has to grow by the current that the load takes."""
     for lag in (0, 2):
-        loop = Loop(position_plant(model, T_S, lag=lag), Gains(300.0, 1500.0, 20.0, 0.004))
+        loop = PidLoop(position_plant(model, T_S, lag=lag), Gains(300.0, 1500.0, 20.0, 0.004))
 
         assert T_S * np.sum(loop.error(4096, "load")) == pytest.approx(-1 / 1500.0, rel=1e-9)
 
@@ -66,7 +66,7 @@ def test_the_integrated_error_of_a_load_step_is_one_over_k_i(model):
 def test_the_step_is_that_of_the_simulated_loop(linear, model):
     """The law in the house against the linear plant, 1 um so that no limit is met."""
     from ehsa_ctrl.design.controller import SampledController
-    from ehsa_ctrl.design.laws.pid import Pid
+    from ehsa_ctrl.design.kinds.pid import Pid
 
     gains = Gains(300.0, 1500.0, 20.0, 0.004)
     reference = np.zeros((300, 3))
@@ -75,7 +75,7 @@ def test_the_step_is_that_of_the_simulated_loop(linear, model):
 
     run = ehsa_ctrl.run_closed_loop(linear, SampledController("mine", "pid", T_S, 1e3, law), reference, tolerance=1e-9)
 
-    error = Loop(position_plant(model, T_S), gains, 0.7, 0.2).error(299, "reference")
+    error = PidLoop(position_plant(model, T_S), gains, 0.7, 0.2).error(299, "reference")
     assert np.allclose(1e6 * run.error[1:], error, atol=2e-4)
 
 
@@ -121,7 +121,7 @@ def test_pi_with_least_integrated_error_is_the_best_of_a_net(model):
     stable = [
         (k, j)
         for k, j in np.argwhere(kept)
-        if k_i[j] > 0.98 * best.k_i and Loop(plant, Gains(k_p[k], k_i[j])).radius() < 1
+        if k_i[j] > 0.98 * best.k_i and PidLoop(plant, Gains(k_p[k], k_i[j])).radius() < 1
     ]
     reached = max(k_i[j] for _, j in stable)
     assert reached <= best.k_i * 1.004
@@ -151,7 +151,7 @@ def test_no_random_gains_within_the_bounds_are_better(model):
             and np.abs(2 * S - 1).max() <= 2 / 0.7
         ):
             kept += 1
-            error = np.abs(Loop(plant, gains).error(1024, "load"))
+            error = np.abs(PidLoop(plant, gains).error(1024, "load"))
             better.append(T_S * np.sum(T_S * np.arange(error.size) * error) / found.objective)
 
     assert kept > 50
@@ -199,7 +199,7 @@ def lagged(model, gains, points=20000):
 @pytest.mark.slow
 def test_bounds_hold_on_every_model_given(model):
     """Tuned for hard and soft oil together, the gains are lower than for hard oil alone."""
-    soft = altered(model, bulk_modulus=0.4)
+    soft = operating_point(model, bulk_modulus=0.4)
     asked = Tuning(Ms=1.5, Mt=None, disk_margin=None)
 
     alone, both = tune(model, asked, sample_time=T_S), tune([model, soft], asked, sample_time=T_S)
@@ -236,9 +236,9 @@ def test_what_nothing_reaches_is_one_sentence(model, asked, sentence):
     ("asked", "sentence"),
     [
         ({"Ms": 0.9}, "greater than 1"),
-        ({"terms": "PD"}, "leaves a standing error"),
+        ({"terms": "PD"}, "leaves a steady-state error"),
         ({"minimise": "IE", "response": "reference"}, "integrated error of a load step"),
-        ({"Ms": None, "disk_margin": None}, "gains grow without end"),
+        ({"Ms": None, "disk_margin": None}, "gains grow without bound"),
         ({"noise_gain": "0 A/m"}, "noise_gain must be greater than 0"),
     ],
 )

@@ -16,9 +16,8 @@ import numpy as np
 
 from ...core.files import FORCE_ARGUMENT
 from ...core.result_folder import ResultFolder
-from ..controller import SampledController
-from ..law import Law
-from ..laws.mpc import Mpc
+from ..controller import Law, SampledController
+from ..mpc import Mpc, solve_qp
 from ..qp import QP_SOLVERS
 from ..stages.feedforward import feedforward
 from ..stages.pipeline import M_LAW, S_FEED, S_LAW, S_PLAN, S_REST, STAGES, pipeline
@@ -29,7 +28,6 @@ from .embedded import EmbeddedMpc, EmbeddedOsqp, Recorder, multipliers, solved_b
 from .expressions import Signature
 from .kinds import ARRAY, DOUBLE, literal
 from .layout import setting_names, settings_lines
-from .mpc_law import solve_qp
 from .program import Program
 from .vector import Vector, checked, replay
 

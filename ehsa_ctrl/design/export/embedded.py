@@ -18,10 +18,9 @@ import numpy as np
 
 from ...core.errors import InputError
 from ..controller import SampledController
-from ..laws.mpc import _PLAN, Mpc
+from ..mpc import EMBEDDED_HEAD, EMBEDDED_USES, Mpc, mpc_law
 from ..qp import SOLVED, QpSolution, QpSolver
 from ..qp.osqp import ITERATIONS, TOLERANCE, Osqp
-from .mpc_law import HEAD, USES, mpc_law
 
 #: Step sizes that are tried on the problems of a run.
 STEP_SIZES = (0.01, 0.03, 0.1, 0.3)
@@ -135,7 +134,7 @@ class EmbeddedMpc:
 
     mpc: Mpc
     function = staticmethod(mpc_law)
-    uses: tuple[Callable[..., Any], ...] = USES
+    uses: tuple[Callable[..., Any], ...] = EMBEDDED_USES
     compiles = False
 
     @property
@@ -161,13 +160,13 @@ class EmbeddedMpc:
         feedback = law.feedback.settings()
         matrices = self.matrices
         own = [matrices[name] for name in ("shrink", "F", "T", "lower", "upper", "root")]
-        begins = HEAD + feedback.size + np.cumsum([0, *(part.size for part in own[:-1])])
+        begins = EMBEDDED_HEAD + feedback.size + np.cumsum([0, *(part.size for part in own[:-1])])
         rate = law.problem.limits.current_rate
         change = 0.0 if rate is None else rate * model.sample_time
         behind = law.feedback.initial_memory().size
         condensed = law.condensed
         sizes = [law.horizon, *condensed.F.shape[:1], condensed.lower.size, own[0].size, condensed.F.shape[1]]
-        head = [HEAD, behind, law.problem.current_limit, change, *sizes, *begins]
+        head = [EMBEDDED_HEAD, behind, law.problem.current_limit, change, *sizes, *begins]
         return np.concatenate([np.array(head, dtype=float), feedback, *(part.ravel() for part in own)])
 
     def initial_memory(self) -> np.ndarray:
@@ -186,8 +185,7 @@ def multipliers(controller: SampledController, behind: int) -> slice:
     """Where they stand in the memory of an MPC's controller; `behind`: where the law's own memory begins."""
     law = controller.law
     assert isinstance(law, Mpc)
-    start = behind + law.feedback.initial_memory().size + _PLAN + len(law.condensed.F)
-    return slice(start, start + law.condensed.lower.size)
+    return slice(behind + law.multipliers.start, behind + law.multipliers.stop)
 
 
 def with_law(controller: SampledController, law: Any) -> SampledController:

@@ -1,4 +1,4 @@
-"""What a kind of controller is: the form of its TOML and the function that turns it into a feedback law."""
+"""The controller-kind interface: the form of its TOML and its design function."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pydantic import Field, model_validator
 from ...core.definition import Ampere, Definition, Schema, Second
 from ..stages.feedforward import Feedforward
 from ..stages.rest import Dither, Rest
-from ..stages.trajectory import Trajectory
+from ..stages.trajectory import TrajectoryLimits
 
 
 class ControllerFile(Definition):
-    """What every controller's TOML may have; a kind adds its own keys."""
+    """Keys of every controller's TOML; a kind adds its own."""
 
     schema_version: Schema = Field(alias="schema", description="format version")
     kind: str = Field(description="type of feedback law")
@@ -23,7 +23,7 @@ class ControllerFile(Definition):
     note: str = Field(default="", description="remarks for the reader")
     sample_time: Second = Field(default=0.004, description="sample time of the loop; left out, that of the plant")
     current_limit: Ampere = Field(description="largest current, in either direction")
-    trajectory: Trajectory | None = Field(default=None, description="motion planning; off where it is left out")
+    trajectory: TrajectoryLimits | None = Field(default=None, description="motion planning; off where it is left out")
     feedforward: Feedforward | None = Field(
         default=None, description="model-based feedforward; off where it is left out"
     )
@@ -31,7 +31,7 @@ class ControllerFile(Definition):
     dither: Dither | None = Field(default=None, description="sine added to the current; off where it is left out")
 
     @model_validator(mode="after")
-    def _possible(self) -> ControllerFile:
+    def _check_common_keys(self) -> ControllerFile:
         if not 1e-6 <= self.sample_time < 1:
             raise ValueError(f"sample_time = {self.sample_time:g} s; expected at least 1 us and less than 1 s")
         if not 0 < self.current_limit < float("inf"):
@@ -47,10 +47,10 @@ class ControllerKind:
 
     Attributes
     ----------
-    name: the word in `kind = "..."` of a controller's TOML.
+    name: value of `kind = "..."` of a controller's TOML.
     summary: one line for lists.
     file: the definition's form, a ControllerFile.
-    design: (controller's name, definition, linear model with an output x) -> a design.law.Law.
+    design: (controller's name, definition, linear model with an output x) -> a design.controller.Law.
     """
 
     name: str

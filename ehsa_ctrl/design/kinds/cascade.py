@@ -1,21 +1,27 @@
-"""Cascade: position over speed, both loops designed on the linear model."""
+"""Cascade: the controller kind with an outer P or PI loop on the rod's position over a PI loop on the shaft speed.
+
+    omega_r = (f v_r + k_x (r - x) + k_ix int (r - x) dt) / n,    limited to +-speed_limit
+    u = k_w (omega_r - omega) + k_iw int (omega_r - omega) dt,    limited to +-current_limit
+
+n is the rod's travel per radian of the shaft, f the share of the velocity that is fed forward. The classic structure of
+servo drives (e.g. W. Leonhard, "Control of Electrical Drives", 3rd ed. 2001, chapter 7).
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.controller_interface import MEASURED
+from ...core.controller_interface import INPUTS, MEASURED
 from ...core.definition import Definition, RadianPerSecond
 from ...core.errors import InputError
 from ..analysis.closed_loop import discrete_response
 from ..analysis.sampled import sampled_plant
-from ..laws.cascade import Cascade
-from ..laws.pid_forms import Gains
-from ..tuning.pid_files import PhaseMargin
 from ._kind import ControllerFile, ControllerKind
+from .pid import Gains, PhaseMargin
 
 if TYPE_CHECKING:
     import control
@@ -31,7 +37,7 @@ class SpeedLoop(Definition):
 
 
 class PositionLoop(Definition):
-    """[position]: the outer loop, broken at the speed that it asks for."""
+    """[position]: the outer loop, broken at the speed reference."""
 
     crossover: RadianPerSecond = Field(description="gain crossover frequency")
     phase_margin: PhaseMargin = Field(
@@ -71,12 +77,90 @@ class CascadeFile(ControllerFile):
         return self
 
 
+def cascade_law(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """One sample of the law above.
+
+    settings: k_x, k_ix, 1 / n, f, speed_limit, k_w, k_iw, current_limit, back-calculation rate [1/s], sample time.
+    memory: integral of the speed loop [A], integral of the position loop [m/s], speed reference [rad/s].
+    """
+    k_x, k_ix, per_metre, f, fastest, k_w, k_iw, limit, back, T_s = settings
+    error = reference[0] - measured[3]
+    asked = per_metre * (f * reference[1] + k_x * error + memory[1])
+    memory[2] = min(max(asked, -fastest), fastest)
+    wanted = k_w * (memory[2] - measured[0]) + memory[0] + extra
+    current = min(max(wanted, -limit), limit)
+    if hold == 0.0:
+        # Conditional integration of the outer loop while its speed reference, or the current, is limited.
+        if (asked - memory[2]) * error <= 0.0 and (wanted - current) * error <= 0.0:
+            memory[1] += T_s * k_ix * error
+        memory[0] += T_s * (k_iw * (memory[2] - measured[0]) + back * (current - wanted))
+    return current
+
+
+@dataclass(frozen=True)
+class Cascade:
+    """Feedback law of a cascade, a design.controller.Law.
+
+    Attributes
+    ----------
+    k_x [1/s], k_ix [1/s2]: position loop. k_w [A s/rad], k_iw [A/rad]: speed loop.
+    n: rod travel per radian of the shaft [m]. f: share of the velocity that is fed forward.
+    speed_limit: rad/s. current_limit: A. sample_time: s.
+    """
+
+    k_x: float
+    k_ix: float
+    k_w: float
+    k_iw: float
+    n: float
+    f: float
+    speed_limit: float
+    current_limit: float
+    sample_time: float
+    function = staticmethod(cascade_law)
+    uses = ()
+    compiles = True
+    reads = ("position", "speed")
+    traces = {"integral": 0, "speed_reference": 2}
+
+    def settings(self) -> np.ndarray:
+        # Back-calculation at the rate of the speed loop's integral, at most within a sample.
+        back = min(self.k_iw / self.k_w, 1.0 / self.sample_time)
+        outer = [self.k_x, self.k_ix, 1.0 / self.n, self.f, self.speed_limit]
+        return np.array([*outer, self.k_w, self.k_iw, self.current_limit, back, self.sample_time])
+
+    def initial_memory(self) -> np.ndarray:
+        return np.zeros(3)
+
+    def linear(self) -> control.StateSpace:
+        """States: integral of the speed loop [A], of the position loop [m/s]."""
+        import control
+
+        T_s, inputs = self.sample_time, list(INPUTS)
+        error, asked = np.zeros(len(inputs)), np.zeros(len(inputs))
+        error[inputs.index("reference_position")], error[inputs.index("position")] = 1.0, -1.0
+        asked += self.k_x * error
+        asked[inputs.index("reference_velocity")] = self.f
+        gap = asked / self.n
+        gap[inputs.index("speed")] -= 1.0
+        a = np.array([[1.0, T_s * self.k_iw / self.n], [0.0, 1.0]])
+        b = np.array([T_s * self.k_iw * gap, T_s * self.k_ix * error])
+        c = np.array([[1.0, self.k_w / self.n]])
+        return control.ss(a, b, c, (self.k_w * gap)[None, :], T_s, inputs=inputs, outputs=["current"])
+
+    def __str__(self) -> str:
+        return (
+            f"position over speed, k_x = {self.k_x:.4g} 1/s, k_ix = {self.k_ix:.4g} 1/s2, "
+            f"k_w = {self.k_w:.4g} A s/rad, k_iw = {self.k_iw:.4g} A/rad"
+        )
+
+
 def design_cascade(name: str, file: CascadeFile, system: control.StateSpace) -> Cascade:
     """Both loops for the linear model `system` (first input the current, outputs omega and x), exactly sampled.
 
-    Raises
-    ------
-    InputError: a margin that the loops can't have at these crossovers; says what they have.
+    Raises InputError for a margin that the loops can't have at these crossovers; it tells what they have.
     """
     if "omega" not in system.output_labels:
         raise InputError(f"the model {system.name} has no output omega; a cascade needs the shaft's speed")
@@ -87,7 +171,7 @@ def design_cascade(name: str, file: CascadeFile, system: control.StateSpace) -> 
     z = np.exp(1j * w * T_s)
     at = discrete_response(plant, w)[0, :, 0]
     G_w, G_x = at[MEASURED.index("speed")], at[MEASURED.index("position")]
-    # The rod's way per radian where the outer loop works: the oil's leak and compression are part of it.
+    # Rod travel per radian at the outer crossover, with leakage and compression of the oil.
     n = float(abs((z - 1.0) / T_s * G_x / G_w))
     inner = k_w + k_iw * T_s / (z - 1.0)
     loop = (1.0 + file.position.integral_ratio * w * T_s / (z - 1.0)) / n * inner * G_x / (1.0 + inner * G_w)
@@ -114,7 +198,7 @@ def design_cascade(name: str, file: CascadeFile, system: control.StateSpace) -> 
 
 
 def _speed_gains(asked: SpeedLoop, plant: control.StateSpace, sample_time: float) -> tuple[float, float]:
-    """k_w, k_iw of the inner PI that has the crossover and the phase margin asked for, exactly."""
+    """k_w, k_iw of the inner PI with the required crossover and phase margin."""
     z = np.exp(1j * np.array([asked.crossover * sample_time]))
     G = discrete_response(plant, asked.crossover)[0, MEASURED.index("speed"), 0]
     needed = -np.exp(1j * asked.phase_margin) / G

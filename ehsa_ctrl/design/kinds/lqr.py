@@ -1,17 +1,73 @@
-"""LQR and LQI: state feedback on a Kalman filter's estimates, free of standing errors."""
+"""LQR and LQI: the controller kind with state feedback on a Kalman filter, offset-free by default."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, model_validator
 
-from ..laws.state_feedback import StateFeedback
-from ._kind import ControllerKind
-from ._state_feedback import StateFeedbackFile, design_state_feedback
+from ...core.definition import Ampere, Definition, In, Metre, RadianPerSecond
+from ..state_feedback import StateFeedback
+from ..synthesis.kalman import Observer, Pascal, design_kalman
+from ..synthesis.model import DesignModel, design_model
+from ..synthesis.regulator import Cost, design_regulator, solve_target, weight_matrix
+from ._kind import ControllerFile, ControllerKind
 
 if TYPE_CHECKING:
     import control
+
+AmperePerSecond = Annotated[float, In("A/s")]
+
+
+class Weights(Definition):
+    """[weights]: deviations that cost equally much; a smaller one is stricter."""
+
+    position: Metre = Field(description="position error of the rod")
+    current: Ampere = Field(default=1.0, description="current beyond that of the planned motion")
+    speed: RadianPerSecond | None = Field(default=None, description="shaft speed error; left out, it has no weight")
+    pressure: Pascal | None = Field(
+        default=None, description="error of the pressure difference; left out, it has no weight"
+    )
+    current_rate: AmperePerSecond | None = Field(
+        default=None,
+        description="rate of change of the current; left out, it has no weight",
+    )
+    integral: Annotated[float, In("m s")] | None = Field(
+        default=None,
+        description='integral of the position error, only with offset_free = "integral"',
+    )
+
+    @model_validator(mode="after")
+    def _positive(self) -> Weights:
+        for name, value in self:
+            if value is not None and not 0 < value < np.inf:
+                raise ValueError(f"{name} = {value:g}; expected a deviation greater than 0")
+        return self
+
+
+class StateFeedbackFile(ControllerFile):
+    """Keys of every controller with state feedback."""
+
+    offset_free: Literal["disturbance", "integral", "none"] = Field(
+        default="disturbance",
+        description='"disturbance" estimates friction, load and leakage and compensates them; "integral" integrates '
+        'the position error; "none" accepts the steady-state error under load',
+    )
+    weights: Weights = Field(description="weights of the cost function")
+    observer: Observer = Field(default=Observer(), description="noise levels of the Kalman filter")
+
+    @model_validator(mode="after")
+    def _fitting(self) -> StateFeedbackFile:
+        if (self.weights.integral is not None) != (self.offset_free == "integral"):
+            raise ValueError('[weights] integral and offset_free = "integral" belong together; give both or neither')
+        own = self.feedforward
+        if own is not None and (own.inertia, own.viscous, own.stiffness, own.preload, own.load) != (0.0,) * 5:
+            raise ValueError(
+                "[feedforward] of a state feedback holds friction alone (coulomb, static, stribeck): the current for "
+                "the rest comes from its linear model and its estimate of the load"
+            )
+        return self
 
 
 class LqrFile(StateFeedbackFile):
@@ -20,12 +76,40 @@ class LqrFile(StateFeedbackFile):
     kind: Literal["lqr"] = Field(description="type of feedback law")
 
 
-def design_lqr(name: str, file: LqrFile, system: control.StateSpace) -> StateFeedback:
-    """State feedback for a linear model.
+def cost_of(model: DesignModel, weights: Weights) -> Cost:
+    """The quadratic cost with these deviations (Bryson's rule)."""
+    deviations = {"position": weights.position, "speed": weights.speed, "pressure": weights.pressure}
+    step = None if weights.current_rate is None else weights.current_rate * model.sample_time
+    return Cost(
+        Q=weight_matrix(model, {name: value for name, value in deviations.items() if value is not None}),
+        R=1.0 / weights.current**2,
+        R_rate=0.0 if step is None else 1.0 / step**2,
+        Q_integral=0.0 if weights.integral is None else 1.0 / weights.integral**2,
+    )
+
+
+def design_state_feedback(name: str, file: StateFeedbackFile, system: control.StateSpace) -> StateFeedback:
+    """State feedback for a linear model, limited in current only.
 
     Raises InputError for a model that can't be stabilised or observed, or a sample time that does not fit it.
     """
-    return design_state_feedback(file, system)
+    model = design_model(system, file.sample_time)
+    if file.offset_free != "disturbance":
+        model = model.without_disturbance
+    regulator = design_regulator(model, cost_of(model, file.weights))
+    # Twice as fast as the integral itself acts: its gain over that of the position is its rate.
+    per_metre = float(model.row("position") @ regulator.K) / float(model.row("position") @ model.row("position"))
+    tracking = 0.5 * per_metre / abs(regulator.integral) if regulator.integral else 1.0
+    return StateFeedback(
+        model,
+        solve_target(model),
+        design_kalman(model, file.observer),
+        regulator,
+        file.current_limit,
+        max(tracking, file.sample_time),
+    )
 
 
-kind = ControllerKind("lqr", "state feedback on a Kalman filter, LQR or LQI, offset-free", LqrFile, design_lqr)
+kind = ControllerKind(
+    "lqr", "state feedback on a Kalman filter, LQR or LQI, offset-free", LqrFile, design_state_feedback
+)

@@ -1,28 +1,169 @@
-"""Position PID: filtered derivative, two degrees of freedom, anti-windup; gains given, classic or tuned."""
+"""Position PID: the controller kind, its gains in three forms, classic design, feedback law.
+
+    parallel   C = k_p + k_i / s + k_d s / (1 + T_f s)
+    standard   C = K (1 + 1 / (T_i s) + T_d s / (1 + T_f s))
+    series     C = K (1 + 1 / (T_i s)) (1 + T_d s / (1 + T_f s))
+
+The law is the parallel form with setpoint weights and anti-windup,
+
+    u = k_p (b r - y) + k_i int (r - y) dt + k_d s / (1 + T_f s) (c r - y),    limited to +-current_limit
+
+After K. J. Astrom, T. Hagglund, "Advanced PID Control", ISA 2006 (forms, filter, weights, anti-windup).
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from dataclasses import dataclass
+from math import inf
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from ...core.definition import Second
+from ...core.controller_interface import INPUTS, MEASURED
+from ...core.definition import Definition, In, Radian, RadianPerSecond, Second
 from ...core.errors import InputError
-from ..laws.pid import Pid
-from ..laws.pid_forms import Gains
-from ..tuning.pid_files import PidDesign, PidGains, classic_gains
-from ..tuning.tune import Tuned, Tuning, tune
+from ..tuning.bounds import Tuning
+from ..tuning.loop import position_plant
 from ._kind import ControllerFile, ControllerKind
 
 if TYPE_CHECKING:
     import control
 
+
+def _below_half_turn(margin: float) -> float:
+    if not 0 < margin < np.pi:
+        raise ValueError(f"{np.degrees(margin):.4g} deg; expected a phase margin between 0 and 180 deg")
+    return margin
+
+
+AmperePerMetre = Annotated[float, In("A/m")]
+PhaseMargin = Annotated[Radian, AfterValidator(_below_half_turn)]
 Weight = Annotated[float, Field(ge=0, le=1)]
+
+#: Keys that each form has beside T_f.
+FORMS = {"parallel": ("k_p", "k_i", "k_d"), "standard": ("K", "T_i", "T_d"), "series": ("K", "T_i", "T_d")}
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Parallel form: k_p [A/m], k_i [A/(m s)], k_d [A s/m], filter time constant T_f [s]."""
+
+    k_p: float
+    k_i: float = 0.0
+    k_d: float = 0.0
+    T_f: float = 0.0
+
+    def __str__(self) -> str:
+        return (
+            f"k_p = {self.k_p:.4g} A/m, k_i = {self.k_i:.4g} A/(m s), k_d = {self.k_d:.4g} A s/m, "
+            f"T_f = {self.T_f:.3g} s"
+        )
+
+    def response(self, z: Any, sample_time: float) -> Any:
+        """Frequency response C(z) of the sampled law at the points z of the unit circle.
+
+        Forward differences for the integral, backward differences for the derivative: the filter stays stable and well
+        damped for any ratio of T_f and sample time.
+        """
+        integral = self.k_i * sample_time / (z - 1.0) if self.k_i else 0.0 * z
+        slope = self.k_d * (z - 1.0) / ((self.T_f + sample_time) * z - self.T_f) if self.k_d else 0.0
+        return self.k_p + integral + slope
+
+
+class PidGains(Definition):
+    """[gains]: given gains instead of a design, all of them positive; terms that are left out are zero."""
+
+    form: Literal["parallel", "standard", "series"] = Field(
+        default="parallel",
+        description="parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d",
+    )
+    k_p: AmperePerMetre | None = Field(default=None, description="proportional gain of the parallel form")
+    k_i: Annotated[float, In("A/(m s)")] | None = Field(default=None, description="integral gain of the parallel form")
+    k_d: Annotated[float, In("A s/m")] | None = Field(default=None, description="derivative gain of the parallel form")
+    K: AmperePerMetre | None = Field(default=None, description="gain of the standard and series forms")
+    T_i: Second | None = Field(default=None, description="integral time")
+    T_d: Second | None = Field(default=None, description="derivative time")
+    T_f: Second = Field(default=0.0, description="time constant of the derivative filter")
+
+    @model_validator(mode="after")
+    def _fit(self) -> PidGains:
+        own = FORMS[self.form]
+        given = [name for name in ("k_p", "k_i", "k_d", "K", "T_i", "T_d") if getattr(self, name) is not None]
+        foreign = [name for name in given if name not in own]
+        if foreign or not given:
+            got = f"got {', '.join(foreign)}" if foreign else "got none of them"
+            raise ValueError(f"form = {self.form!r} has the keys {', '.join(own)} and T_f; {got}")
+        for name in [*given, "T_f"]:
+            value = getattr(self, name)
+            if not 0 <= value < np.inf or (name == "T_i" and value == 0):
+                raise ValueError(
+                    f"{name} = {value:g}; expected {'more than' if name == 'T_i' else 'at least'} 0: a positive "
+                    "current extends the rod, so that gains of the other sign drive it away from its target"
+                )
+        return self
+
+    def parallel(self) -> Gains:
+        """These gains in the parallel form."""
+        if self.form == "parallel":
+            return Gains(self.k_p or 0.0, self.k_i or 0.0, self.k_d or 0.0, self.T_f)
+        K, T_d, T_f = self.K or 0.0, self.T_d or 0.0, self.T_f
+        T_i = inf if self.T_i is None else self.T_i
+        if self.form == "standard":
+            return Gains(K, K / T_i, K * T_d, T_f)
+        share = 1.0 / T_i
+        return Gains(K * (1.0 + T_d * share), K * share, K * T_d * (1.0 - T_f * share), T_f)
+
+
+class PidDesign(Definition):
+    """[design]: classic loop shaping of the loop, broken at the current."""
+
+    crossover: RadianPerSecond = Field(description="gain crossover frequency")
+    phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
+    integral_ratio: Annotated[float, Field(ge=0, lt=1)] = Field(
+        default=0.1,
+        description="corner frequency of the integral action over the crossover; small values cost little phase",
+    )
+    filter_ratio: Annotated[float, Field(gt=1, le=1e6)] = Field(
+        default=10.0,
+        description="corner frequency of the derivative filter over the crossover",
+    )
+
+
+def classic_gains(design: PidDesign, system: control.StateSpace, sample_time: float) -> Gains:
+    """Solve C(z) G(z) = -exp(i margin) at the crossover for k_p and k_d, with k_i = ratio crossover k_p.
+
+    Exact for the sampled loop: the plant with its hold, the law as difference equation.
+
+    Raises InputError for a crossover beyond the Nyquist frequency, and for a margin that no PID with this filter and
+    integral reaches there.
+    """
+    w = design.crossover
+    if not 0 < w < np.pi / sample_time:
+        raise InputError(
+            f"crossover = {w:g} rad/s must lie between 0 and the Nyquist frequency "
+            f"{np.pi / sample_time:.4g} rad/s of sample_time = {sample_time:g} s"
+        )
+    z = np.exp(1j * np.array([w * sample_time]))
+    needed = -np.exp(1j * design.phase_margin) / position_plant(system, sample_time).response(z)[0]
+    T_f = 1.0 / (design.filter_ratio * w)
+    proportional = Gains(1.0, design.integral_ratio * w).response(z, sample_time)[0]
+    derivative = Gains(0.0, 0.0, 1.0, T_f).response(z, sample_time)[0]
+    k_p, k_d = np.linalg.solve(
+        [[proportional.real, derivative.real], [proportional.imag, derivative.imag]], [needed.real, needed.imag]
+    )
+    if k_p <= 0 or k_d < 0:
+        raise InputError(
+            f"a phase margin of {np.degrees(design.phase_margin):.3g} deg at {w:.4g} rad/s needs "
+            f"{np.degrees(np.angle(needed)):.3g} deg from the controller, which a PID with "
+            f"filter_ratio = {design.filter_ratio:g} and integral_ratio = {design.integral_ratio:g} can't give; "
+            "lower the crossover or the margin"
+        )
+    return Gains(float(k_p), float(design.integral_ratio * w * k_p), float(k_d), T_f)
 
 
 class PidLoopFile(ControllerFile):
-    """What all PID controllers' TOML have."""
+    """Keys of every PID controller."""
 
     reference_weight: Weight = Field(
         default=1.0,
@@ -68,7 +209,7 @@ class PidLoopFile(ControllerFile):
         )
 
     def _tracking(self, gains: Gains) -> float:
-        """Time constant of back-calculation: sqrt(T_i T_d) where there is a derivative, T_i where not."""
+        """Time constant of back-calculation: sqrt(T_i T_d) with a derivative, T_i without one."""
         if self.anti_windup != "back_calculation" or gains.k_i == 0.0:
             return float("inf")
         if self.tracking_time is not None:
@@ -103,31 +244,110 @@ class PidFile(PidLoopFile):
         return self
 
 
+def pid_law(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """One sample of the law above.
+
+    settings: k_p, k_i, k_d, T_f, b, c, current_limit, back-calculation rate [1/s], 1 for conditional integration,
+    sample time. memory: integral part [A], filtered derivative part [A], c r - y of the last sample, whether there was
+    one, integral part at the end of the last motion [A].
+    """
+    k_p, k_i, k_d, T_f, b, c, limit, back, conditional, T_s = settings
+    r, y = reference[0], measured[3]
+    if memory[3] == 0.0:
+        # Bumpless start: as if the loop had been at rest at y, so that the weight b makes no step where r = y.
+        memory[0] = k_p * (1.0 - b) * y if k_i != 0.0 else 0.0
+        memory[2] = c * r - y
+        memory[3] = 1.0
+    if hold < 0.0:
+        memory[0] = memory[4]
+    # Backward differences: the filter stays stable and well damped for any ratio of T_f and sample time.
+    memory[1] = (T_f * memory[1] + k_d * (c * r - y - memory[2])) / (T_f + T_s)
+    memory[2] = c * r - y
+    wanted = k_p * (b * r - y) + memory[0] + memory[1] + extra
+    current = min(max(wanted, -limit), limit)
+    if hold == 0.0:
+        rate = k_i * (r - y)
+        if conditional == 0.0 or (wanted - current) * rate <= 0.0:
+            memory[0] += T_s * rate
+        memory[0] += T_s * back * (current - wanted)
+    if reference[1] != 0.0:
+        memory[4] = memory[0]
+    return current
+
+
+@dataclass(frozen=True)
+class Pid:
+    """Feedback law of a position PID, a design.controller.Law.
+
+    Attributes
+    ----------
+    gains: parallel form.
+    b, c: setpoint weights of the proportional and the derivative part.
+    current_limit: A. sample_time: s.
+    T_t: time constant of back-calculation while the current is limited [s]; inf: none.
+    conditional: no integration further into the limit while the current is limited.
+    """
+
+    gains: Gains
+    b: float
+    c: float
+    current_limit: float
+    T_t: float
+    conditional: bool
+    sample_time: float
+    function = staticmethod(pid_law)
+    uses = ()
+    compiles = True
+    reads = ("position",)
+    traces = {"integral": 0}
+
+    def settings(self) -> np.ndarray:
+        g, conditional = self.gains, float(self.conditional)
+        limits = self.current_limit, 1.0 / self.T_t, conditional, self.sample_time
+        return np.array([g.k_p, g.k_i, g.k_d, g.T_f, self.b, self.c, *limits])
+
+    def initial_memory(self) -> np.ndarray:
+        return np.zeros(5)
+
+    def linear(self) -> control.StateSpace:
+        """States: integral [A], filtered derivative [A], last c r - y [m]."""
+        import control
+
+        g, T_s = self.gains, self.sample_time
+        keep = g.T_f + T_s
+        # Weighted differences of the three parts, as rows over r and y.
+        error, proportional, derivative = np.array([1.0, -1.0]), np.array([self.b, -1.0]), np.array([self.c, -1.0])
+        a = np.array([[1.0, 0.0, 0.0], [0.0, g.T_f / keep, -g.k_d / keep], [0.0, 0.0, 0.0]])
+        b = np.array([T_s * g.k_i * error, g.k_d / keep * derivative, derivative])
+        c = np.array([[1.0, g.T_f / keep, -g.k_d / keep]])
+        d = g.k_p * proportional + g.k_d / keep * derivative
+        wide = np.zeros((4, len(INPUTS)))
+        wide[:, [0, 3 + MEASURED.index("position")]] = np.vstack([b, d])
+        return control.ss(a, wide[:3], c, wide[3:], T_s, inputs=list(INPUTS), outputs=["current"])
+
+    def __str__(self) -> str:
+        return f"parallel PID, {self.gains}"
+
+
+def designed_gains(file: Any, system: control.StateSpace) -> Gains:
+    """Gains by [design] or [tuning] of a PidLoopFile. Raises InputError if this model can't reach them."""
+    if file.design is not None:
+        return classic_gains(file.design, system, file.sample_time)
+    # Imported late: the tuner analyses loops with the law of this module.
+    from ..tuning.tune import tune_once
+
+    weights = file.reference_weight, file.derivative_reference_weight
+    return tune_once(system, file.tuning, file.sample_time, *weights).gains
+
+
 def design_pid(name: str, file: PidFile, system: control.StateSpace) -> Pid:
     """A PID for the linear model `system` (first input the current, an output x).
 
-    Raises
-    ------
-    InputError: a [design] or [tuning] that can't be reached on this model; says how near one comes.
+    Raises InputError for a [design] or [tuning] that this model can't reach; it tells the nearest values.
     """
-    if file.gains is not None:
-        return file.law(file.gains.parallel())
-    if file.design is not None:
-        return file.law(classic_gains(file.design, system, file.sample_time))
-    assert file.tuning is not None
-    weights = file.reference_weight, file.derivative_reference_weight
-    return file.law(tuned(system, file.tuning, file.sample_time, *weights).gains)
+    return file.law(file.gains.parallel() if file.gains is not None else designed_gains(file, system))
 
-
-def tuned(system: control.StateSpace, asked: Tuning, sample_time: float, b: float, c: float) -> Tuned:
-    """`tune`, remembered: a scenario, its linear twin and a comparison load the same controller for the same model."""
-    numbers = tuple(matrix.tobytes() for matrix in (system.A, system.B, system.C))
-    key = numbers, tuple(system.output_labels), tuple(system.input_labels), asked, sample_time, b, c
-    if key not in _FOUND:
-        _FOUND[key] = tune(system, asked, sample_time=sample_time, b=b, c=c)
-    return _FOUND[key]
-
-
-_FOUND: dict[object, Tuned] = {}
 
 kind = ControllerKind("pid", "position PID with filtered derivative and anti-windup", PidFile, design_pid)

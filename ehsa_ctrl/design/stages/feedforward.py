@@ -1,11 +1,10 @@
-"""Feed-forward: the current that the planned motion needs, friction included.
+"""Feedforward: the current of the planned motion, friction included.
 
     I = load F + inertia a + viscous v + stiffness x + preload
         + sign(v) (coulomb + (static - coulomb) exp(-|v| / stribeck))
 
-in amperes, of the planned motion and not of the measured one: noise does not reach it, and it can't make the loop
-unstable. Its numbers are a model's, divided by the torque constant (paper, (8) to (10)); plant/motion_current.py
-gives them for a plant.
+in amperes, for the planned motion: free of noise, and without effect on stability. The coefficients are those of the
+model divided by the torque constant (paper, (8) to (10)); plant/motion_current.py computes them for a plant.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from pydantic import Field, model_validator
 
 from ...core.definition import Ampere, Definition, In, Second
 
-#: Numbers of memory and of settings that `feedforward` has.
+#: Sizes of memory and settings of `feedforward`.
 MEMORY, SETTINGS = 2, 9
 
 
@@ -26,7 +25,7 @@ def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings:
     """Current [A] for planned position, speed and acceleration (3,) and the measured force [N].
 
     settings: inertia [A s2/m], viscous [A s/m], stiffness [A/m], preload, coulomb, static [A], stribeck [m/s], load
-    [A/N], share of the force that its filter keeps. memory: filtered force [N], whether there was a sample.
+    [A/N], coefficient of the force filter. memory: filtered force [N], whether there was a sample.
     """
     inertia, viscous, stiffness, preload, coulomb, static, stribeck, load, kept = settings
     if memory[1] == 0.0:
@@ -41,7 +40,7 @@ def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings:
 
 
 class Feedforward(Definition):
-    """A controller's [feedforward]: numbers of a model over its torque constant; what is left out is zero."""
+    """[feedforward]: coefficients of the model divided by its torque constant; zero where left out."""
 
     inertia: Annotated[float, In("A s2/m")] = Field(default=0.0, description="current per planned acceleration")
     viscous: Annotated[float, In("A s/m")] = Field(default=0.0, description="current per planned velocity")
@@ -77,7 +76,7 @@ class Feedforward(Definition):
 
 
 def feedforward_settings(numbers: Feedforward | None, sample_time: float) -> np.ndarray:
-    """Numbers for `feedforward`; zeros without any."""
+    """Settings of `feedforward`; zeros for None."""
     n = numbers or Feedforward()
     static = n.coulomb if n.static is None else n.static
     kept = exp(-sample_time / n.force_time) if n.force_time > 0 else 0.0

@@ -1,19 +1,16 @@
-"""Rest: near its target the rod is left where friction holds it.
+"""Friction compensation at rest: deadband, knocker and dither.
 
-A PID on a plant with static friction above Coulomb friction hunts, whatever its gains (B. Armstrong, B. Amin,
-"PID control in the presence of static friction", Automatica 32(5), 1996): its integral winds up until the rod breaks
-away, and the slip that follows is larger than the error that caused it. Two cures are here, both for a planned motion
-that has ended:
+A PID on a plant with static friction above Coulomb friction has a limit cycle, whatever its gains (B. Armstrong, B.
+Amin, "PID control in the presence of static friction", Automatica 32(5), 1996): its integral winds up until the rod
+breaks away, and the slip that follows exceeds the error that caused it. After a planned motion has ended,
 
-- while the rod rests within a band around the target, the integral stands still and the law sees the readings of the
-  moment at which the rest began, averaged: its current stands still too, and noise can't make the shaft creep;
-- a knocker: outside the band short pulses towards the target, each a little higher than the one before, until the
-  rod slips; the current falls back at once, so that the slip stays near the smallest possible one (after
-  T. Hagglund, "A friction compensator for pneumatic control valves", J. Process Control 12, 2002, whose pulses
-  replace the integral's slow ramp).
+- a deadband: while the rod rests within a band around the target, the integral pauses and the law gets the averaged
+  readings from the beginning of the rest, so that its current is constant and noise can't make the shaft creep;
+- a knocker: outside the band, short pulses towards the target with increasing height until the rod slips; the current
+  returns at once, so that the slip stays near the smallest possible one (after T. Hagglund, "A friction compensator for
+  pneumatic control valves", J. Process Control 12, 2002, whose pulses replace the integral's slow ramp).
 
-and one that acts all the time: dither, a fast sine that keeps the rod from sticking or does nothing, which the
-scenarios measure.
+Dither, a fast sine against sticking, acts all the time.
 """
 
 from __future__ import annotations
@@ -25,21 +22,20 @@ from pydantic import Field, model_validator
 
 from ...core.definition import Ampere, Definition, Hertz, Metre, RadianPerSecond, Second
 
-#: Numbers of memory and of settings that `rest` has.
+#: Sizes of memory and settings of `rest`.
 MEMORY, SETTINGS = 19, 13
 
 
 def rest(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> None:
-    """One sample: memory[0] becomes 1 where integral action is to stand still and -1 where what it gathered at rest is
-    to be forgotten, memory[1] the extra current [A], and
-    memory[9:14] the readings that the law is to see.
+    """One sample: memory[0] becomes 1 while integral action must pause and -1 where it must be reset, memory[1] the
+    additional current [A], memory[9:14] the readings for the law.
 
-    settings: band and release [m], speed below which the shaft rests [rad/s], share that the filters keep; first
-    pulse, growth and largest pulse [A], samples of a pulse and from pulse to pulse; amplitude [A] and phase per sample
-    [rad] of the dither; samples before a rest is believed; 1 to forget.
-    memory: hold, extra current, filtered error [m] and shaft speed [rad/s], samples since the planned motion ended,
-    pulse height [A], samples into the pulse's period, phase of the dither, direction of the last pulse; readings for
-    the law (5), readings averaged (5).
+    settings: band and release [m], speed below which the shaft is at rest [rad/s], filter coefficient; first pulse,
+    growth and largest pulse [A], samples of a pulse and from pulse to pulse; amplitude [A] and phase per sample [rad]
+    of the dither; samples before the deadband acts; 1 to reset the integral at the next motion.
+    memory: hold, additional current, filtered error [m] and shaft speed [rad/s], samples since the end of the planned
+    motion, pulse height [A], samples into the pulse's period, phase of the dither, direction of the last pulse;
+    readings for the law (5), averaged readings (5).
     """
     amplitude, phase = settings[9], settings[10]
     memory[1] = 0.0
@@ -57,7 +53,7 @@ def rest(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, settings:
 
 
 def decide_hold(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
-    """What memory[0] of `rest` becomes; goes on with the filters, the average and, where it knocks, the pulses."""
+    """Next memory[0] of `rest`; updates the filters, the averages and the knocker."""
     band, release, still, kept = settings[0], settings[1], settings[2], settings[3]
     growth, largest, width, patience, forget = settings[5], settings[6], settings[7], settings[11], settings[12]
     if band == 0.0:
@@ -74,7 +70,7 @@ def decide_hold(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, se
         memory[14 + i] = kept * memory[14 + i] + (1.0 - kept) * trusted[i]
     memory[4] += 1.0
     if memory[4] <= patience or abs(memory[3]) >= still:
-        # It moves: the pulse that was on has done its work, and the next one may be lower.
+        # The rod moves: the next pulse may be lower.
         memory[5], memory[6] = max(memory[5] - 2.0 * growth, 0.0), width
         return 0.0
     if abs(memory[2]) <= (release if memory[0] > 0.0 and memory[5] == 0.0 else band):
@@ -82,13 +78,13 @@ def decide_hold(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, se
         return 1.0
     if largest == 0.0:
         return 0.0
-    # Outside, with a knocker: the integral stands still as well, the pulses do the work.
+    # Outside the band, with a knocker: the pulses replace the integral.
     knock(memory, settings)
     return 1.0
 
 
 def knock(memory: np.ndarray, settings: np.ndarray) -> None:
-    """One sample of the knocker: adds its pulse, if one is on, to the extra current memory[1] of `rest`."""
+    """One sample of the knocker: adds its pulse to the additional current memory[1] of `rest`."""
     first, growth, largest, width, period = settings[4], settings[5], settings[6], settings[7], settings[8]
     direction = 1.0 if memory[2] > 0.0 else -1.0
     if memory[5] < first or direction != memory[8]:
@@ -120,7 +116,7 @@ class Knocker(Definition):
 
 
 class Rest(Definition):
-    """A controller's [rest]: near its target the rod is left where friction holds it."""
+    """[rest]: deadband for a rod that friction holds near its target."""
 
     band: Metre = Field(description="position error within which a resting rod is left alone")
     release: Metre | None = Field(
@@ -146,7 +142,7 @@ class Rest(Definition):
 
 
 class Dither(Definition):
-    """A controller's [dither]: a sine on top of the current."""
+    """[dither]: a sine added to the current."""
 
     amplitude: Ampere = Field(description="amplitude")
     frequency: Hertz = Field(description="frequency, below half the sample rate")
@@ -159,7 +155,7 @@ class Dither(Definition):
 
 
 def rest_settings(rest: Rest | None, dither: Dither | None, sample_time: float) -> np.ndarray:
-    """Numbers for `rest`; zeros switch a cure off."""
+    """Settings of `rest`; zeros switch a part off."""
     numbers = np.zeros(SETTINGS)
     if rest is not None:
         kept = exp(-sample_time / rest.filter_time) if rest.filter_time > 0 else 0.0

@@ -1,8 +1,9 @@
-"""Supervision: what a controller does when a sensor can't be trusted.
+"""Supervision of the sensors.
 
-A reading that is lost (not a number) is replaced by the last good one for a while; a loss that lasts, a reading out of
-its range, or a position and a speed that contradict each other stop the loop: from then on the current is zero. The
-actuator locks itself by friction then, which is why zero is the safe output here.
+A lost reading (not a number) is replaced by the last good one for a limited time. A longer loss, a reading out of
+range,
+or a position inconsistent with the speed stops the loop: from then on the current is zero. Zero is the safe output,
+because friction then locks the actuator.
 """
 
 from __future__ import annotations
@@ -14,19 +15,19 @@ import numpy as np
 
 from ...core.controller_interface import MEASURED
 
-#: What the trace `status` of a controller says.
+#: Trace `status` of a controller.
 STATUS = {0.0: "sound", 1.0: "a lost reading is replaced by the last good one", 2.0: "stopped: the current is zero"}
-#: Numbers of memory and of settings that `supervise` has.
+#: Sizes of memory and settings of `supervise`.
 MEMORY, SETTINGS = 14, 13
 
 
 def supervise(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
-    """One sample: fills memory[1:6] with the readings to be trusted and returns the status (see STATUS).
+    """One sample: writes the validated readings to memory[1:6] and returns the status (see STATUS).
 
     settings: samples a reading may be lost; largest |position| and |speed|; least and largest pressure; largest
-    contradiction of position and speed [m]; rod travel per shaft angle [m/rad]; share of the contradiction that is
-    kept from sample to sample; sample time; and for speed, p1, p2, position whether a loss counts.
-    memory: status, trusted readings (5), samples lost (5), contradiction [m], and position and speed before.
+    discrepancy of position and speed [m]; rod travel per shaft angle [m/rad]; decay of the discrepancy per sample;
+    sample time; and for speed, p1, p2, position whether a loss counts.
+    memory: status, validated readings (5), samples lost (5), discrepancy [m], last position and speed.
     """
     lost_allowed, x_max, omega_max, p_min, p_max, apart, travel, kept, T_s = settings[:9]
     if memory[0] == 2.0:
@@ -45,8 +46,8 @@ def supervise(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) ->
         status = 2.0
     if min(memory[2], memory[3]) < p_min or max(memory[2], memory[3]) > p_max:
         status = 2.0
-    # Both are wanted at the same time: the difference of what the position says and what the speed says, leaking
-    # slowly, so that leakage and the oil's compression don't add up.
+    # Difference of the measured travel and that of the shaft speed, with slow decay so that leakage and compression of
+    # the oil don't accumulate.
     if memory[0] >= 0.0:
         memory[11] = kept * memory[11] + (x - memory[12]) - 0.5 * travel * T_s * (omega + memory[13])
     if abs(memory[11]) > apart:
@@ -58,16 +59,16 @@ def supervise(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) ->
 
 @dataclass(frozen=True)
 class Supervision:
-    """Limits of what a controller takes for possible; the defaults only watch for readings that are lost.
+    """Plausibility limits of a controller; the defaults only detect lost readings.
 
     Attributes
     ----------
     lost: s, how long a reading may be lost before the loop stops.
     position, speed: largest size [m], [rad/s].
     pressure_min, pressure_max: Pa.
-    contradiction: m, largest difference of the rod's position and what the shaft's speed makes of it.
+    contradiction: m, largest discrepancy of the rod's travel and that of the shaft's speed.
     travel: m/rad, rod travel per shaft angle D / A; needed for `contradiction`.
-    memory_time: s, over which a contradiction is forgotten.
+    memory_time: s, time constant of the discrepancy's decay.
     """
 
     lost: float = 0.04
@@ -80,7 +81,7 @@ class Supervision:
     memory_time: float = 0.25
 
     def settings(self, sample_time: float, reads: tuple[str, ...]) -> np.ndarray:
-        """Numbers for `supervise`; `reads`: the channels whose loss counts."""
+        """Settings of `supervise`; `reads`: the channels whose loss counts."""
         return np.array(
             [
                 np.floor(self.lost / sample_time + 1e-9),
@@ -98,5 +99,5 @@ class Supervision:
 
     def initial_memory(self) -> np.ndarray:
         memory = np.zeros(MEMORY)
-        memory[0] = -1.0  # no sample yet: nothing to hold the first position against
+        memory[0] = -1.0  # no sample yet
         return memory

@@ -1,10 +1,10 @@
-"""A trajectory from a target that jumps: the fastest one within limits of speed and acceleration.
+"""Trajectory planning: the fastest motion to a target within limits of speed and acceleration.
 
-A loop that gets a jump sees an error that no actuator can follow at once, winds up and overshoots. The planned motion
-is one that the actuator can follow; its speed and acceleration feed the controller forward. A reference that is
-smooth enough passes unchanged. Time-optimal for a double integrator: full acceleration towards the curve
-v^2 = 2 a |distance| from which full braking just stops at the target (L. S. Pontryagin's example; e.g. A. E. Bryson,
-Y.-C. Ho, "Applied Optimal Control", section 3.9), here in whole samples.
+A step of the reference makes a loop wind up and overshoot. The planned motion is one that the actuator can follow; its
+speed and acceleration are fed forward. A reference that is smooth enough passes unchanged. Time-optimal for a double
+integrator: full acceleration towards the curve v^2 = 2 a |distance| from which full braking just stops at the target
+(L. S. Pontryagin's example; e.g. A. E. Bryson, Y.-C. Ho, "Applied Optimal Control", section 3.9), here in whole
+samples.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from pydantic import Field, model_validator
 
 from ...core.definition import Definition, In, Second
 
-#: Numbers of memory and of settings that `plan` has.
+#: Sizes of memory and settings of `plan`.
 MEMORY, SETTINGS = 5, 4
 
 
 def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: np.ndarray) -> None:
-    """One sample: memory[0:3] becomes position, speed and acceleration to be followed.
+    """One sample: memory[0:3] becomes the planned position, speed and acceleration.
 
-    position: measured, from where the first motion begins.
-    settings: largest speed [m/s] (0: the reference passes as it is), largest acceleration [m/s2], least duration of a
+    position: measured, the start of the first motion.
+    settings: largest speed [m/s] (0: the reference passes unchanged), largest acceleration [m/s2], least duration of a
     motion [s], sample time.
-    memory: planned position, speed, acceleration;
-    acceleration of the present motion (0 before the first sample); position of the target before.
+    memory: planned position, speed, acceleration; acceleration limit of the present motion (0 before the first sample);
+    last target position.
     """
     v_max, a_top, least, T_s = settings[0], settings[1], settings[2], settings[3]
     r, r_v = reference[0], reference[1]
@@ -41,17 +41,17 @@ def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: n
     if r_v != 0.0:
         memory[3] = a_top
     elif abs(r - memory[4]) > 0.25 * a_top * T_s * T_s and least > 0.0:
-        # The target jumped: a short way is made more slowly, as s = a t^2 / 4 from rest to rest.
+        # The target jumped: a short stroke takes the least duration, s = a t^2 / 4 from rest to rest.
         memory[3] = min(a_top, max(4.0 * abs(r - x) / (least * least), 0.1 * a_top))
     memory[4] = r
     a_max = memory[3]
-    # What would be left of the way if the speed became the target's within this sample.
+    # Remaining distance if the speed became the target's within this sample.
     gap = r - x - 0.5 * T_s * (v + r_v)
     if abs(gap) <= 0.25 * a_max * T_s * T_s and abs(r_v - v) <= a_max * T_s:
         memory[3] = a_top
         memory[0], memory[1], memory[2] = r, r_v, reference[2]
         return
-    # The speed relative to the target's after this sample must leave room to brake: relative^2 = 2 a (way then left).
+    # The relative speed after this sample must leave room to brake: relative^2 = 2 a (distance then left).
     relative = a_max * (sqrt(0.25 * T_s * T_s + 2.0 * abs(gap) / a_max) - 0.5 * T_s)
     wanted = r_v + (relative if gap > 0.0 else -relative)
     wanted = min(max(wanted, -v_max), v_max)
@@ -61,8 +61,8 @@ def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: n
     memory[2] = (w - v) / T_s
 
 
-class Trajectory(Definition):
-    """A controller's [trajectory]: limits within which a jump of the target becomes a motion."""
+class TrajectoryLimits(Definition):
+    """[trajectory]: limits of the motion that replaces a jump of the target."""
 
     speed: Annotated[float, In("m/s")] = Field(description="largest rod velocity")
     acceleration: Annotated[float, In("m/s2")] = Field(description="largest rod acceleration")
@@ -73,7 +73,7 @@ class Trajectory(Definition):
     )
 
     @model_validator(mode="after")
-    def _fit(self) -> Trajectory:
+    def _fit(self) -> TrajectoryLimits:
         if not 0 < self.speed < inf or not 0 < self.acceleration < inf:
             raise ValueError("speed and acceleration must be greater than 0")
         if not 0 <= self.duration < inf:
@@ -81,8 +81,8 @@ class Trajectory(Definition):
         return self
 
 
-def trajectory_settings(limits: Trajectory | None, sample_time: float) -> np.ndarray:
-    """Numbers for `plan`; without limits the reference passes as it is."""
+def trajectory_settings(limits: TrajectoryLimits | None, sample_time: float) -> np.ndarray:
+    """Settings of `plan`; without limits the reference passes unchanged."""
     if limits is None:
         return np.array([0.0, 0.0, 0.0, sample_time])
     return np.array([limits.speed, limits.acceleration, limits.duration, sample_time])

@@ -1,43 +1,46 @@
 """The stationary Kalman filter on the measured speed, pressure difference and position.
 
 States and disturbances z = (x, d) together: the states are driven by white noise of the current, each disturbance is a
-random walk. White noise at the input is also what gives the loop back the margins of state feedback that an observer
-takes (J. C. Doyle, G. Stein, "Robustness with observers", IEEE Trans. Automatic Control 24(4), 1979).
+random walk. White noise at the input also recovers the margins of state feedback that an observer loses (J. C. Doyle,
+G. Stein, "Robustness with observers", IEEE Trans. Automatic Control 24(4), 1979).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field, model_validator
 
+from ...core.definition import Ampere, Definition, In, Metre, Newton, RadianPerSecond
 from ...core.errors import InputError
 from .model import DesignModel, full_rank
 
+Pascal = Annotated[float, In("Pa")]
 
-@dataclass(frozen=True)
-class Noise:
-    """What the filter is told of noise and disturbances; one standard deviation each.
 
-    Attributes
-    ----------
-    speed [rad/s], pressure [Pa] (of each of p1 and p2), position [m]: noise of the sensors, each sample.
-    current: A, white noise at the motor, each sample; larger trusts the model less and the measurements more.
-    friction [A], load [N], leak [rad/s]: by how much each disturbance may wander in one second.
-    """
+class Observer(Definition):
+    """[observer]: standard deviations for the Kalman filter."""
 
-    speed: float = 0.5
-    pressure: float = 15e3
-    position: float = 20.2e-6  # 20 um, and the converter's steps of 10 um
-    current: float = 0.1
-    friction: float = 0.3
-    load: float = 100.0
-    leak: float = 1.0
+    speed: RadianPerSecond = Field(default=0.5, description="noise of the speed sensor")
+    pressure: Pascal = Field(default=15e3, description="noise of the pressure sensors")
+    # 20 um of noise, and the converter's steps of 10 um.
+    position: Metre = Field(default=20.2e-6, description="noise of the position sensor")
+    current: Ampere = Field(
+        default=0.1,
+        description="white process noise of the motor current; larger trusts the model less",
+    )
+    friction: Ampere = Field(default=0.3, description="random walk of the friction disturbance in one second")
+    load: Newton = Field(default=100.0, description="random walk of the load force in one second")
+    leak: RadianPerSecond = Field(default=1.0, description="random walk of the leakage disturbance in one second")
 
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
+    @model_validator(mode="after")
+    def _positive(self) -> Observer:
+        for name, value in self:
             if not 0 < value < np.inf:
-                raise InputError(f"observer: {name} = {value:g}; expected a standard deviation greater than 0")
+                raise ValueError(f"{name} = {value:g}; expected a standard deviation greater than 0")
+        return self
 
 
 @dataclass(frozen=True)
@@ -65,19 +68,19 @@ class Kalman:
 
     @property
     def poles(self) -> np.ndarray:
-        """Of the prediction's error, in z."""
+        """Poles of the prediction error, in z."""
         return np.linalg.eigvals(self.A - self.A @ self.gain @ self.C)
 
     def start(self, still: tuple[int, ...] = ()) -> np.ndarray:
-        """Matrix (n + d, m) from the first measurement to a first estimate that is at rest without current.
+        """Matrix (n + d, m) from the first measurement to an initial estimate at rest without current.
 
-        With as many disturbances as measurements it shows that measurement exactly and stays: a law with these
-        disturbances in its target asks for no current where the position is the one wanted.
+        With as many disturbances as measurements the estimate reproduces the measurement and is in equilibrium: a law
+        that compensates these disturbances asks for no current at the target position.
 
-        still: rows of y that are taken for zero, such as a speed that is only noise at a start.
+        still: rows of y that are taken as zero, such as a speed that is only noise at the start.
         """
         n = self.states
-        # Without disturbances nothing could explain a pressure at rest: the states show the measurement, no more.
+        # Without disturbances no equilibrium explains a pressure: the states reproduce the measurement only.
         rest = (self.A - np.eye(len(self.A)))[:n] if n < len(self.A) else np.zeros((0, n))
         both = np.vstack([rest, self.C])
         size = np.max(np.abs(both), axis=1)
@@ -86,10 +89,10 @@ class Kalman:
         return first
 
 
-def design_kalman(model: DesignModel, noise: Noise) -> Kalman:
-    """The filter for a design model and its noise, through python-control's `dlqe`.
+def design_kalman(model: DesignModel, noise: Observer) -> Kalman:
+    """The filter for a design model and noise levels, through python-control's `dlqe`.
 
-    Raises InputError if the disturbances can't be told apart by what is measured.
+    Raises InputError if the measurements can't distinguish the disturbances.
     """
     import control
 
@@ -106,7 +109,7 @@ def design_kalman(model: DesignModel, noise: Noise) -> Kalman:
     Q = noise.current**2 * np.outer(b, b) + np.diag(np.r_[np.zeros(n), model.sample_time * walks**2])
     sd = {"speed": noise.speed, "pressure": np.sqrt(2.0) * noise.pressure, "position": noise.position}
     R = np.diag([sd[name] ** 2 for name in model.signals])
-    # Measured in standard deviations: variances of metres and of pascals stand in one equation.
+    # In units of standard deviations: variances of metres and pascals in one equation lose digits.
     unit = np.sqrt(np.diag(R))
     _, covariance, _ = control.dlqe(a, np.eye(n + d), c / unit[:, None], Q, np.eye(unit.size))
     covariance = 0.5 * (covariance + covariance.T)

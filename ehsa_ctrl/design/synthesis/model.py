@@ -1,32 +1,32 @@
-"""The design model: the linear plant sampled, in states of like size, with the disturbances that friction and load are.
+"""The design model: the sampled linear plant in scaled states, with friction, load and leakage as disturbances.
 
     x+ = A x + B u + E d,    d+ = d,    y = C x
 
-d holds what the linear model does not know, as constants that an observer estimates: a current at the motor (friction,
-a wrong torque constant), a force on the rod (the load) and a speed of the pump that is lost (leakage). With as many of
-them as there are measurements, a law that knows their estimates has no standing error (U. Maeder, F. Borrelli,
-M. Morari, "Linear offset-free model predictive control", Automatica 45(10), 2009).
+d are constant disturbances that an observer estimates: a current at the motor (friction, a wrong torque constant), a
+force on the rod (the load) and a lost speed of the pump (leakage). With as many disturbances as measurements, a law
+that compensates their estimates has no steady-state error (U. Maeder, F. Borrelli, M. Morari, "Linear offset-free model
+predictive control", Automatica 45(10), 2009).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...core.controller_interface import MEASURED
 from ...core.errors import InputError
-from ..analysis.sampled import SCALES, readings
+from ..analysis.sampled import readings, state_scales
 
 if TYPE_CHECKING:
     import control
 
 #: Disturbances in the order of their columns in E, with unit; for tables and traces.
 DISTURBANCES = {"friction": "A", "load": "N", "leak": "rad/s"}
-#: The same for the force, so that all three are of like size.
+#: SI value of a force of 1, so that all disturbances are of similar size.
 FORCE_SCALE = 1e3
-#: What is measured of the plant, in the order of y: each a combination of channels.
+#: Measured signals in the order of y, each a combination of channels.
 SIGNALS: dict[str, dict[str, float]] = {
     "speed": {"speed": 1.0},
     "pressure": {"p1": 1.0, "p2": -1.0},
@@ -36,15 +36,15 @@ SIGNALS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class DesignModel:
-    """The sampled plant; states are `scale` times smaller than SI, inputs and outputs are SI.
+    """The sampled plant; a state of 1 is `scale` in SI, inputs and outputs are SI.
 
     Attributes
     ----------
-    A (n, n), B (n,), E (n, d), C (m, n): as above; E's columns per `disturbance_scale` [A, N, rad/s].
+    A (n, n), B (n,), E (n, d), C (m, n): see above; E's columns per `disturbance_scale` [A, N, rad/s].
     scale: (n,) SI value of a state of 1.
     states, signals, disturbances: names; signals are those of SIGNALS that the model has.
     disturbance_scale: (d,) SI value of a disturbance of 1.
-    pick: (m, 5) from the channels of core.controller_interface.MEASURED to y.
+    pick: (m, 5) from the channels MEASURED to y.
     sample_time: s.
     """
 
@@ -61,32 +61,27 @@ class DesignModel:
     sample_time: float
 
     def row(self, signal: str) -> np.ndarray:
-        """Row (n,) that gives a signal [SI] from the states. Raises InputError for one that the model lacks."""
+        """Row (n,) of a signal [SI] in C. Raises InputError for one that the model lacks."""
         if signal not in self.signals:
             raise InputError(f"the model has no {signal}; it has {', '.join(self.signals)}")
         return self.C[self.signals.index(signal)]
 
     @property
     def without_disturbance(self) -> DesignModel:
-        """The same model that knows everything: for a law whose offset-free action is an integral, or that has none."""
-        from dataclasses import replace
-
+        """The same model without disturbances: for a law with an integral, or without offset-free action."""
         return replace(self, E=self.E[:, :0], disturbances=(), disturbance_scale=self.disturbance_scale[:0])
 
 
 def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool = True) -> DesignModel:
-    """Sample the linear model `system` for a design; exact at the samples, the current held between them.
+    """Sample the linear model `system` by zero-order hold.
 
     Parameters
     ----------
-    system: continuous; input current, F_D where it has one; outputs x, and omega and dP (or P_1, P_2) where it has
-        them.
+    system: continuous; input current, optionally F_D; outputs x, optionally omega and dP (or P_1, P_2).
     scaled: False leaves the states in SI units (for comparison).
 
-    Raises
-    ------
-    InputError: a sample time at which a mode of the model is seen as a slower one, or a model that is in discrete time,
-        has no current or no position, that the current can't stabilise or whose measurements do not show its states.
+    Raises InputError for a sample time at which a mode is aliased, and for a model that is in discrete time, has no
+    current or no position, or can't be stabilised by the current or observed by the measurements.
     """
     from scipy.signal import cont2discrete
 
@@ -100,7 +95,7 @@ def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool
             f"most {np.pi / max(fastest, 1e-9):.3g} s can tell it from a slower one"
         )
     labels = list(system.state_labels)
-    scale = np.array([SCALES.get(label, 1.0) if scaled else 1.0 for label in labels])
+    scale = state_scales(system) if scaled else np.ones(len(labels))
     a = system.A * (scale[None, :] / scale[:, None])
     b = system.B[:, [system.input_labels.index("current")]] / scale[:, None]
     c = readings(system) @ system.C * scale[None, :]
@@ -115,7 +110,7 @@ def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool
         pump = np.zeros(len(labels))
         pump[labels.index("dP")] = -a[labels.index("dP"), labels.index("omega")] / scale[labels.index("omega")]
         columns["leak"], sizes["leak"] = pump, 1.0
-    # More of them than measurements could not be told apart.
+    # More of them than measurements would not be observable.
     disturbances = tuple(columns)[: len(signals)]
     e = np.column_stack([columns[name] for name in disturbances])
     transition, held, *_ = cont2discrete((a, np.hstack([b, e]), np.eye(len(labels)), 0.0), sample_time)
@@ -136,8 +131,8 @@ def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool
 
 
 def full_rank(matrix: np.ndarray) -> bool:
-    """Whether a matrix has full rank, whatever the units of its rows and columns: both are brought to like size first
-    (D. Ruiz, "A scaling algorithm to equilibrate both rows and columns norms in matrices", 2001)."""
+    """Whether a matrix has full rank, after equilibration of its rows and columns, which differ in units (D. Ruiz,
+    "A scaling algorithm to equilibrate both rows and columns norms in matrices", 2001)."""
     balanced = np.abs(matrix).astype(float)
     rows, columns = np.ones((matrix.shape[0], 1)), np.ones((1, matrix.shape[1]))
     for _ in range(10):
@@ -151,10 +146,9 @@ def full_rank(matrix: np.ndarray) -> bool:
 
 
 def _require_designable(a: np.ndarray, b: np.ndarray, c: np.ndarray, name: str) -> None:
-    """Every mode that does not decay must be reached by the current and seen by the measurements.
+    """Require stabilisability and detectability: every mode that does not decay is controllable and observable.
 
-    The rank test of Popov, Belevitch and Hautus; what holds for the continuous model holds for the sampled one, which
-    confuses no modes.
+    The Popov-Belevitch-Hautus test. Without aliasing its outcome for the continuous model holds for the sampled one.
     """
     fastest = np.max(np.abs(np.linalg.eigvals(a)))
     for mode in np.linalg.eigvals(a):

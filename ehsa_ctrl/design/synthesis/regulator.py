@@ -1,11 +1,19 @@
-"""The linear quadratic regulator of the error from the target.
+"""The target of states and current for a reference, and the linear quadratic regulator of the error from it.
 
-With xi = x - Pi w, mu = u - Gamma w (see target.py) the error moves by itself, xi+ = A xi + B mu, and the cost
+Target. The reference (position, velocity, acceleration) and the disturbances d are outputs of w+ = S w with constant
+acceleration and disturbances. Then x = Pi w, u = Gamma w with
+
+    A Pi + B Gamma + [0 E] = Pi S,    c Pi = [1 0 0 0 ...]
+
+follow it without lag and steady-state error; these are the regulator equations (B. A. Francis, W. M. Wonham, "The
+internal model principle of control theory", Automatica 12(5), 1976).
+
+Regulator. The error xi = x - Pi w, mu = u - Gamma w obeys xi+ = A xi + B mu, and the cost
 
     sum  xi' Q xi + R mu^2 + R_rate (mu - mu_before)^2 + Q_integral q^2,    q+ = q - T c xi
 
-has the law mu = -K xi - K_before mu_before - K_integral q. R_rate keeps the current calm, the integral of the
-position's error takes the place of estimated disturbances where a law has none.
+has the law mu = -K xi - K_before mu_before - K_integral q. R_rate smooths the current; the integral of the position
+error replaces estimated disturbances in a law without them.
 """
 
 from __future__ import annotations
@@ -13,9 +21,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ...core.errors import InputError
-from .model import DesignModel
+from .model import DesignModel, full_rank
+
+#: Length of a reference: position, velocity, acceleration.
+MOTION = 3
 
 
 @dataclass(frozen=True)
@@ -52,8 +64,8 @@ class Cost:
             )
 
 
-def weighted(model: DesignModel, deviations: dict[str, float]) -> np.ndarray:
-    """Q from deviations that weigh 1 each: signal (speed, pressure, position) -> SI value (A. E. Bryson, Y.-C. Ho,
+def weight_matrix(model: DesignModel, deviations: dict[str, float]) -> np.ndarray:
+    """Q from deviations that cost 1 each: signal (speed, pressure, position) -> SI value (A. E. Bryson, Y.-C. Ho,
     "Applied Optimal Control", section 5.2)."""
     n = model.A.shape[0]
     return sum((np.outer(model.row(s), model.row(s)) / size**2 for s, size in deviations.items()), np.zeros((n, n)))
@@ -61,13 +73,13 @@ def weighted(model: DesignModel, deviations: dict[str, float]) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Regulator:
-    """The regulator's gains and what proves them.
+    """Gains of the regulator with the problem that they solve.
 
     Attributes
     ----------
     K: (n,) A per state. before: A/A. integral: A/(m s).
-    P: (n + 1, n + 1) cost to come of (xi, mu_before), for a horizon's end; with an integral (n + 2, n + 2).
-    A (N, N), B (N,), Q (N, N), N_cross (N,), R: the problem that they solve, states (xi, mu_before, q).
+    P: (n + 1, n + 1) cost-to-go of (xi, mu_before), a terminal cost; with an integral (n + 2, n + 2).
+    A (N, N), B (N,), Q (N, N), N_cross (N,), R: the problem, states (xi, mu_before, q).
     """
 
     K: np.ndarray
@@ -82,7 +94,7 @@ class Regulator:
 
     @property
     def poles(self) -> np.ndarray:
-        """Of the closed loop with known states, in z; one at 0 is the memory of the current before."""
+        """Poles of the closed loop with known states, in z; one at 0 belongs to mu_before."""
         gains = np.r_[self.K, self.before, [self.integral] * (len(self.A) - len(self.K) - 1)]
         return np.linalg.eigvals(self.A - np.outer(self.B, gains))
 
@@ -90,9 +102,7 @@ class Regulator:
 def design_regulator(model: DesignModel, cost: Cost) -> Regulator:
     """The regulator for a design model and its cost, through python-control's `dlqr`.
 
-    Raises
-    ------
-    InputError: weights of the wrong shape or sign, or a mode that does not decay and that the weights don't see.
+    Raises InputError for weights of the wrong shape or sign, or without effect on a mode that does not decay.
     """
     import control
 
@@ -116,3 +126,40 @@ def design_regulator(model: DesignModel, cost: Cost) -> Regulator:
         raise InputError("these weights give a loop that is not stable: give [weights] position")
     K = np.asarray(gains)[0]
     return Regulator(K[:n], float(K[n]), float(K[n + 1]) if whole > n + 1 else 0.0, P, a, b, Q, cross, R)
+
+
+@dataclass(frozen=True)
+class Target:
+    """Pi (n, 3 + d), Gamma (3 + d,) and S (3 + d, 3 + d), see above."""
+
+    Pi: np.ndarray
+    Gamma: np.ndarray
+    S: np.ndarray
+
+
+def solve_target(model: DesignModel) -> Target:
+    """Solve the regulator equations of a design model for its position.
+
+    Raises InputError for a plant whose position can't be held or moved steadily by the current (a zero at z = 1).
+    """
+    n, d, T = model.A.shape[0], model.E.shape[1], model.sample_time
+    c = model.row("position")
+    motion = np.array([[1.0, T, 0.5 * T * T], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
+    S = block_diag(motion, np.eye(d)) if d else motion
+    k = MOTION + d
+    driven = np.hstack([np.zeros((n, MOTION)), model.E])
+    wanted = np.eye(1, k)
+    # vec(A Pi - Pi S + B Gamma) = -vec([0 E]) and vec(c Pi) = vec(wanted), columns stacked.
+    both = np.block(
+        [
+            [np.kron(np.eye(k), model.A) - np.kron(S.T, np.eye(n)), np.kron(np.eye(k), model.B[:, None])],
+            [np.kron(np.eye(k), c[None, :]), np.zeros((k, k))],
+        ]
+    )
+    right = np.concatenate([-driven.T.ravel(), wanted.ravel()])
+    if not full_rank(both):
+        raise InputError("the current can't hold or move the position steadily: the plant has a zero at z = 1")
+    # Positions in m beside states of size 1: rows of equal size keep the digits.
+    rows = np.max(np.abs(both), axis=1)
+    solution = np.linalg.solve(both / rows[:, None], right / rows)
+    return Target(solution[: n * k].reshape(k, n).T, solution[n * k :], S)

@@ -1,56 +1,90 @@
-"""Bounds that a tuned loop keeps: peaks of its sensitivity functions, noise gain, crossover.
+"""The tuner's specification, and its bounds as smooth constraints on a sampled loop.
 
-Every bound becomes smooth numbers log(allowed / found), at least 0 where the bound holds. A peak is the largest value
-of a band of frequencies, refined by a parabola, so that its derivative is that of the true peak; with one number a
-band the optimiser sees all peaks of a loop and not only the one that happens to be largest.
+Every bound becomes numbers log(allowed / actual), at least 0 where the bound holds. Each band of frequencies gives the
+peak in it, refined by a parabola so that its derivative is that of the true peak; with one number per band the
+optimiser sees all peaks of a loop, not only the largest.
+
+The disk margin is the balanced one, 2 / max |S - T| (P. Seiler, A. Packard, P. Gahinet, "An Introduction to Disk
+Margins", IEEE Control Systems Magazine 40(5), 2020).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from pydantic import Field, model_validator
 
-from ..laws.pid_forms import Gains
-from .loop import Loop, SampledPlant
+from ...core.definition import Definition, In, RadianPerSecond
+from .loop import PidLoop, SampledPlant
+
+if TYPE_CHECKING:
+    from ..kinds.pid import Gains
 
 #: Points of the frequency grid, decades below the Nyquist frequency, and bands.
 POINTS, DECADES, BANDS = 360, 5.0, 9
-#: Bounds that are least values; the others are largest ones.
+#: Bounds from below; the others are bounds from above.
 LEAST = ("disk_margin", "crossover")
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """What is asked of the loop, broken at the current; None asks nothing.
+class Tuning(Definition):
+    """[tuning]: the criterion that is minimised, and bounds on the loop, broken at the current."""
 
-    Attributes
-    ----------
-    Ms, Mt: largest |S| and |T|.
-    disk_margin: least balanced disk margin, 2 / max |S - T| (P. Seiler, A. Packard, P. Gahinet, "An Introduction to
-        Disk Margins", IEEE Control Systems Magazine 40(5), 2020).
-    noise_gain: largest RMS current per RMS of white position noise [A/m].
-    crossover: least frequency at which the loop gain is still 1 [rad/s].
-    """
+    minimise: Literal["IE", "IAE", "ITAE"] = Field(
+        default="ITAE",
+        description="IE (integrated error, 1 / k_i), IAE (integrated absolute error) or ITAE (time-weighted IAE) of "
+        "a step response",
+    )
+    response: Literal["load", "reference"] = Field(
+        default="load",
+        description="step of the load (a current added at the plant's input) or of the reference",
+    )
+    terms: Literal["P", "PI", "PD", "PID"] = Field(default="PID", description="terms of the controller")
+    Ms: Annotated[float, Field(gt=1, allow_inf_nan=False)] | None = Field(
+        default=1.5, description="largest sensitivity |S|"
+    )
+    Mt: Annotated[float, Field(gt=1)] | None = Field(default=1.4, description="largest complementary sensitivity |T|")
+    disk_margin: Annotated[float, Field(gt=0, lt=2)] | None = Field(default=0.7, description="least disk margin")
+    noise_gain: Annotated[float, In("A/m")] | None = Field(
+        default=1e4,
+        description="largest RMS current per RMS of white position noise",
+    )
+    crossover: RadianPerSecond | None = Field(default=None, description="least gain crossover frequency")
+    lag: Annotated[int, Field(ge=0)] = Field(default=0, description="samples of delay between measurement and current")
 
-    Ms: float | None = None
-    Mt: float | None = None
-    disk_margin: float | None = None
-    noise_gain: float | None = None
-    crossover: float | None = None
+    @model_validator(mode="after")
+    def _fit(self) -> Tuning:
+        if "I" not in self.terms and (self.minimise == "IE" or self.response == "load"):
+            raise ValueError(
+                f"terms = {self.terms!r} leaves a steady-state error after a load step, so that there is nothing to "
+                "minimise; use PI or PID, or minimise IAE or ITAE of response = 'reference'"
+            )
+        if self.minimise == "IE" and self.response == "reference":
+            raise ValueError("minimise = 'IE' is the integrated error of a load step; take response = 'load' or ITAE")
+        if self.noise_gain is not None and self.noise_gain <= 0:
+            raise ValueError("noise_gain must be greater than 0 A/m")
+        if self.Ms is None and self.disk_margin is None:
+            raise ValueError("give a bound on Ms or on the disk margin; without one the gains grow without bound")
+        return self
 
-    def asked(self) -> dict[str, float]:
+    def bounds(self) -> dict[str, float]:
+        """The bounds that are given, by name."""
         names = ("Ms", "Mt", "disk_margin", "noise_gain", "crossover")
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
 
 @dataclass(frozen=True)
-class Judge:
-    """Judges gains on one plant against bounds."""
+class LoopConstraints:
+    """Bounds on one plant's loop as constraints on the gains.
+
+    plant: to be controlled. bounds: as `Tuning.bounds` returns them.
+    """
 
     plant: SampledPlant
-    bounds: Bounds
+    bounds: Mapping[str, float]
 
     @cached_property
     def grid(self) -> np.ndarray:
@@ -66,39 +100,39 @@ class Judge:
         return self.plant.response(self.z)
 
     @cached_property
-    def crossing(self) -> tuple[np.ndarray, np.ndarray]:
-        z = np.exp(1j * np.array([self.bounds.crossover]) * self.plant.sample_time)
+    def at_crossover(self) -> tuple[np.ndarray, np.ndarray]:
+        z = np.exp(1j * np.array([self.bounds["crossover"]]) * self.plant.sample_time)
         return z, self.plant.response(z)
 
     def room(self, gains: Gains) -> np.ndarray:
-        """log(allowed / found) of all bounds, some numbers each, and last the room to instability."""
+        """log(allowed / actual) of all bounds, some numbers each, and last the distance to instability."""
         b = self.bounds
         C = gains.response(self.z, self.plant.sample_time)
         S = 1.0 / (1.0 + C * self.G)
         sizes, allowed = [], []
-        if b.Ms is not None:
+        if "Ms" in b:
             sizes.append(np.abs(S))
-            allowed.append(b.Ms)
-        if b.Mt is not None:
+            allowed.append(b["Ms"])
+        if "Mt" in b:
             sizes.append(np.abs(1.0 - S))
-            allowed.append(b.Mt)
-        if b.disk_margin is not None:
+            allowed.append(b["Mt"])
+        if "disk_margin" in b:
             sizes.append(np.abs(2.0 * S - 1.0))
-            allowed.append(2.0 / b.disk_margin)
+            allowed.append(2.0 / b["disk_margin"])
         peaks = band_peaks(np.log(np.array(sizes) + 1e-9))
         rows = [(np.log(allowed)[:, None] - peaks).ravel()]
-        if b.noise_gain is not None:
+        if "noise_gain" in b:
             mean = np.trapezoid(np.abs(C * S) ** 2, self.grid * self.plant.sample_time) / np.pi
-            rows.append(np.array([np.log(b.noise_gain) - 0.5 * np.log(max(mean, 1e-300))]))
-        if b.crossover is not None:
-            z, G = self.crossing
+            rows.append(np.array([np.log(b["noise_gain"]) - 0.5 * np.log(max(mean, 1e-300))]))
+        if "crossover" in b:
+            z, G = self.at_crossover
             rows.append(np.log(np.abs(gains.response(z, self.plant.sample_time) * G)))
-        rows.append(np.array([10.0 * (1.0 - Loop(self.plant, gains).radius())]))
+        rows.append(np.array([10.0 * (1.0 - PidLoop(self.plant, gains).radius())]))
         return np.concatenate(rows)
 
 
 def band_peaks(values: np.ndarray) -> np.ndarray:
-    """Largest value (..., BANDS) of each band of a grid (..., POINTS); a peak between points is that of a parabola."""
+    """Largest value (..., BANDS) of each band of a grid (..., POINTS), refined between points by a parabola."""
     flat = values.reshape(-1, POINTS)
     width = POINTS // BANDS
     inside = np.argmax(flat.reshape(-1, BANDS, width), axis=2)
@@ -107,6 +141,6 @@ def band_peaks(values: np.ndarray) -> np.ndarray:
     middle = np.clip(k, 1, POINTS - 2)
     left, peak, right = flat[rows, middle - 1], flat[rows, middle], flat[rows, middle + 1]
     bend = left - 2.0 * peak + right
-    true = (middle == k) & (left <= peak) & (peak >= right) & (bend < 0.0)
-    refined = peak - np.where(true, (right - left) ** 2 / (8.0 * np.where(true, bend, -1.0)), 0.0)
-    return np.where(true, refined, flat[rows, k]).reshape(*values.shape[:-1], BANDS)
+    smooth = (middle == k) & (left <= peak) & (peak >= right) & (bend < 0.0)
+    refined = peak - np.where(smooth, (right - left) ** 2 / (8.0 * np.where(smooth, bend, -1.0)), 0.0)
+    return np.where(smooth, refined, flat[rows, k]).reshape(*values.shape[:-1], BANDS)

@@ -1,7 +1,6 @@
-"""The sampled position loop as a tuner needs it: exact, and cheap enough for thousands of calls.
+"""The sampled PID position loop for the tuner: exact, and fast enough for thousands of evaluations.
 
-The plant is held over each sample (zero-order hold), the law is the difference equation that runs; nothing is taken
-from the continuous loop. Broken at the current.
+Zero-order hold of the plant, difference equation of the law; broken at the current.
 """
 
 from __future__ import annotations
@@ -12,17 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...core.controller_interface import MEASURED
-from ..analysis.closed_loop import transfer
+from ..analysis.closed_loop import spectral_radius, transfer
 from ..analysis.sampled import sampled_plant
-from ..laws.pid_forms import Gains
 
 if TYPE_CHECKING:
     import control
 
+    from ..kinds.pid import Gains
+
 
 @dataclass(frozen=True)
 class SampledPlant:
-    """From the current to the position, with the current held over each sample.
+    """Current to position, with the current held over each sample.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class SampledPlant:
 
 
 def position_plant(system: control.StateSpace, sample_time: float, *, lag: int = 0) -> SampledPlant:
-    """From the current to the position, the current `lag` whole samples late.
+    """Current to position, the current `lag` whole samples late.
 
     Raises InputError for a model that does not fit (see sampled.sampled_plant).
     """
@@ -50,13 +50,13 @@ def position_plant(system: control.StateSpace, sample_time: float, *, lag: int =
 
 
 @dataclass(frozen=True)
-class Loop:
-    """A plant with a PID around it.
+class PidLoop:
+    """A plant under PID control.
 
     Attributes
     ----------
-    plant, gains: what it is made of.
-    b, c: weights of the reference in the proportional and the derivative part.
+    plant, gains: the open loop.
+    b, c: setpoint weights of the proportional and the derivative part.
     """
 
     plant: SampledPlant
@@ -73,7 +73,7 @@ class Loop:
         n = p.b.size
         keep = g.T_f / (g.T_f + T_s)
         slope = g.k_d / (g.T_f + T_s)
-        # The current of the law from (x, integral, memory) and from (reference, current, noise).
+        # The law's current from (x, integral, memory) and from (reference, current, noise).
         u_x = np.concatenate([-(g.k_p + slope) * p.c, [1.0, 1.0]])
         u_w = np.array([g.k_p * self.b + slope * self.c, 0.0, -(g.k_p + slope)])
         a, b = np.zeros((n + 2, n + 2)), np.zeros((n + 2, 3))
@@ -89,14 +89,14 @@ class Loop:
 
     def radius(self) -> float:
         """Largest |pole| of the closed loop; stable below 1."""
-        return float(np.max(np.abs(np.linalg.eigvals(self.matrices()[0]))))
+        return spectral_radius(self.matrices()[0])
 
     def error(self, samples: int, kind: str) -> np.ndarray:
         """r - y (samples,) after a step of 1 m of the reference ("reference") or of 1 A from outside ("load")."""
         a, b, c, _ = self.matrices()
         column = {"reference": 0, "load": 1}[kind]
         n = a.shape[0]
-        # A step is a state that stays: free motion of the extended system, its rows by doubling.
+        # The step as a constant state: free response of the extended system, its rows by doubling.
         whole = np.zeros((n + 1, n + 1))
         whole[:n, :n], whole[:n, n], whole[n, n] = a, b[:, column], 1.0
         rows, power = np.append(c[0], 0.0)[None, :], whole

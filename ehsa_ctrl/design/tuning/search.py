@@ -1,8 +1,7 @@
-"""The search for a tuned PID: where bounds hold, and what is best there.
+"""The search for tuned PID gains.
 
-A net of classic designs finds where bounds hold; sequential quadratic programming in the logarithms of the gains goes
-on from the best few of them. Where no design of the net keeps the bounds, it first goes to where the worst one is
-passed least.
+A grid of classic designs finds feasible gains; sequential quadratic programming in the logarithms of the gains
+continues from the best few of them. Where no design of the grid is feasible, it first minimises the largest violation.
 """
 
 from __future__ import annotations
@@ -10,44 +9,38 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..laws.pid_forms import Gains
-from .bounds import LEAST, Bounds, Judge
-from .loop import Loop, SampledPlant
+from ..kinds.pid import Gains
+from .bounds import LEAST, LoopConstraints, Tuning
+from .loop import PidLoop, SampledPlant
 
-if TYPE_CHECKING:
-    from .tune import Tuning
-
-#: Starts of the local search, and how far a bound may be passed by rounding.
+#: Starts of the local search, and rounding by which a bound may be violated.
 STARTS, TOLERANCE = 3, 1e-6
 
 
-class Search:
-    """The optimisation for given bounds, in logarithms of k_p, k_i / k_p, k_d / k_p and T_f."""
+class GainSearch:
+    """The optimisation over the logarithms of k_p, k_i / k_p, k_d / k_p and T_f."""
 
-    def __init__(self, plants: list[SampledPlant], bounds: Bounds, asked: Tuning, b: float, c: float) -> None:
-        self.plants, self.asked, self.b, self.c = plants, asked, b, c
-        self.judges = [Judge(plant, bounds) for plant in plants]
+    def __init__(self, plants: list[SampledPlant], tuning: Tuning, b: float, c: float) -> None:
+        self.plants, self.tuning, self.b, self.c = plants, tuning, b, c
+        self.constraints = [LoopConstraints(plant, tuning.bounds()) for plant in plants]
         self.samples = 1024
 
     def tighten(self, amounts: dict[str, float]) -> None:
         """Make bounds stricter by these factors (logarithms)."""
-        for k, judge in enumerate(self.judges):
-            stricter = {
-                name: getattr(judge.bounds, name) * np.exp(amount if name in LEAST else -amount)
-                for name, amount in amounts.items()
-            }
-            self.judges[k] = replace(judge, bounds=replace(judge.bounds, **stricter))
+        bounds = dict(self.constraints[0].bounds)
+        for name, amount in amounts.items():
+            bounds[name] *= float(np.exp(amount if name in LEAST else -amount))
+        self.constraints = [LoopConstraints(plant, bounds) for plant in self.plants]
 
-    def kept(self, gains: Gains) -> bool:
+    def feasible(self, gains: Gains) -> bool:
         return bool(np.min(self.room(gains)) > -1e-4)
 
     def gains(self, theta: np.ndarray) -> Gains:
         k = np.exp(theta)
-        match self.asked.terms:
+        match self.tuning.terms:
             case "P":
                 return Gains(k[0])
             case "PI":
@@ -58,58 +51,58 @@ class Search:
 
     def theta(self, gains: Gains) -> np.ndarray:
         values = [gains.k_p]
-        if "I" in self.asked.terms:
+        if "I" in self.tuning.terms:
             values.append(gains.k_i / gains.k_p)
-        if "D" in self.asked.terms:
+        if "D" in self.tuning.terms:
             values += [gains.k_d / gains.k_p, gains.T_f]
         return np.log(values)
 
     def room(self, gains: Gains) -> np.ndarray:
-        return np.concatenate([judge.room(gains) for judge in self.judges])
+        return np.concatenate([one.room(gains) for one in self.constraints])
 
     def objective(self, gains: Gains) -> float:
-        """Logarithm of what is minimised."""
-        if self.asked.minimise == "IE":
+        """Logarithm of the criterion."""
+        if self.tuning.minimise == "IE":
             return float(-np.log(gains.k_i))
         T_s = self.plants[0].sample_time
         with np.errstate(all="ignore"):
-            error = np.abs(Loop(self.plants[0], gains, self.b, self.c).error(self.samples, self.asked.response))
-            time = T_s * np.arange(error.size) if self.asked.minimise == "ITAE" else 1.0
+            error = np.abs(PidLoop(self.plants[0], gains, self.b, self.c).error(self.samples, self.tuning.response))
+            time = T_s * np.arange(error.size) if self.tuning.minimise == "ITAE" else 1.0
             total = T_s * np.sum(time * error)
         return float(np.log(np.clip(total, 1e-300, 1e100))) if np.isfinite(total) else 230.0
 
     def solve(self) -> Gains:
-        """The best gains found; those nearest to the bounds if nothing keeps them."""
-        net = self.net()
-        rooms = np.array([np.min(self.room(gains)) for gains in net])
-        kept = [net[k] for k in np.flatnonzero(rooms >= 0.0)]
-        if not kept:
-            tried = [self.towards_bounds(net[k]) for k in np.argsort(-rooms)[:STARTS]]
-            kept = [max(tried, key=lambda gains: float(np.min(self.room(gains))))]
-            if not self.kept(kept[0]):
-                return kept[0]
-        # Only what is among the strongest can be the best; its response decides.
-        kept = sorted(kept, key=lambda gains: -(gains.k_i or gains.k_p))[:40]
-        self.horizon(kept)
-        kept.sort(key=self.objective)
-        return min([*(self.search(gains) for gains in spread(kept, self.theta)), kept[0]], key=self._rank)
+        """The best gains found; those with the smallest violation if none are feasible."""
+        grid = self.grid()
+        rooms = np.array([np.min(self.room(gains)) for gains in grid])
+        feasible = [grid[k] for k in np.flatnonzero(rooms >= 0.0)]
+        if not feasible:
+            tried = [self.nearest_to_feasible(grid[k]) for k in np.argsort(-rooms)[:STARTS]]
+            feasible = [max(tried, key=lambda gains: float(np.min(self.room(gains))))]
+            if not self.feasible(feasible[0]):
+                return feasible[0]
+        # The best is among the strongest; their responses decide.
+        feasible = sorted(feasible, key=lambda gains: -(gains.k_i or gains.k_p))[:40]
+        self.set_horizon(feasible)
+        feasible.sort(key=self.objective)
+        return min([*(self.search(gains) for gains in spread(feasible, self.theta)), feasible[0]], key=self._rank)
 
     def _rank(self, gains: Gains) -> tuple[float, float]:
         miss = -float(np.min(self.room(gains)))
         return (miss if miss > 1e-4 else 0.0), self.objective(gains)
 
-    def horizon(self, candidates: list[Gains]) -> None:
-        """Samples after which the faster half of the loops has come to rest."""
-        radius = np.median([Loop(self.plants[0], gains).radius() for gains in candidates])
+    def set_horizon(self, candidates: list[Gains]) -> None:
+        """Simulate so many samples that the faster half of the loops has settled."""
+        radius = np.median([PidLoop(self.plants[0], gains).radius() for gains in candidates])
         self.samples = int(2 ** np.clip(np.ceil(np.log2(12.0 / max(1.0 - radius, 1e-6))), 7, 13))
 
-    def net(self) -> list[Gains]:
-        """Classic designs: crossover and phase lead of the controller, integral and filter corner over a net."""
+    def grid(self) -> list[Gains]:
+        """Classic designs over a grid of crossover, phase lead, integral and filter corner."""
         T_s = self.plants[0].sample_time
         nyquist = np.pi / T_s
-        integral = (0.03, 0.1, 0.3) if "I" in self.asked.terms else (0.0,)
-        leads = np.radians((0.0, 25.0, 45.0, 60.0)) if "D" in self.asked.terms else (0.0,)
-        filters = (4.0, 20.0) if "D" in self.asked.terms else (np.inf,)
+        integral = (0.03, 0.1, 0.3) if "I" in self.tuning.terms else (0.0,)
+        leads = np.radians((0.0, 25.0, 45.0, 60.0)) if "D" in self.tuning.terms else (0.0,)
+        filters = (4.0, 20.0) if "D" in self.tuning.terms else (np.inf,)
         found = []
         for omega in np.geomspace(1e-3 * nyquist, 0.4 * nyquist, 18):
             z = np.exp(1j * np.array([omega * T_s]))
@@ -118,14 +111,14 @@ class Search:
                 T_d = np.tan(lead) / omega
                 shape = Gains(1.0, ratio * omega, T_d, 1.0 / (corner * omega) if T_d else 0.0)
                 k = 1.0 / (size * abs(complex(np.ravel(shape.response(z, T_s))[0])))
-                if "D" in self.asked.terms and not T_d:
+                if "D" in self.tuning.terms and not T_d:
                     shape = replace(shape, k_d=1e-3 / omega, T_f=1.0 / (corner * omega))
                 found.append(Gains(k, k * shape.k_i, k * shape.k_d, max(shape.T_f, 0.05 * T_s) if shape.k_d else 0.0))
         return found
 
     def limits(self, theta: np.ndarray) -> list[tuple[float, float]]:
         spans = [(value - 9.0, value + 9.0) for value in theta]
-        if "D" in self.asked.terms:
+        if "D" in self.tuning.terms:
             T_s = self.plants[0].sample_time
             spans[-1] = (np.log(0.05 * T_s), np.log(500.0 * T_s))
         return spans
@@ -143,8 +136,8 @@ class Search:
             )  # fmt: skip
         return self.gains(result.x)
 
-    def towards_bounds(self, start: Gains) -> Gains:
-        """Gains with the least violation of the worst bound."""
+    def nearest_to_feasible(self, start: Gains) -> Gains:
+        """Gains with the smallest violation of the worst bound."""
         from scipy.optimize import minimize
 
         theta = self.theta(start)
@@ -161,7 +154,7 @@ class Search:
 
 
 def spread(sorted_gains: list[Gains], theta: Callable[[Gains], np.ndarray]) -> list[Gains]:
-    """The first few of a sorted list that are not near to one another."""
+    """The first few of a sorted list that are distinct."""
     chosen: list[Gains] = []
     for gains in sorted_gains:
         if all(np.max(np.abs(theta(gains) - theta(other))) > 0.5 for other in chosen):

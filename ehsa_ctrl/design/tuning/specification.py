@@ -1,4 +1,4 @@
-"""From a specification to a controller's definition: the keys that were asked for, put into a shipped definition."""
+"""Keys of a controller's definition: resolve them by name, put values, write the TOML."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from ...core.errors import InputError, choices
 from ...core.files import read_toml
 from ..kinds import CONTROLLER_KINDS, ControllerKind
 
-#: Tables of which a definition has one: asking for a key of one takes the others out.
+#: Tables of which a definition has one: a key of one removes the others.
 ALTERNATIVES = ("design", "tuning", "gains")
-#: Options of the command line that ask for the keys of one table.
+#: Command line options for the keys of one table.
 OPTIONS = {"weights": "--weight", "limits": "--limit"}
 
 
 def begin(kind: str, base: str | None = None) -> tuple[ControllerKind, Path]:
-    """The kind and the file of the definition that a design starts from.
+    """Kind and file of the definition that a design starts from.
 
     Parameters
     ----------
-    kind: a word of the registry.
-    base: a controller's name or path; by default KIND_position, or else the first of this kind in the catalogue.
+    kind: a key of CONTROLLER_KINDS.
+    base: a controller's name or path; by default KIND_position, else the first of this kind in the catalogue.
 
     Raises InputError for an unknown kind, a base of another kind, or a kind without one.
     """
@@ -48,7 +48,7 @@ def begin(kind: str, base: str | None = None) -> tuple[ControllerKind, Path]:
 
 
 def leaves(form: type[BaseModel], prefix: str = "") -> list[str]:
-    """Dotted keys of everything that a definition's form may hold."""
+    """Dotted keys of a form and its tables."""
     found = []
     for name, field in form.model_fields.items():
         key = f"{prefix}{field.alias or name}"
@@ -59,7 +59,7 @@ def leaves(form: type[BaseModel], prefix: str = "") -> list[str]:
 
 
 def resolve(key: str, form: type[BaseModel]) -> str:
-    """The dotted key that a word means. Raises InputError for one that the form does not have, or has twice."""
+    """The dotted key of a word. Raises InputError for one that the form does not have, or has twice."""
     known = leaves(form)
     meant = [name for name in known if name == key or ("." not in key and name.endswith(f".{key}"))]
     if key in known:
@@ -72,7 +72,7 @@ def resolve(key: str, form: type[BaseModel]) -> str:
 
 
 def _unknown(key: str, known: list[str]) -> str:
-    """A sentence for a key that the form does not have: of a table its own keys, else the tables."""
+    """The error message for an unknown key: the keys of its table, else the tables."""
     table, dot, word = key.partition(".")
     option = f"{OPTIONS[table]} {word}" if dot and table in OPTIONS else f"--spec {key}"
     within = [name.removeprefix(f"{table}.") for name in known if name.startswith(f"{table}.")]
@@ -89,7 +89,7 @@ def _unknown(key: str, known: list[str]) -> str:
 def put(content: dict[str, Any], kind: ControllerKind, asked: Mapping[str, str]) -> dict[str, Any]:
     """The definition's content with other values; `asked` is key -> text as after --spec.
 
-    A table among ALTERNATIVES that is asked for replaces its rivals. Values keep what the base had beside them.
+    A key of a table among ALTERNATIVES removes the other tables. All other values stay.
 
     Raises InputError for keys that the kind does not have.
     """
@@ -97,8 +97,8 @@ def put(content: dict[str, Any], kind: ControllerKind, asked: Mapping[str, str])
     for word, text in asked.items():
         *tables, key = resolve(word, kind.file).split(".")
         if tables and tables[0] in ALTERNATIVES:
-            for rival in set(ALTERNATIVES) - {tables[0]}:
-                content.pop(rival, None)
+            for other in set(ALTERNATIVES) - {tables[0]}:
+                content.pop(other, None)
         place = content
         for table in tables:
             place = place.setdefault(table, {})
@@ -107,7 +107,7 @@ def put(content: dict[str, Any], kind: ControllerKind, asked: Mapping[str, str])
 
 
 def value(text: str) -> Any:
-    """A value as TOML reads it where it does ("1.5", "true", "[1, 2]"), a text where not ("30 rad/s")."""
+    """A value as TOML reads it ("1.5", "true", "[1, 2]"), else the text ("30 rad/s")."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):

@@ -1,7 +1,4 @@
-"""The same problem in cvxpy, stated as it reads, with the states as unknowns: what the condensed one is held against.
-
-It is some hundred times too slow for the loop; it verifies.
-"""
+"""The quadratic programme of an MPC in cvxpy with the states as unknowns: the reference for the condensed one."""
 
 from __future__ import annotations
 
@@ -10,17 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..synthesis.target import MOTION
-from .mpc_problem import MpcProblem
+from ehsa_ctrl.design.mpc_problem import MpcProblem
+from ehsa_ctrl.design.synthesis.regulator import MOTION
 
 
 class MpcStatement:
-    """An MPC's problem for cvxpy, with parameters that change from sample to sample.
-
-    Attributes
-    ----------
-    problem: what it states.
-    """
+    """An MPC's problem for cvxpy, with parameters that change from sample to sample."""
 
     def __init__(self, problem: MpcProblem) -> None:
         self.problem = problem

@@ -1,4 +1,4 @@
-"""The problem that an MPC solves each sample, condensed to currents.
+"""The quadratic programme of an MPC, condensed to the currents.
 
 Over the horizon i = 0 ... N - 1, with xi and mu as in regulator.py,
 
@@ -7,52 +7,56 @@ Over the horizon i = 0 ... N - 1, with xi and mu as in regulator.py,
     subject to  |u_i + extra| <= current limit,  |u_i - u_(i-1)| <= current rate T,
                 |speed|, |pressure difference|, |position| <= (1 + s) their limits at i = 1 ... N,  s >= 0,
 
-where u_i = mu_i + Gamma w_i and x_i = xi_i + Pi w_i, the planned motion going on as `ahead` says. The currents' limits
-can always be kept: the current given before keeps them. The others may be out of reach (a rod that already is too
-fast), so that passing them costs much but is possible, by one share s of each limit for the whole horizon. The cost to
-come is that of the regulator: without an active limit the first current is that of the LQR.
+where u_i = mu_i + Gamma w_i and x_i = xi_i + Pi w_i along the planned motion of `motion_ahead`. The limits of the
+current
+are hard: they are always feasible, because the last current keeps them. The others may be infeasible (a rod that
+already is too fast) and are soft, with one slack s per limit, relative to it, for the whole horizon. The terminal cost
+is the regulator's cost-to-go: without an active limit the first current is that of the LQR.
 
-The states are eliminated (condensed): theta = (mu_0 ... mu_(N-1), s ...).
+The states are eliminated (condensing): theta = (mu_0 ... mu_(N-1), s ...).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field, model_validator
 
-from ...core.errors import InputError
-from ..qp import NO_BOUND
-from ..synthesis.model import DesignModel
-from ..synthesis.regulator import Cost, Regulator
-from ..synthesis.target import MOTION, Target
+from ..core.definition import Definition, In, Metre, RadianPerSecond
+from .qp import NO_BOUND
+from .synthesis.kalman import Pascal
+from .synthesis.model import DesignModel
+from .synthesis.regulator import MOTION, Cost, Regulator, Target
 
-#: An error of the position [m] with which the penalty of soft limits is compared: as far as a rod gets.
+#: Position error [m] that scales the penalty of soft limits, about a full stroke. The penalty must outweigh what
+#: violating a limit would gain, else a feasible limit is violated.
 FAR = 0.1
+AmperePerSecond = Annotated[float, In("A/s")]
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Limits of an MPC beside its current's.
+class Limits(Definition):
+    """[limits] beside current_limit; a limit that is left out does not apply."""
 
-    Attributes
-    ----------
-    current_rate: A/s. speed: of the shaft [rad/s]. pressure: of p1 - p2 [Pa]. stroke: of the rod to either side [m].
-        None leaves one out; all but current_rate are soft.
-    penalty: cost of passing a soft limit by its own size, in that of being FAR off the target. It must outweigh what
-        passing would gain, else a limit that could be kept is not.
-    """
+    current_rate: AmperePerSecond | None = Field(
+        default=None, description="rate of change of the current; a hard limit"
+    )
+    speed: RadianPerSecond | None = Field(
+        default=None,
+        description="shaft speed; a soft limit: exceeding it by its own size costs `penalty` times as much as a "
+        "position error of 0.1 m",
+    )
+    pressure: Pascal | None = Field(default=None, description="pressure difference p1 - p2; a soft limit as speed")
+    stroke: Metre | None = Field(default=None, description="rod position, to either side of 0; a soft limit as speed")
+    penalty: Annotated[float, In("1")] = Field(default=10.0, description="weight of soft limits, see speed")
 
-    current_rate: float | None = None
-    speed: float | None = None
-    pressure: float | None = None
-    stroke: float | None = None
-    penalty: float = 10.0
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
+    @model_validator(mode="after")
+    def _room(self) -> Limits:
+        for name, value in self:
             if value is not None and not 0 < value < np.inf:
-                raise InputError(f"limits: {name} = {value:g} leaves no room; expected a limit greater than 0")
+                raise ValueError(f"{name} = {value:g} leaves no room; expected a limit greater than 0")
+        return self
 
     @property
     def soft(self) -> dict[str, float]:
@@ -61,27 +65,27 @@ class Limits:
         return {signal: limit for signal, limit in pairs if limit is not None}
 
 
-def ahead(position: float, velocity: float, acceleration: float, sample_time: float, motion: np.ndarray) -> None:
-    """Fill motion (N + 1, 3) with a planned motion as it may go on: a law knows its plan of this sample alone.
+def motion_ahead(reference: np.ndarray, sample_time: float, horizon: int, motion: np.ndarray) -> None:
+    """Extrapolate a planned motion over the horizon: motion (3 (N + 1),) of position, velocity, acceleration.
 
-    Braking goes on to standstill; otherwise the speed stays. An acceleration that went on would soon pass every limit
-    of speed, which the plan will not.
+    A law knows the plan of the present sample alone. Braking goes on to standstill; otherwise the speed stays, because
+    an acceleration that went on would soon exceed the speed limit, which the plan keeps.
     """
-    x, v, a = position, velocity, acceleration
-    motion[0, 0], motion[0, 1], motion[0, 2] = x, v, a
-    for i in range(1, motion.shape[0]):
+    x, v, a = reference[0], reference[1], reference[2]
+    motion[0], motion[1], motion[2] = x, v, a
+    for i in range(1, horizon + 1):
         later = v + sample_time * a
         if v * a >= 0.0 or later * v <= 0.0:
             later = v if v * a >= 0.0 else 0.0
             a = 0.0
         x += 0.5 * sample_time * (v + later)
         v = later
-        motion[i, 0], motion[i, 1], motion[i, 2] = x, v, a
+        motion[3 * i], motion[3 * i + 1], motion[3 * i + 2] = x, v, a
 
 
 @dataclass(frozen=True)
 class MpcProblem:
-    """What defines the problem above, and how large it is.
+    """Definition of the problem above.
 
     Attributes
     ----------
@@ -98,24 +102,20 @@ class MpcProblem:
     limits: Limits
 
     def __post_init__(self) -> None:
-        if self.horizon != int(self.horizon) or not 2 <= self.horizon <= 500:
-            raise InputError(f"horizon = {self.horizon}; expected a whole number of samples from 2 to 500")
-        if not 0 < self.current_limit < np.inf:
-            raise InputError(f"current_limit = {self.current_limit:g} A; expected more than 0 A")
         for signal in self.limits.soft:
-            self.model.row(signal)
+            self.model.row(signal)  # raises InputError for a limit on a signal that the model lacks
 
     @property
     def penalty(self) -> float:
-        """Cost of passing a soft limit by its own size, in the units of the cost."""
+        """Cost of exceeding a soft limit by its own size."""
         c = self.model.row("position")
         far = c * (FAR / (c @ c))
         return float(self.limits.penalty * far @ self.regulator.P[: c.size, : c.size] @ far)
 
     @property
     def parameters(self) -> int:
-        """How many numbers change each sample: states and disturbances (scaled), the motion ahead (row by row),
-        mu_before, extra and the current given before."""
+        """Number of parameters p: states and disturbances (scaled), the motion ahead (row by row), mu_before, extra and
+        the last current."""
         return self.model.A.shape[0] + self.model.E.shape[1] + MOTION * (self.horizon + 1) + 3
 
 
@@ -125,7 +125,7 @@ class Condensed:
 
     Attributes
     ----------
-    H (v, v), F (v, p), G (g, v), lower and upper (v + g,), T (v + g, p): as above; the first N of theta are mu.
+    H (v, v), F (v, p), G (g, v), lower and upper (v + g,), T (v + g, p): see above; the first N of theta are mu.
     currents: (p,) row with u_0 = theta_0 + currents p.
     """
 
@@ -139,11 +139,11 @@ class Condensed:
 
 
 def condense(problem: MpcProblem) -> Condensed:
-    """Write the problem with the currents as its only unknowns, beside the shares of the soft limits."""
+    """Eliminate the states: the unknowns are the currents and the slacks."""
     model, target, regulator, N = problem.model, problem.target, problem.regulator, problem.horizon
     n, d = model.E.shape
     soft, k = problem.limits.soft, problem.parameters
-    # The parameters' parts as matrices over p = (x, d, motion, mu_before, extra, given before).
+    # Rows over p = (x, d, motion, mu_before, extra, last current).
     p = np.eye(k)
     x, before, extra, given = p[:n], p[-3], p[-2], p[-1]
     w = [np.vstack([p[n + d + MOTION * i : n + d + MOTION * (i + 1)], p[n : n + d]]) for i in range(N + 1)]
@@ -168,7 +168,7 @@ def condense(problem: MpcProblem) -> Condensed:
     H[range(N, v), range(N, v)] = penalty
     constant = np.r_[np.zeros(N), np.full(len(soft), penalty)]
     known = [target.Gamma @ w[i] for i in range(N)]
-    # Simple bounds: the currents and the shares.
+    # Simple bounds: currents and slacks.
     lower = [np.r_[np.full(N, -problem.current_limit), np.zeros(len(soft))]]
     upper = [np.r_[np.full(N, problem.current_limit), np.full(len(soft), NO_BOUND)]]
     T = [np.vstack([*(-row - extra for row in known), np.zeros((len(soft), k))])]
@@ -192,7 +192,7 @@ def condense(problem: MpcProblem) -> Condensed:
             T.append(-sign * rest)
             lower.append(np.full(N, -NO_BOUND))
             upper.append(np.ones(N))
-    # The constant part of f rides on p as well: p ends with a 1.
+    # p ends with a 1, for the constant part of f.
     F = np.hstack([F, constant[:, None]])
     T_all = np.hstack([np.vstack(T), np.zeros((sum(len(part) for part in T), 1))])
     return Condensed(

@@ -1,12 +1,12 @@
-"""State feedback on estimated states: LQR with estimated disturbances, or LQI; the law that runs, plain or compiled.
+"""The state feedback law with its observer: LQR with estimated disturbances, or LQI.
 
-Each sample the estimate z = (x, d) is corrected by what is measured, then
+Each sample corrects the estimate z = (x, d) by the measurement, then
 
     u = Gamma w - K (x - Pi w) - K_before mu_before - K_integral q,    w = (planned motion, d),
 
-and the prediction for the next sample is made with the current that was really given. What feed-forward and cures
-against friction add (`extra`) is taken out of it first: it pays for friction, of which the linear model knows nothing,
-so that the model would take it for motion.
+and the prediction for the next sample uses the current after limitation. The additional current of feedforward and
+friction compensation (`extra`) is subtracted first: it balances friction, which is not in the linear model, and would
+be predicted as motion.
 """
 
 from __future__ import annotations
@@ -19,11 +19,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.controller_interface import INPUTS, MEASURED
-from ..synthesis.kalman import Kalman
-from ..synthesis.model import DesignModel
-from ..synthesis.regulator import Regulator
-from ..synthesis.target import MOTION, Target
+from ..core.controller_interface import INPUTS, MEASURED
+from .synthesis.kalman import Kalman
+from .synthesis.model import DesignModel
+from .synthesis.regulator import MOTION, Regulator, Target
 
 if TYPE_CHECKING:
     import control
@@ -33,7 +32,7 @@ HEAD, STATE = 18, 4
 
 
 def estimate(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, hold: float) -> None:
-    """Correct the prediction by what is measured; memory and settings as in `state_feedback`."""
+    """Correct the prediction by the measurement; memory and settings as in `state_feedback`."""
     n, m, free = int(settings[0]), int(settings[1]), int(settings[2])
     c, g, pick, start = int(settings[10]), int(settings[11]), int(settings[16]), int(settings[17])
     predicted, z = 4, 4 + n
@@ -46,7 +45,7 @@ def estimate(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, hol
             if settings[pick + 5 * j + i] != 0.0:
                 surprise += settings[pick + 5 * j + i] * measured[i]
         if not isfinite(surprise):
-            continue  # a reading that is lost corrects nothing, and must not stay in the estimate for ever
+            continue  # a lost reading corrects nothing; nan would stay in the estimate for ever
         if first:
             for i in range(n):
                 memory[z + i] += settings[start + i * m + j] * surprise
@@ -59,7 +58,7 @@ def estimate(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, hol
     if first:
         memory[0] = 1.0
         y = measured[3] if isfinite(measured[3]) else 0.0
-        # At rest where it is the rod needs no current yet: what the gains would ask for goes into the integral.
+        # The rod is at rest and needs no current yet: the integral starts with the negative of what the gains ask for.
         memory[2] = -target_current(y, 0.0, 0.0, memory, settings)
         if settings[6] != 0.0:
             memory[1] = regulator_current(y, 0.0, 0.0, memory, settings) / settings[6]
@@ -68,7 +67,7 @@ def estimate(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, hol
 def target_current(
     position: float, velocity: float, acceleration: float, memory: np.ndarray, settings: np.ndarray
 ) -> float:
-    """Gamma w: the current [A] that the motion and the disturbances need."""
+    """Gamma w: the current [A] for the planned motion and the disturbances."""
     n, f_z, f_r = int(settings[0]), int(settings[14]), int(settings[15])
     current = settings[f_r] * position + settings[f_r + 1] * velocity + settings[f_r + 2] * acceleration
     for i in range(n):
@@ -88,7 +87,7 @@ def regulator_current(
 
 
 def predict(used: float, known: float, memory: np.ndarray, settings: np.ndarray) -> None:
-    """Predict the next sample from the current that moved the model [A]; `known` is its target's."""
+    """Predict the next sample from the model's current [A]; `known` is its target's."""
     n, a, b = int(settings[0]), int(settings[8]), int(settings[9])
     memory[2], memory[3] = used - known, used
     for i in range(n):
@@ -103,9 +102,9 @@ def state_feedback(
 ) -> float:
     """One sample of the law above.
 
-    settings: numbers of z, of y and of x in z; current limit, sample time, K_before, K_integral, share of a saturation
-    that the integral gives back; where A, B, C, gain, K_z, K_r, F_z, F_r, pick and start begin, then these (see
-    `StateFeedback.matrices`).
+    settings: sizes of z, of y and of x in z; current limit, sample time, K_before, K_integral, share of a saturation
+    that back-calculation removes from the integral per sample; first indices of A, B, C, gain, K_z, K_r, F_z, F_r,
+    pick and start, then these matrices (see `StateFeedback.matrices`).
     memory: whether there was a sample, q, mu_before, the feedback's current, z predicted (n), z (n).
     """
     limit, T_s, integral, share = settings[3], settings[4], settings[6], settings[7]
@@ -122,13 +121,13 @@ def state_feedback(
 
 @dataclass(frozen=True)
 class StateFeedback:
-    """State feedback with its observer, a design.law.Law.
+    """State feedback with its observer, a design.controller.Law.
 
     Attributes
     ----------
-    model, target, kalman, regulator: what it was designed from and with.
+    model, target, kalman, regulator: the parts of the design.
     current_limit: A.
-    tracking_time: s, within which the integral gives back what a saturation made it ask for too much (LQI).
+    tracking_time: s, time constant of the integral's back-calculation (LQI).
     """
 
     model: DesignModel
@@ -148,7 +147,7 @@ class StateFeedback:
 
     @property
     def L(self) -> np.ndarray:
-        """Gains (n + d, m) of the filter, SI, from a measurement's surprise to states and disturbances."""
+        """Gains (n + d, m) of the filter, SI, from a measurement's innovation to states and disturbances."""
         return self._scale[:, None] * self.kalman.gain
 
     @cached_property
@@ -167,10 +166,10 @@ class StateFeedback:
 
     @cached_property
     def matrices(self) -> dict[str, np.ndarray]:
-        """What the law is made of, by name, in SI units; in the order in which settings holds them.
+        """Matrices of the law by name, in SI units, in the order of the settings.
 
-        A (n, n), B (n,), C (m, n), gain (n, m) of z; u = -K_z z + K_r motion ...; F_z z + F_r motion = Gamma w; pick
-        (m, 5); start (n, m). n counts states and disturbances here.
+        A (n, n), B (n,), C (m, n), gain (n, m) of z; u = -K_z z + K_r motion - ...; F_z z + F_r motion = Gamma w;
+        pick (m, 5); start (n, m). n counts states and disturbances here.
         """
         scale, x = self._scale, self.model.A.shape[0]
         Pi, Gamma, K = self.target.Pi, self.target.Gamma, self.regulator.K
@@ -225,11 +224,6 @@ class StateFeedback:
     def __str__(self) -> str:
         gains = ", ".join(f"{gain:.4g}" for gain in self.K)
         free = ", ".join(self.model.disturbances)
-        how = (
-            f"disturbances {free} estimated"
-            if free
-            else "an integral"
-            if self.regulator.integral
-            else "a standing error"
-        )
+        how = "an integral" if self.regulator.integral else "a steady-state error"
+        how = f"disturbances {free} estimated" if free else how
         return f"state feedback K = [{gains}] of {', '.join(self.model.states)} with a Kalman filter and {how}"

@@ -1,8 +1,11 @@
-"""Model predictive control: the regulator's problem with limits, solved each sample.
+"""The feedback law of an MPC: the quadratic programme of each sample, and a current for samples without a solution.
 
-The estimate is that of state_feedback.py. Where no limit is active the current is the LQR's. A sample without a
-solution in time is bridged: the first one by the next current of the plan before, further ones by the LQR's current,
-both within the limits of current and rate.
+Estimate and target are those of the state feedback. Without an active limit the current is the LQR's. A sample without
+a
+solution in time is bridged: the first one by the next current of the last plan, further ones by the LQR's current, both
+within the limits of current and rate.
+
+`Mpc` runs in Python around a solver; `mpc_law` is the same sample as text for the export to C.
 """
 
 from __future__ import annotations
@@ -16,21 +19,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..qp import QP_SOLVERS, SOLVED, QpSolver
-from .mpc_problem import Condensed, MpcProblem, ahead, condense
+from .mpc_problem import Condensed, MpcProblem, condense, motion_ahead
+from .qp import QP_SOLVERS, SOLVED, QpSolver
 from .state_feedback import StateFeedback, estimate, predict, regulator_current, target_current
 
 if TYPE_CHECKING:
     import control
 
-#: What the trace `solver_status` says of a sample: what gave the current.
+#: Trace `solver_status`: origin of the current.
 STATUS = {
     0.0: "solved",
     1.0: "solved; a soft limit is passed",
     2.0: "no solution: the next current of the plan before",
     3.0: "no solution: the regulator's current within the limits",
 }
-#: What the trace `solver_reason` says: how the solver ended.
+#: Trace `solver_reason`: how the solver ended.
 REASON = {
     0.0: "solved",
     1.0: "infeasible",
@@ -38,10 +41,12 @@ REASON = {
     3.0: "the solver failed",
     4.0: "solved too late",
 }
-#: A share of a soft limit that counts as passing it.
+#: Relative violation from which a soft limit counts as exceeded; the exact solver leaves 1e-9.
 PASSED = 1e-6
-#: Places of the traces in memory behind the estimates', then the current given before and the age of the plan.
+#: Places in the MPC's own memory: traces, then the last current and the age of the plan, then the plan.
 _STATUS, _REASON, _ITERATIONS, _TIME, _SHARE, _GIVEN, _AGE, _PLAN = range(8)
+#: Numbers before the feedback's settings in those of `mpc_law`.
+EMBEDDED_HEAD = 15
 
 
 def prepare(
@@ -56,9 +61,9 @@ def prepare(
     lower: np.ndarray,
     upper: np.ndarray,
 ) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
-    """Estimate, and give Gamma w [A], f (v,) and both bounds (v + g,) of this sample's problem (see Condensed).
+    """Estimate; return Gamma w [A], f (v,) and both bounds (v + g,) of this sample's problem (see Condensed).
 
-    changing: extra and the current given before [A], and hold. shrink: (n,) 1 / SI value of a z of 1.
+    changing: extra and the last current [A], and hold. shrink: (n,) 1 / SI value of a z of 1.
     """
     estimate(measured, memory, settings, changing[2])
     known = target_current(reference[0], reference[1], reference[2], memory, settings)
@@ -66,7 +71,7 @@ def prepare(
     p = np.empty(F.shape[1])
     for i in range(n):
         p[i] = memory[4 + n + i] * shrink[i]
-    ahead(reference[0], reference[1], reference[2], settings[4], p[n:-4].reshape(-1, 3))
+    motion_ahead(reference, settings[4], (p.size - n - 4) // 3 - 1, p[n:])
     p[-4], p[-3], p[-2], p[-1] = memory[2], changing[0], changing[1], 1.0
     shift = T @ p
     return known, F @ p, lower + shift, upper + shift
@@ -74,25 +79,25 @@ def prepare(
 
 @cache
 def _compiled() -> Any:
-    """`estimate`, `prepare` and the others that run each sample beside the solver, compiled once: some 10 s."""
-    from ...core.compiled import load_compiled
-    from ..stages.pipeline import HEAD, source_text
+    """Functions that run each sample beside the solver, compiled; the first compilation takes some 10 s."""
+    from ..core.compiled import load_compiled
+    from .stages.pipeline import HEAD, source_text
 
-    functions = (target_current, regulator_current, estimate, predict, ahead, prepare)
+    functions = (target_current, regulator_current, estimate, predict, motion_ahead, prepare)
     text = [HEAD, *(f'@cached_njit(error_model="numpy")\n{source_text(function)}' for function in functions)]
     return load_compiled("\n\n\n".join(text), "the estimate of an MPC")
 
 
 @dataclass(frozen=True)
 class Mpc:
-    """An MPC, a design.law.Law that runs as plain Python around a solver.
+    """Feedback law of an MPC, a design.controller.Law that runs as plain Python around a solver.
 
     Attributes
     ----------
     feedback: the law without limits: model, target, observer and regulator.
-    problem: what is solved. solver: name of one of QP_SOLVERS.
-    iteration_limit: of the solver, each sample.
-    deadline: s, after which a solution is too late; None waits for it. A run with one depends on the machine.
+    problem: the quadratic programme. solver: a key of QP_SOLVERS.
+    iteration_limit: of the solver, per sample.
+    deadline: s, after which a solution is too late; None waits for it. With one, a run depends on the machine.
     """
 
     feedback: StateFeedback
@@ -136,8 +141,14 @@ class Mpc:
 
     @cached_property
     def _behind(self) -> int:
-        """Length of the feedback's memory, with which that of an MPC begins."""
+        """Length of the feedback's memory, with which an MPC's begins."""
         return int(self.feedback.initial_memory().size)
+
+    @property
+    def multipliers(self) -> slice:
+        """Places of the multipliers in memory."""
+        start = self._behind + _PLAN + len(self.condensed.F)
+        return slice(start, start + self.condensed.lower.size)
 
     @cached_property
     def condensed(self) -> Condensed:
@@ -150,13 +161,13 @@ class Mpc:
 
     @cached_property
     def _fixed(self) -> tuple[np.ndarray, ...]:
-        """What `prepare` gets that never changes."""
+        """Constant arguments of `prepare`."""
         c = self.condensed
         scale = np.r_[self.feedback.model.scale, self.feedback.model.disturbance_scale]
         return 1.0 / scale, np.ascontiguousarray(c.F), np.ascontiguousarray(c.T), c.lower, c.upper
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the solver's workspace, which can't be sent to another process; it is made there again."""
+        """Without the solver's workspace, which can't be pickled; another process makes its own."""
         return {name: value for name, value in self.__dict__.items() if name != "qp"}
 
     def settings(self) -> np.ndarray:
@@ -164,11 +175,11 @@ class Mpc:
 
     def initial_memory(self) -> np.ndarray:
         own = np.zeros(_PLAN + len(self.condensed.F) + self.condensed.lower.size)
-        own[_AGE] = 2.0  # there is no plan before
+        own[_AGE] = 2.0  # no plan yet
         return np.concatenate([self.feedback.initial_memory(), own])
 
     def linear(self) -> control.StateSpace:
-        """The law with no limit active: that of the regulator."""
+        """The law without active limits: the regulator's."""
         return self.feedback.linear()
 
     def step(
@@ -180,7 +191,7 @@ class Mpc:
         extra: float,
         hold: float,
     ) -> float:
-        """One sample, as `state_feedback`. memory: the feedback's, then see _STATUS ..., plan and multipliers."""
+        """One sample, as `state_feedback`. memory: the feedback's, then _STATUS to _AGE, plan and multipliers."""
         parts = _compiled()
         own = memory[self._behind :]
         begin = perf_counter()
@@ -210,7 +221,7 @@ class Mpc:
             reason = 4.0
         own[_REASON], own[_ITERATIONS], own[_TIME] = reason, solution.iterations, seconds
         if reason != SOLVED:
-            # A start from what did not end well would spoil the samples after it.
+            # No warm start from an iterate that is no solution.
             multipliers[:] = 0.0
             own[_SHARE] = 0.0
             return None
@@ -250,3 +261,95 @@ class Mpc:
         ]
         horizon = f"{self.horizon} samples ({self.horizon * self.feedback.model.sample_time:g} s)"
         return f"MPC over {horizon} by {self.solver}, {', '.join(limits)}; without them {self.feedback}"
+
+
+def solve_qp(
+    f: np.ndarray, lower: np.ndarray, upper: np.ndarray, x: np.ndarray, y: np.ndarray, iterations: np.ndarray
+) -> float:
+    """Placeholder of the generated solver: x and y are the start and, if it returns 0, the solution; otherwise it
+    returns a key of REASON. iterations[0]: their number.
+    """
+    raise NotImplementedError("the solver is written in C")
+
+
+def mpc_law(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """One sample of an MPC.
+
+    settings: first index of the feedback's settings; length of its memory; current limit; largest change of the current
+    per sample (0: any); samples of the horizon; numbers of unknowns, of bounds, of states and disturbances, and of
+    parameters; first indices of shrink, F, T, lower, upper and root; then the feedback's settings, then these. They are
+    those of `prepare`, but the solver's unknowns are z with theta = root z, and root' F replaces F.
+    memory: the feedback's, then as in Mpc, then z and room for a sample's parameters, f and both bounds.
+    """
+    begin, behind, limit, change = int(settings[0]), int(settings[1]), settings[2], settings[3]
+    horizon, unknowns, bounds, n, size = (
+        int(settings[4]), int(settings[5]), int(settings[6]), int(settings[7]), int(settings[8])
+    )  # fmt: skip
+    shrink, F, T = int(settings[9]), int(settings[10]), int(settings[11])
+    below, above, root = int(settings[12]), int(settings[13]), int(settings[14])
+    feedback = settings[begin:]
+    own = memory[behind:]
+    solution = own[_PLAN:]
+    multipliers = solution[unknowns:]
+    z = multipliers[bounds:]
+    p = z[unknowns:]
+    f = p[size:]
+    lower = f[unknowns:]
+    upper = lower[bounds:]
+    estimate(measured, memory, feedback, hold)
+    known = target_current(reference[0], reference[1], reference[2], memory, feedback)
+    for i in range(n):
+        p[i] = memory[4 + n + i] * settings[shrink + i]
+    motion_ahead(reference, feedback[4], horizon, p[n:])
+    p[size - 4], p[size - 3], p[size - 2], p[size - 1] = memory[2], extra, own[_GIVEN], 1.0
+    for i in range(unknowns):
+        total = 0.0
+        for k in range(size):
+            total += settings[F + i * size + k] * p[k]
+        f[i] = total
+    for i in range(bounds):
+        shift = 0.0
+        for k in range(size):
+            shift += settings[T + i * size + k] * p[k]
+        lower[i] = settings[below + i] + shift
+        upper[i] = settings[above + i] + shift
+    own[_REASON] = solve_qp(f, lower, upper, z, multipliers, own[_ITERATIONS:])
+    if own[_REASON] == 0.0:
+        for i in range(unknowns):
+            entry = 0.0
+            for k in range(unknowns):
+                entry += settings[root + i * unknowns + k] * z[k]
+            solution[i] = entry
+        share = 0.0
+        for i in range(horizon, unknowns):
+            share = max(share, solution[i])
+        own[_SHARE], own[_STATUS], own[_AGE] = share, 1.0 if share > PASSED else 0.0, 0.0
+        wanted = solution[0] + known
+    else:
+        # No warm start from an iterate that is no solution.
+        for i in range(bounds):
+            multipliers[i] = 0.0
+        own[_SHARE] = 0.0
+        own[_AGE] += 1.0
+        if own[_AGE] == 1.0:
+            own[_STATUS] = 2.0
+            wanted = solution[1] + known
+        else:
+            own[_STATUS] = 3.0
+            wanted = regulator_current(reference[0], reference[1], reference[2], memory, feedback)
+        if not isfinite(wanted):
+            wanted = -extra
+        bridged = min(max(wanted + extra, -limit), limit)
+        if change > 0.0:
+            bridged = min(max(bridged, own[_GIVEN] - change), own[_GIVEN] + change)
+        wanted = bridged - extra
+    given = min(max(wanted + extra, -limit), limit)
+    own[_GIVEN] = given
+    predict(given - extra, known, memory, feedback)
+    return given
+
+
+#: Functions that `mpc_law` calls.
+EMBEDDED_USES = (target_current, regulator_current, estimate, predict, motion_ahead)

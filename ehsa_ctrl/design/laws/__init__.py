@@ -1,1 +1,0 @@
-"""The feedback laws themselves, as text that runs plain or compiled."""
