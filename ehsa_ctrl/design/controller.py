@@ -27,9 +27,9 @@ class Law(Protocol):
     Attributes
     ----------
     function: law(reference, measured, memory, settings, extra, hold) -> current. `reference` (3,) is the planned
-        motion, `measured` (5,) the validated readings, in the orders of core.controller_interface; `extra` [A] is the current of
-        feedforward and friction compensation; `hold` is 1.0 while integral action must pause, and -1.0 at the start of
-        a motion, where the integral of the last rest is to be reset (a law may ignore that). It returns
+        motion, `measured` (5,) the validated readings, in the orders of core.controller_interface; `extra` [A] is the
+        current of feedforward and friction compensation; `hold` is 1.0 while integral action must pause, and -1.0 at
+        the start of a motion, where the integral of the last rest is to be reset (a law may ignore that). It returns
         feedback + extra, limited to the drive's current, and uses the limited value in its anti-windup.
         A plain function of a module, whose text is compiled; it may call those in `uses`, sqrt, exp, sin and the
         numpy that numba supports.

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from linear_loop import MPC, load, run, still
-from mpc_statement import MpcStatement
 
 from ehsa_ctrl import InputError, run_closed_loop
 from ehsa_ctrl.design.mpc_problem import Limits, MpcProblem, condense, motion_ahead
+from ehsa_ctrl.design.mpc_statement import MpcStatement
 from ehsa_ctrl.design.qp import FAILED, INFEASIBLE, LIMIT, NO_BOUND, QP_SOLVERS, SOLVED, QpSolution
 
 T = 0.004

@@ -1,4 +1,7 @@
-"""The quadratic programme of an MPC in cvxpy with the states as unknowns: the reference for the condensed one."""
+"""The quadratic programme of an MPC in cvxpy, with the states as unknowns: the reference for the condensed one.
+
+Some hundred times too slow for the loop, it verifies solutions with any solver of cvxpy.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ehsa_ctrl.design.mpc_problem import MpcProblem
-from ehsa_ctrl.design.synthesis.regulator import MOTION
+from .mpc_problem import MpcProblem
+from .synthesis.regulator import MOTION
 
 
 class MpcStatement:
