@@ -38,7 +38,7 @@ _WHERE = {
     "export_fmu": "simulation.fmu.export",
     "record": "simulation.bench",
     "Log": "core.log",
-    "read_log": "core.log",
+    "read_log": "core.log_reader",
     "read_plant_log": "identification.record",
     "check_log": "identification.checks",
     "Preparation": "identification.preparation",

@@ -38,7 +38,7 @@ def command(
     Examples: ehsa-ctrl simulate ehsa --excitation steps --out results/steps ·
     ehsa-ctrl simulate ehsa --input current.csv --set load.stiffness=50e3 --out results/loaded
     """
-    from ..core.log import read_log
+    from ..core.log_reader import read_log
     from ..core.result_folder import ResultFolder
     from ..plant.plant import load_plant
     from ..simulation.bench import record

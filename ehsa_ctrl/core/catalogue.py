@@ -1,7 +1,6 @@
-"""The three folders of definitions: where they are, what is in them.
+"""The catalogues of definitions: plants, controllers and scenarios, one TOML file each.
 
-A user's own folder `plants/`, `controllers/` or `scenarios/` in the working directory is looked at first, then the
-one shipped with the package.
+The folders `plants/`, `controllers/` and `scenarios/` of the working directory come before those of the package.
 """
 
 from __future__ import annotations
@@ -19,27 +18,24 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def shipped_folder(kind: str) -> Path:
-    """The folder that came with the package: inside the wheel, or beside the package in a checkout."""
+    """The package's folder: inside the wheel, or beside the package in a checkout."""
     inside = _PACKAGE / "catalogue" / kind
     return inside if inside.is_dir() else _PACKAGE.parent / kind
 
 
 def shipped(kind: str) -> dict[str, Path]:
-    """Name and file of what came with the package, whatever the user's own folder has."""
+    """Name -> file of the package's definitions, without the user's own."""
     return {path.stem: path for path in sorted(shipped_folder(kind).glob("*.toml"))}
 
 
 def is_shipped(kind: str, path: Path) -> bool:
-    """Whether this is a file that came with the package."""
+    """Whether this is a file of the package."""
     return path.resolve() in {file.resolve() for file in shipped(kind).values()}
 
 
 @dataclass(frozen=True)
 class Catalogue(Mapping[str, Path]):
-    """Names of one kind of definition and the files behind them.
-
-    Behaves as a mapping from name to path; names are also attributes, so that `plants.<TAB>` shows them.
-    """
+    """Definitions of one kind: a mapping from name to file, with names as attributes for tab completion."""
 
     kind: str
 
@@ -79,7 +75,7 @@ class Catalogue(Mapping[str, Path]):
         return [*super().__dir__(), *self]
 
     def titles(self) -> dict[str, str]:
-        """Name and title of every definition."""
+        """Name -> title of every definition."""
         from .files import read_toml
 
         return {name: str(read_toml(self[name]).get("title", "")) for name in self}
@@ -93,18 +89,18 @@ class Catalogue(Mapping[str, Path]):
 
         Parameters
         ----------
-        beside: the TOML file that refers to this one. A path is then looked for from that file's folder first, and a
-            name in the project's own folder of this kind beside that folder, so that a project's files find each
-            other wherever they are run from. What came with the package is still looked at last.
+        beside: the TOML file that refers to this one. A path is then relative to its folder first, and a name is
+            looked up in the project of that file first, so that a project's files find each other from any working
+            directory.
 
-        Raises InputError, with the nearest name, if there is neither.
+        Raises InputError, with the nearest name, if there is none.
         """
         text = str(name)
         if text.endswith(".toml") or "/" in text or "\\" in text:
             places = [Path(text)] if beside is None else [beside.parent / text, Path(text)]
             for path in places:
                 with suppress(OSError, ValueError):
-                    # A name that no file can have, too long or with a zero byte, is none.
+                    # A path may be too long for the file system or contain a zero byte.
                     if path.is_file():
                         return path
             raise InputError(f"{places[0]}: no such file; give a {self.kind[:-1]}'s name or the path of a TOML file")

@@ -1,4 +1,4 @@
-"""Results of long work kept in a file, a line each, so that what was interrupted goes on where it was."""
+"""Checkpoints: results of a long computation in a file, one line each, so that an interrupted one can continue."""
 
 from __future__ import annotations
 
@@ -16,19 +16,14 @@ T = TypeVar("T")
 
 @dataclass
 class Checkpoint(Generic[T]):
-    """What a file holds, and how it goes on.
-
-    Attributes
-    ----------
-    path: None keeps nothing. results: of earlier sessions.
-    """
+    """An open checkpoint file. path: None writes nothing. results: those of earlier runs."""
 
     path: Path | None
     results: list[T] = field(default_factory=list)
     _head: str = ""
 
     def append(self, lines: Iterable[str]) -> None:
-        """Add results, a line each. Raises InputError for a file that can't be written; what it held is kept."""
+        """Add results, one line each. Raises InputError for a file that can't be written; its content is kept."""
         text = "".join(line + "\n" for line in lines)
         if self.path is None or not text:
             return
@@ -57,21 +52,19 @@ def open_checkpoint(
     other: str,
     wrong: str,
 ) -> Checkpoint[T]:
-    """Continue a file, or begin it with its first results, its head {key: mark}.
+    """Continue a checkpoint file, or begin it with the first results; its first line is {key: mark}.
 
-    A last line that was cut off by an interrupt is dropped, from the file too: the next one must not be joined to it.
+    A last line that an interrupt cut off is removed.
 
     Parameters
     ----------
-    mark: what makes results comparable, so that they may stand in one file.
-    parse: turns a line into a result; raises ValueError, LookupError, TypeError or ArithmeticError where it is none.
-    anew: begin again; a file of this kind is replaced when the first result is there, no other one ever is.
-    none, other, wrong: end of the sentence for a file that is no such file, for one with another mark, and for a line
-        in the middle that is no result.
+    mark: identifies the computation; only results with the same mark share a file.
+    parse: from a line to a result; raises ValueError, LookupError, TypeError or ArithmeticError for an invalid line.
+    anew: begin again; a file of this kind is replaced with the first result, any other file never.
+    none, other, wrong: end of the message for a file that is no checkpoint, for one with another mark, and for an
+        invalid line.
 
-    Raises
-    ------
-    InputError: with one of these sentences, or for a file that can't be read or written.
+    Raises InputError with one of these messages, or for a file that can't be read or written.
     """
     begun = json.dumps({key: mark}) + "\n"
     if path is None or not path.exists():

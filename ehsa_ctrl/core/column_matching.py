@@ -15,7 +15,7 @@ from .log import CHANNELS, Column
 from .unit import factor, names_angle
 
 if TYPE_CHECKING:
-    from .table import Table
+    from .table import LogTable
 
 #: A scale in [log] may include a calibration: it agrees with a unit within this factor.
 AGREES = 2.0
@@ -42,8 +42,8 @@ NAMES = {
 }  # fmt: skip
 
 
-def find_channels(table: Table, mapped: Mapping[str, Column]) -> dict[str, Column]:
-    """Where each channel stands in this file, those that don't left out."""
+def find_channels(table: LogTable, mapped: Mapping[str, Column]) -> dict[str, Column]:
+    """Channel -> column of this file, for the channels that it has."""
     for channel in mapped:
         if channel not in CHANNELS:
             raise InputError(f"[log] {channel}: is no channel; {choices(channel, CHANNELS)}")
@@ -57,8 +57,8 @@ def find_channels(table: Table, mapped: Mapping[str, Column]) -> dict[str, Colum
     return places
 
 
-def channel_scale(path: Path | str, channel: str, at: Column, table: Table) -> float:
-    """SI units that are one of the column: as mapped, else as the file's row of units says.
+def channel_scale(path: Path | str, channel: str, at: Column, table: LogTable) -> float:
+    """SI units per unit of the column: by the mapping, else by the file's row of units.
 
     Raises InputError for a unit that does not fit the channel, and where mapping and unit contradict each other.
     """
@@ -86,8 +86,8 @@ def channel_scale(path: Path | str, channel: str, at: Column, table: Table) -> f
     return at.scale
 
 
-def suggest_mapping(table: Table, places: Mapping[str, Column], wanted: Sequence[str]) -> str:
-    """Lines of [log] for channels that are wanted and not there, out of columns that nothing is read from."""
+def suggest_mapping(table: LogTable, places: Mapping[str, Column], wanted: Sequence[str]) -> str:
+    """Lines of [log] that would map unused columns to wanted channels that are missing."""
     missing = {channel: CHANNELS[channel].unit for channel in wanted if channel not in places and channel in CHANNELS}
     used = {at.column for at in places.values()}
     free = [name for name in table.names if name and name not in used]
@@ -98,21 +98,21 @@ def suggest_mapping(table: Table, places: Mapping[str, Column], wanted: Sequence
 
 
 class ColumnMatch(NamedTuple):
-    """A column, the unit that its name says (empty where it says none), and how many SI units that is."""
+    """A column, the unit in its name (empty without one), and SI units per unit of the column."""
 
     column: str
     unit: str
     scale: float
 
     def line(self, channel: str) -> str:
-        """As it stands in a plant's [log]."""
+        """The line of a plant's [log]."""
         column = self.column.replace("\\", "\\\\").replace('"', '\\"')
         scale = f", scale = {self.scale:.7g}" if self.scale != 1.0 else ""
         return f'{channel} = {{ column = "{column}"{scale} }}'
 
 
 def match_columns(columns: Iterable[str], channels: Mapping[str, str]) -> dict[str, ColumnMatch]:
-    """The one column for each of these channels (name -> SI unit) whose name and unit fit it; none where two do."""
+    """For each channel (name -> SI unit) the column whose name and unit fit it, if there is exactly one."""
     found: dict[str, list[ColumnMatch]] = {}
     for column in columns:
         for channel, si in channels.items():
@@ -125,8 +125,8 @@ def match_columns(columns: Iterable[str], channels: Mapping[str, str]) -> dict[s
 
 
 def _fit(column: str, channel: str, si: str) -> ColumnMatch | None:
-    """A column as this channel, with its unit taken off the name; None where they don't go together."""
-    for name, unit in _parted(column):
+    """The column as this channel, its name split into name and unit; None where they don't fit."""
+    for name, unit in _split_name(column):
         if re.sub(r"[^a-z0-9]", "", name.lower()) not in (*NAMES.get(channel, ()), channel.replace("_", "")):
             continue
         if not unit:
@@ -137,8 +137,8 @@ def _fit(column: str, channel: str, si: str) -> ColumnMatch | None:
     return None
 
 
-def _parted(column: str) -> list[tuple[str, str]]:
-    """A column's name taken apart into name and unit, in all ways that make sense: "I [A]", "n_rpm", "p1 / bar"."""
+def _split_name(column: str) -> list[tuple[str, str]]:
+    """Possible splits of a column's name into name and unit: "I [A]", "n_rpm", "p1 / bar"."""
     inside = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*", column)
     if inside:
         return [(inside[1], inside[2].strip())]
@@ -147,7 +147,7 @@ def _parted(column: str) -> list[tuple[str, str]]:
 
 
 def unit_scale(unit: str, si: str) -> float | None:
-    """How many `si` are one `unit`; None where it is unknown, does not fit, or may be turns or radians, as 1/min."""
+    """`si` units in one `unit`; None where it is unknown, does not fit, or may mean turns or radians, as 1/min."""
     try:
         scale = factor(unit, si)
     except InputError:

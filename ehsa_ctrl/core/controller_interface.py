@@ -1,4 +1,4 @@
-"""What a controller is to the house: the simulator runs anything of this shape, and knows nothing else of it."""
+"""The controller interface: the simulator runs any object with these members."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-#: What a controller is given each sample, in this order (SI units).
+#: Measurements of each sample in this order, SI units.
 MEASURED = ("speed", "p1", "p2", "position", "force")
-#: The reference row a controller is given each sample: position, its speed and its acceleration.
+#: Reference of each sample: position, velocity and acceleration.
 REFERENCE = ("position", "velocity", "acceleration")
-#: Names of the inputs of a controller's linear law: reference and measured values can't be told apart by name alone.
+#: Inputs of a controller's linear law; the prefix separates references from measurements of the same name.
 INPUTS = (*(f"reference_{name}" for name in REFERENCE), *MEASURED)
 
 
@@ -26,7 +26,7 @@ class Controller(Protocol):
     compiled: the step as a numba-compiled function with the signature
         float64(float64[::1], float64[::1], float64[::1], float64[::1]), arguments as in `step` and the settings last;
         None if it has only the plain step.
-    traces: what of its memory is worth recording at each sample, name -> index.
+    traces: entries of its memory that are recorded at each sample, name -> index.
     """
 
     @property
@@ -42,11 +42,11 @@ class Controller(Protocol):
     def traces(self) -> Mapping[str, int]: ...
 
     def settings(self) -> np.ndarray:
-        """Numbers (k,) that the compiled step gets as its last argument; they don't change during a run."""
+        """Constants (k,) for the last argument of the compiled step."""
         ...
 
     def initial_memory(self) -> np.ndarray:
-        """Fresh state (m,) of the controller; `step` changes it in place."""
+        """Initial state (m,) of the controller; `step` updates it in place."""
         ...
 
     def step(self, reference: np.ndarray, measured: np.ndarray, memory: np.ndarray) -> float:

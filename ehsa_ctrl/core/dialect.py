@@ -1,7 +1,7 @@
-"""How a CSV is written: its encoding, what separates columns, points or commas, comments, and a row of units.
+"""Detect how a CSV is written: encoding, separator, decimal mark, comments, and a row of units.
 
-Only what a file leaves no doubt of is assumed, and what was assumed is said; a number that can be read in two ways is
-refused, because a wrong scale that nobody sees is worse than a file that has to be saved again.
+csv.Sniffer guesses; a guess that is wrong by a factor of a thousand would go unnoticed in a log. Only what a file
+leaves no doubt of is assumed here and reported in a note; a number that can be read in two ways is refused.
 """
 
 from __future__ import annotations
@@ -9,25 +9,23 @@ from __future__ import annotations
 import codecs
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import InputError
 from .text import join_words
 
-#: Separators by pandas' word for them -> what a sentence calls them.
+#: Separators as pandas takes them -> in messages.
 SEPARATORS = {",": "','", ";": "';'", "\t": "tabs", r"\s+": "blanks"}
-#: Rows that decide what separates columns.
+#: Number of rows that determine the separator.
 SAMPLED = 30
 
 _COMMENT = ("#", "%")
-_EXPONENT = r"(?:[eE][-+]?\d+)?"
-_COMMA = rf"[-+]?(?:\d+,\d*|,\d+){_EXPONENT}"
-_POINT = rf"[-+]?(?:\d+\.\d*|\.\d+){_EXPONENT}"
-#: Two marks or more, three digits between them: 1.234.567 or 1.234,5.
+_NUMBER = {mark: rf"[-+]?(?:\d+{mark}\d*|{mark}\d+)(?:[eE][-+]?\d+)?" for mark in (",", r"\.")}
+#: Two marks or more with three digits between them: 1.234.567 or 1.234,5.
 _GROUPED = r"[-+]?\d{1,3}(?:[.,]\d{3})+[.,]\d+"
-#: One mark that may as well stand between thousands: 1,234.
+#: One mark that may also separate thousands: 1,234.
 _EITHER = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
 
 
@@ -37,18 +35,16 @@ class Dialect:
 
     Attributes
     ----------
-    names: of the columns, as the header has them; a nameless one at the end of every row included.
-    units: of the columns, as a row of units has them, "" where it says none; empty without such a row.
-    units_row: number of that row, 0 without one.
-    separator, decimal: as pandas wants them.
-    rows: the lines that hold data, blank ones among them included, those at the end not.
-    numbers: of these lines in the file; the first line is 1.
-    header_row: number of the header's.
-    note: what was assumed, in words; empty for a file in the tool's own form.
+    names: column names of the header, including an empty one for a separator at the end of every row.
+    units: column -> unit, from a row of units; empty without one. units_row: its number, 0 without one.
+    separator, decimal: as pandas takes them.
+    rows: the lines with data, including blank lines between them. numbers: line numbers of these rows, from 1.
+    header_row: line number of the header.
+    note: what was assumed, in words; empty for a file in the package's own form.
     """
 
     names: tuple[str, ...]
-    units: tuple[str, ...]
+    units: Mapping[str, str]
     units_row: int
     separator: str
     decimal: str
@@ -63,32 +59,25 @@ class Dialect:
 
 
 def read_dialect(path: Path) -> Dialect:
-    """Read a text file and tell how it is written.
+    """Read a text file and detect how it is written.
 
-    Raises
-    ------
-    InputError: no text, no header row, or a form that can be taken in two ways; one sentence that says what to do.
+    Raises InputError for a file without text or header row, or in a form with two meanings: one sentence with the
+    remedy.
     """
-    text, encoding = _decoded(path)
+    text, encoding = _decode(path)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     while lines and not lines[-1].strip():
         lines.pop()
     comments = [i for i, line in enumerate(lines) if line.lstrip().startswith(_COMMENT)]
-    # Spreadsheets are told by a first line sep=; what the rest says by itself.
+    # Spreadsheet programs read a first line sep=; it repeats what the other lines show.
     skipped = {*comments, *([0] if re.fullmatch(r"sep=.", lines[0] if lines else "") else [])}
     content = [i for i, line in enumerate(lines) if i not in skipped]
-    filled = (i for i in content if lines[i].strip())
-    head = next(filled, None)
+    head = next((i for i in content if lines[i].strip()), None)
     if head is None:
         raise InputError(f"{path}: is no CSV table with a header row (row 1 is empty)")
-    said = []
     sample = [lines[i] for i in content if i > head and lines[i].strip()][:SAMPLED]
     commented = _commented_header(lines, comments, head, sample)
-    if commented:
-        header, first = commented, head
-        said.append("the last comment row as header")
-    else:
-        header, first = lines[head], head + 1
+    header = commented or lines[head]
     separator = _separator(path, header, [lines[head], *sample] if commented else sample, head, lines)
     names = split(header, separator)
     if names and all(_is_number(name) for name in names):
@@ -96,93 +85,84 @@ def read_dialect(path: Path) -> Dialect:
             f"{path}: row {head + 1} holds numbers and no names of columns; expected a CSV table with a header row: "
             "write the names above the numbers"
         )
-    rows = [i for i in content if i >= first]
-    units, units_row = _units(lines, rows, names, separator)
-    if units:
-        rows = rows[1:]
+    rows = [i for i in content if i >= (head if commented else head + 1)]
+    units = _units(lines, rows, names, separator)
+    units_row = rows.pop(0) + 1 if units else 0
     body = [lines[i] for i in rows]
-    if body:
-        width = len(split(body[0], separator))
-        if width == len(names) + 1 and not split(body[0], separator)[-1]:
-            names = [*names, ""]
+    first = split(body[0], separator) if body else []
+    if len(first) == len(names) + 1 and not first[-1]:
+        names = [*names, ""]
     decimal = _decimal(path, body, rows, separator)
-    if separator != "," or decimal != ".":
-        said = [
-            f"{SEPARATORS[separator]} between columns",
-            f"decimal {'commas' if decimal == ',' else 'points'}",
-            *said,
-        ]
-    if encoding:
-        said.append(f"{encoding} text")
     dropped = len(comments) - bool(commented)
-    if dropped:
-        said.append(f"{dropped} comment row{'s' if dropped > 1 else ''} left out")
-    if units:
-        said.append(f"row {units_row} as units")
+    notes = {
+        f"{SEPARATORS[separator]} between columns": separator != "," or decimal != ".",
+        f"decimal {'commas' if decimal == ',' else 'points'}": separator != "," or decimal != ".",
+        "the last comment row as header": bool(commented),
+        f"{encoding} text": bool(encoding),
+        f"{dropped} comment row{'s' if dropped > 1 else ''} left out": dropped > 0,
+        f"row {units_row} as units": units_row > 0,
+    }
+    assumed = [note for note, applies in notes.items() if applies]
     return Dialect(
         names=tuple(names),
-        units=tuple(units),
+        units={name: unit for name, unit in zip(names, units, strict=False) if name and unit},
         units_row=units_row,
         separator=separator,
         decimal=decimal,
         rows=tuple(body),
         numbers=tuple(i + 1 for i in rows),
         header_row=(comments[-1] if commented else head) + 1,
-        note=f"{path}: read with {join_words(said)}" if said else "",
+        note=f"{path}: read with {join_words(assumed)}" if assumed else "",
     )
 
 
 def split(line: str, separator: str) -> list[str]:
-    """The cells of a line, without the blanks around them."""
+    """The cells of a line, without surrounding blanks."""
     if separator == r"\s+":
         return line.split()
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
 
 
-def _decoded(path: Path) -> tuple[str, str]:
-    """The text, and the name of its encoding where that is not UTF-8."""
+def _decode(path: Path) -> tuple[str, str]:
+    """The text, and the name of its encoding if that is not UTF-8."""
     try:
         raw = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror})") from None
-    tries = [("utf-8-sig", ""), ("cp1252", "Latin-1")]
+    encodings = {"utf-8-sig": "", "cp1252": "Latin-1"}
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        tries = [("utf-16", "UTF-16")]
-    for encoding, word in tries:
+        encodings = {"utf-16": "UTF-16"}
+    for encoding, name in encodings.items():
         try:
             text = raw.decode(encoding)
         except UnicodeDecodeError:
             continue
         if not re.search(r"[\x00-\x08\x0e-\x1f\x7f]", text):
-            return text, word
+            return text, name
     raise InputError(f"{path}: is no CSV table with a header row (it holds bytes that are no text)")
 
 
 def _commented_header(lines: Sequence[str], comments: Sequence[int], head: int, sample: Sequence[str]) -> str:
-    """The header where it is the last comment before rows of numbers, as numpy.savetxt writes it; else empty."""
+    """The header if it is the last comment before rows of numbers, as numpy.savetxt writes it; else empty."""
     before = [i for i in comments if i < head]
     if not before:
         return ""
     header = re.sub(r"^\s*[#%]+\s*", "", lines[before[-1]])
     for separator in SEPARATORS:
         names, first = split(header, separator), split(lines[head], separator)
-        plain = all(_is_number(cell.replace(",", ".")) for cell in first)
-        if len(names) == len(first) > 1 and plain and not any(_is_number(name) for name in names):
+        if len(names) == len(first) > 1 and all(map(_is_any_number, first)) and not any(map(_is_number, names)):
             return header
     return ""
 
 
 def _separator(path: Path, header: str, sample: Sequence[str], head: int, lines: Sequence[str]) -> str:
-    """The one separator that splits the header and all rows alike."""
+    """The only separator that splits the header and all rows alike."""
     widths = {sign: len(split(header, sign)) for sign in SEPARATORS}
-    fitting = [
-        sign
-        for sign, width in widths.items()
-        if width > 1 and sign != r"\s+" and all(_fits(row, sign, width) for row in sample)
-    ]
+    possible = [sign for sign in (",", ";", "\t") if widths[sign] > 1]
+    fitting = [sign for sign in possible if all(_fits(row, sign, widths[sign]) for row in sample)]
     if len(fitting) == 1 and all(split(header, fitting[0])[:-1]):
         return fitting[0]
-    possible = fitting or [sign for sign in (",", ";", "\t") if widths[sign] > 1]
+    possible = fitting or possible
     _refuse_title(path, head, header, lines)
     if len(possible) > 1:
         words = " or ".join(SEPARATORS[sign] for sign in possible)
@@ -192,22 +172,20 @@ def _separator(path: Path, header: str, sample: Sequence[str], head: int, lines:
         )
     if possible:
         return possible[0]
-    blank = [split(row, r"\s+") for row in sample]
-    if widths[r"\s+"] > 1 and blank and all(len(row) == widths[r"\s+"] for row in blank):
-        return r"\s+"
-    return ","
+    blank = {len(row.split()) for row in sample}
+    return r"\s+" if widths[r"\s+"] > 1 and blank == {widths[r"\s+"]} else ","
 
 
 def _fits(row: str, separator: str, width: int) -> bool:
-    """Whether a row has that many cells, one more if that is empty, and no stronger separator is left in them."""
+    """Whether a row has this many cells, or an empty one more, and no cell contains a stronger separator."""
     cells = split(row, separator)
     stronger = {",": (";", "\t"), ";": ("\t",), "\t": (";",)}[separator]
-    left = any(sign in cell for cell in cells for sign in stronger)
-    return not left and (len(cells) == width or (len(cells) == width + 1 and not cells[-1]))
+    contained = any(sign in cell for cell in cells for sign in stronger)
+    return not contained and (len(cells) == width or (len(cells) == width + 1 and not cells[-1]))
 
 
 def _refuse_title(path: Path, head: int, header: str, lines: Sequence[str]) -> None:
-    """Raise InputError where a row of names comes only after other text."""
+    """Raise InputError where the row of names follows other text."""
     below = [i for i in range(head + 1, min(head + 1 + SAMPLED, len(lines) - 1)) if lines[i].strip()]
     for sign in (";", "\t", ","):
         named = sum(map(bool, split(header, sign)))
@@ -215,39 +193,38 @@ def _refuse_title(path: Path, head: int, header: str, lines: Sequence[str]) -> N
             names, values = split(lines[i], sign), split(lines[i + 1], sign)
             if sum(map(bool, names)) <= max(named, 1) or len(values) != len(names):
                 continue
-            if not any(_is_number(name) for name in names) and _is_number(values[0].replace(",", ".")):
+            if not any(map(_is_number, names)) and _is_any_number(values[0]):
                 raise InputError(
                     f"{path}: row {i + 1} looks like its header, with other text above; begin the rows above it "
                     "with #, or remove them"
                 )
 
 
-def _units(lines: Sequence[str], rows: Sequence[int], names: Sequence[str], separator: str) -> tuple[list[str], int]:
-    """The cells of a row of units below the header and its number; empty where the first row holds numbers."""
-    if not rows:
-        return [], 0
-    cells = split(lines[rows[0]], separator)
-    if not any(cells) or any(_is_number(cell.replace(",", ".")) for cell in cells):
-        return [], 0
-    if len(cells) not in (len(names), len(names) + 1) or len(rows) < 2:
-        return [], 0
-    # Text in every row is no row of units; what is wrong with it is said where its numbers are asked for.
-    if not any(_is_number(cell.replace(",", ".")) for cell in split(lines[rows[1]], separator)):
-        return [], 0
-    bare = [re.sub(r"^[\[(<](.*)[\])>]$", r"\1", cell).strip() for cell in cells]
-    return ["" if unit in ("-", "--") else unit for unit in bare], rows[0] + 1
+def _units(lines: Sequence[str], rows: Sequence[int], names: Sequence[str], separator: str) -> list[str]:
+    """The cells of a row of units below the header; empty without such a row.
+
+    A row of units holds no number, and the row below it holds one: a table of text has no units.
+    """
+    first, second = (split(lines[i], separator) for i in rows[:2]) if len(rows) > 1 else ([], [])
+    if len(first) not in (len(names), len(names) + 1) or not any(first):
+        return []
+    if any(map(_is_any_number, first)) or not any(map(_is_any_number, second)):
+        return []
+    bare = [re.sub(r"^[\[(<](.*)[\])>]$", r"\1", cell).strip() for cell in first]
+    return ["" if unit in ("-", "--") else unit for unit in bare]
 
 
 def _decimal(path: Path, body: Sequence[str], rows: Sequence[int], separator: str) -> str:
-    """Point or comma. Raises InputError where numbers are written in both ways, or can be read in two."""
+    """Point or comma. Raises InputError where numbers have both marks, or can be read in two ways."""
     text = "\n".join(body)
     if separator == "," and '"' not in text:
         return "."
-    commas, points = _cells(text, _COMMA, separator, quoted=separator == ","), _cells(text, _POINT, separator)
+    commas = _find_cells(text, _NUMBER[","], separator) if "," in text else []
+    points = _find_cells(text, _NUMBER[r"\."], separator) if "." in text else []
     if separator == ",":
         return "," if commas and not points and not all(_EITHER.fullmatch(cell) for cell, _ in commas) else "."
-    # Looking through a large file cell by cell takes long: only where there may be one.
-    grouped = _cells(text, _GROUPED, separator) if re.search(r"[.,]\d{3}[.,]\d", text) else []
+    # The search over all cells of a large file is slow, so a cheap test comes first.
+    grouped = _find_cells(text, _GROUPED, separator) if re.search(r"[.,]\d{3}[.,]\d", text) else []
     if grouped:
         cell, at = grouped[0]
         raise InputError(f"{path}: row {rows[at] + 1}: {cell!r} has marks between its thousands; save it without them")
@@ -267,12 +244,11 @@ def _decimal(path: Path, body: Sequence[str], rows: Sequence[int], separator: st
     return "," if commas else "."
 
 
-def _cells(text: str, number: str, separator: str, *, quoted: bool = False) -> list[tuple[str, int]]:
-    """The first cells of this form and the last, with their lines counted from 0; a few, and one that is certain."""
-    if not any(mark in text for mark in (",." if number == _GROUPED else "," if number == _COMMA else ".")):
-        return []
+def _find_cells(text: str, number: str, separator: str) -> list[tuple[str, int]]:
+    """The first cell of this form, and the first that has only one meaning, or the last; with row indices."""
     between = {"\t": r"\t", r"\s+": r"[ \t]"}.get(separator, re.escape(separator))
-    quote = '"' if quoted else '"?'
+    # Between commas, a number with a comma is one only in quotes.
+    quote = '"' if (separator, number) == (",", _NUMBER[","]) else '"?'
     form = re.compile(rf"(?:^|(?<={between})) *{quote}({number}){quote} *(?={between}|$)", re.MULTILINE)
     found = []
     for match in form.finditer(text):
@@ -288,3 +264,8 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _is_any_number(cell: str) -> bool:
+    """Whether a cell is a number with a decimal point or comma."""
+    return _is_number(cell.replace(",", "."))

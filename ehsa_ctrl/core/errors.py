@@ -1,4 +1,4 @@
-"""What can go wrong, as sentences.
+"""Exceptions and parts of their messages.
 
 EhsaError
 ├── InputError         a file, a key, a value or an argument of the user's is wrong: exit status 2, one sentence
@@ -31,12 +31,12 @@ class SimulationError(EhsaError, RuntimeError):
     """A simulation could not be finished; the text names the time and the reason."""
 
 
-#: Names that a sentence lists.
+#: Most names in a message.
 MOST = 100
 
 
 def choices(name: object, known: Iterable[str]) -> str:
-    """Say what `name` may have meant: the nearest known name first, then all of them."""
+    """Hint for an unknown name: the nearest known one, then all."""
     known = sorted(known)
     near = difflib.get_close_matches(str(name)[:100], known, n=1, cutoff=0.5)
     listed = ", ".join(known[:MOST]) + (f" and {len(known) - MOST} more" if len(known) > MOST else "") or "none"
@@ -44,9 +44,9 @@ def choices(name: object, known: Iterable[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """A value in a sentence: numbers and texts as Python writes them, long ones cut; anything else by what it is."""
+    """A value for a message: numbers and texts as Python writes them, cut off if long; other objects by type."""
     if isinstance(value, int) and abs(value) >= 10**40:
-        # Python refuses to write down a number of thousands of digits.
+        # Python refuses to format integers with thousands of digits.
         return f"a whole number of {value.bit_length()} bits"
     if value is None or isinstance(value, bool | Real | str):
         return _SHORT.repr(value)

@@ -77,16 +77,16 @@ def parse_json(text: str) -> Any:
 
 @contextmanager
 def atomic_write(path: str | Path) -> Iterator[Path]:
-    """A file beside `path` to be written, which takes its place when the block ends without an error.
+    """A draft beside `path`, which replaces it when the block ends without an error.
 
-    The folder is made where it is missing. After an error or an interrupt the old file is still there, whole.
+    A missing folder is created. After an error or an interrupt the old file is unchanged.
 
     Raises InputError for a path that can't be written.
     """
-    # A link stays one: what it points to is replaced.
+    # A link is kept: its target is replaced.
     path = Path(path).resolve() if Path(path).is_symlink() else Path(path)
     made = missing_folders(path.parent)
-    # The ending stays: some writers go by it.
+    # Some writers choose the format by the ending.
     draft = path.with_name(f"{DRAFT_PREFIX}{secrets.token_hex(4)}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -100,14 +100,14 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
 
 
 def write_text(path: str | Path, text: str) -> Path:
-    """Write a text file as `replacing` does and return its path."""
+    """Write a text file atomically and return its path."""
     with atomic_write(path) as draft:
         draft.write_text(text, encoding="utf-8")
     return Path(path)
 
 
 def refuse_existing(path: Path, *, force: bool, how: str = FORCE_OPTION) -> None:
-    """For a file that the user names: raise InputError if it is there, unless force is set."""
+    """Raise InputError if a file that the user named exists, unless force is set."""
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give the name of a file")
     if path.exists() and not force:

@@ -1,4 +1,4 @@
-"""A measured record: channels in SI units by name, from a CSV, Parquet or MAT file and back to CSV."""
+"""Measured logs: channels in SI units by name, read from CSV, Parquet or MAT files and written to them."""
 
 from __future__ import annotations
 
@@ -17,17 +17,15 @@ from .text import TextResult, unique_names
 if TYPE_CHECKING:
     import pandas
 
-    from .table import Table
-
 
 class Channel(NamedTuple):
-    """What a channel is measured in, and the decimals that its sensor is worth."""
+    """SI unit of a channel, and the decimals that its sensor resolves."""
 
     unit: str
     decimals: int
 
 
-#: Channels in the order of the file. Spring pressures are those of gas springs beside the rod, absolute.
+#: Channels in the order of the file. Spring pressures belong to gas springs beside the rod and are absolute.
 CHANNELS = {
     "t": Channel("s", 6),
     "current": Channel("A", 5),
@@ -44,16 +42,17 @@ CHANNELS = {
     "spring_p2": Channel("Pa", 1),
 }
 
-#: A row may be this far from its place in the grid, in units of the sample time: loggers round their clocks.
+
+#: Tolerance of the sampling grid in sample times: loggers round their clocks.
 TIME_TOLERANCE = 0.05
 
-#: Longest step, in usual ones, over which jittered samples may be joined.
+#: Longest step over which jittered samples may be joined, in median steps.
 LONGEST_STEP = 5.0
 
 
 @dataclass(frozen=True)
 class Column:
-    """Where a file keeps a channel: SI value = scale * column + offset; a negative scale turns the direction."""
+    """Column of a file that holds a channel: SI value = scale * column + offset; a negative scale reverses the sign."""
 
     column: str
     scale: float = 1.0
@@ -68,17 +67,17 @@ class Column:
 
 @dataclass(frozen=True)
 class Log(TextResult):
-    """A record with channels by name.
+    """A log with channels by name.
 
     Attributes
     ----------
     time: (N,) s.
     channels: name -> (N,) values in SI units; names as in CHANNELS.
-    path: where it came from, if from a file.
-    missing: channels that were looked for and are not there.
+    path: its file, if any.
+    missing: channels that were requested and are absent.
     notes: what was assumed in reading it, in sentences.
-    before: what was recorded before this piece, if it was cut out of a longer log.
-    label: what it is called beside others, see `named`; empty for the file's name.
+    before: the samples before this one, if it was cut out of a longer log.
+    label: name that distinguishes it from other logs, see `named`; empty for the file's name.
     """
 
     time: np.ndarray
@@ -91,7 +90,7 @@ class Log(TextResult):
 
     @property
     def name(self) -> str:
-        """What a title or a sentence calls it."""
+        """Name in titles and messages."""
         return self.label or (self.path.name if self.path else "a log")
 
     def __getitem__(self, channel: str) -> np.ndarray:
@@ -122,7 +121,7 @@ class Log(TextResult):
     __repr__ = __str__
 
     def segment(self, start: float | None = None, stop: float | None = None, *, shortest: int = 2) -> Log:
-        """The samples from `start` to `stop` [s, the log's own time], both included; None is the log's own end.
+        """The samples from `start` to `stop` [s, the log's own time], both included; None is the end of the log.
 
         Raises InputError if fewer than `shortest` samples are left.
         """
@@ -139,7 +138,7 @@ class Log(TextResult):
         return self._slice(first, last, earlier)
 
     def rows(self, first: int, last: int) -> Log:
-        """The samples from row `first` up to but without row `last`, as a log of their own."""
+        """The samples from row `first` up to, but excluding, row `last`, as a separate log."""
         return self._slice(first, last, None)
 
     def _slice(self, first: int, last: int, before: Log | None) -> Log:
@@ -155,18 +154,20 @@ class Log(TextResult):
     def from_pandas(
         cls, frame: pandas.DataFrame, required: Sequence[str] = (), *, columns: Mapping[str, Column] | None = None
     ) -> Log:
-        """A log out of a table in memory: time in a column t or in the index, channels by name, SI units.
+        """A log from a table in memory: time in a column t or in the index, channels by name, SI units.
 
         Arguments and errors are those of `read_log`; the first row of data is row 1.
         """
-        from .table import table_of
+        from .log_reader import log_from_table
+        from .table import table_from_pandas
 
-        return _log("the table", table_of(frame, time="t" if columns is None else ""), required, columns)
+        table = table_from_pandas(frame, time="t" if columns is None else "")
+        return log_from_table("the table", table, required, columns)
 
     def write(self, path: str | Path) -> None:
-        """Write in the format of a measured log: .parquet, .mat (version 5), else CSV with the sensors' decimals.
+        """Write a measured log: .parquet, .mat (version 5), else CSV with the decimals of the sensors.
 
-        A file of that name is replaced, once the new one is whole.
+        An existing file is replaced once the new one is complete.
 
         Raises InputError for Parquet without pyarrow, and for a path that can't be written.
         """
@@ -194,94 +195,11 @@ class Log(TextResult):
 
 
 def named(logs: Sequence[Log]) -> list[Log]:
-    """The logs, those from files called so that they can be told apart."""
+    """The logs with labels that distinguish their files."""
     if len(logs) < 2:
         return list(logs)
     labels = iter(unique_names([log.path for log in logs if log.path is not None]))
     return [log if log.path is None else replace(log, label=next(labels)) for log in logs]
-
-
-def read_log(
-    path: str | Path,
-    required: Sequence[str],
-    *,
-    columns: Mapping[str, Column] | None = None,
-    shortest: int = 2,
-    uniform: bool = True,
-    wanted: Sequence[str] = (),
-    span: tuple[float | None, float | None] = (None, None),
-) -> Log:
-    """Read a log by the ending of its file: .csv (header row), .parquet, .mat; with time t and uniform sampling.
-
-    A CSV may have commas, semicolons, tabs or blanks between its columns, points or commas in its numbers, comment
-    rows (# or %), a row of units below its header, and be in UTF-8, UTF-16 or Latin-1; `notes` of the log says what was
-    assumed. What can be read in two ways is refused. A column that a row of units names is converted to SI units where
-    its mapping gives no scale.
-
-    Parameters
-    ----------
-    required: channels that have to be there; others of CHANNELS are read where they are there.
-    columns: channel -> column of the file that holds it, "t" too. Channels that are not named here are found under
-        their own name. A file that has none of these columns is taken for one in the tool's own format.
-    uniform: False also takes time that jitters, but no gap of more than LONGEST_STEP usual steps.
-    wanted: channels of interest beside the required ones: what is said of columns that are not mapped is about these.
-    span: rows before and after these times [s] are not looked at.
-
-    Raises
-    ------
-    InputError: no such file, no table, a form that can be read in two ways, a required column missing, a value that is
-        no finite number, a unit that is not known or not that of the mapping, time that does not advance or has a gap,
-        fewer than `shortest` rows; one sentence that names file, column and row (the first line of a CSV is row 1).
-    """
-    # Plants know this module for their [log]; pandas is loaded only where a file is read.
-    from .table import read_table
-
-    path = Path(path)
-    log = _log(path, read_table(path), required, columns, shortest, uniform, wanted, span)
-    return replace(log, path=path)
-
-
-def _log(
-    path: Path | str,
-    table: Table,
-    required: Sequence[str],
-    columns: Mapping[str, Column] | None,
-    shortest: int = 2,
-    uniform: bool = True,
-    wanted: Sequence[str] = (),
-    span: tuple[float | None, float | None] = (None, None),
-) -> Log:
-    from .column_matching import channel_scale, find_channels, suggest_mapping
-
-    places = find_channels(table, dict(columns or {}))
-    lines = suggest_mapping(table, places, ("t", *required, *wanted))
-    write = f"after a look at units and signs write {lines} under [log] in the plant's TOML" if lines else ""
-    for channel in ("t", *required):
-        if channel not in places:
-            column = (columns or {}).get(channel, Column(channel)).column
-            why = "" if column == channel else f", where the plant's [log] looks for {channel}"
-            hint = f"; {write}" if write else ""
-            raise InputError(f"{path}: has no column {column!r}{why}; {choices(column, table.names)}{hint}")
-    if span != (None, None):
-        at = places["t"]
-        table = table.within(at.column, channel_scale(path, "t", at, table), at.offset, span)
-    if len(table.frame) < shortest:
-        raise InputError(f"{path}: has {len(table.frame)} rows of data; expected at least {shortest}")
-    scales = {channel: channel_scale(path, channel, at, table) for channel, at in places.items()}
-    values = {channel: scales[channel] * table.numbers(at.column) + at.offset for channel, at in places.items()}
-    time = values.pop("t")
-    check_time(path, time, uniform=uniform, lines=table.lines)
-    notes = list(table.notes)
-    converted = [f"{c} from {table.units[at.column]}" for c, at in places.items() if scales[c] != at.scale]
-    if converted:
-        notes.append(f"{path}: converted as its row of units says: {', '.join(converted)}")
-    for channel, at in (columns or {}).items():
-        if channel in wanted and channel not in places:
-            near = choices(at.column, table.names)
-            notes.append(f"{path}: has no column {at.column!r}, where the plant's [log] looks for {channel}; {near}")
-    if write:
-        notes.append(f"{path}: has columns that look like channels and are not read; {write}")
-    return Log(time, values, notes=tuple(notes))
 
 
 def check_time(
@@ -292,10 +210,9 @@ def check_time(
     first_row: int = 2,
     lines: np.ndarray | None = None,
 ) -> None:
-    """Raise InputError unless time advances in equal steps; names the row of the first that does not.
+    """Raise InputError unless time advances in equal steps; names the first row that does not.
 
-    With uniform=False it may jitter, but neither stand still nor have a gap. lines: numbers of the rows, where they do
-    not simply count up from first_row.
+    With uniform=False time may jitter, but must advance without gaps. lines: row numbers, by default from first_row on.
     """
     numbers = first_row + np.arange(time.size) if lines is None else lines
     step = np.diff(time)

@@ -1,4 +1,4 @@
-"""A number that knows where it comes from."""
+"""Parameters: values in SI units with their provenance."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from math import inf, isfinite
 
 from .errors import InputError
 
-#: A value this many times the file's own, or that part of it, is probably meant in another unit.
+#: A value that differs from the file's by more than this factor was probably meant in another unit.
 FAR = 1e3
-#: What is smaller, and is not 0, is a mistake that squares could not be computed of.
+#: Smallest magnitude besides 0: squares of smaller numbers underflow.
 LEAST = 1e-30
 
 SOURCES = ("datasheet", "identified", "literature", "assumed", "derived")
@@ -26,10 +26,10 @@ class Parameter:
     unit: SI.
     source: one of SOURCES, or "given" for a value that a user set for one run.
     sd: one standard deviation, None where unknown.
-    lower, upper: the range in which the value is believed, not a physical limit.
+    lower, upper: range of plausible values, not physical limits.
     note: reference or reason.
-    written: the value as it stands in the file, with the unit used there.
-    stated: the parameter as the plant's file has it, where another value was set since.
+    written: value and unit as in the file.
+    stated: the parameter of the plant's file, where another value was set since.
     """
 
     name: str
@@ -44,16 +44,16 @@ class Parameter:
     stated: Parameter | None = field(default=None, compare=False, repr=False)
 
     def given(self, value: float) -> Parameter:
-        """The same parameter with a value set for one run; what was known of the old value's error goes with it."""
+        """The parameter with a value set for one run, without the standard deviation of the old value."""
         return replace(
             self, value=value, source="given", sd=None, written=f"{value:g} {self.unit}", stated=self.stated or self
         )
 
     @property
     def far(self) -> str:
-        """A sentence where a value that was set is more than FAR times the file's, or less than a FAR-th; else empty.
+        """A message if the value that was set differs from the file's by more than a factor of FAR; else empty.
 
-        Zero is how a thing is switched off and on, and says nothing of a unit.
+        Zero switches something off or on and says nothing about a unit.
         """
         if self.stated is None or not self.value or not self.stated.value:
             return ""
@@ -71,7 +71,7 @@ class Parameter:
 def check_range(where: str, value: float, unit: str, lower: float, upper: float, *, lower_open: bool = False) -> None:
     """Raise InputError unless lower <= value <= upper (lower < value if lower_open) and value is a finite number.
 
-    An infinite bound lets the same infinity pass: it is how "never" is written (a valve that does not open).
+    An infinite bound includes infinity: a valve that never opens has an infinite cracking pressure.
     """
     infinite = value in (lower, upper) and not lower_open
     if 0.0 < abs(value) < LEAST:

@@ -1,8 +1,7 @@
-"""A folder is a registry: every module in it that defines the wanted object is a member, and nothing else is listed.
+"""Registries: every module of a folder that defines the object is a member; there are no other lists.
 
-Beside the package's own folder, members come from a user's project (`effects/` beside her `plants/`) and from installed
-packages (an entry point). A project's code runs only where the project is the current folder, or where one of its
-plants is named by its path.
+Members also come from a user's project (`effects/` beside `plants/`) and from installed packages (entry points). The
+code of a project runs only if the project is the working directory, or if one of its plants is loaded by path.
 """
 
 from __future__ import annotations
@@ -26,23 +25,22 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-#: Projects beside the current folder, one of whose plants was named by its path.
-_NAMED: list[Path] = []
+#: Projects outside the working directory, of which a plant was loaded by path.
+_PROJECTS: list[Path] = []
 
 
-def name_project(plant: Path) -> None:
-    """Take members from the project of this plant's file from now on: the folder that holds its `plants/`, or it."""
+def add_project(plant: Path) -> None:
+    """Add the project of a plant's file: the parent of its `plants/`, or else the file's own folder."""
     folder = plant.resolve().parent
     project = folder.parent if folder.name == "plants" else folder
-    if project not in _NAMED:
-        _NAMED.append(project)
+    if project not in _PROJECTS:
+        _PROJECTS.append(project)
 
 
 def members(package: ModuleType, attribute: str) -> dict[str, Any]:
     """Collect `attribute` of every public module of `package`, keyed by the object's own `name`.
 
-    Raises TypeError at once, not at first use, for a module that lacks the attribute or takes a name twice: both are
-    mistakes of the person who adds a file, and the message says which file.
+    Raises TypeError for a module without the attribute or with a name that is taken.
     """
     found: dict[str, Any] = {}
     for info in sorted(pkgutil.iter_modules(package.__path__), key=lambda item: item.name):
@@ -59,10 +57,10 @@ def members(package: ModuleType, attribute: str) -> dict[str, Any]:
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Members by name: the package's, those of installed packages, those of the current project and of named ones.
+    """Members by name: of the package, of installed packages, of the current project and of other projects in use.
 
-    package: whose modules are members. attribute: what each defines. kind: its type. folder: of a project, and the
-    entry point's group with "ehsa_ctrl." before it.
+    package: its modules are members. attribute: defined by each module. kind: type of the attribute. folder: name of
+    the folder in a project, and, after "ehsa_ctrl.", of the group of entry points.
     """
 
     def __init__(self, package: ModuleType, attribute: str, kind: type[T], folder: str) -> None:
@@ -72,11 +70,11 @@ class Registry(Mapping[str, T], Generic[T]):
         self._merged: tuple[tuple[Path, ...], dict[str, T]] = ((), self._shipped)
 
     def _all(self) -> dict[str, T]:
-        projects = (*_NAMED, Path(os.getcwd()))  # noqa: PTH109 - asked at every look-up, and ten times as quick
+        projects = (*_PROJECTS, Path(os.getcwd()))  # noqa: PTH109 - called at every look-up, and ten times as fast
         if self._merged[0] != projects:
             everywhere = self._shipped | self._installed
             found = dict(everywhere)
-            # Of two projects the later one counts: that of the current folder, or of the plant named last.
+            # Later projects override earlier ones; the working directory comes last.
             for project in projects:
                 own = self._of(project / self._folder)
                 if taken := set(own) & set(everywhere):
@@ -86,7 +84,7 @@ class Registry(Mapping[str, T], Generic[T]):
         return self._merged[1]
 
     def _of(self, folder: Path) -> dict[str, T]:
-        """Members of a project's folder; its modules are run at first sight."""
+        """Members of a project's folder; its modules are executed once."""
         if folder not in self._known:
             found: dict[str, T] = {}
             files = sorted(folder.glob("*.py")) if folder.is_dir() else []

@@ -1,8 +1,8 @@
-"""Files that are written whole or not at all, and never over a user's own.
+"""Folders of results: written completely or not at all, and never over a user's files.
 
-A result's files are drafted in a hidden folder inside the target, which is on the same file system, and moved into
-place when all of them are there. A manifest, `.ehsa_ctrl-COMMAND.json`, lists them with their hashes: these files, as
-long as nobody has edited them, are all that a command ever replaces or removes.
+The files of a result are drafted in a hidden folder inside the target, on the same file system, and moved into place
+when all of them are complete. A manifest, `.ehsa_ctrl-COMMAND.json`, lists them with their hashes: a command replaces
+and removes only these files, and only while nobody has edited them.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from .files import DRAFT_PREFIX, FORCE_OPTION, missing_folders, parse_json, remo
 
 @dataclass(frozen=True)
 class ResultFolder:
-    """The place of one command's result in a folder, which may hold other files and other commands' results.
+    """One command's result in a folder, which may hold other files and results of other commands.
 
     Attributes
     ----------
     folder: need not exist. owner: the command. force: replace its earlier result.
-    keep: files of the earlier result that the new one lacks stay, instead of being removed.
-    how: how one asks for `force`, for messages.
+    keep: do not remove files of the earlier result that the new one lacks.
+    how: how a user sets `force`, for messages.
     """
 
     folder: Path
@@ -39,12 +39,12 @@ class ResultFolder:
     how: str = FORCE_OPTION
 
     def check(self, *names: str, figures: Iterable[str] = ()) -> ResultFolder:
-        """Say before the work what would stop the result at its end.
+        """Check before a computation that its result can be written.
 
-        names: files that it will have, the main one first. figures: names of its figures, each a .png and an .svg.
+        names: its files, the main one first. figures: names of its figures, each a .png and an .svg.
 
-        Returns itself. Raises InputError for a path that is no folder or can't be one, an earlier result without
-        `force`, a file that is not this command's, or one that was edited since.
+        Returns itself. Raises InputError for a path that can't be a folder, an earlier result without `force`, a file
+        of somebody else, or one that was edited since.
         """
         there = next(place for place in (self.folder, *self.folder.absolute().parents) if os.path.lexists(place))
         if there == self.folder and not there.is_dir():
@@ -57,10 +57,10 @@ class ResultFolder:
 
     @contextmanager
     def draft(self) -> Iterator[Path]:
-        """A folder to write the result's files to; when the block ends without an error, they replace the old ones.
+        """A folder for the result's files; when the block ends without an error, they replace the old ones.
 
-        After an error, an interrupt or on a full disk the old result is whole and no draft is left. If a file is in the
-        way that `check` could not know of, the new result is kept in a folder of its own.
+        After an error, an interrupt or on a full disk the old result is complete and no draft is left. If a file
+        appeared that `check` did not see, the new result is kept in a separate folder.
 
         Raises InputError for that, and for a folder that can't be written to.
         """
@@ -71,7 +71,7 @@ class ResultFolder:
             yield draft
             self._swap(draft)
         except (OSError, InputError) as error:
-            # A file written with `replacing` is named by its place in the draft, which nobody knows.
+            # `atomic_write` names the file by its place in the draft, which means nothing to a user.
             cause = error.__cause__ if isinstance(error, InputError) else error
             if not isinstance(cause, OSError):
                 raise
@@ -84,7 +84,7 @@ class ResultFolder:
             remove_empty(made)
 
     def _swap(self, draft: Path) -> None:
-        """Move the drafted files into place and the old ones out; back again if that breaks off."""
+        """Move the drafted files into place and the old ones out; undo this after an error."""
         new = {name: _hash(draft / name) for name in _files_in(draft)}
         self._refuse(new, draft)
         old = self._unedited()
@@ -109,7 +109,7 @@ class ResultFolder:
         remove_empty({(self.folder / name).parent for name in old} - {self.folder})
 
     def _refuse(self, names: Iterable[str], draft: Path | None = None) -> None:
-        """Raise InputError for the first of these files that must not be replaced; a draft is kept elsewhere."""
+        """Raise InputError for the first of these files that must not be replaced; keep the draft elsewhere."""
         ours = self._unedited()
         for name in names:
             path = self.folder / name
@@ -118,7 +118,7 @@ class ResultFolder:
             if name in ours:
                 why = f"there is a result already; choose another folder or {self.how}"
             else:
-                why = self._whose(name)
+                why = self._reason(name)
             if draft is not None:
                 place = _free(self.folder / self.owner)
                 draft.rename(place)
@@ -126,14 +126,14 @@ class ResultFolder:
             raise InputError(f"{path}: {why}")
 
     def _unedited(self) -> dict[str, str]:
-        """The files of this command's earlier result that are as it wrote them, with their hashes."""
-        join_words = _listed(self.folder / f"{DRAFT_PREFIX}{self.owner}.json")
+        """The unchanged files of this command's earlier result, with their hashes."""
+        join_words = _read_manifest(self.folder / f"{DRAFT_PREFIX}{self.owner}.json")
         return {name: digest for name, digest in join_words.items() if _hash(self.folder / name) == digest}
 
-    def _whose(self, name: str) -> str:
-        """Why a file that is not an unedited one of ours stays, and what to do."""
+    def _reason(self, name: str) -> str:
+        """Reason why a file can't be replaced, and what to do."""
         for manifest in sorted(self.folder.glob(f"{DRAFT_PREFIX}*.json")):
-            if name in _listed(manifest):
+            if name in _read_manifest(manifest):
                 owner = manifest.stem.removeprefix(DRAFT_PREFIX)
                 if owner != self.owner:
                     return f"belongs to the result of {owner} in this folder; choose another folder"
@@ -141,8 +141,8 @@ class ResultFolder:
         return f"is not listed as written by {self.owner}; move it away or choose another folder"
 
 
-def _listed(manifest: Path) -> Mapping[str, str]:
-    """Files that a manifest names; nothing for one that is missing or damaged, or for paths that leave the folder."""
+def _read_manifest(manifest: Path) -> Mapping[str, str]:
+    """Files of a manifest; none for one that is missing or damaged, and no paths out of the folder."""
     try:
         files = parse_json(manifest.read_text(encoding="utf-8"))["files"].items()
     except (OSError, ValueError, LookupError, TypeError, AttributeError):

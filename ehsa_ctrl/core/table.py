@@ -1,4 +1,4 @@
-"""Columns out of a file: CSV, Parquet or MAT; what is no table is one sentence with file, column and row."""
+"""Read tables from CSV, Parquet and MAT files; errors are one sentence with file, column and row."""
 
 from __future__ import annotations
 
@@ -19,20 +19,19 @@ from .errors import InputError
 
 
 @dataclass(frozen=True)
-class Table:
-    """Columns of equal length as they stand in a file.
+class LogTable:
+    """The columns of a file before they are channels.
 
-    lines: number that a person gives each row of data (in a CSV its line; the header is 1).
-    written: column, that number -> what stands there, for sentences.
-    decimal: how that is written.
-    units: of the columns that a row of units names. units_row: its number.
+    lines: number of each row for messages (in a CSV the line; the header is 1).
+    text: (column, row number) -> text of the cell. decimal: mark of its numbers.
+    units: of the columns, from a row of units. units_row: number of that row.
     notes: what was assumed in reading, in sentences.
     """
 
     path: Path
     frame: pandas.DataFrame
     lines: np.ndarray
-    written: Callable[[str, int], str]
+    text: Callable[[str, int], str]
     decimal: str = "."
     units: Mapping[str, str] = field(default_factory=dict)
     units_row: int = 0
@@ -42,12 +41,10 @@ class Table:
     def names(self) -> list[str]:
         return [str(name) for name in self.frame.columns]
 
-    def within(self, column: str, scale: float, offset: float, span: tuple[float | None, float | None]) -> Table:
-        """The rows whose `scale` times column plus `offset` is in the span; rows without such a number are left out."""
+    def within(self, column: str, scale: float, offset: float, span: tuple[float | None, float | None]) -> LogTable:
+        """The rows whose scale * column + offset lies in the span; rows without a number there are dropped."""
         values = pandas.to_numeric(self.frame[column], errors="coerce").to_numpy(dtype=float, na_value=np.nan)
-        first, last = (
-            end if end is not None else default for end, default in zip(span, (-np.inf, np.inf), strict=True)
-        )
+        first, last = -np.inf if span[0] is None else span[0], np.inf if span[1] is None else span[1]
         kept = (scale * values + offset >= first) & (scale * values + offset <= last)
         return replace(self, frame=self.frame[kept].reset_index(drop=True), lines=self.lines[kept])
 
@@ -60,7 +57,7 @@ class Table:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             row = int(self.lines[bad[0]])
-            text = self.written(column, row)
+            text = self.text(column, row)
             if not text:
                 raise InputError(
                     f"{self.path}: column {column!r}, row {row}: the cell is empty; every row needs a number"
@@ -71,10 +68,10 @@ class Table:
         return values
 
 
-def read_table(path: Path) -> Table:
-    """Read .csv, .parquet (.pq) or .mat; any other ending is taken for CSV.
+def read_table(path: Path) -> LogTable:
+    """Read .csv, .parquet (.pq) or .mat; any other ending counts as CSV.
 
-    A MAT file holds one vector a channel, or one structure with such fields.
+    A MAT file holds one vector per channel, or one structure with such fields.
 
     Raises
     ------
@@ -99,9 +96,9 @@ def read_table(path: Path) -> Table:
     return table
 
 
-def table_of(frame: pandas.DataFrame, *, time: str = "") -> Table:
-    """A table in memory as if it were a file's; a named index becomes a column, an unnamed one too, called `time`,
-    where there is no such column and its steps are no mere row numbers."""
+def table_from_pandas(frame: pandas.DataFrame, *, time: str = "") -> LogTable:
+    """A table in memory. A named index becomes a column; so does an unnamed one, as `time`, if there is no such column
+    and the index is more than row numbers."""
     if frame.index.name is not None:
         frame = frame.reset_index()
     elif time and time not in frame.columns and not isinstance(frame.index, pandas.RangeIndex):
@@ -109,14 +106,14 @@ def table_of(frame: pandas.DataFrame, *, time: str = "") -> Table:
     return _from_frame(Path("the table"), frame)
 
 
-def _csv(path: Path) -> Table:
+def _csv(path: Path) -> LogTable:
     try:
         dialect = read_dialect(path)
         header = list(dialect.names)
         if dialect.rows and len(dialect.cells(0)) != len(header):
             raise _ragged(path, dialect.numbers[0], len(dialect.cells(0)), len(header), dialect.separator)
-        # Blank lines are kept, so that a row's number is that of the file's line. Columns are numbered for pandas,
-        # which would take one cell more in each row for an index.
+        # Blank lines are kept, so that row numbers are line numbers. Columns get numbers as names, because pandas takes
+        # an extra cell in each row for an index.
         mark = " " if dialect.separator == r"\s+" else dialect.separator
         text = "\n".join([mark.join(map(str, range(len(header)))), *dialect.rows])
         frame = pandas.read_csv(
@@ -135,7 +132,7 @@ def _csv(path: Path) -> Table:
     filled = np.flatnonzero(frame.notna().any(axis=1))
     frame = frame.iloc[: filled[-1] + 1 if filled.size else 0]
     lines = np.array(dialect.numbers[: len(frame)], dtype=int)
-    # A column without name and numbers is what a separator at the end of each row leaves.
+    # A separator at the end of each row leaves a column without name and numbers.
     kept = [i for i, name in enumerate(header) if name or frame[str(i)].notna().any()]
     frame, names = frame[[str(i) for i in kept]], [header[i] for i in kept]
     twice = [name for name, times in Counter(names).items() if times > 1]
@@ -145,10 +142,10 @@ def _csv(path: Path) -> Table:
         )
     frame.columns = pandas.Index(names)
     if dialect.decimal == ",":
-        # One cell that is no number leaves its whole column as text.
+        # pandas keeps a column as text if one of its cells is no number.
         frame = frame.apply(lambda c: c if c.dtype.kind in "iufb" else c.str.replace(",", ".", regex=False))
 
-    def written(column: str, row: int) -> str:
+    def cell_text(column: str, row: int) -> str:
         cells = dialect.cells(dialect.numbers.index(row))
         if not cells or cells == [""]:
             raise InputError(f"{path}: row {row} is empty; every row needs {len(header)} numbers")
@@ -156,13 +153,12 @@ def _csv(path: Path) -> Table:
             raise _ragged(path, row, len(cells), len(header), dialect.separator)
         return cells[header.index(column)]
 
-    units = {name: unit for name, unit in zip(header, dialect.units, strict=False) if name and unit}
     notes = (dialect.note,) if dialect.note else ()
-    return Table(path, frame, lines, written, dialect.decimal, units, dialect.units_row, notes)
+    return LogTable(path, frame, lines, cell_text, dialect.decimal, dialect.units, dialect.units_row, notes)
 
 
 def _ragged(path: Path, row: int, got: int, expected: int, separator: str) -> InputError:
-    """A row of another length than the header, with what is usually the reason."""
+    """Error for a row whose length differs from the header's, with the usual reason."""
     reason = "a cell is missing"
     if got > expected:
         reason = "a cell too many"
@@ -171,7 +167,7 @@ def _ragged(path: Path, row: int, got: int, expected: int, separator: str) -> In
     return InputError(f"{path}: row {row} has {got} cells where the header has {expected}: {reason}")
 
 
-def _parquet(path: Path) -> Table:
+def _parquet(path: Path) -> LogTable:
     try:
         frame = pandas.read_parquet(path)
     except ImportError:
@@ -185,7 +181,7 @@ def _parquet(path: Path) -> Table:
     return _from_frame(path, frame)
 
 
-def _mat(path: Path) -> Table:
+def _mat(path: Path) -> LogTable:
     from scipy.io import loadmat
 
     try:
@@ -213,7 +209,7 @@ def _mat(path: Path) -> Table:
 
 
 def _vectors(content: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """What of a MAT file's content is a vector of numbers."""
+    """The vectors of numbers in a MAT file's content."""
     return {
         name: value
         for name, value in content.items()
@@ -221,14 +217,14 @@ def _vectors(content: Mapping[str, Any]) -> dict[str, np.ndarray]:
     }
 
 
-def _from_frame(path: Path, frame: pandas.DataFrame) -> Table:
-    def written(column: str, row: int) -> str:
+def _from_frame(path: Path, frame: pandas.DataFrame) -> LogTable:
+    def cell_text(column: str, row: int) -> str:
         value = frame[column].iloc[row - 1]
         return "" if value is None else str(value)
 
-    return Table(path, frame, np.arange(1, len(frame) + 1), written)
+    return LogTable(path, frame, np.arange(1, len(frame) + 1), cell_text)
 
 
 def _reason(error: Exception) -> str:
-    """The library's own words, on one line and not too many of them."""
+    """The library's message on one line, cut off where it is long."""
     return " ".join(str(error).split())[:160] or type(error).__name__

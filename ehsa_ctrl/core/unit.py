@@ -1,8 +1,8 @@
-"""Units at the edges: text such as "3.7 cm3/rev" becomes a plain SI number inside.
+"""Units of the user: a text such as "3.7 cm3/rev" becomes a number in SI units.
 
-pint knows the units and does the arithmetic. What a unit's text may be is ours: names, small exponents, products,
-quotients and brackets, written as in a data sheet (m3, kg m2, Nm/A). pint's own reader would evaluate any expression.
-Hz never passes for rad/s, which pint would allow because both are 1/s to it.
+pint supplies the units and the arithmetic. The grammar is this module's: names, small exponents, products, quotients
+and brackets, as in a data sheet (m3, kg m2, Nm/A); pint's parser would evaluate any expression. Hz is not accepted for
+rad/s, although both are 1/s to pint.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from typing import Any
 
 from .errors import InputError, shown
 
-#: SI units whose angle data sheets leave out at times, and what names an angle in pint's words.
+#: SI units in which data sheets often omit the angle, and pint's names of angles.
 PER_ANGLE, ANGLES = ("rad/s", "m3/rad"), ("radian", "turn", "degree", "rev", "arc")
-#: Products that are written as one word; pint takes Nm for a number of textile yarn.
+#: Products written as one word; to pint Nm is a count of textile yarn.
 JOINED = {"Nm": "N m", "Nmm": "N mm", "Nms": "N m s", "Ns": "N s", "As": "A s", "Vs": "V s", "Ws": "W s", "Pas": "Pa s"}
-#: Pure numbers that are units; pint has pi and the like among its units too.
+#: Dimensionless units; others of pint, such as pi, are refused.
 NUMBERS = ("percent", "permille", "ppm", "fraction", "count")
-#: No unit is longer, and none has a larger exponent.
+#: Longest text of a unit, and largest exponent.
 LONGEST, LARGEST = 60, 9
 
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
@@ -47,7 +47,7 @@ def _registry() -> Any:
 
 
 def _factors(unit: str) -> dict[str, float]:
-    """Names in a unit's text and their exponents. Raises ValueError for a text that is no unit."""
+    """Name -> exponent in the text of a unit. Raises ValueError for a text that is no unit."""
     text = unit.strip().translate(_RAISED)
     if len(text) > LONGEST:
         raise ValueError("too long")
@@ -67,7 +67,7 @@ def _factors(unit: str) -> dict[str, float]:
 
 
 def _product(tokens: list[tuple[str, str]]) -> tuple[dict[str, float], list[tuple[str, str]]]:
-    """Factors up to the end or a closing bracket, from left to right, and the tokens from there on."""
+    """Factors up to the end or a closing bracket, from left to right, and the remaining tokens."""
     found: dict[str, float] = {}
     sign = 1.0
     while True:
@@ -94,7 +94,7 @@ def _product(tokens: list[tuple[str, str]]) -> tuple[dict[str, float], list[tupl
 
 @cache
 def _quantity(unit: str) -> Any:
-    """One of this unit, as pint sees it."""
+    """One of this unit as a pint quantity."""
     import pint
 
     registry = _registry()
@@ -105,7 +105,7 @@ def _quantity(unit: str) -> Any:
             if known not in NUMBERS and registry.Quantity(1.0, known).to_root_units().unitless:
                 raise ValueError(f"{name} is a number")
             found = found * registry.Quantity(1.0, known) ** power
-        # Degrees Celsius and decibels have a zero of their own, so that one of them is no factor.
+        # Degrees Celsius and decibels have an offset, so they are no factor.
         if (0.0 * found).to_base_units().magnitude != 0.0:
             raise ValueError("no factor")
         return found
@@ -117,10 +117,10 @@ def _quantity(unit: str) -> Any:
 
 @cache
 def factor(unit: str, expected: str) -> float:
-    """How many `expected` (an SI unit) are one `unit`.
+    """`expected` (an SI unit) in one `unit`.
 
-    Raises InputError for an unknown unit, for one of another dimension, for Hz where rad/s is meant, and for a speed or
-    a displacement without an angle, unless it is SI: 1/min may be revolutions, and mostly is.
+    Raises InputError for an unknown unit, for one of another dimension, for Hz instead of rad/s, and for a speed or a
+    displacement without angle, unless it is SI: 1/min usually means revolutions.
     """
     got, wanted = _quantity(unit), _quantity(expected)
     if not got.is_compatible_with(wanted) or ("Hz" in unit) != ("Hz" in expected):
@@ -136,11 +136,11 @@ def factor(unit: str, expected: str) -> float:
 
 
 def names_angle(unit: str) -> bool:
-    """Whether a unit says of what angle it is: rpm and rad/s do, 1/min does not. Raises InputError if it is unknown."""
+    """Whether a unit contains an angle: rpm and rad/s do, 1/min does not. Raises InputError for an unknown unit."""
     return any(word in str(_quantity(unit).units) for word in ANGLES)
 
 
-#: SI base units by pint's names, and radians, which pint takes for a mere number.
+#: SI base units by pint's names; radians are added because pint treats them as a number.
 _BASES = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol", "candela": "cd"}
 
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..core.errors import InputError
-from ..core.log import Log, read_log
+from ..core.log import Log
+from ..core.log_reader import read_log
 from ..plant.plant import Plant
 
 #: Fewer samples than this say nothing about a plant.

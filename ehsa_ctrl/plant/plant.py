@@ -16,7 +16,7 @@ from ..core.definition import read_definition
 from ..core.errors import InputError, choices, shown
 from ..core.log import CHANNELS, Column
 from ..core.parameter import Parameter, check_range
-from ..core.registry import name_project
+from ..core.registry import add_project
 from ..core.text import TextResult
 from ..core.unit import parse
 from ..physics.effects import EFFECTS
@@ -244,7 +244,7 @@ def load_plant(
     InputError: the file is absent or wrong, or a setting is; one sentence with file and key.
     """
     path = plants.find(name)
-    name_project(path)
+    add_project(path)
     file = read_definition(path, PlantFile)
     part: ModelFile | None = getattr(file, model, None)
     if part is None:

@@ -9,7 +9,8 @@ import pytest
 
 from ehsa_ctrl.core.column_matching import match_columns
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.log import CHANNELS, Column, Log, read_log
+from ehsa_ctrl.core.log import CHANNELS, Column, Log
+from ehsa_ctrl.core.log_reader import read_log
 from ehsa_ctrl.core.unit import factor
 
 #: A unit that rigs log a channel in.

@@ -8,7 +8,8 @@ import pytest
 from scipy.io import savemat
 
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.log import CHANNELS, Column, Log, read_log
+from ehsa_ctrl.core.log import CHANNELS, Column, Log
+from ehsa_ctrl.core.log_reader import read_log
 from ehsa_ctrl.core.unit import factor
 
 

@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 import ehsa_ctrl
 from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.log import Log, read_log
+from ehsa_ctrl.core.log import Log
+from ehsa_ctrl.core.log_reader import read_log
 from ehsa_ctrl.diagnosis.fit import Bench, Metric, Nominal, refit
 from ehsa_ctrl.diagnosis.next_experiment import next_experiment
 from ehsa_ctrl.diagnosis.probes import probes

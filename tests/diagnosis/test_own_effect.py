@@ -24,7 +24,7 @@ def project(tmp_path, monkeypatch):
     (tmp_path / "effects").mkdir()
     (tmp_path / "effects" / "seal_pressure_friction.py").write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(registry, "_NAMED", [])
+    monkeypatch.setattr(registry, "_PROJECTS", [])
     return tmp_path
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.core.log import read_log
+from ehsa_ctrl.core.log_reader import read_log
 from ehsa_ctrl.identification.balances import estimate_by_balances
 from ehsa_ctrl.simulation.engine import simulate
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl import InputError, excitation, load_plant, record, simulate
-from ehsa_ctrl.core.log import read_log
+from ehsa_ctrl.core.log_reader import read_log
 from ehsa_ctrl.simulation.excitation import EXCITATIONS
 
 
