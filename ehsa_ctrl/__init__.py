@@ -22,7 +22,7 @@ _WHERE = {
     "EhsaError": "core.errors",
     "InputError": "core.errors",
     "SimulationError": "core.errors",
-    "load_plant": "plant.plant",
+    "load_plant": "plant.load",
     "Plant": "plant.plant",
     "Structure": "plant.structure",
     "four_state": "plant.linear",

@@ -146,7 +146,7 @@ def _loaded(function: Callable[..., Any], words: Sequence[str], value: Any, give
             return _linear_model(value)
         raise LookupError(value)
     if "Plant" in bare:
-        from .plant.plant import load_plant
+        from .plant.load import load_plant
 
         return load_plant(os.fspath(value), model="linear" if function.__name__ in LINEAR else "nonlinear")
     if "Log" in bare:
@@ -156,7 +156,7 @@ def _loaded(function: Callable[..., Any], words: Sequence[str], value: Any, give
     if "Sequence[str | Path | Log]" in bare:
         return [value]
     if "StateSpace" in bare:
-        from .plant.plant import load_plant
+        from .plant.load import load_plant
 
         return _linear_model(load_plant(os.fspath(value), model="linear"))
     if "Controller" in bare or bare == {"Any"}:
@@ -186,7 +186,7 @@ def _linear_model(plant: Any) -> Any:
 def _controller(value: Any, given: Mapping[str, Any]) -> Any:
     """A controller by name, designed on the linear model that is given beside it or on the plant's own."""
     from .design.load import load_controller
-    from .plant.plant import load_plant
+    from .plant.load import load_plant
 
     system: Any = given.get("system")
     plant: Any = given.get("plant")

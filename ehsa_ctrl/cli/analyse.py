@@ -78,7 +78,7 @@ def command(
     from ..design.load import load_controller
     from ..design.review import review as look_through
     from ..plant.conditions import conditions
-    from ..plant.plant import load_plant
+    from ..plant.load import load_plant
     from .output import rests_on, to_json, warn_implausible
 
     if model not in ("linear", "nonlinear"):
@@ -161,7 +161,7 @@ def _numbers(option: str, text: str, unit: str) -> list[float]:
 
 def _known(name: str, plant: Plant, settings: dict[str, str]) -> Known:
     """What a review asks of a plant, from its nonlinear set where its file has one."""
-    from ..plant.plant import load_plant, models_of
+    from ..plant.load import load_plant, models_of
     from ..scenario.plant_data import known_of
 
     if "nonlinear" not in models_of(name):

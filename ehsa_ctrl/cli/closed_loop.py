@@ -86,7 +86,7 @@ def case_of(scenario: str, controller: str | None, plant: Plant) -> PreparedScen
     Raises InputError: as `prepare`, a scenario of another system.
     """
     from ..core.catalogue import plants
-    from ..plant.plant import load_plant
+    from ..plant.load import load_plant
     from ..scenario.definition import load_scenario
     from ..scenario.run import prepare
     from .output import warn

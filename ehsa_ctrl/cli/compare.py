@@ -131,7 +131,7 @@ def load_models(plant: str, model: str, settings: dict[str, str]) -> list[Plant]
 
     Raises InputError as load_plant does, and for a setting that no model knows.
     """
-    from ..plant.plant import knows, load_plant, models_of
+    from ..plant.load import has_setting, load_plant, models_of
 
     if model not in ("linear", "nonlinear", "both"):
         raise InputError(f"--model {model!r}: expected linear, nonlinear or both")
@@ -139,10 +139,10 @@ def load_models(plant: str, model: str, settings: dict[str, str]) -> list[Plant]
         return [load_plant(plant, model=model, settings=settings)]  # type: ignore[arg-type]
     plain = [load_plant(plant, model=word) for word in models_of(plant)]
     for key in settings:
-        if not any(knows(each, key) for each in plain):
+        if not any(has_setting(each, key) for each in plain):
             load_plant(plant, model=plain[-1].model, settings={key: settings[key]})
     return [
-        load_plant(plant, model=each.model, settings={k: v for k, v in settings.items() if knows(each, k)})
+        load_plant(plant, model=each.model, settings={k: v for k, v in settings.items() if has_setting(each, k)})
         for each in plain
     ]
 

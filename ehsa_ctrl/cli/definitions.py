@@ -17,7 +17,8 @@ from ..design.load import read_controller
 from ..design.tuning.specification import leaves
 from ..physics.effects import EFFECTS
 from ..plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_SYMBOLS
-from ..plant.plant import Plant, load_plant, models_of
+from ..plant.load import load_plant, models_of
+from ..plant.plant import Plant
 from ..plant.systems import SYSTEMS
 from ..scenario.definition import load_scenario
 from ..scenario.metrics import METRICS

@@ -72,7 +72,7 @@ def command(
     from ..design.tuning.requirements import design, keys_for
     from ..design.tuning.specification import begin, leaves, put
     from ..plant.linear import three_state
-    from ..plant.plant import load_plant
+    from ..plant.load import load_plant
     from ..scenario.rescaling import rescaling_to
     from .output import rests_on, to_json, warn_implausible
 

@@ -93,7 +93,7 @@ def command(
     """
     from ..core.errors import InputError
     from ..core.result_folder import ResultFolder
-    from ..plant.plant import load_plant, models_of
+    from ..plant.load import load_plant, models_of
     from .output import to_json, warn_implausible
     from .prepared import sentences
 

@@ -52,7 +52,7 @@ def command(
     """
     from ..core.result_folder import ResultFolder
     from ..identification.experiment import design_experiment
-    from ..plant.plant import load_plant
+    from ..plant.load import load_plant
     from .output import rests_on, to_json, warn, warn_implausible
     from .progress import compiling, counting
 

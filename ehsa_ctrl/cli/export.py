@@ -45,7 +45,7 @@ def command(
     from ..design.export import FILES, export_controller
     from ..design.load import load_controller
     from ..plant.linear import three_state
-    from ..plant.plant import load_plant
+    from ..plant.load import load_plant
     from .output import to_json, warn_implausible
     from .progress import compiling
 

@@ -32,7 +32,7 @@ def command(
     Examples: ehsa-ctrl fmu ehsa --out rig.fmu · ehsa-ctrl fmu my/rig.toml --set load.stiffness=50e3 --out deploy
     """
     from ..core.result_folder import ResultFolder
-    from ..plant.plant import load_plant
+    from ..plant.load import load_plant
     from ..simulation.fmu.export import export_fmu
     from ..simulation.fmu.variables import variables_of
     from .output import to_json, warn_implausible

@@ -183,7 +183,7 @@ def _resolved(path: Path) -> Path:
 
 def _models(plant: str, model: str, settings: dict[str, str]) -> list[Plant]:
     """The models to identify; a plant with one model has that one, whatever the default is."""
-    from ..plant.plant import models_of
+    from ..plant.load import models_of
     from .compare import load_models
 
     known = models_of(plant)

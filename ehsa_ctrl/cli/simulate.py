@@ -40,7 +40,7 @@ def command(
     """
     from ..core.log_reader import read_log
     from ..core.result_folder import ResultFolder
-    from ..plant.plant import load_plant
+    from ..plant.load import load_plant
     from ..simulation.bench import record
     from ..simulation.excitation import excitation as make
     from .output import rests_on, to_json, warn_implausible

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from functools import cache, lru_cache
 from typing import Any
+
+import numpy as np
 
 from .errors import InputError, shown
 
@@ -175,3 +178,16 @@ def parse(text: str, expected: str) -> float:
     if not math.isfinite(value):
         raise InputError(f"{shown(text)} is too large; expected a finite number")
     return value
+
+
+def read_value(given: str | float, unit: str) -> float:
+    """A number in SI units, or a text with its unit or without. Raises InputError for anything else."""
+    if isinstance(given, str):
+        try:
+            return float(given)
+        except ValueError:
+            return parse(given, unit)
+    if isinstance(given, int | float | np.number) and not isinstance(given, bool | np.complexfloating):
+        with suppress(OverflowError):
+            return float(given)
+    raise InputError(f"is {shown(given)}; expected a number in {unit}, or a text with its unit, as '3 {unit}'")

@@ -22,7 +22,8 @@ from ..core.errors import InputError
 from ..core.files import write_text
 from ..core.text import TextResult
 from ..plant.file import LOAD_SYMBOLS
-from ..plant.plant import Plant, load_plant
+from ..plant.load import load_plant
+from ..plant.plant import Plant
 from .fit import Nominal
 from .probes import probes
 from .rivals import FIRST, Pair, Rivals, Setting, Trial

@@ -11,7 +11,8 @@ from dataclasses import replace
 
 from ..core.errors import InputError
 from ..core.parameter import Parameter
-from ..plant.plant import Plant, load_plant
+from ..plant.load import load_plant
+from ..plant.plant import Plant
 
 
 def sliding_linear(plant: Plant) -> Plant:

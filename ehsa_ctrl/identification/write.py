@@ -14,7 +14,8 @@ from ..core.files import FORCE_ARGUMENT, refuse_existing, write_text
 from ..core.parameter import Parameter
 from ..core.unit import factor
 from ..plant.file import key_of
-from ..plant.plant import SENSOR_WORDS, Plant, Sensor, load_plant
+from ..plant.load import load_plant
+from ..plant.plant import SENSOR_WORDS, Plant, Sensor
 
 
 def plant_toml(plants: Sequence[Plant]) -> str:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .structure import Equations
 from .tape import Tape, build_tape
+from .wiring import Equations
 
 _OPERATIONS: dict[str, Callable[..., Any]] = {
     "+": np.add,

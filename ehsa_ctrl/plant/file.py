@@ -1,4 +1,4 @@
-"""What a plant's TOML may contain."""
+"""The form of a plant's TOML."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from pydantic import Field, field_validator, model_validator
 
 from ..core.definition import Array, Definition, Hertz, Schema, Second, Unlimited
 from ..core.errors import InputError
+from ..core.log import CHANNELS
 from ..core.parameter import SOURCES, Parameter, check_range
 from ..core.unit import factor
 
-#: What is watched in every run, with its SI unit.
+#: Limits that every run checks, with SI units.
 LIMIT_UNITS = {
     "pump_speed": "rad/s",
     "motor_speed": "rad/s",
@@ -23,29 +24,17 @@ LIMIT_UNITS = {
     "stroke": "m",
 }
 
-#: The state without which a limit means nothing.
+#: State that a system must have for a limit to apply.
 LIMIT_STATES = {
     **dict.fromkeys(("pump_speed", "motor_speed", "motor_torque", "motor_power", "current_rms"), "omega"),
     **dict.fromkeys(("pressure_max", "pressure_min"), "P_1"),
     "stroke": "x",
 }
 
-#: What the bench measures, with its SI unit.
-CHANNEL_UNITS = {
-    "current": "A",
-    "speed": "rad/s",
-    "p1": "Pa",
-    "p2": "Pa",
-    "position": "m",
-    "force": "N",
-    "velocity": "m/s",
-    "acceleration": "m/s2",
-    "drive_force": "N",
-    "spring_p1": "Pa",
-    "spring_p2": "Pa",
-}
+#: SI units of the channels that a sensor may measure.
+CHANNEL_UNITS = {name: channel.unit for name, channel in CHANNELS.items() if name not in ("t", "current_measured")}
 
-#: The words for the load in TOML and on the command line, and the symbols in the equations.
+#: Names of the load in TOML and on the command line -> symbols in the equations.
 LOAD_SYMBOLS = {"stiffness": "K_S", "preload": "F_pre", "hardening": "k_3", "mass": "m_L", "force": "F_0"}
 
 _SYMBOLS = {f"load.{word}": symbol for word, symbol in LOAD_SYMBOLS.items()}
@@ -53,17 +42,17 @@ _KEYS = {symbol: key for key, symbol in _SYMBOLS.items()}
 
 
 def symbol_of(key: str) -> str:
-    """The symbol in the equations of a setting: K_S of load.stiffness; every other key is its symbol."""
+    """Symbol of a setting in the equations: K_S for load.stiffness; other keys are symbols."""
     return _SYMBOLS.get(key, key)
 
 
 def key_of(symbol: str) -> str:
-    """What a user sets it by: load.stiffness for K_S; every other symbol is its key."""
+    """Key by which a user sets a symbol: load.stiffness for K_S; other symbols are keys."""
     return _KEYS.get(symbol, symbol)
 
 
 def both(symbol: str) -> str:
-    """A symbol as it is told to a user, who may have typed the key: K_S (load.stiffness)."""
+    """A symbol with its key, for messages: K_S (load.stiffness)."""
     return f"{symbol} ({_KEYS[symbol]})" if symbol in _KEYS else symbol
 
 

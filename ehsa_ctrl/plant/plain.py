@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from .structure import Equations
+from .wiring import Equations
 
 
 def text(equations: Equations) -> str:

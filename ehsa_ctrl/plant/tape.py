@@ -21,7 +21,7 @@ from functools import cache
 from typing import Any
 
 from ..core.errors import CompileError
-from .structure import Equations
+from .wiring import Equations
 
 Ref = int
 

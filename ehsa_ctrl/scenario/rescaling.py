@@ -16,8 +16,9 @@ from typing import Any
 from ..core.catalogue import shipped
 from ..core.unit import factor, parse
 from ..design.synthesis.kalman import Observer
+from ..plant.load import has_setting, load_plant, models_of, with_settings
 from ..plant.motion_current import motion_current
-from ..plant.plant import Plant, knows, load_plant, models_of, with_settings
+from ..plant.plant import Plant
 from .plant_data import BOUNDED, Rating, ratings
 
 #: Characteristic value of a plant -> keys of controllers and scenarios that scale with it.
@@ -151,7 +152,7 @@ def _models(plant: str | Path, settings: Mapping[str, str | float]) -> tuple[Pla
     if "nonlinear" not in models_of(plant):
         return linear, linear
     full = load_plant(plant)
-    return linear, with_settings(full, {key: value for key, value in settings.items() if knows(full, key)})
+    return linear, with_settings(full, {key: value for key, value in settings.items() if has_setting(full, key)})
 
 
 def _leaves(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

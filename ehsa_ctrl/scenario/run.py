@@ -19,7 +19,8 @@ from ..design.controller import SampledController
 from ..design.load import load_controller, read_controller
 from ..plant.file import key_of, symbol_of
 from ..plant.linear import three_state
-from ..plant.plant import Model, Plant, knows, load_plant, with_settings
+from ..plant.load import has_setting, load_plant, with_settings
+from ..plant.plant import Model, Plant
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.sensors import Sensors
 from .baseline import baseline_files, baseline_path, read_baseline
@@ -250,7 +251,7 @@ def _is_load(key: str) -> bool:
 
 def _known_to_linear(definition: ScenarioFile, plant: Plant) -> dict[str, str]:
     """The settings that the linear set has as well: a scenario may change A_FR, which only the nonlinear one knows."""
-    return {key: value for key, value in definition.all_settings.items() if knows(plant, key)}
+    return {key: value for key, value in definition.all_settings.items() if has_setting(plant, key)}
 
 
 def check_definition(path: Path, *, plant: str | Path | None = None) -> str:

@@ -13,7 +13,8 @@ from pydantic import BeforeValidator
 from ..core.errors import InputError, shown
 from ..plant.draws import plausible_range, read_covariance
 from ..plant.file import both, key_of, symbol_of
-from ..plant.plant import Plant, read_settings
+from ..plant.load import read_settings
+from ..plant.plant import Plant
 
 #: Draws beyond this many standard deviations are repeated: no measured distribution is normal that far out.
 WITHIN = 3.0

@@ -13,7 +13,7 @@ from ehsa_ctrl.core.catalogue import controllers, plants, scenarios
 from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.plant.file import LOAD_SYMBOLS, PlantFile
-from ehsa_ctrl.plant.plant import load_plant
+from ehsa_ctrl.plant.load import load_plant
 from ehsa_ctrl.scenario.definition import ScenarioFile
 from ehsa_ctrl.scenario.metrics import METRICS
 

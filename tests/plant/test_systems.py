@@ -13,8 +13,8 @@ from ehsa_ctrl.physics.friction import LAWS
 from ehsa_ctrl.plant.arrays import array_evaluator, needs
 from ehsa_ctrl.plant.linear import four_state
 from ehsa_ctrl.plant.linearise import linearise
+from ehsa_ctrl.plant.load import load_plant
 from ehsa_ctrl.plant.plain import evaluator
-from ehsa_ctrl.plant.plant import load_plant
 from ehsa_ctrl.plant.structure import Structure
 from ehsa_ctrl.plant.systems import SYSTEMS
 from ehsa_ctrl.simulation.bench import _Centring

@@ -13,7 +13,7 @@ from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.design.analysis.loop import LoopAnalysis
 from ehsa_ctrl.design.analysis.system import analyse
 from ehsa_ctrl.plant.linear import four_state, three_state
-from ehsa_ctrl.plant.plant import load_plant
+from ehsa_ctrl.plant.load import load_plant
 from ehsa_ctrl.report.figures import (
     bode_figure,
     loop_figure,

@@ -7,7 +7,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from ...core.errors import InputError
-from ...plant.plant import Plant, load_plant
+from ...plant.load import load_plant
+from ...plant.plant import Plant
 from ...plant.structure import Structure
 
 #: The words and numbers of the plant that was exported, beside its TOML.

@@ -1,0 +1,241 @@
+"""Load plants from TOML files, and set parameters and sensors for one run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..core.catalogue import plants
+from ..core.definition import read_definition
+from ..core.errors import InputError, choices
+from ..core.log import CHANNELS, Column
+from ..core.parameter import Parameter, check_range
+from ..core.registry import add_project
+from ..core.unit import read_value
+from .file import (
+    CHANNEL_UNITS,
+    LIMIT_STATES,
+    LIMIT_UNITS,
+    LOAD_SYMBOLS,
+    ModelFile,
+    PlantFile,
+    Quantity,
+    SensorFile,
+    key_of,
+    symbol_of,
+)
+from .plant import SENSOR_WORDS, Model, Plant, Sensor, effect_default
+from .structure import Structure
+
+#: Lower bound of the limits that may be negative, and upper bound of all limits.
+LEAST, MOST = {"pressure_min": -1e6}, 1e30
+
+
+def load_plant(
+    name: str | Path, *, model: Model = "nonlinear", settings: Mapping[str, str | float] | None = None
+) -> Plant:
+    """Load a plant by catalogue name or by the path of a TOML file.
+
+    Parameters
+    ----------
+    name: e.g. "ehsa" or "my/rig.toml".
+    model: which of the plant's parameter sets.
+    settings: parameters set for one run, as on the command line: {"K_T": 1.1, "load.stiffness": "50 N/mm"}. Numbers
+        and texts without unit are in SI units.
+
+    Raises InputError, one sentence with file and key, for a missing or wrong file or setting.
+    """
+    path = plants.find(name)
+    add_project(path)
+    file = read_definition(path, PlantFile)
+    part: ModelFile | None = getattr(file, model, None)
+    if part is None:
+        known = [word for word in ("linear", "nonlinear") if getattr(file, word) is not None]
+        if model == "linear" and known:
+            raise InputError(
+                f"{path}: has no [linear] model, on which controllers are designed; it has [{known[0]}] alone"
+            )
+        raise InputError(f"{path}: has no [{model}] model; {choices(model, known)}")
+    try:
+        structure = Structure(part.shaft_friction, part.rod_friction, part.chambers, tuple(part.effects), file.system)
+    except InputError as error:
+        raise InputError(f"{path}: [{model}] {error}") from None
+    plant = Plant(
+        name=path.stem,
+        title=file.title,
+        model=model,
+        structure=structure,
+        parameters=_parameters(path, file, part, model, structure),
+        limits=_limits(path, file, structure),
+        sensors=_sensors(path, file, structure),
+        free=_free(path, file, part, model, structure),
+        estimation=part.estimation,
+        log=_log_columns(path, file),
+        sample_time=file.sampling.period.parameter("period", "s", f"{path}: [sampling] period").value,
+        path=path,
+    )
+    check_range(f"{path}: [sampling] period.value", plant.sample_time, "s", 0.0, 1.0, lower_open=True)
+    return with_settings(plant, settings or {})
+
+
+def models_of(name: str | Path) -> tuple[Model, ...]:
+    """The parameter sets of a plant's file. Raises InputError as load_plant does."""
+    file = read_definition(plants.find(name), PlantFile)
+    words: tuple[Model, ...] = ("linear", "nonlinear")
+    return tuple(word for word in words if getattr(file, word) is not None)
+
+
+def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:
+    """The plant with settings for one run: symbols, load.WORD, and WORD.CHANNEL for SENSOR_WORDS.
+
+    Raises InputError naming the key.
+    """
+    sensors, symbols = dict(plant.sensors), {}
+    for key, given in settings.items():
+        if not is_sensor_setting(key):
+            symbols[key] = given
+            continue
+        word, _, channel = key.partition(".")
+        if channel not in sensors:
+            raise InputError(f"{key}: {plant.name} has no sensor {channel!r}; {choices(channel, sensors)}")
+        unit = sensors[channel].unit_of(word)
+        try:
+            changed: dict[str, Any] = {word: read_value(given, unit)}
+        except InputError as error:
+            raise InputError(f"{key}: {error}") from None
+        _check_sensor(key, word, changed[word], unit)
+        sensors[channel] = replace(sensors[channel], **changed)
+    return replace(plant, sensors=sensors).set(**read_settings(plant, symbols))
+
+
+def is_sensor_setting(key: str) -> bool:
+    """Whether a setting belongs to a sensor: bias.p1, delay.speed."""
+    word, dot, _ = key.partition(".")
+    return bool(dot) and word in SENSOR_WORDS
+
+
+def has_setting(plant: Plant, key: str) -> bool:
+    """Whether this model has a setting: both have sensors, A_FR only the nonlinear one."""
+    return is_sensor_setting(key) or symbol_of(key) in plant.parameters
+
+
+def read_settings(plant: Plant, settings: Mapping[str, str | float]) -> dict[str, float]:
+    """From {"load.stiffness": "50 N/mm"} to {"K_S": 5e4}. Raises InputError naming the key."""
+    kinds = {kind.name: kind for kind in plant.structure.equations.parameters}
+    values = {}
+    for key, given in settings.items():
+        symbol = symbol_of(key)
+        if symbol not in kinds:
+            known = choices(key, map(key_of, kinds))
+            raise InputError(f"{key}: the {plant.model} model of {plant.name} has no such parameter; {known}")
+        try:
+            values[symbol] = read_value(given, kinds[symbol].unit)
+        except InputError as error:
+            raise InputError(f"{key}: {error}") from None
+    return values
+
+
+def _parameters(path: Path, file: PlantFile, part: ModelFile, model: str, structure: Structure) -> dict[str, Parameter]:
+    """Every symbol of the structure, within its physical range."""
+    kinds = {kind.name: kind for kind in structure.equations.parameters}
+    written: dict[str, tuple[str, Quantity]] = {}
+    for name, quantity in file.parameters.items():
+        written[name] = (f"{path}: [parameters] {name}", quantity)
+    for word, quantity in file.load.items():
+        written[LOAD_SYMBOLS[word]] = (f"{path}: [load] {word}", quantity)
+    for name, quantity in part.parameters.items():
+        written[name] = (f"{path}: [{model}.parameters] {name}", quantity)
+    found = {}
+    for name, (where, quantity) in written.items():
+        if name not in kinds:
+            raise InputError(f"{where}: unknown parameter of this structure; {choices(name, kinds)}")
+        kind = kinds[name]
+        parameter = quantity.parameter(name, kind.unit, where)
+        check_range(where, parameter.value, kind.unit, kind.lower, kind.upper, lower_open=kind.lower_open)
+        found[name] = parameter
+    for name, kind in kinds.items():
+        if name in found:
+            continue
+        default = effect_default(structure, name)
+        if default is not None:
+            found[name] = default
+        elif name in LOAD_SYMBOLS.values():
+            found[name] = Parameter(name, 0.0, kind.unit, "assumed", note="no load is given")
+        else:
+            raise InputError(f"{path}: [{model}.parameters] {name} ({kind.meaning}, {kind.unit}) is missing")
+    return {name: found[name] for name in kinds}
+
+
+def _free(path: Path, file: PlantFile, part: ModelFile, model: str, structure: Structure) -> tuple[str, ...]:
+    """Parameters that `identify` estimates by default, in the order of the equations."""
+    known = structure.equations.parameter_names
+    if part.free is None:
+        written = {**file.parameters, **part.parameters}
+        # An infinite value switches something off, and a dead time has no derivative: neither can be estimated.
+        identified = {name for name, q in written.items() if q.source == "identified" and math.isfinite(q.value)}
+        return tuple(name for name in known if name in identified and name != structure.delay)
+    for name in part.free:
+        if name not in known:
+            raise InputError(f"{path}: [{model}] free: {name!r} is no parameter of this model; {choices(name, known)}")
+    return tuple(part.free)
+
+
+def _limits(path: Path, file: PlantFile, structure: Structure) -> dict[str, Parameter]:
+    limits = {}
+    states = [state.name for state in structure.system.states]
+    for name, quantity in file.limits.items():
+        if name not in LIMIT_UNITS:
+            raise InputError(f"{path}: [limits] {name}: unknown limit; {choices(name, LIMIT_UNITS)}")
+        if LIMIT_STATES[name] not in states:
+            raise InputError(f"{path}: [limits] {name}: the system {file.system!r} has no such thing; leave it out")
+        where, unit = f"{path}: [limits] {name}", LIMIT_UNITS[name]
+        limits[name] = quantity.parameter(name, unit, where)
+        check_range(where, limits[name].value, unit, LEAST.get(name, 0.0), MOST, lower_open=name not in LEAST)
+    return limits
+
+
+def _log_columns(path: Path, file: PlantFile) -> dict[str, Column]:
+    columns = {}
+    for channel, at in file.log.items():
+        if channel not in CHANNELS:
+            raise InputError(f"{path}: [log] {channel}: unknown channel; {choices(channel, CHANNELS)}")
+        try:
+            columns[channel] = Column(at.column, at.scale, at.offset)
+        except InputError as error:
+            raise InputError(f"{path}: [log] {channel}: {error}") from None
+    return columns
+
+
+def _sensors(path: Path, file: PlantFile, structure: Structure) -> dict[str, Sensor]:
+    known = structure.system.channels
+    for channel in file.sensors:
+        if channel not in known:
+            raise InputError(f"{path}: [sensors.{channel}]: unknown channel; {choices(channel, known)}")
+    return {channel: _sensor(path, channel, file.sensors.get(channel)) for channel in known}
+
+
+def _sensor(path: Path, channel: str, sensor: SensorFile | None) -> Sensor:
+    unit = CHANNEL_UNITS[channel]
+    if sensor is None:
+        return Sensor(channel, unit)
+    values: dict[str, float] = {}
+    stated = []
+    units = {"noise": unit, "step": unit, "filter": "s", "delay": "s", "scale": "1", "bias": unit}
+    for name, si in units.items():
+        quantity: Quantity | None = getattr(sensor, name)
+        if quantity is not None:
+            where = f"{path}: [sensors.{channel}] {name}"
+            stated.append(quantity.parameter(f"{channel} {name}", si, where))
+            values[name] = stated[-1].value
+            _check_sensor(where, name, values[name], si)
+    return Sensor(channel, unit, stated=tuple(stated), **values)
+
+
+def _check_sensor(where: str, word: str, value: float, unit: str) -> None:
+    if not math.isfinite(value):
+        raise InputError(f"{where} = {value:g} {unit}: a sensor's {word} must be a finite number")
+    lower = 0.0 if word != "bias" else float("-inf")
+    check_range(where, value, unit, lower, float("inf"), lower_open=word == "scale")

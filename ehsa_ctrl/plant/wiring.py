@@ -1,0 +1,207 @@
+"""Wiring: from a structure's functions, connected by argument names, to an ordered list of equations."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from ..core.errors import InputError, choices
+from ..physics.effects import EFFECTS
+from ..physics.friction import SYMBOLS, held
+from .system import Balance, ParameterKind, ScalarFunction, State
+
+if TYPE_CHECKING:
+    from .structure import Structure
+
+
+@dataclass(frozen=True)
+class Call:
+    """One equation: target = function(**arguments); arguments are names of states, inputs, parameters or targets."""
+
+    target: str
+    function: ScalarFunction
+    arguments: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The equations of one structure in an order of evaluation.
+
+    Attributes
+    ----------
+    states: of the system, then inner states of friction laws and effects.
+    rates: for each state the signal that is its time derivative.
+    inputs: the drive and the external input: current and external force for the EHSA.
+    directions: sliding direction of each contact, set by the contact's mode.
+    parameters: in a fixed order.
+    calls: the equations; every argument is a state, input, direction, parameter or an earlier target.
+    signals: the last name of each signal, after all effects, e.g. signals["Q_1"] == "Q_1__relief_valve".
+    residuals: for each balance of the system the names of its residuals among `residual_calls`.
+    residual_calls: further equations of the balances, which a simulation does not need.
+    measured: names in the residual calls only: STATE_rate, CHANNEL_measured, directions of prescribed motion.
+    """
+
+    structure: Structure
+    states: tuple[State, ...]
+    rates: tuple[str, ...]
+    inputs: tuple[str, ...]
+    directions: tuple[str, ...]
+    parameters: tuple[ParameterKind, ...]
+    calls: tuple[Call, ...]
+    signals: Mapping[str, str]
+    residuals: tuple[tuple[str, ...], ...]
+    residual_calls: tuple[Call, ...]
+    measured: tuple[str, ...]
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        return tuple(parameter.name for parameter in self.parameters)
+
+    def index(self, state: str) -> int:
+        """Position of a state in the state vector. Raises InputError for a state that the system does not have."""
+        names = [s.name for s in self.states]
+        if state not in names:
+            raise InputError(
+                f"{state!r} is no state of the system {self.structure.system_name!r}; {choices(state, names)}"
+            )
+        return names.index(state)
+
+
+class _Wiring:
+    """Orders the equations from the wanted signals backwards: each one follows everything that it needs."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        system = structure.system
+        self.sources: dict[str, tuple[ScalarFunction, dict[str, str]]] = {}
+        self.states: list[State] = list(system.states)
+        kinds = {kind.name: kind for kind in system.parameters}
+        chambers = () if structure.chambers is None else system.chamber_forms[structure.chambers]
+        for signal, function in (*system.equations, *chambers):
+            self.sources[signal] = (function, {})
+        for contact in system.all_contacts:
+            law = structure.law(contact)
+            names = {symbol: contact.symbol(symbol) for symbol in SYMBOLS}
+            names |= {"direction": contact.direction, "speed": contact.velocity}
+            names |= {"z": contact.bristle.name, "z_dot": f"{contact.bristle.name}_dot"}
+            self.sources[contact.friction] = (law.effort, names)
+            if law.state_rate is not None:
+                self.states.append(contact.bristle)
+                self.sources[f"{contact.bristle.name}_dot"] = (law.state_rate, names)
+            for symbol in law.symbols:
+                unit, meaning = SYMBOLS[symbol]
+                unit = unit.format(effort=contact.effort_unit, length=contact.length_unit)
+                positive = symbol in ("tau", "sigma_0")
+                kinds[contact.symbol(symbol)] = ParameterKind(
+                    contact.symbol(symbol), unit, f"{meaning}, {contact.name}", 0.0, lower_open=positive
+                )
+        self.changes: dict[str, list[tuple[str, ScalarFunction]]] = {}
+        for name in structure.effects:
+            self.states += [State(state.name, state.unit, state.scale) for state in EFFECTS[name].states]
+            for signal, function in EFFECTS[name].adds.items():
+                self.sources[signal] = (function, {})
+        self.held = {f"{c.velocity}_dot": c.direction for c in system.contacts if structure.law(c).sticks}
+        for name in structure.effects:
+            for signal, function in EFFECTS[name].changes.items():
+                self.changes.setdefault(signal, []).append((name, function))
+            for parameter in EFFECTS[name].parameters:
+                lower, upper = parameter.lower, parameter.upper
+                if math.isfinite(parameter.neutral):
+                    # Infinity is allowed only where it is the neutral value, as for a valve that never opens.
+                    lower, upper = max(lower, ParameterKind.lower), min(upper, ParameterKind.upper)
+                kinds[parameter.name] = ParameterKind(parameter.name, parameter.unit, parameter.meaning, lower, upper)
+        self.kinds = kinds
+        self.given = {s.name for s in self.states} | set(system.inputs) | {c.direction for c in system.contacts}
+        self.measured = (
+            *(f"{name}_rate" for name in [*(s.name for s in system.states), *system.inputs]),
+            *(f"{channel}_measured" for channel in system.channels),
+            *(contact.direction for contact in system.prescribed),
+        )
+        self.calls: list[Call] = []
+        # The state of an effect may follow the commanded current, while the effect changes the acting one.
+        self.placed: dict[str, str] = {f"asked_{name}": name for name in system.inputs}
+        self.open: list[str] = []
+        self.used: set[str] = set()
+
+    def place(self, name: str) -> str:
+        """Place the equations that signal `name` needs; returns the name of its final value."""
+        name = self.structure.system.own(name)
+        if name in self.placed:
+            return self.placed[name]
+        if name in self.open:
+            raise TypeError(f"equations need each other in a circle: {' -> '.join([*self.open, name])}")
+        self.open.append(name)
+        if name in self.sources:
+            function, names = self.sources[name]
+            current = self._call(name, function, names)
+        elif name in self.given:
+            current = name
+        elif name in self.kinds:
+            self.used.add(name)
+            current = name
+        else:
+            raise TypeError(f"an equation asks for {name!r}, which is no signal, state, input or parameter")
+        for effect, function in self.changes.get(name, ()):
+            current = self._call(f"{name}__{effect}", function, {name: current}, ready={name})
+        if name in self.held:
+            names = {"rate": current, "direction": self.held[name]}
+            current = self._call(f"{name}__held", held, names, ready={"rate", "direction"})
+        self.open.pop()
+        self.placed[name] = current
+        return current
+
+    def residuals(self, balance: Balance) -> tuple[str, ...]:
+        """Place the residuals of a balance, which may use measured names; returns their names."""
+        self.given |= set(self.measured)
+        names = [f"{balance.name}__{function.__name__}" for function in balance.residuals]
+        for term in (*balance.terms, *balance.closed):
+            self.place(term)
+        for name, function in zip(names, balance.residuals, strict=True):
+            self._call(name, function, {})
+        return tuple(names)
+
+    def _call(
+        self, target: str, function: ScalarFunction, names: Mapping[str, str], ready: set[str] | None = None
+    ) -> str:
+        arguments = {}
+        for argument in inspect.signature(function).parameters:
+            source = names.get(argument, argument)
+            arguments[argument] = source if ready and argument in ready else self.place(source)
+        self.calls.append(Call(target, function, arguments))
+        return target
+
+
+@cache
+def wire(structure: Structure) -> Equations:
+    """The equations of a structure, ordered for evaluation, with the residuals of its balances."""
+    wiring = _Wiring(structure)
+    system = structure.system
+    rates = tuple(wiring.place(f"{state.name}_dot") for state in wiring.states)
+    for signal, _ in system.equations:
+        wiring.place(signal)
+    calls, signals = tuple(wiring.calls), dict(wiring.placed)
+    residuals = tuple(wiring.residuals(balance) for balance in system.balances)
+    for contact in system.contacts:
+        law = structure.law(contact)
+        if law.band is not None:
+            wiring.used.add(contact.symbol(law.band))
+    wiring.used |= set(system.start.values())
+    for name in structure.effects:
+        wiring.used |= {parameter.name for parameter in EFFECTS[name].parameters}
+    return Equations(
+        structure=structure,
+        states=tuple(wiring.states),
+        rates=rates,
+        inputs=system.inputs,
+        directions=tuple(contact.direction for contact in system.contacts),
+        parameters=tuple(kind for kind in wiring.kinds.values() if kind.name in wiring.used),
+        calls=calls,
+        signals=signals,
+        residuals=residuals,
+        residual_calls=tuple(wiring.calls[len(calls) :]),
+        measured=tuple(name for name in wiring.measured if name in wiring.placed),
+    )
