@@ -1,14 +1,14 @@
-# Everything sets itself up in .venv beside the code: Python 3.11 or newer and make are all that is needed.
+# Every target installs into .venv first; only Python 3.11 to 3.13 and make are needed.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 VERSIONS := 3.11 3.12 3.13
 
-# The matrices here are small: threads of the linear algebra only get into each other's way.
+# The matrices are small: threads of the linear algebra only slow each other down.
 export OPENBLAS_NUM_THREADS ?= 1
 
-# What the demo believes before it has seen a log: some numbers 30 % off.
+# Start values of the demo's identification, 30 % off.
 WRONG := --set J_M=4.3e-4 --set A_FM=0.56 --set B_FM=1.76e-3 --set V_10=2.67e-3 --set A_FR=598 --set B_FR=11900
 
 .PHONY: demo test quick coverage versions lint docs bench withheld clean
@@ -29,7 +29,7 @@ quick: $(READY)         ## the tests that take less than two minutes together
 coverage:               ## the quick tests with the coverage floor of pyproject.toml
 	$(MAKE) quick ARGS="--cov --cov-report=term:skip-covered"
 
-versions:               ## the quick tests with each supported Python on the PATH, each in an environment of its own
+versions:               ## the quick tests with each supported Python on the PATH, each in a separate environment
 	@for version in $(VERSIONS); do \
 	    if ! python$$version -c '' 2>/dev/null; then echo "Python $$version: not found, not tested"; continue; fi; \
 	    echo "Python $$version:"; \
@@ -44,20 +44,20 @@ docs: $(READY)          ## the documentation site, in site/; a warning is an err
 	$(BIN)/pip install --quiet --disable-pip-version-check -e ".[docs]"
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-bench: $(READY)         ## the engine beside its peers, identification of known plants
+bench: $(READY)         ## the engine compared with its peers, identification of known plants
 	$(BIN)/pip install --quiet --disable-pip-version-check -e ".[bench]"
 	$(BIN)/python benchmarks/engine.py
 	$(BIN)/python benchmarks/identification.py --seeds 40
 
-# An hour or two on two cores; goes on where it was stopped.
-withheld: $(READY)      ## the diagnosis on a bench of its own whose effects it is not told
+# An hour or two on two cores; continues after an interruption.
+withheld: $(READY)      ## the diagnosis on an independent bench with withheld effects
 	$(BIN)/python benchmarks/withheld/cases.py --set reported --count 300 --out results/withheld/reported
 	$(BIN)/python benchmarks/withheld/score.py results/withheld/reported --jobs 2
 
 clean:
 	rm -rf $(VENV) $(VENV)-3.* demo results site
 
-# Installed once; again only when what is to be installed has changed.
+# Installed once, and again when pyproject.toml has changed.
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"

@@ -2,9 +2,9 @@
 
 python examples/build_notebooks.py [NAME ...]
 
-A source is plain Python: `# %%` begins a cell of code, `# %% [markdown]` one of text, whose lines are comments. What
-stands before the first cell is for the linter. A notebook stores what its cells showed, but nothing that names the
-machine or the time of its execution.
+A source is plain Python: `# %%` begins a code cell, `# %% [markdown]` a text cell whose lines are comments. Lines
+before the first cell are for the linter. A notebook stores the outputs of its cells, but not the machine or the time of
+execution.
 """
 
 import sys

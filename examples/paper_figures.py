@@ -1,9 +1,9 @@
-"""The experiments of the paper's Fig. 4, 7 and 8 with both models, and what the paper says of them in words.
+"""The experiments of the paper's Fig. 4, 7 and 8 with both models, checked against the paper's statements.
 
     python examples/paper_figures.py [FOLDER]
 
-draws three figures and prints one table of statements, one of how the printed linear set fits the nonlinear one.
-The paper's measurements are not published, so linear and nonlinear model stand beside each other here.
+draws three figures and prints a table of the statements and a table that compares the two printed parameter sets.
+The paper's measurements are not published, so the figures compare the linear with the nonlinear model.
 """
 
 import sys
@@ -88,7 +88,7 @@ def steps(folder):
     )
     rests = {model: run["x"][time < 0.75][-1] / MM for model, run in runs.items()}
     yield (
-        "the linear model's speed error leaves a standing position error",
+        "the linear model's speed error leaves a steady-state position error",
         f"at rest after the first step: nonlinear {rests['nonlinear']:.1f} mm, linear {rests['linear']:.1f} mm",
         abs(rests["linear"] - rests["nonlinear"]) > 1.0,
     )
@@ -111,7 +111,7 @@ def sine(folder):
 
 
 def printed_sets(console):
-    """The steady speed at 1.5 A that both printed sets give, over the whole range in which K_T can lie."""
+    """Steady speed at 1.5 A of both printed sets, over the range of K_T."""
     table = Table(title="Steady speed at 1.5 A by both sets of Table 2 (pump limit 4500 rpm)", title_justify="left")
     for column in ("K_T [N m/A]", "nonlinear [rpm]", "linear [rpm]", "linear / nonlinear", "within the pump's limit"):
         table.add_column(column, justify="right")
@@ -135,7 +135,7 @@ def printed_sets(console):
 
 def main(folder):
     console = Console(width=120)
-    table = Table(title="What the paper says, and what its models do", title_justify="left", show_lines=True)
+    table = Table(title="Statements of the paper, and results of its models", title_justify="left", show_lines=True)
     for column in ("statement", "found", ""):
         table.add_column(column)
     found = [*ramp(folder), *steps(folder), *sine(folder)]

@@ -3,11 +3,11 @@
 # %% [markdown]
 # # From a gap to its cause, and to a better controller
 #
-# The simulation says one thing, the rig another. How large is the gap, where does it come from, and does it matter to the
-# controller? This notebook takes one log and a plant that is believed, finds an effect that the model does not have,
-# measures it, and shows what that is worth where it counts: a loop whose prediction was wrong, and a controller, designed
-# anew on the corrected plant, that is right on the rig. Compare, diagnose and run are commands too: `ehsa-ctrl compare`,
-# `ehsa-ctrl diagnose`, `ehsa-ctrl run`.
+# When simulation and rig differ: how large is the gap, where does it come from, and does it matter for the controller?
+# This notebook takes one log and a nominal plant, finds an effect that the model lacks, identifies it,
+# and shows the consequence for control: a loop whose prediction was wrong, and a controller, redesigned on the
+# corrected plant, that works on the rig. Compare, diagnose and run are also commands: `ehsa-ctrl compare`, `ehsa-ctrl
+# diagnose`, `ehsa-ctrl run`.
 #
 # It is the last of four notebooks, after `from_paper_to_model`, `from_log_to_plant` and `from_model_to_controller`.
 
@@ -38,13 +38,13 @@ os.chdir(tempfile.mkdtemp())  # a folder of its own, as a project would have
 plt.rcParams.update(RC)
 
 # %% [markdown]
-# ## 1. A rig, a belief, a log
+# ## 1. A rig, a nominal model, a log
 #
-# The believed plant is `plants/ehsa.toml` with a spring of 50 kN/m. The rig is made in the next cell, since nothing can be
-# checked against a rig that nobody knows. Five of its numbers are 1 to 2 % off, as they always are. And its pump has an
-# effect which the modeller has not thought of: friction that grows with the pressure difference, 12 % of the torque that
-# the pressure makes. **You would have a log instead of this cell**; below, nothing of the rig is used but its logs, the
-# truth in tables, and at the end what it does under a controller.
+# The nominal plant is `plants/ehsa.toml` with a spring of 50 kN/m. The next cell simulates the rig, so that results
+# can be compared with the truth. Five of its parameters are 1 to 2 % off. And its pump has an effect that the model
+# lacks: friction that grows with the pressure difference, 12 % of the pressure torque. **You would have a log instead
+# of this cell**; the rest uses only the rig's logs, the truth for comparison, and at the end its response under a
+# controller.
 
 # %%
 nominal = e.load_plant("ehsa", settings={"load.stiffness": "50 kN/m"})
@@ -74,10 +74,10 @@ replay = e.replay(nominal, log)
 replay
 
 # %% [markdown]
-# `replay` drives the believed plant with the logged current and looks at nothing else. From here on it is the gap that
-# counts, and not the fit: the RMS of measured less simulated, **with the sensors' noise taken off**, as a share of the
-# signal's standard deviation. A perfect model has a gap of zero however noisy the sensors are. Four signals are judged;
-# of the position it is the velocity, since the position of a free run adds up every small error forever.
+# `replay` drives the nominal plant in free run with the logged current. From here on the measure is the gap instead of
+# the fit: the RMS of measured minus simulated, **with the sensor noise subtracted**, over the signal's standard
+# deviation. A perfect model has a gap of zero whatever the sensor noise. Four signals are scored; for the position it
+# is the velocity, since the position of a free run integrates every small error.
 
 
 # %%
@@ -95,13 +95,13 @@ pd.DataFrame({"gap, %": nominal_gap, "with the five numbers put right": gaps(nom
 )
 
 # %% [markdown]
-# The left column is what one sees. The right one is what one would see if the five numbers were put right and nothing else:
-# most of the gap stays. It is no matter of calibration. But that is what nobody knows yet.
+# The left column is the observed gap. The right column is the gap if only the five parameters were corrected: most of
+# it remains. So calibration is not the cause, but on a real rig this is not known yet.
 #
 # ## 2. Diagnose
 #
-# One call. It tries every effect of the catalogue (`ehsa-ctrl list effects`), alone and in pairs, *while the nominal
-# parameters may follow a little*; it fits on two thirds of the log and judges on the last third.
+# One call tries every effect of the catalogue (`ehsa-ctrl list effects`), alone and in combinations, *while the nominal
+# parameters may change within their priors*; it fits on two thirds of the log and evaluates on the last third.
 
 # %%
 diagnosis = e.diagnose(nominal, log)
@@ -109,9 +109,9 @@ assert diagnosis.verdict == "effect" and [cause.id for cause in diagnosis.effect
 print(diagnosis.sentence)
 
 # %% [markdown]
-# That is the right one. The figure first: light dots are measured, dashed is the run as believed, orange the one with the
-# cause. On the right the part where they are farthest apart. The shaded end is held out; the gaps beside the curves are
-# from there.
+# This is the right effect. The figure: light dots are measured, dashed the nominal run, orange the one with the
+# cause. The right column shows the segment with the largest difference. The shaded end is held out; the printed gaps
+# are computed there.
 
 # %%
 diagnosis.plot()
@@ -119,25 +119,24 @@ diagnosis.plot()
 # %% [markdown]
 # ### Where
 #
-# Before any catalogue is asked, free inputs are put into the balances of torque, flow and force: a torque at the shaft that
-# nobody has thought of, say. Which of them are needed to explain the log tells where the model is wrong. The largest
-# error of a *signal* would not tell: here the rod's velocity is worst, and the cause sits at the motor shaft.
+# Without using the catalogue, free inputs are added to the balances of torque, flow and force, for example an unknown
+# torque at the shaft. The inputs needed to explain the log show where the model is wrong. The largest error of a
+# *signal* would not: here the rod velocity is worst, but the cause is at the motor shaft.
 
 # %%
 assert diagnosis.where[0][0] == "torque" and diagnosis.where[0][1] > 0.9
 where_figure(diagnosis)
 
 # %% [markdown]
-# The missing torque itself, over time and along what it follows best. The best is "the pressure difference, against the
-# motion", and that is already the effect in words, found without its name: turned round with the motion it grows downwards, a
-# brake, the more the pump has to press.
+# The missing torque over time and over the variable that explains it best. That variable is "the pressure difference,
+# against the motion", which already describes the effect: a braking torque that grows with the pump's pressure.
 
 # %%
 unknown_inputs_figure(diagnosis)
 
 # %% [markdown]
-# This is what one would work with if no effect of the catalogue fitted: a curve to be explained. Once more by hand, without the samples
-# near standstill, where friction takes what it needs, and with what only we know, the truth:
+# If no effect of the catalogue fitted, this curve would be the result. The next cell computes it by hand, without the
+# samples near standstill, where friction is set-valued, and compares it with the truth:
 
 # %%
 location = diagnosis.location
@@ -163,14 +162,15 @@ plt.show()
 print(f"slope {slope / rig['D']:.3f} of D |P1 - P2|")
 
 # %% [markdown]
-# Much scatter, but a line, and its slope is about that of the pump's friction. It lies a little above the truth: the
-# believed torque constant is too large and the shaft's friction too small, and that is missing too.
+# The scatter is large, but the means are on a line with about the slope of the pump friction. It lies a little above
+# the truth: the nominal torque constant is too large and the shaft's friction too small, which adds to the missing
+# torque.
 #
 # ### Which
 #
-# Evidence is twice the difference of the log-likelihoods, with residuals that hang together counted as less than
-# independent ones. The axis is logarithmic. The runners-up are instructive: the torque constant, and combinations of it with
-# other frictions. They are what the effect resembles.
+# Evidence is twice the difference of the log-likelihoods, with correlated residuals counted as less than
+# independent ones. The axis is logarithmic. The next candidates are the torque constant and its combinations with other
+# friction effects: they resemble the true effect most.
 
 # %%
 others = [c for c in diagnosis.candidates if "pump_torque_loss" not in c.members]
@@ -190,10 +190,10 @@ pd.DataFrame(
 ).round(4)
 
 # %% [markdown]
-# The name is right, the number is not right yet. A diagnosis asks *which*, among dozens of hypotheses, and stops where a gap
-# no longer matters. To make a fair contest it holds the nominal parameters near what is believed: a torque constant that is
-# 1.5 % too large has been moved only part of the way, and the pump's friction makes up for the rest. Section 4 measures the
-# number.
+# The name is right, the value not yet. A diagnosis determines *which* effect, among dozens of hypotheses, and stops
+# when the gap no longer matters. Its priors keep the nominal parameters near their nominal values: a torque constant that
+# is 1.5 % too large is corrected only in part, and the pump friction compensates for the rest. Section 4 identifies the
+# value.
 #
 # ### How far
 
@@ -202,13 +202,12 @@ assert diagnosis.gap["with_effects"]["total"] < 0.2 * diagnosis.gap["nominal"]["
 shrinkage_figure(diagnosis)
 
 # %% [markdown]
-# Dotted is what free unknown inputs leave, about what a model of any form could reach. With the cause the gap is there
-# already, so there is nothing for a second effect to explain. And the hatched bar, the refit? That is the next section.
+# The dotted line is the gap with free unknown inputs, about the best that any model could reach. The cause alone
+# reaches it, so there is no second effect to explain. The hatched bar, the refit, is the subject of the next section.
 #
-# ## 3. What would have gone wrong without it
+# ## 3. A refit instead of a diagnosis
 #
-# The usual answer to a gap is to fit the parameters again. The diagnosis has done that too, with all of them free to go
-# wherever they like.
+# The usual answer to a gap is to fit the parameters again. The diagnosis does that too, with all parameters free.
 
 # %%
 refit = nominal.set(**{name: v for name, v in diagnosis.values["refit"].items() if name in nominal.parameters})
@@ -218,38 +217,38 @@ print(f"that is {100 * cause.absorbed_by_refit:.0f} % of what the cause closes")
 assert cause.absorbed_by_refit > 0.6
 
 names = ["K_T", "A_FR", "C_FR", "B_FR", "tau_FR", "K_L", "M", "A_FM"]
-table = pd.DataFrame({"believed": nominal.values, "refit": refit.values, "truth": rig.values}).loc[names]
+table = pd.DataFrame({"nominal": nominal.values, "refit": refit.values, "truth": rig.values}).loc[names]
 table["refit off by %"] = (100 * (table["refit"] / table["truth"] - 1)).round(0)
 assert abs(table.loc["A_FR", "refit off by %"]) > 20 and abs(table.loc["B_FR", "refit off by %"]) > 20
 table
 
 # %% [markdown]
-# A gap that shrinks that much, on data that was not fitted! One could be content. But the numbers are nonsense: dry friction
-# of the rod is down by more than a third, viscous friction up by half, leakage down by 40 %. They imitate, with what the
-# model has, a friction that it does not have. An imitation is only good for the pressures that it was made at.
+# The gap on held-out data shrinks considerably. But the parameters are wrong: dry friction of the rod is lower by more
+# than a third, viscous friction higher by half, leakage lower by 40 %. They compensate for a friction that the model
+# lacks, and only at the pressures of this log.
 #
-# So change the load. Below is a log of the same rig against a constant force of 4 kN, with the current that carries it. All
-# plants are told of the force. (`improved` is the believed plant with what the diagnosis found.)
+# To show this, change the load. Below is a log of the same rig against a constant force of 4 kN, with the corresponding
+# current. All plants include the force. (`improved` is the nominal plant with what the diagnosis found.)
 
 # %%
 FORCE = 4000.0
 time, current = drive(seed=7)
 bench(rig.set(F_0=FORCE), time, current + motion_current(nominal)["load"] * FORCE, "loaded.csv", seed=9)
 loaded = e.read_plant_log("loaded.csv", nominal)
-plants = {"believed": nominal, "refit": refit, "improved": diagnosis.improved}
+plants = {"nominal": nominal, "refit": refit, "improved": diagnosis.improved}
 elsewhere = pd.DataFrame({name: gaps(plant.set(F_0=FORCE), loaded) for name, plant in plants.items()}).T
 assert elsewhere.loc["refit", "total"] > 3 * elsewhere.loc["improved", "total"]
 print("gap against 4 kN, %")
 elsewhere.round(1)
 
 # %% [markdown]
-# The refit has fallen apart: it is a model of one log. The plant with the cause holds, though it has never seen such a load.
+# The refit fails: it is a model of one log. The plant with the cause holds at a load that it was not fitted to.
 #
-# ## 4. Measure the number
+# ## 4. Identify the value
 #
-# The diagnosis has said what is missing. Now it is a parameter like all the others, and `identify` can do what it is there
-# for: a fit down to the noise, from the first half of the log, with the second half held out. The effect's `c_f` is free, and
-# the torque constant and the spring beside the eleven that the plant's file frees.
+# The diagnosis has named the missing effect. Its parameter is now one like all others, and `identify` fits it down to
+# the noise level on the first half of the log, with the second half held out. Free are the effect's `c_f`, the torque
+# constant and the spring, in addition to the eleven free parameters of the plant's file.
 
 # %%
 first, second = log.segment(0, 12), log.segment(12, 24)
@@ -268,12 +267,12 @@ display(left.round(1))
 rows
 
 # %% [markdown]
-# Residuals as large as the noise, and all numbers, the pump's 12 % too, where their deviations say: what could trade with
-# it was free beside it. The gap is as small as that of the rig's own equations, which is not zero: the logged current has
-# noise, and no model knows the current that truly flowed. *Diagnose to name, identify to measure.* (Without the effect
-# `identify` ends at residuals well above the noise and says so, but not why.)
+# The residuals are at the noise level, and all parameters, including the pump's 12 %, agree within their standard
+# deviations, because all correlated parameters were free. The gap equals that of the rig's own equations, which is not
+# zero: the logged current has noise, and no model knows the true current. *Diagnose to name, identify to measure.*
+# (Without the effect, `identify` ends at residuals well above the noise and reports this, but not the cause.)
 #
-# It is written as a plant of its own. These lines are new beside the ones whose values moved:
+# The result is written as a new plant file. Some of its changed lines:
 
 # %%
 e.write_plant("plants/corrected.toml", corrected, force=True)  # found by its name in a folder plants/
@@ -285,7 +284,7 @@ for line in difflib.unified_diff(before, after, lineterm="", n=0):
 # %% [markdown]
 # ## 5. When a log can't tell
 #
-# Another rig, in short. Its drive answers with a lag of 6 ms, and the log that someone happened to have is a sine of 2 Hz.
+# Another rig: its drive has a lag of 6 ms, and the log is a sine of 2 Hz.
 
 # %%
 late = sound.with_effects("drive_lag", tau_I=0.006)
@@ -297,10 +296,10 @@ print(unsure.sentence)
 candidates_figure(unsure)
 
 # %% [markdown]
-# (The best bars have a second cause beside it. That takes the gap from 1.4 to 1.3 %, which does not matter, so it is not
-# named.) A lag and a dead time: at one frequency both turn the phase and that is all, so nothing in this log can tell them
-# apart, and the answer is a set of two. For a controller they are not the same: beyond its corner a lag takes gain away as well, a dead
-# time only goes on turning the phase. With the answer comes what to do about it:
+# (The best bars have a second cause. It reduces the gap from 1.4 to 1.3 %, which does not matter, so it is not named.)
+# At one frequency a lag and a dead time only shift the phase, so this log can't separate them, and the answer is a set
+# of two. For a controller they differ: above its corner frequency a lag also reduces the gain, a dead time does not.
+# The result proposes an experiment:
 
 # %%
 experiment = unsure.experiment
@@ -309,8 +308,9 @@ assert experiment.distance[pair] > 5 > experiment.now[pair]
 print(experiment)
 
 # %% [markdown]
-# Each candidate was simulated with a library of inputs, at the largest amplitude that keeps the plant's limits, and the input
-# that separates them most is proposed. `experiment.write(...)` writes it as a file for the bench. A third of it is enough here:
+# Each candidate was simulated with a library of inputs, at the largest amplitude within the plant's limits, and the
+# input with the best separation is proposed. `experiment.write(...)` writes it as a file for the bench. A third of its
+# duration is enough here:
 
 # %%
 n = 2001
@@ -325,9 +325,9 @@ print(f"lag {1e3 * lag.value:.2f} ms, truth 6 ms; the best without it is {decide
 # %% [markdown]
 # ## 6. The closed loop
 #
-# Back to the pump. `pid_friction` moves the rod along planned motions, feeds friction forward and goes to rest within 75 um;
-# its numbers are those of the believed plant. Sixteen moves to random places within 20 mm, against the spring. First what the
-# believed plant predicts; then the refit, the corrected plant, and the rig.
+# Back to the rig with pump friction. `pid_friction` moves the rod along planned motions, feeds friction forward and
+# rests within 75 um; its numbers are those of the nominal plant. The test is sixteen moves to random positions within
+# 20 mm, against the spring. First what the nominal plant predicts; then the refit, the corrected plant, and the rig.
 
 # %%
 model = e.three_state(e.load_plant("ehsa", model="linear"))
@@ -359,20 +359,20 @@ def of_moves(run):
     }
 
 
-plants = {"believed": nominal, "refit": refit, "corrected": corrected, "the rig": rig}
+plants = {"nominal": nominal, "refit": refit, "corrected": corrected, "the rig": rig}
 loops = {name: follow(shipped, plant) for name, plant in plants.items()}
 table = pd.DataFrame({name: of_moves(run) for name, run in loops.items()}).T
 real = ends(loops["the rig"])
 table["end error beside the rig's (um)"] = [1e6 * np.sqrt(np.mean((ends(run) - real) ** 2)) for run in loops.values()]
 off = table["end error beside the rig's (um)"]
-assert table.loc["believed", "settled, of 16"] == 16 and table.loc["the rig", "settled, of 16"] <= 2
+assert table.loc["nominal", "settled, of 16"] == 16 and table.loc["the rig", "settled, of 16"] <= 2
 assert table.loc["corrected", "settled, of 16"] <= 2
-assert off["corrected"] < 0.2 * off["refit"] and off["corrected"] < 0.1 * off["believed"]
+assert off["corrected"] < 0.2 * off["refit"] and off["corrected"] < 0.1 * off["nominal"]
 table.round(0).astype(int)
 
 # %%
 looks = {
-    "believed": (GREY, 1.2, "-"),
+    "nominal": (GREY, 1.2, "-"),
     "refit": (GREEN, 1.2, (0, (1, 1))),
     "the rig": (BLUE, 2.4, "-"),
     "corrected": (VERMILION, 1.2, (0, (4, 1.5))),
@@ -393,24 +393,25 @@ def moves_figure(loops, looks, currents):
     error.legend(ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
 
 
-moves_figure(loops, looks, currents=("the rig", "believed"))
+moves_figure(loops, looks, currents=("the rig", "nominal"))
 plt.show()
 
 # %% [markdown]
-# The believed plant promises 16 of 16 moves within 0.1 mm and a quiet current. The rig ends nearly all of them 0.1 to 0.2 mm off:
-# the feed-forward is too small for this pump, friction stops the rod outside of the rest band, and there it stays while
-# the law works on, with three times the travel of current. The corrected plant says just that, move by move. The refit
-# gets the tendency, as there is more friction in it, but the moves end elsewhere.
+# The nominal plant promises 16 of 16 moves within 0.1 mm and a quiet current. The rig ends nearly all of them 0.1 to
+# 0.2 mm off: the feed-forward is too small for this pump, friction stops the rod outside the rest band, and the
+# controller keeps working, with three times the current travel. The corrected plant predicts this, move by move. The
+# refit predicts the tendency, as it has more friction, but other end positions.
 #
-# ## 7. A controller for the plant as it is
+# ## 7. A controller for the corrected plant
 #
-# The feed-forward's numbers come from `motion_current`. It knows masses, friction and load but not the effects, so what the
-# pump takes is put in by hand. The loss is $c_f$ times the torque that the pressure makes, against the motion. Where the
-# pressure overcomes the rod's own friction, that friction is felt $1 + c_f$ times at the shaft. (The spring's part helps in one
-# direction and hinders in the other; it is left to the feedback.) The gains of the PID are designed anew as well, on what the corrected
-# plant does while it slides.
+# The feed-forward's numbers come from `motion_current`. It includes masses, friction and load but not the effects, so
+# the pump loss is added by hand. The loss is $c_f$ times the pressure torque, against the motion. Where the pressure
+# balances the rod's friction, that friction acts $1 + c_f$ times at the shaft. (The spring's part helps in one
+# direction and hinders in the other; the feedback handles it.) The PID is also redesigned on the sliding model of the
+# corrected plant.
 #
-# To see what does the work: the refit's numbers, the corrected ones without $c_f$, the new gains without new numbers, and all of it.
+# The table compares the refit's feed-forward, the corrected one without $c_f$, the new gains alone, and the full
+# redesign.
 
 
 # %%
@@ -465,11 +466,11 @@ moves_figure(
 plt.show()
 
 # %% [markdown]
-# Both lines are **the rig**. 16 of 16 again, and the current at rest. Every row of the table was predicted before it was tried; that is
-# what a corrected model is for. It is the feed-forward that cures: new gains alone do nothing. And the refit's numbers, good
-# enough to close most of the gap on its own log, do not cure the loop.
+# Both lines are **the rig**. Again 16 of 16 moves succeed, and the current is quiet. The corrected model predicted
+# every row of the table. The feed-forward is decisive: new gains alone do nothing. And the refit, which closes most of
+# the gap on its own log, does not repair the loop.
 #
-# The shipped scenario says it too, with its limits, on the corrected plant and on the rig:
+# The shipped scenario with its limits confirms it, on the corrected plant and on the rig:
 
 # %%
 e.write_plant("plants/rig.toml", rig, force=True)
@@ -491,7 +492,7 @@ assert travel["rig", "redesigned"] < 0.4 * travel["rig", "shipped"]
 table
 
 # %% [markdown]
-# Would another controller have done without all this? The two with a fast inner loop or an estimate of what they don't know:
+# The two controllers with a fast inner loop or a disturbance estimate, without any correction:
 
 # %%
 others = {name: of_moves(follow(e.load_controller(name, model), rig)) for name in ("cascade_friction", "lqr_friction")}
@@ -499,17 +500,17 @@ assert all(row["settled, of 16"] == 16 for row in others.values())
 pd.DataFrame(others).T.round(0).astype(int)
 
 # %% [markdown]
-# They would. A friction that nobody has thought of is one more disturbance to them, and they get along with a wrong model. So
-# there are two answers to a gap: a controller that does not mind, or a model that knows. Only the second one tells
-# beforehand which moves will end where.
+# They work: unmodelled friction is one more disturbance to them. So there are two answers to a gap: a controller that
+# tolerates it, or a corrected model. Only the second predicts the end of each move.
 #
 # ## What to keep
 #
-# - A gap has a size per signal, noise taken off. Look at it before anything is fitted.
-# - A refit closes most of nearly every gap. What it absorbs comes back at another load, another temperature, in another loop.
-#   Numbers that no data sheet would print are a warning.
-# - Diagnose to name, identify to measure. If the answer is a set, make the experiment that it proposes.
-# - A cause is worth knowing where it changes a decision: here the feed-forward, and a promise of 16 moves that was kept in one.
+# - Compute the gap of each signal, without noise, before anything is fitted.
+# - A refit closes most of nearly every gap. The compensation fails at another load, another temperature, in another
+#   loop. Implausible parameter values are a warning.
+# - Diagnose to name, identify to measure. If the answer is a set, run the proposed experiment.
+# - The cause matters where it changes a decision: here the feed-forward, and a prediction of 16 successful moves of
+#   which the rig achieved one.
 #
-# **Next:** your own log. `ehsa-ctrl compare log.csv --plant ehsa` is the first thing to do with it; the four steps in one file are
-# in `design_script.py` beside this notebook. Back to the beginning: [from_paper_to_model](from_paper_to_model.ipynb).
+# **Next:** your own log. `ehsa-ctrl compare log.csv --plant ehsa` is the first command for it; `design_script.py` in
+# the same folder has all four steps. Back to the beginning: [from_paper_to_model](from_paper_to_model.ipynb).

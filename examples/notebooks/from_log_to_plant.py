@@ -1,17 +1,16 @@
-# ruff: noqa: B018, E501, F821
+# ruff: noqa: B018, F821
 
 # %% [markdown]
 # # From a log to a plant
 #
-# A bench run, a plant whose numbers are 30 % off, and what is between them and a controller: compare, check the log,
-# identify, doubt the result, and design on it. Everything here is also a command: `ehsa-ctrl compare`, `ehsa-ctrl
-# identify`, `ehsa-ctrl run`.
+# From a bench run and a plant with parameters 30 % off to a controller: compare, check the log, identify, question the
+# result, and design on it. Everything here is also a command: `ehsa-ctrl compare`, `ehsa-ctrl identify`, `ehsa-ctrl
+# run`.
 #
 # This is the second of four notebooks; the plant and its equations are in `from_paper_to_model`.
 #
-# The bench is the virtual one. It drives the paper's actuator and adds the noise of the bench's sensors, that of the
-# current's sensor too. So there is a truth to hold the results against, which a real bench never shows; it is used for
-# that alone.
+# The bench is virtual. It drives the paper's actuator and adds sensor noise, also to the current. So the results can be
+# compared with the truth, which a real bench does not offer; the truth is used for nothing else.
 
 # %%
 import os
@@ -47,13 +46,13 @@ def bench(kind, amplitude, duration, seed, centre=True):
 
 
 # %% [markdown]
-# ## 1. The log, and what we believe
+# ## 1. The log and the nominal plant
 #
 # One log to identify from: 20 s of noise with peaks of 3 A, as in the paper. Two that are held out, the paper's Fig. 7
-# and 8: steps of 1.5 A, and a sine of 1.5 A at 2 Hz. A fit is only worth something on a log that it has not seen.
+# and 8: steps of 1.5 A, and a sine of 1.5 A at 2 Hz. Only a fit on held-out data counts.
 #
-# Every free parameter of the plant is then put 30 % too high or too low, by a coin. Free are the eleven that the plant's
-# file calls identified.
+# Every free parameter is then set 30 % too high or too low at random. Free are the eleven parameters with the source
+# `identified`.
 
 # %%
 noise = bench("noise", 3.0, 20.0, seed=0)
@@ -64,17 +63,16 @@ coin = np.random.default_rng(0)
 nominal = truth.set(**{name: truth[name] * coin.choice([0.7, 1.3]) for name in truth.free})
 
 replays = {"noise": e.replay(nominal, noise), "steps": e.replay(nominal, steps), "sine": e.replay(nominal, sine)}
-print("fit of the believed plant in free run, %")
+print("fit of the nominal plant in free run, %")
 pd.DataFrame({name: run.fit_percent for name, run in replays.items()}).T.round(1)
 
 # %% [markdown]
-# `replay` drives the plant with the logged current from the first sample to the last and never looks at the outputs
-# again. A fit of 100 % is a perfect one, 0 % is as good as the mean of the measurement, and below zero the mean would
-# have been better. Speed and pressures come out half right, the position does not: it adds up what the speed is wrong by.
+# `replay` simulates the plant in free run with the logged current. A fit of 100 % is perfect, 0 % is as good as the
+# mean of the measurement, and a negative fit is worse. Speed and pressures fit partly, the position does not: it
+# integrates the speed error.
 #
-# **Before anything is fitted, the log is asked whether it can be right.** A sign that is swapped in the cabling would be
-# explained by nonsense parameters without a word. Here the log as it is, one with the sign of p1 turned, one with
-# the two pressures exchanged:
+# **Check the log before the fit.** A swapped sign would silently lead to meaningless parameters. Here the log as it is,
+# one with the sign of p1 reversed, and one with the two pressures exchanged:
 
 
 # %%
@@ -91,8 +89,8 @@ for name, log in {"as it is": noise, "p1 turned": turned, "pressures exchanged":
         print("   ", finding)
 
 # %% [markdown]
-# The plant need not be right for this, only roughly so: 30 % off is good enough to tell a sign. `identify` makes the same
-# check and refuses a log with an error.
+# A rough plant is enough for this: 30 % off still determines a sign. `identify` makes the same check and rejects a log
+# with an error.
 
 # %%
 try:
@@ -104,8 +102,8 @@ except e.InputError as error:
 # ## 2. Identify
 #
 # The cost is the error of the free run over the whole log, each signal weighted by its noise. It is minimised from two
-# starts, one from the balances of the physics (torque, flow, force), one from the believed values, and ends when
-# both have come to the same minimum.
+# starts, one from the balances of torque, flow and force, one from the nominal values, and ends when both reach the
+# same minimum.
 
 # %%
 found = e.identify(nominal, noise, validate=[steps, sine])
@@ -113,16 +111,16 @@ assert found.explained and all(row.identifiable for row in found.estimates)
 found
 
 # %% [markdown]
-# *residuals 1 times the noise's variance* is the line to look at first: what the model leaves is as large as the sensors'
-# noise and no larger. On the logs held out, all four channels are where the noise lets them be. The figure shows the
-# steps; measured, before and after.
+# Read the line *residuals 1 times the noise's variance* first: the residuals are as large as the sensor noise. On the
+# held-out logs the fit of all four channels is limited by noise only. The figure shows the steps: measured, before and
+# after.
 
 # %%
 found.plot()
 
 # %% [markdown]
-# How far each parameter has moved, and how sure it is. The scale of the left panel is linear up to 1 % and logarithmic
-# beyond, otherwise the intervals would be dots.
+# Change and uncertainty of each parameter. The scale of the left panel is linear up to 1 % and logarithmic beyond;
+# otherwise the intervals would be dots.
 
 # %%
 parameters_figure(found)
@@ -130,10 +128,10 @@ parameters_figure(found)
 # %% [markdown]
 # ### What these standard deviations mean
 #
-# On this bench the truth is known, so a standard deviation can be held against the error that it claims to describe.
-# Errors in units of it should look like draws from a normal distribution: most within one, hardly any beyond two or three.
-# All eleven together are better than one by one, for they are correlated: the squared distance in the metric of the
-# covariance is a draw from chi square with 11 degrees of freedom, 11 on average and below 20 in 95 of 100 logs.
+# On this bench the truth is known, so the standard deviations can be compared with the true errors. Errors divided by
+# their standard deviation should be normally distributed: most within one, hardly any beyond two or three. Because the
+# errors are correlated, a joint test is better: the squared distance in the metric of the covariance has a chi-square
+# distribution with 11 degrees of freedom, 11 on average and below 20 in 95 of 100 logs.
 
 # %%
 table = found.to_pandas()[["value", "sd", "unit"]]
@@ -148,11 +146,11 @@ print(f"squared distance {distance:.1f}")
 table[["truth", "value", "unit", "error in %", "error in sd"]].round({"error in %": 2, "error in sd": 1})
 
 # %% [markdown]
-# They would not come out right if the sensors' noise were all. The log's current isn't the current that turned the motor,
-# it is off by 5 mA of noise from sample to sample. The simulation is driven with the logged one, so it drifts away from the
-# measurement *even with all parameters true*: the rod's position adds the difference up, and friction turns a small one
-# into a breakaway that comes a sample early or late. Below is the position error of the true plant. White noise of the
-# potentiometer explains the one, but not the other.
+# A model with output noise alone would give wrong standard deviations. The logged current differs from the true current
+# by 5 mA of noise in each sample. The simulation uses the logged current and drifts away from the measurement *even
+# with all parameters true*: the rod's position integrates the difference, and friction turns a small difference into a
+# breakaway that is a sample early or late. Below is the position error of the true plant: white noise of the
+# potentiometer explains only a part of it.
 
 # %%
 t, current = e.excitation("noise", amplitude=3.0, duration=20.0, seed=0)
@@ -170,10 +168,9 @@ plt.show()
 print(f"rms {1e6 * drift.std():.0f} and {1e6 * sensor.std():.0f} um, largest {1e6 * abs(drift).max():.0f} um")
 
 # %% [markdown]
-# Neighbouring errors of the drift are the same error, and least squares would count each of them as news. `identify`
-# has the noise of the logged current in its model: the errors of the current are unknowns of their own, and the residuals
-# are whitened by what such errors do along the run. With weights by the outputs' noise alone, the same log would promise
-# standard deviations that are too small by these factors:
+# Neighbouring drift errors are correlated, but least squares counts each of them as independent information. `identify`
+# models the noise of the logged current: it whitens the residuals by the response to current errors along the run. With
+# weights for output noise alone, the standard deviations would be too small by these factors:
 
 # %%
 exact = replace(found.plant, sensors={**truth.sensors, "current": replace(truth.sensors["current"], noise=0.0)})
@@ -182,41 +179,41 @@ bold = e.forecast(exact, noise.time, noise["current"])
 pd.DataFrame({row.name: {"too small by": row.sd / bold[row.name].sd} for row in honest.estimates}).round(1)
 
 # %% [markdown]
-# Last, how the errors hang together. A framed pair trades places: the log knows their ratio or their sum better than
-# each of the two.
+# Finally, the correlation of the errors. For a framed pair the log determines the ratio or the sum better than each
+# parameter.
 
 # %%
 correlation_figure(found)
 
 # %% [markdown]
-# No frame here. Strongest are Coulomb and Stribeck friction of the rod and its viscous part: a bit less of the one and a
-# bit more of the other makes nearly the same force over the speeds that the log has.
+# There is no frame here. The strongest correlation is between Coulomb, Stribeck and viscous friction of the rod: less
+# of one and more of another gives nearly the same force over the speeds in the log.
 
 # %% [markdown]
-# ## 3. Is anything left?
+# ## 3. Residual tests
 #
-# A small residual isn't yet a right model. If the model is right, what is left over knows nothing: not its own past, not
-# the current, not the direction of motion (wrong friction would show there), not the position (a wrong volume, a spring
-# that was forgotten).
+# Small residuals don't prove a model. The residuals of a right model are uncorrelated with their own past, with the
+# current, with the direction of motion (wrong friction would show there) and with the position (a wrong volume, a
+# missing spring).
 
 # %%
 assert not [test for test in found.residual_tests if not test.passed]
 residuals_figure(found)
 
 # %% [markdown]
-# Sixteen ticks. The one to look at is the position's residual with the direction of motion: 0.04, and several neighbouring
-# lags point the same way. Is the rod's friction law wrong? Here we know that it is not. The direction hardly changes from
-# sample to sample, so that neighbouring lags are one accident and not many, and the bands are made for that.
-# A model that lacks something looks different: for the linear model below the speed's residual has a correlation of 0.98
-# with its own past. Nor is a tick a proof. It says that this log has nothing more to teach this model.
+# All sixteen tests pass. The position residual has a correlation of 0.04 with the direction of motion, with the same
+# sign at several neighbouring lags. The rod's friction law is right here, as we know: the direction hardly changes from
+# sample to sample, so neighbouring lags are not independent, and the bands account for that. An incomplete model looks
+# different: for the linear model below, the speed residual has a correlation of 0.98 with its own past. A passed test
+# is no proof; it says that this log contains no further information about the model.
 
 # %% [markdown]
 # ## 4. What this log can't tell
 #
 # **Torque constant and bulk modulus** are not free in the plant's file, as the paper does not print them. The log does
-# tell them: area and displacement are known from the datasheet, the pressures give the torque that the pump takes, and so
-# the torque constant; volumes and modulus are told apart by the stroke, which changes the volumes by a known amount.
-# Both start 8 to 15 % off here.
+# determine them: area and displacement are known from the datasheet, and the pressures give the pump torque and so the
+# torque constant; the stroke changes the volumes by a known amount and so separates volumes and modulus. Both start 8
+# to 15 % off here.
 
 # %%
 wider = e.identify(found.plant.set(K_T=1.1, beta=1.2e9), noise, free=["K_T", "beta"])
@@ -224,23 +221,25 @@ assert all(abs(wider[name].value - truth[name]) < 4 * wider[name].sd for name in
 wider
 
 # %% [markdown]
-# Both come back, to two promille and to about a percent. The price is in the other rows: the shaft's dry friction is half
-# as sure as before, the inertia a quarter and the volumes a ninth, for each of them is known as a ratio to one of the two far better than by
-# itself. That is what the frames of this figure say. If such a ratio is all that a controller needs, nothing is lost.
+# Both are recovered, to 0.2 % and to about 1 %. The price: the standard deviation of the shaft's dry friction doubles,
+# that of the inertia grows fourfold and those of the volumes ninefold, because the log determines their ratios to $K_T$
+# or $\beta$ far better than themselves. The frames in this figure show these pairs. If a controller needs only the
+# ratio, nothing is lost.
 
 # %%
 correlation_figure(wider)
 
 # %% [markdown]
-# **Two forces that are both constant** can't be told apart by any log: a preload of the spring and a constant force on
-# the rod enter the same equation in the same way. `forecast` computes the covariance that a log *will* have, before it is
-# recorded. It says so at once.
+# **Two forces that are both constant** can't be separated by any log: a preload of the spring and a constant force on
+# the rod enter the same equation in the same way. `forecast` computes the expected covariance before a log is recorded,
+# and shows it.
 
 # %%
 e.forecast(found.plant, noise.time, noise["current"], free=["load.preload", "load.force"])
 
 # %% [markdown]
-# **A ramp**, the paper's Fig. 4, is the classic way to see what it takes to break away. But the rod moves one way only.
+# **A ramp**, the paper's Fig. 4, is the classic experiment for the breakaway force. But the rod moves in one direction
+# only.
 
 # %%
 ramp = bench("ramp", 1.6, 4.0, seed=3, centre=False)
@@ -256,19 +255,19 @@ print(f"residuals {by_ramp.fit.reduced_cost:.2f} times the noise's variance, exp
 table
 
 # %% [markdown]
-# The warning has its reason. The ramp breaks away once and hardly accelerates, so that the mass is told badly and
-# friction makes up for it, in numbers that are far off. Deviations are made of derivatives at the minimum that was found;
-# they can't know of a better one elsewhere. What gives such a result away is the line above the table, residuals that
-# noise does not explain, and that no row counts as well determined then. Two rules follow. Believe no row of a table
-# before the line on the residuals, and let the rod move both ways, often. `ehsa-ctrl excite` (`e.design_experiment`)
-# proposes a current that does, within the plant's limits.
+# The warning is justified. The ramp breaks away once and hardly accelerates, so the mass is poorly determined and
+# friction compensates for it, with values far off. Standard deviations are computed from derivatives at the minimum
+# found; they can't show a better minimum elsewhere. Such a result is recognisable by the residuals, which noise does
+# not explain; no parameter is then called well determined. Two rules follow: read the line on the residuals before the
+# table, and move the rod in both directions, often. `ehsa-ctrl excite` (`e.design_experiment`) proposes such a current
+# within the plant's limits.
 
 # %% [markdown]
 # ## 5. A linear model of the same rig
 #
-# Controllers are designed on a linear model, and the same log gives one; it has no dry friction. To see how much of a
-# result is the rig and how much the log, it is done twice: on the first half of the log and on the second, each held
-# against the other half.
+# Controllers are designed on a linear model without dry friction, which can be fitted to the same log. To show how much
+# the result depends on the log, it is fitted twice: on the first and on the second half of the log, each validated on
+# the other half.
 
 # %%
 halves = {"first half": noise.segment(0, 10), "second half": noise.segment(10, 20)}
@@ -288,11 +287,10 @@ display(pd.DataFrame(rows).T.round(1))
 linear["first half"]
 
 # %% [markdown]
-# No values of six parameters make this model follow the log, and the tool says so: residuals thousands of times beyond
-# the noise, nothing of the position, rows that are not to be trusted. There is no right minimum here, only a compromise,
-# and a flat one: the other half of the same log ends elsewhere. Beside these two are two others: the paper's linear set
-# (Table 2), and the *sliding* one, the viscous friction, inertia, mass, volumes and leakage of the identified nonlinear
-# plant. That one holds between two standstills, while shaft and rod slide.
+# No values of the six parameters fit the log, and the tool reports it: residuals thousands of times the noise, no fit
+# of the position, unreliable parameters. The cost has a flat minimum: the other half of the same log gives other
+# values. Two alternatives are the paper's linear set (Table 2), and the *sliding* set: viscous friction, inertia, mass,
+# volumes and leakage of the identified nonlinear plant. It holds between two standstills, while shaft and rod slide.
 
 # %%
 e.write_plant("plants/identified.toml", found.plant, force=True)  # found by name in a folder plants/
@@ -305,13 +303,13 @@ models = {name: e.load_plant(plant, model="linear") for name, plant in designs.i
 pd.DataFrame({name: plant.values for name, plant in models.items()}).T[["J_M", "B_FM", "M", "B_FR", "K_L", "V"]]
 
 # %% [markdown]
-# The fitted models take dry friction for damping: some ten times what is there while shaft and rod slide, of both, and
-# beside it a leakage that the rig does not have. (Table 2 shows the same thing, only less of it: B_FM and B_FR of its linear
+# The fitted models take dry friction for damping: about ten times the viscous friction of the sliding shaft and rod,
+# and also a leakage that the rig does not have. (Table 2 shows the same to a lesser degree: B_FM and B_FR of its linear
 # set are a third and a twentieth larger than those of its nonlinear one.)
 #
-# `pid_position` asks for a crossover of 35 rad/s and a phase margin of 60 degrees, and gets both on every model. So the
-# margins on the model it was designed on can't tell which design is good. Gains can, and the margins that the same
-# controller has on the sliding model, which is what the rig is once it moves.
+# `pid_position` specifies a crossover of 35 rad/s and a phase margin of 60 degrees, and reaches both on every model. So
+# the margins on the design model don't show which design is good. The gains do, and so do the margins of the same
+# controller on the sliding model, which describes the moving rig.
 
 # %%
 slides = e.three_state(models["sliding"])
@@ -338,12 +336,12 @@ assert all(
 pd.DataFrame(rows).T
 
 # %% [markdown]
-# Designed on a fitted model, the controller is several times too bold: asked for 35 rad/s, it crosses over at more than
-# three times that, with half the phase margin or much less. How much too bold depends on which half of the log was used.
-# Table 2 and the sliding model give nearly the same controller.
+# Designed on a fitted model, the controller is much too aggressive: its crossover is more than three times the
+# specified 35 rad/s, with half the phase margin or much less. The amount depends on the half of the log. Table 2 and
+# the sliding model give nearly the same controller.
 #
-# Now the check that counts: the shipped scenarios on the identified *nonlinear* plant, against a spring of 50 kN/m, with
-# the noise of the sensors.
+# The decisive check: the shipped scenarios on the identified *nonlinear* plant, against a spring of 50 kN/m, with the
+# noise of the sensors.
 
 # %%
 results = {
@@ -403,26 +401,26 @@ position.legend(
 plt.show()
 
 # %% [markdown]
-# No column decides this by itself, and all of them pass everything.
+# All of them pass all scenarios; no single column decides.
 #
-# - The controllers from the fitted models have the smallest errors under the force and in the sine: a large gain is what
-#   holds against dry friction. They pay with overshoot, settling that takes longer, and a current that travels three to
-#   five times as far, for a large gain passes on the sensors' noise. That they pass is luck: the margins on the sliding
-#   model say how little is left, 9 and 24 degrees. A scenario shows one case, a margin tells how far the next one is.
-# - Table 2's controller passes with 58 degrees left.
-# - So does the sliding model's, with 60. Its gains are the smallest of the four, a tenth below Table 2's, and its standing
-#   error under the force the largest: the rod has stopped, and the integral has to wind up against dry friction, of which
-#   no linear model knows.
+# - The controllers from the fitted models have the smallest errors under the force and in the sine: a large gain
+#   reduces the effect of dry friction. The price is overshoot, longer settling, and three to five times the current
+#   travel, because a large gain amplifies sensor noise. They pass with little reserve: their phase margins on the
+#   sliding model are 9 and 24 degrees. A scenario shows one case; a margin shows the distance to failure.
+# - Table 2's controller passes with a phase margin of 58 degrees.
+# - So does the sliding model's, with 60. Its gains are the smallest of the four, a tenth below Table 2's, and its
+#   steady-state error under the force is the largest: the rod sticks, and the integral has to wind up against dry
+#   friction, which no linear model contains.
 #
-# So the better ones to design on are the two that say what the rig does while it moves, since what was asked for is then
-# what one gets; the fit in percent would have chosen none of them. If the integral is too slow, ask for more crossover,
-# knowingly, instead of having it from a model that mistakes friction for damping. And let the nonlinear plant decide.
+# So design on one of the two models of the sliding rig: the specification is then met. The fit in percent would have
+# selected neither. If the integral is too slow, specify a higher crossover instead of getting one from a model that
+# takes friction for damping, and check on the nonlinear plant.
 
 # %% [markdown]
-# ## 6. Keep it
+# ## 6. Save the plant
 #
-# The identified plant becomes a TOML of its own: the file that it came from, with the numbers that are new, each with its
-# standard deviation and its source. Everything else, comments too, stays as it was.
+# The identified plant is written as a TOML: a copy of its file with the new values, standard deviations and sources.
+# Everything else, including comments, is unchanged.
 
 # %%
 before = e.plants["ehsa"].read_text().splitlines()
@@ -432,15 +430,16 @@ for line in difflib.unified_diff(before, after, "ehsa.toml", "identified.toml", 
         print(line)
 
 # %% [markdown]
-# It stands in a folder `plants/` of the project, so that it is found by its name: `ehsa-ctrl run --plant identified`.
+# It is in a folder `plants/` of the project and so is found by name: `ehsa-ctrl run --plant identified`.
 #
 # ## What to keep
 #
-# - Ask the log first whether it can be right. Then look at the line on the residuals, and only then at a table.
-# - A deviation is honest when the noise of the logged current is in the model. What trades with what stands in the figure of
-#   correlations.
-# - A ramp shows a threshold and identifies nothing. Let the rod move both ways, often.
-# - A linear model fitted to a log with dry friction is a compromise that depends on the log. Design on what slides.
+# - Check the log first. Then read the line on the residuals, and only then the table.
+# - Standard deviations are realistic only if the noise of the logged current is in the model. The correlation figure
+#   shows which parameters trade off.
+# - A ramp shows the breakaway threshold and identifies nothing else. Move the rod in both directions, often.
+# - A linear model fitted to a log with dry friction is a compromise that depends on the log. Design on the sliding
+#   model.
 #
-# **Next:** [from_model_to_controller](from_model_to_controller.ipynb) designs PID, cascade, LQR and MPC, and sees what friction does to
-# them.
+# **Next:** [from_model_to_controller](from_model_to_controller.ipynb) designs PID, cascade, LQR and MPC and shows the
+# effect of friction on them.

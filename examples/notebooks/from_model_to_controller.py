@@ -3,16 +3,16 @@
 # %% [markdown]
 # # From a model to a controller
 #
-# A linear model, a Bode diagram, a PID, margins: so far a textbook. Then the same PID on a plant that sticks. This
-# notebook goes on from there: what friction does to each classic design, what can be done about it, and how one finds out
-# whether it holds on a plant that is not exactly the one it was designed on.
+# This notebook starts with a linear model, a Bode diagram, a PID and its margins, and then runs the same PID on a plant
+# with stick-slip friction. It shows the effect of friction on each classic design, the remedies, and how to check
+# robustness against parameter errors.
 #
-# The plant is the paper's actuator in `plants/ehsa.toml`. Its *linear* set is what controllers are designed on. Its
-# *nonlinear* set, with dry friction at shaft and rod that truly sticks, is what they are judged on; no controller sees it.
-# Everything here is a command, too: `ehsa-ctrl analyse`, `ehsa-ctrl design`, `ehsa-ctrl run`.
+# The plant is the paper's actuator in `plants/ehsa.toml`. Controllers are designed on its *linear* set and evaluated on
+# its *nonlinear* set with stick-slip friction at shaft and rod, which no controller sees. Everything here is also a
+# command: `ehsa-ctrl analyse`, `ehsa-ctrl design`, `ehsa-ctrl run`.
 #
-# This is the third of four notebooks; before it come `from_paper_to_model` and `from_log_to_plant`. The same steps without a notebook,
-# and without the lecture, are in `design_script.py` beside this file.
+# This is the third of four notebooks, after `from_paper_to_model` and `from_log_to_plant`. `design_script.py` in the
+# same folder has the same steps as a script.
 
 # %%
 import os
@@ -43,7 +43,8 @@ plt.rcParams.update(RC)
 # ## 1. The linear model
 #
 # Equation (7) of the paper with the position added: states are the shaft's speed $\omega$, the pressure difference
-# $\Delta P$, the rod's speed $v$ and its position $x$. It is a `control.StateSpace`, so that all of python-control works on it.
+# $\Delta P$, the rod's speed $v$ and its position $x$. It is a `control.StateSpace`, so all of python-control works on
+# it.
 
 # %%
 linear = e.load_plant("ehsa", model="linear")
@@ -52,9 +53,9 @@ analysis = e.analyse(model)
 print(analysis)
 
 # %% [markdown]
-# Three things to read off. A slow pole at 9 rad/s: shaft and rod as one mass against viscous friction. A pair at 70 Hz:
-# the rod against the oil's stiffness, well damped. And the integrator from speed to position. From the current to the
-# position there is no zero, so the phase falls to -360 degrees; the pair at 70 Hz is what will limit the gain.
+# The model has a slow pole at 9 rad/s (shaft and rod as one mass with viscous friction), a well damped pair at 70 Hz
+# (the rod on the oil's stiffness), and the integrator from speed to position. From the current to the position there is
+# no zero, so the phase falls to -360 degrees; the pair at 70 Hz limits the gain.
 
 # %%
 poles = np.sort(np.abs(analysis.poles))
@@ -64,7 +65,7 @@ bode_figure(analysis)
 # %% [markdown]
 # ## 2. A PID by phase margin
 #
-# `controllers/pid_position.toml` asks for a crossover and a phase margin. This is all that it says:
+# `controllers/pid_position.toml` specifies a crossover and a phase margin. The whole file:
 
 # %%
 print(e.controllers["pid_position"].read_text())
@@ -78,13 +79,13 @@ print(loop)
 loop_figure(loop)
 
 # %% [markdown]
-# The loop is not a continuous approximation. The plant is sampled exactly with a zero-order hold, the law is the
-# difference equation that will run every 4 ms, and the delay margin is that of the sampled loop. So the margins asked for
-# are the margins that are there.
+# The loop is not a continuous approximation: the plant is sampled exactly with a zero-order hold, the control law is
+# the difference equation that runs every 4 ms, and the delay margin is that of the sampled loop. The margins are
+# therefore exact.
 #
-# Phase margin and gain margin change one thing at a time. The **disk margin** lets gain and phase change at once: the
-# loop stays out of the disk below, so that any gain factor in the range printed above *together with* any phase change
-# up to the angle printed beside it leaves it stable.
+# Gain margin and phase margin vary one quantity at a time. The **disk margin** varies gain and phase simultaneously:
+# the loop avoids the disk below, so it stays stable for any gain factor in the range printed above *together with* any
+# phase change up to the printed angle.
 
 # %%
 nyquist_figure(loop)
@@ -92,8 +93,8 @@ nyquist_figure(loop)
 # %% [markdown]
 # ## 3. The same PID on the plant
 #
-# `e.run` takes a scenario: 10 mm against a spring of 50 kN/m, with the noise of the sensors. It designs on the linear
-# model, predicts with it, and checks on the nonlinear plant.
+# `e.run` takes a scenario: 10 mm against a spring of 50 kN/m, with the noise of the sensors. It designs and predicts on
+# the linear model and checks on the nonlinear plant.
 
 # %%
 first = e.run("steps_spring", controller="pid_position")
@@ -101,8 +102,8 @@ assert first.passed
 first.plot()
 
 # %% [markdown]
-# The prediction overshoots and comes back. The rod stops where friction first holds it, 0.1 mm off. The scenario's limits
-# are kept, and yet nothing is at rest: the integral goes on winding up. To see where that ends, hold the target for a minute.
+# The prediction overshoots and returns. The rod stops where friction first holds it, 0.1 mm off. The scenario passes,
+# but the loop is not at equilibrium: the integral keeps winding up. The next cell holds the target for a minute.
 
 
 # %%
@@ -160,17 +161,17 @@ print(f"from 20 s to 60 s; the smallest slip is {1e6 * quantum:.0f} um")
 table
 
 # %% [markdown]
-# All three break away again and again: the classic PID after a quarter of a minute and half a minute later once more, the
-# LQR every second or so. This isn't bad tuning. Static friction is above Coulomb friction, so the integral must wind up to
-# the one and is then too large for the other; any integral action does this (B. Armstrong, B. Amin, Automatica 32(5), 1996).
-# The gains only choose the period.
+# All three break away repeatedly: the classic PID after a quarter of a minute and again half a minute later, the LQR
+# about every second. This is not bad tuning. Static friction exceeds Coulomb friction, so the integral winds up to the
+# former and is then too large for the latter; every integral action does this (B. Armstrong, B. Amin, Automatica 32(5),
+# 1996). The gains only determine the period.
 #
-# Two numbers say what can be had at all.
+# Two numbers bound the attainable performance.
 #
-# - `slip_quantum`: the shortest motion that a pulse of current can cause from rest. The energy set free at breakaway
-#   carries the rod on. A standing error below about half of it can't be corrected, only avoided.
-# - `shortest_time`: full current, then full braking, friction included, up to the pump's speed limit. No controller with
-#   this drive settles faster.
+# - `slip_quantum`: the smallest motion that a current pulse can cause from rest, since the energy released at breakaway
+#   moves the rod on. A steady-state error below about half of it can't be corrected, only avoided.
+# - `shortest_time`: full current, then full braking, friction included, up to the pump's speed limit. No controller
+#   with this drive settles faster.
 
 # %%
 bound = e.shortest_time(rig, 0.010, pid.current_limit, band=0.2e-3)
@@ -184,9 +185,9 @@ print(
 # %% [markdown]
 # ## 4. More from a PID: tuned under bounds, and a cascade
 #
-# Asking for a crossover leaves open how good the loop is *for* it. `[tuning]` turns this round: the least error after a
-# load step, under bounds on Ms, Mt, the disk margin and the noise that reaches the current. The **cascade** has a fast loop
-# on the shaft's speed, where much of the friction is, and the position around it.
+# A specified crossover does not optimise performance. `[tuning]` does: it minimises the error after a load step under
+# bounds on Ms, Mt, the disk margin and the noise gain to the current. The **cascade** has a fast inner loop on the
+# shaft's speed, where much of the friction acts, and an outer position loop.
 
 # %%
 known = e.known_of(rig)  # the sensors' noise; and of friction, for section 8
@@ -244,20 +245,20 @@ assert not cascade["passed"]
 rounded(table)
 
 # %% [markdown]
-# The tuned PID gives way to a force by little more than half as much, and its Ms stands at its bound, as it should. On the
-# plant it settles *later* than the classic one: its stronger integral overshoots further when friction lets go. A better
-# linear design isn't a better one here.
+# The tuned PID reduces the deviation under a force to little more than half, and its Ms is at its bound, as expected.
+# On the plant it settles *later* than the classic one, because its stronger integral overshoots more at breakaway. A
+# better linear design is not a better design here.
 #
-# The cascade settles several times faster and nearly at the smallest slip. It also fails: a jump of 10 mm drives the
-# pump beyond its speed limit for a moment. The speed that the outer loop asks for is limited, but the overshoot of the
-# inner loop is not. A planned motion will cure that in section 6.
+# The cascade settles several times faster, with an error close to the smallest slip. But it fails: a step of 10 mm
+# briefly exceeds the pump's speed limit, because the speed reference of the outer loop is limited but the overshoot of
+# the inner loop is not. A planned motion solves this in section 6.
 #
 # ## 5. LQR with a Kalman filter
 #
-# State feedback needs all states; a Kalman filter gives them, and it estimates three disturbances beside: a friction
-# current, a load force and a leak. What the linear model does not know ends up there and is paid for (no integral is
-# needed). Regulator and filter are designed apart, and the closed loop has the poles of both. This is the separation
-# principle, and it is a check of the whole chain:
+# State feedback needs all states; a Kalman filter estimates them and three disturbances: a friction current, a load
+# force and a leakage. They absorb the model errors, and the controller compensates them (no integral is needed).
+# Regulator and filter are designed separately, and the closed loop has the poles of both (separation principle), which
+# checks the whole design:
 
 # %%
 lqr = chosen["lqr_position"]
@@ -272,9 +273,9 @@ print(
 print(loop)
 
 # %% [markdown]
-# Separation says that the loop is stable, not that it is robust. An LQR with known states has Ms of about 1; a filter
-# takes some of that away. Telling the filter of more noise *at the motor* gives it back (Doyle and Stein, 1979): it then
-# trusts the sensors and not the model.
+# Separation guarantees stability, not robustness. An LQR with measured states has Ms of about 1; a filter loses some of
+# that. Assuming more process noise *at the motor* recovers it (Doyle and Stein, 1979): the filter then relies on the
+# sensors more than on the model.
 
 # %%
 text = e.controllers["lqr_position"].read_text()
@@ -296,11 +297,11 @@ assert table["Ms"].is_monotonic_decreasing and table["RMS error in slow_sine (um
 table.round(2)
 
 # %% [markdown]
-# No linear figure shows a price. The last column does: it is the error on the nonlinear plant in a slow sine. A filter that
-# takes a surprise for noise at the motor is slow to take it for friction, and at each reversal friction changes its sign.
-# 0.1 A is the shipped compromise.
+# The linear figures show no drawback, but the last column does: the error on the nonlinear plant in a slow sine. A
+# filter that attributes an innovation to noise at the motor is slow to attribute it to friction, which changes its sign
+# at each reversal. The shipped value of 0.1 A is a compromise.
 #
-# What does the filter see on the plant with friction? The estimated load should be what the rod has to push against:
+# The load estimate on the plant with friction, compared with the spring force:
 
 # %%
 run = follow(lqr, jumps([0.020, 0.0], 1.5))
@@ -328,17 +329,17 @@ for ax in (top, bottom):
 plt.show()
 
 # %% [markdown]
-# While the rod slides, the estimate follows closely. Once it sticks, spring and
-# friction balance each other, and what the filter calls a load is all that the oil holds against. It learns that slowly,
-# goes on paying for it, and breaks the rod away again: the disturbance is an integral in disguise.
+# While the rod slides, the estimate follows closely. Once it sticks, spring and friction balance each other, and the
+# load estimate slowly approaches the pressure force. The controller compensates this estimate and breaks the rod away
+# again: the disturbance estimate acts as an integral.
 #
-# ## 6. Cures against friction
+# ## 6. Remedies against friction
 #
-# Feedback alone must be surprised by friction before it acts. Four stages around the law help it; each is a table in the
-# controller's TOML.
+# Feedback alone reacts only after friction has caused an error. Four stages around the control law help; each is a
+# table in the controller's TOML.
 #
-# - `[trajectory]`: a jump of the target becomes a motion that the actuator can follow.
-# - `[feedforward]`: the current which that motion needs, friction and load included. The numbers come from a plant:
+# - `[trajectory]`: a step of the target becomes a motion that the actuator can follow.
+# - `[feedforward]`: the current for that motion, including friction and load. The numbers come from a plant:
 
 # %%
 needed = motion_current(e.load_plant("ehsa"))
@@ -355,13 +356,13 @@ units = {
 pd.DataFrame({"value": needed, "unit": units}).round(5)
 
 # %% [markdown]
-# - `[rest]`: when the motion has ended and the rod stands within a band of about the smallest slip, the law is frozen.
-#   The integral stands still, and noise can't make the shaft creep.
-# - `forget = true` in it: when the next motion begins, the integral goes back to where the last motion left it. What it
-#   wound up against friction in between would push the new motion by millimetres.
+# - `[rest]`: when the motion has ended and the rod rests within a band of about the smallest slip, the control law is
+#   frozen, so neither the integral nor noise moves the shaft.
+# - `forget = true` in `[rest]`: when the next motion begins, the integral is reset to its value at the end of the last
+#   motion. Otherwise the windup during the rest would disturb the new motion by millimetres.
 #
-# Which of these does the work? `pid_friction` has all four. The table takes its bare law and adds one after the other.
-# Sixteen moves to random places within 20 mm, 2 s each, under the spring.
+# `pid_friction` has all four. The table starts with its control law alone and adds one stage after the other, for
+# sixteen moves to random positions within 20 mm, 2 s each, under the spring.
 
 # %%
 targets = np.round(np.random.default_rng(0).uniform(-0.020, 0.020, 16), 4)
@@ -430,13 +431,13 @@ position.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
 plt.show()
 
 # %% [markdown]
-# No single stage does it. The law alone gets there, up to two seconds late, and hunts between the moves. Planned motion and
-# feed-forward alone make it worse: the integral, wound up against friction at rest, pushes the next motion, which then ends
-# outside the band. Freezing helps little by itself for the same reason. Once the integral forgets, every move ends in its
-# place and the rod rests. (In the figure's middle the scale is that of the end of a motion, 0.1 mm is green.)
+# No single stage is enough. The control law alone arrives up to two seconds late and hunts between the moves. Planned
+# motion and feed-forward alone make it worse: the wound-up integral disturbs the next motion, which then ends outside
+# the band. Freezing alone helps little for the same reason. With the reset of the integral every move ends at its
+# target and the rod rests. (The middle panel is scaled to the end of a motion; 0.1 mm is green.)
 #
-# The other laws have shipped versions with the same cures. None of them needs to forget: the cascade's integral and the
-# filter's disturbances are fast enough to be right when a motion ends.
+# The other control laws have shipped versions with the same remedies. None needs the reset: the cascade's integral and
+# the filter's disturbance estimates have converged when a motion ends.
 
 # %%
 pairs = ["cascade_position", "cascade_friction", "lqr_position", "lqr_friction"]
@@ -450,14 +451,14 @@ assert all(
 others.style.format({column: "{:.0f}" for column in others.columns if column != "settled"})
 
 # %% [markdown]
-# Here the cures buy something else: silence. No slip at rest, and a current that travels much less. They cost a
-# little accuracy, as a rod within the band is left where it is.
+# Here the remedies give a quiet loop: no slip at rest, and much less current travel. They cost a little accuracy, as a
+# rod within the band is not corrected.
 #
 # ## 7. MPC: the limits are part of the problem
 #
-# The same LQR with limits on current, its rate, the pump's speed, pressure and stroke, looked at over the next 80 ms at
-# each sample. Where no limit is near, both give the same current, as for 0.5 mm. Asked for 60 mm at once, without a planned
-# motion, they differ:
+# The MPC is the same LQR with limits on current, its rate, pump speed, pressure and stroke over a horizon of 80 ms.
+# Where no limit is active both give the same current, as for 0.5 mm. For a step of 60 mm without a planned motion they
+# differ:
 
 # %%
 bare = e.load_plant("ehsa")
@@ -487,10 +488,10 @@ for trip in bold["LQR"].trajectory.exceeded:
     print("LQR:", trip)
 
 # %% [markdown]
-# A solver can fail, and a controller must then still give a current. The trace `solver_status` records for each sample
-# what gave it: 0 the solution; 1 the solution, but a soft limit is passed; 2 no solution in time, so the next current of
-# the plan before; 3 the LQR's current within the limits of current and rate. To see more than the first, the solver gets too
-# few iterations:
+# If the solver fails, the controller must still return a current. The trace `solver_status` records its origin for each
+# sample: 0 the solution; 1 the solution with a violated soft limit; 2 no solution in time, so the next current of the
+# previous plan; 3 the LQR's current within the limits of current and rate. To show these cases, the solver gets too few
+# iterations:
 
 # %%
 rows, runs = {}, {}
@@ -508,9 +509,9 @@ assert table.loc[200, "status 0"] + table.loc[200, "status 1"] == len(jump) and 
 table
 
 # %% [markdown]
-# With enough iterations every sample is solved. With too few the rod still arrives, and current and rate are
-# still within their limits; the speed is not, for the LQR that steps in does not know of it. A planned motion within the
-# limits, as the shipped `mpc_position` has it, makes such samples rare: they come when a limit is near.
+# With enough iterations every sample is solved. With too few the rod still arrives, and current and rate keep their
+# limits; the speed does not, because the substituted LQR does not consider it. A planned motion within the limits, as
+# in the shipped `mpc_position`, makes such samples rare: they occur near a limit.
 
 # %%
 quiet = follow(mpc, jump, bare)
@@ -518,12 +519,12 @@ assert not quiet.traces["solver_status"].any() and quiet.traces["solver_iteratio
 print(f"with the planned motion: at most {quiet.traces['solver_iterations'].max():.0f} iterations, every sample solved")
 
 # %% [markdown]
-# ## 8. Plants that are not quite this one
+# ## 8. Robustness against parameter errors
 #
-# Margins of one model are a promise about one model. Here are twenty: sixteen draws of the parameters (10 % on what was
-# identified by somebody who did not say how well, the torque constant and other assumed numbers anywhere within their bounds),
-# with and without the spring, with and without 100 kg behind the load cell. `robust_margins` gives the worst of each margin *and
-# the plant that has it*.
+# Margins hold for one model. Here are twenty: sixteen draws of the parameters (10 % on identified values without a
+# stated uncertainty, the torque constant and other assumed numbers anywhere within their bounds), with and without the
+# spring, with and without 100 kg behind the load cell. `robust_margins` gives the worst of each margin *and the plant
+# that has it*.
 
 # %%
 models = e.drawn_models(
@@ -552,13 +553,13 @@ table.style.format(dict.fromkeys(("nominal Ms", "worst Ms", "worst disk margin")
 robustness_figure(robust["pid_tuned"])
 
 # %% [markdown]
-# All are stable with all. But the tuned PID, which stood at Ms = 1.45 on its own model, comes close to the edge with a
-# heavy payload and a torque constant that is larger than believed: a payload makes the oil's resonance slower and
-# less damped, and a large gain finds it. A tuner uses up all of the margin that it is given. Cascade and LQR measure the
-# shaft's speed, and lose far less.
+# All loops are stable. But the tuned PID, with Ms = 1.45 on its own model, comes close to instability with a heavy
+# payload and a torque constant above the nominal one: a payload makes the hydraulic resonance slower and less damped,
+# and a large gain excites it. Tuning uses all of the allowed margin. Cascade and LQR measure the shaft's speed and lose
+# far less.
 #
-# `review` collects what a reviewer would ask of a design, says what is doubtful, and what to do. Beside the linear model
-# it wants to know some facts of friction and noise.
+# `review` checks a design for common problems and recommends actions. In addition to the linear model it needs some
+# data on friction and noise.
 
 # %%
 look = e.review(model, chosen["pid_tuned"], known=replace(known, slip=quantum), robust=robust["pid_tuned"])
@@ -568,8 +569,8 @@ look
 # %% [markdown]
 # ## 9. A scenario is a test
 #
-# What should never break again goes into a TOML, with limits, and with the reason why it exists. In a folder `scenarios/`,
-# `pytest` finds it by itself. This one asks for what section 6 was about.
+# A requirement is a TOML with limits and the reason for it. `pytest` collects it from a folder `scenarios/`. This one
+# states the requirement of section 6.
 
 # %%
 Path("scenarios").mkdir()
@@ -612,8 +613,8 @@ print("\n".join(line for line in report if " in " not in line or "passed" not in
 assert tested.returncode == 1 and "1 failed, 1 passed" in tested.stdout
 
 # %% [markdown]
-# One run is one plant and one seed. `monte_carlo` draws both, and gives the probability of passing with its interval, and
-# the parameter that decides. The shipped `spread_steps` spreads friction, torque constant, inertia and load.
+# One run is one plant and one seed. `monte_carlo` draws both and gives the probability of passing with its interval and
+# the deciding parameter. The shipped `spread_steps` varies friction, torque constant, inertia and load.
 
 # %%
 classic = e.monte_carlo("spread_steps", runs=100, controller="pid_position")
@@ -625,23 +626,23 @@ print(with_cures)
 classic.plot()
 
 # %% [markdown]
-# For the PID the spring matters most: the less of it, the nearer is the limit on the standing error. A panel is marked
-# decisive where chance alone would hardly do this. With cures every run passes; the interval says what 100 runs can say,
-# and no more.
+# For the PID the spring matters most: the softer it is, the closer the steady-state error comes to its limit. A panel
+# is marked decisive if the difference is significant. With the remedies every run passes; the interval shows what 100
+# runs can prove.
 #
-# ## 10. What each of them does not do
+# ## 10. Weaknesses of each controller
 #
-# - `pid_position`: safe margins, readable gains. It hunts, slowly; it takes nine times the shortest time.
-# - `pid_tuned`: stiff against loads. It hunts as well, settles later, and with an unlucky payload its margin is nearly used up.
-# - `cascade_position`: fast and robust. It drives the pump beyond its speed limit on a jump; it needs a planned motion.
-# - `lqr_position`: fast, offset-free, calm. It hunts at rest most often of all, as its disturbance is an integral in disguise;
-#   less than two samples of extra delay are what it can take.
-# - `mpc_position`: keeps limits that no other law knows of. At rest it is that LQR, hunting included. It needs a solver, and
-#   its speed limit is soft.
-# - `*_friction`: quiet. They leave any error within the band, and believe numbers for friction that a log must have given.
+# - `pid_position`: safe margins, readable gains. It hunts slowly and takes nine times the shortest time.
+# - `pid_tuned`: stiff against loads. It hunts as well, settles later, and with an unfavourable payload has little
+#   margin left.
+# - `cascade_position`: fast and robust. A step drives the pump beyond its speed limit; it needs a planned motion.
+# - `lqr_position`: fast, offset-free, quiet. It hunts at rest most often of all, as its disturbance estimate acts as an
+#   integral; it tolerates less than two samples of extra delay.
+# - `mpc_position`: respects limits that no other law considers. At rest it equals the LQR, including the hunting. It
+#   needs a solver, and its speed limit is soft.
+# - `*_friction`: quiet. They leave any error within the band, and depend on friction values identified from a log.
 #
-# Two more things about the cures are worth a run. What if the friction grows by 30 %, as it does in the cold? And what of a
-# path that reverses slowly, where nothing ever rests?
+# Two more tests of the remedies: friction 30 % higher, as with cold oil, and a path that reverses slowly, without rest.
 
 # %%
 rows = {}
@@ -663,9 +664,10 @@ assert (table["rod sticks in slow_sine (%)"] > 15).all()
 table
 
 # %% [markdown]
-# The PID's cure depends on its numbers: with more friction it hunts again, as if it had none. The other two keep still,
-# for they have a fast inner loop or an estimate that makes up for what feed-forward lacks. And in the slow sine
-# all three stick for a fifth of the time, with errors far above the smallest slip. No cure here is for that.
+# The remedy of the PID depends on its friction values: with more friction it hunts again, as without the remedy. The
+# other two stay at rest, because a fast inner loop or an estimate compensates the missing feed-forward. In the slow
+# sine all three stick for a fifth of the time, with errors far above the smallest slip; none of the remedies helps
+# there.
 
 # %%
 lqr_loop = e.analyse_loop(model, lqr)
@@ -674,4 +676,5 @@ assert first.metrics["SettlingRatio"][1] > 8
 print(f"delay margin of lqr_position: {1e3 * lqr_loop.delay_margin:.2f} ms, {lqr_loop.delay_margin / DT:.2f} samples")
 
 # %% [markdown]
-# **Next:** [from_gap_to_cause](from_gap_to_cause.ipynb). All of this was checked on a plant that is known. What if the rig does something else?
+# **Next:** [from_gap_to_cause](from_gap_to_cause.ipynb). All of this was checked on a known plant. The next notebook
+# treats a rig that differs from its model.

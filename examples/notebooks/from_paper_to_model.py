@@ -3,13 +3,13 @@
 # %% [markdown]
 # # From a paper to a model
 #
-# D. Belloli, F. Previdi, S. M. Savaresi, A. Cologni and M. Zappella, *Modeling and Identification of an Electro-Hydrostatic
-# Actuator*, print thirteen equations and two tables. This notebook turns them into a plant that can be simulated and
-# designed on. It asks the model whether it does what the paper says of it, whether it keeps its own books (energy, oil),
-# and what a result owes to the numbers that the paper does not print.
+# D. Belloli, F. Previdi, S. M. Savaresi, A. Cologni and M. Zappella, *Modeling and Identification of an
+# Electro-Hydrostatic Actuator*, print thirteen equations and two tables. This notebook turns them into a plant for
+# simulation and design. It checks the model against the paper's statements and against the balances of energy and oil,
+# and shows how results depend on the numbers that the paper does not print.
 #
-# It is the first of four: after it come `from_log_to_plant`, `from_model_to_controller` and `from_gap_to_cause`. The whole
-# way without lecture is `design_script.py` beside this file; the paper's figures alone are `paper_figures.py`.
+# It is the first of four notebooks; `from_log_to_plant`, `from_model_to_controller` and `from_gap_to_cause` follow.
+# `design_script.py` in the same folder has all steps in one script, `paper_figures.py` only the paper's figures.
 
 # %%
 import os
@@ -36,8 +36,8 @@ linear, plant = (e.load_plant("ehsa", model=model) for model in ("linear", "nonl
 # %% [markdown]
 # ## 1. The equations
 #
-# A motor turns a pump, the pump moves oil from one side of a piston to the other, the piston moves a rod. Five states: shaft
-# speed $\omega$, pressures $P_1$ and $P_2$, rod speed $v$ and position $x$. The paper's (12):
+# A motor drives a pump, the pump moves oil from one side of a piston to the other, the piston moves a rod. Five states:
+# shaft speed $\omega$, pressures $P_1$ and $P_2$, rod speed $v$ and position $x$. The paper's (12):
 #
 # $$\begin{aligned}
 # J_M\,\dot\omega &= K_T I_M - T_{FM}(\omega) - D\,(P_1 - P_2) \\
@@ -51,11 +51,11 @@ linear, plant = (e.load_plant("ehsa", model=model) for model in ("linear", "nonl
 #
 # $$F(v) = A\,\mathrm{sign}(v) + B\,v + C\,\mathrm{sign}(v)\,e^{-|v|/\tau}$$
 #
-# **Signs.** A positive current raises $P_1$ and extends the rod; $v$ and $x$ are positive then, and $x = 0$ is mid-stroke.
-# $F_{EXT}$ is positive when it resists extension. Friction is subtracted. Pressures are gauge, units SI.
+# **Signs.** A positive current raises $P_1$ and extends the rod; $v$ and $x$ are positive then, and $x = 0$ is
+# mid-stroke. $F_{EXT}$ is positive when it resists extension. Friction is subtracted. Pressures are gauge, units SI.
 #
-# Each of these lines stands once in the code, as a function that a person can hold against the paper. The same functions are
-# compiled for the engine, differentiated for the linear models, and used backwards by the identification:
+# Each of these lines appears once in the code, as a function that can be compared with the paper. The same functions
+# are compiled for the engine, differentiated for the linear models, and inverted by the identification:
 
 # %%
 for function in (
@@ -71,13 +71,13 @@ for function in (
     )
 
 # %% [markdown]
-# (`direction` is $\mathrm{sign}(v)$ of a contact that slides. At rest there is none, and section 5 is about that.)
+# (`direction` is $\mathrm{sign}(v)$ of a sliding contact. At rest it is undefined; see section 5.)
 #
 # ## 2. The numbers
 #
-# Everything that the equations need stands in `plants/ehsa.toml`, each number with the place it is from: Table 1 (`datasheet`),
-# Table 2 (`identified`), computed from these (`derived`), or not in the paper at all (`assumed`, `literature`), then with the
-# range in which it is believed. The paper gives two sets, one for the linear model and one for the nonlinear one.
+# All parameters are in `plants/ehsa.toml`, each with its source: Table 1 (`datasheet`), Table 2 (`identified`),
+# computed from these (`derived`), or not in the paper (`assumed`, `literature`), then with an assumed range. The paper
+# gives two sets, one for the linear model and one for the nonlinear one.
 
 
 # %%
@@ -88,7 +88,7 @@ def numbers(*symbols):
         ranged = f"{p.lower:g} to {p.upper:g}" if np.isfinite([p.lower, p.upper]).all() else ""
         values = [f"{one[symbol]:.6g}" if symbol in one.parameters else "" for one in (linear, plant)]
         rows[symbol] = [*values, p.unit, p.source, ranged, p.note]
-    return pd.DataFrame(rows, index=["linear", "nonlinear", "unit", "source", "believed in", "note"]).T
+    return pd.DataFrame(rows, index=["linear", "nonlinear", "unit", "source", "assumed range", "note"]).T
 
 
 shaft, oil = ("D", "J_M", "A_FM", "B_FM", "C_FM", "tau_FM", "K_T"), ("K_L", "V", "V_10", "V_20", "beta", "P_0")
@@ -100,14 +100,14 @@ table.style.set_properties(**{"text-align": "left"}).apply(
 )
 
 # %% [markdown]
-# Six of twenty are **not the paper's**: torque constant, bulk modulus, both Stribeck speeds, pressure at rest, spring. The torque
-# constant weighs most. Its range is not a guess but follows from the paper's own experiments: at 1.5 A the rod has to move
-# (0.87 N m/A or more), and the pump has to stay below its 4500 rpm (1.60 or less). Section 9 comes back to all six.
+# Six of twenty are **not the paper's**: torque constant, bulk modulus, both Stribeck speeds, pressure at rest, spring.
+# The torque constant matters most. Its range follows from the paper's own experiments: at 1.5 A the rod has to move
+# (0.87 N m/A or more), and the pump has to stay below its 4500 rpm (1.60 or less). Section 9 treats all six.
 #
 # ## 3. The linear model
 #
-# Without dry friction and with constant volumes (12) becomes (6), with four states. As only the difference of the
-# pressures does any work, (6) becomes (7), with three. Typed from the paper:
+# Without dry friction and with constant volumes (12) becomes (6), with four states. As only the pressure difference
+# does work, (6) becomes (7), with three. Copied from the paper:
 
 # %%
 p = linear.values
@@ -126,9 +126,9 @@ level = np.array([0.0, 1.0, 1.0, 0.0, 0.0])  # P_1 + P_2 of the states omega, P_
 assert not (level @ six.A).any() and not (level @ six.B).any()
 
 # %% [markdown]
-# Both are `control.StateSpace`, so that everything in python-control works on them. (6) has the poles of (7) and two more at
-# 0: the position, and the sum $P_1 + P_2$. The sum's rate is 0 whatever states and inputs are (the `assert` says so), so
-# that a controller that wants to move it asks for the impossible. One designs on (7). With position, as from now on:
+# Both are `control.StateSpace` objects, so all of python-control works on them. (6) has the poles of (7) and two more
+# at 0: the position, and the sum $P_1 + P_2$. The rate of this sum is 0 for all states and inputs (see the `assert`):
+# the mode is uncontrollable. Therefore controllers are designed on (7), from here on with the position:
 
 # %%
 model = e.three_state(linear)
@@ -137,8 +137,8 @@ print(analysis)
 bode_figure(analysis)
 
 # %% [markdown]
-# Where do 1.4 Hz and 70 Hz come from? By hand: shaft and rod turn as one inertia against viscous friction, reflected by
-# $n = D/A$; and rod and shaft swing against each other on the spring that the oil is.
+# The poles at 1.4 Hz and 70 Hz by hand: shaft and rod move as one inertia against viscous friction, reflected by $n =
+# D/A$; and rod and shaft oscillate against each other on the oil's stiffness.
 
 # %%
 n = p["D"] / p["A"]
@@ -151,13 +151,13 @@ print(f"oil's spring {oil:6.1f} rad/s by hand, {exact[1]:6.1f} exactly: it carri
 print(f"inertia of the shaft, seen at the rod: {p['J_M'] / n**2:.0f} kg; rod and piston: {p['M']:.1f} kg")
 
 # %% [markdown]
-# The last line is worth remembering. One revolution of the pump moves the rod by 2.4 mm, so that the small shaft is a mass of more than two
-# tons at the rod. A payload of 100 kg is hardly felt in the speed; it shows in the oil's swing alone.
+# Note the last line. One revolution of the pump moves the rod by 2.4 mm, so the small shaft acts as a mass of more than
+# two tons at the rod. A payload of 100 kg hardly changes the speed response; it shows only in the hydraulic resonance.
 #
 # ## 4. What each parameter does
 #
-# Each parameter halved and doubled, from the current to the rod's speed. (The torque constant is left out: it moves the
-# whole curve up or down.)
+# Response from the current to the rod's speed, with each parameter halved and doubled. (The torque constant is omitted:
+# it only shifts the whole curve up or down.)
 
 # %%
 omega = np.geomspace(0.3, 3000, 400)
@@ -186,7 +186,7 @@ figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right"
 plt.show()
 
 # %% [markdown]
-# The same in numbers: by how many percent a figure changes when the parameter grows by 10 %.
+# The same in numbers: change in percent for a parameter increase of 10 %.
 
 
 # %%
@@ -212,15 +212,15 @@ assert np.allclose(both, printed, rtol=1e-12) and abs(table.loc["K_L"]).max() < 
 table.round(1) + 0.0
 
 # %% [markdown]
-# Read by rows. Inertia sets the slow pole and nothing else. The two viscous frictions share the steady speed. The bulk modulus
-# moves the oil's swing alone, and only as $\beta/V$: with both 10 % larger nothing changes at all, so that no experiment on speed and
-# pressure difference can tell them apart. Leakage does nothing that could be seen here. What a Bode diagram does not show can't be identified
-# from it either, and need not be known for a controller.
+# By rows: Inertia sets only the slow pole. The two viscous frictions share the steady speed. The bulk modulus affects
+# only the hydraulic resonance, and only as $\beta/V$: with both 10 % larger nothing changes, so no experiment on speed
+# and pressure difference can separate them. Leakage has no visible effect. A parameter that a Bode diagram does not
+# show can't be identified from it, and a linear controller does not need it.
 #
 # ## 5. Dry friction: a set, not a function
 #
-# In (8) $\mathrm{sign}(0)$ is not 0. A contact at rest is held with *whatever it needs*, between $-(A + C)$ and $A + C$; beyond it breaks
-# away. The vertical line of the figure belongs to the law.
+# In (8) $\mathrm{sign}(0)$ is not 0. Friction on a contact at rest balances the net force, between $-(A + C)$ and $A +
+# C$; beyond, the contact breaks away. The vertical line in the figure is part of the law.
 
 # %%
 figure, axes = plt.subplots(1, 2, figsize=(8, 3.1), layout="constrained")
@@ -242,8 +242,8 @@ figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", n
 plt.show()
 
 # %% [markdown]
-# The engine takes it literally: speeds at rest are zero, not small, and the instant at which a contact stops or breaks away
-# is found, not stepped over. A current that rises slowly, against a spring of 50 kN/m and back, twice:
+# The engine implements this exactly: speeds at rest are zero, not small, and the events at which a contact stops or
+# breaks away are located. Below, the current rises slowly, against a spring of 50 kN/m, and returns, twice:
 
 # %%
 points = [0, 8, 16, 24, 32]
@@ -270,10 +270,10 @@ print(
 )
 
 # %% [markdown]
-# Over the current (right) this is a hysteresis loop some 2 A wide. When the current is gone the spring does not push the rod back:
-# shaft and rod stick, the oil is locked in between. (That the rod yields by some tenths of a millimetre all the same is the leakage.
-# The pressure sinks through it until the rod slips a bit.) No smooth function does this: with $\tanh(v/v_0)$ for the sign there is no
-# friction at rest, and the rod creeps home.
+# Plotted over the current (right) this is a hysteresis loop about 2 A wide. At zero current the spring does not push
+# the rod back: shaft and rod stick, and the oil between them is locked. (Leakage lowers the pressure until the rod
+# slips a little, which explains the few tenths of a millimetre.) No smooth function shows this: with $\tanh(v/v_0)$
+# instead of the sign there is no friction at rest, and the rod creeps back.
 #
 # The thresholds by hand, and in the ramp of the paper's Fig. 4:
 
@@ -293,9 +293,9 @@ pd.DataFrame({"by hand": by_hand, "in the ramp": dict(zip(by_hand, found, strict
 # %% [markdown]
 # ## 6. The paper's experiments
 #
-# Its measurements are not published, but the currents are, and what it says of them in words. So both models can be held
-# against the words. **Fig. 4**, the ramp: the motor begins to rotate only above a threshold, and the rod needs an
-# overshoot of pressure to start. (How steep the ramp is, is not said; 0.4 A/s here.)
+# The paper does not publish its measurements, but it gives the currents and describes the results, so both models can
+# be compared with these statements. **Fig. 4**, the ramp: the motor begins to rotate only above a threshold, and the
+# rod needs an overshoot of pressure to start. (The slope of the ramp is not given; 0.4 A/s here.)
 
 
 # %%
@@ -322,11 +322,12 @@ print(f"{fig4['dP'][moved] / BAR:.2f} bar to break the rod away, {after.min() / 
 overlay_figure(ramp, panels(runs), title="Fig. 4: slow current ramp, 0 to 1.6 A")
 
 # %% [markdown]
-# The stairs of the pressure difference are stick-slip: the shaft breaks away with too much torque, runs ahead, compresses the
-# oil, stops, and waits for more current, five times until the rod moves. The rod starts in quicker hops of its own.
+# The staircase of the pressure difference is stick-slip: the shaft breaks away with excess torque, runs ahead,
+# compresses the oil and stops until the current has risen further, five times until the rod moves. The rod then starts
+# in shorter slips.
 #
-# **Fig. 7**, steps of 1.5 A. The paper: the pressure difference overshoots before the rod moves, motor and rod brake faster than the linear
-# model says, and the error of the speed leaves an error of the position.
+# **Fig. 7**, steps of 1.5 A. According to the paper, the pressure difference overshoots before the rod moves, motor and
+# rod decelerate faster than in the linear model, and the speed error leaves a position error.
 
 # %%
 time, runs = experiment("steps", amplitude=1.5, duration=2.25)
@@ -349,8 +350,8 @@ display(table.round(2))
 overlay_figure(time, panels(runs), title="Fig. 7: steps of 1.5 A")
 
 # %% [markdown]
-# **Fig. 8**, a sine of 1.5 A at 2 Hz: the first half wave is lower than the others, for the rod has to break away from rest.
-# (Later ones find it moving, with the oil already under pressure.)
+# **Fig. 8**, a sine of 1.5 A at 2 Hz: the first half wave is lower than the others, because the rod has to break away
+# from rest. (Later it already moves, with the oil under pressure.)
 
 # %%
 time, runs = experiment("sine", amplitude=1.5, duration=3.0)
@@ -362,13 +363,14 @@ print("first half wave over the next: " + ", ".join(f"{name} {ratio:.2f}" for na
 overlay_figure(time, panels(runs), title="Fig. 8: sine of 1.5 A at 2 Hz")
 
 # %% [markdown]
-# All that the paper says comes out. In the last figure the linear model's first half wave isn't lower but higher: it starts
-# from rest like any linear system.
+# All statements of the paper hold. In the last figure the first half wave of the linear model isn't lower but higher:
+# it starts from rest like any linear system.
 #
 # ## 7. What does not fit: the steady speed
 #
-# In all three figures the linear model runs far ahead of the nonlinear one. "Correctly captures the main dynamics", says the paper. Is it a
-# mistake here? The steady speed needs no simulation: all torques and flows balance.
+# In all three figures the linear model is much faster than the nonlinear one, although the paper says that it
+# "correctly captures the main dynamics". The steady speed follows without simulation from the balance of torques and
+# flows.
 #
 # $$\omega = \frac{K_T I - T_{dry}}{B_{eff}},\qquad B_{eff} = B_{FM} + n^2 B_{FR},\qquad T_{dry} = A_{FM} + n A_{FR}$$
 #
@@ -422,9 +424,10 @@ print("steady speed at 1.5 A, rpm")
 over.round(2)
 
 # %% [markdown]
-# At least 1.58 times as fast, whatever the torque constant. The linear set would have to make up for 1.13 N m of dry friction by
-# viscous friction, and has only a fifth more of it than the nonlinear one. How much would it take? Over a sine of speed with amplitude
-# $\hat\omega$ dry friction works as hard as a viscous one of $4 T_{dry}/(\pi\hat\omega)$ (its describing function):
+# The linear set is at least 1.58 times as fast, whatever the torque constant. It would have to replace 1.13 N m of dry
+# friction by viscous friction, but has only a fifth more of it than the nonlinear set. For a sinusoidal speed of
+# amplitude $\hat\omega$, dry friction is equivalent to a viscous friction of $4 T_{dry}/(\pi\hat\omega)$ (its
+# describing function):
 
 # %%
 dry = plant["A_FM"] + n * plant["A_FR"]
@@ -437,10 +440,10 @@ print(
 print(f"as large as dry friction would make it at an amplitude of {amplitude / RPM:.0f} rpm")
 
 # %% [markdown]
-# The pump ends at 4500 rpm. So Table 2 as printed is a contradiction, or rests on numbers that are not printed.
+# The pump's limit is 4500 rpm. So Table 2 as printed is contradictory, or depends on numbers that are not printed.
 #
-# What is the linear set good for, then? For how a motion *changes* that is under way. While shaft and rod slide, dry friction is
-# nearly a constant and drops out. The nonlinear set linearised at a rod speed of 0.1 m/s has nearly the poles of the printed linear set:
+# The linear set is still useful for *changes* of a motion. While shaft and rod slide, dry friction is nearly constant
+# and drops out. The nonlinear set linearised at a rod speed of 0.1 m/s has nearly the poles of the printed linear set:
 
 # %%
 sliding = e.linearise(plant, velocity=0.1)
@@ -449,14 +452,15 @@ for name, system in {"linear set": six, "nonlinear set, sliding": sliding}.items
     print(f"{name:<24}", ", ".join(f"{pole:.1f}" for pole in sorted(poles, key=abs)), "rad/s")
 
 # %% [markdown]
-# That is what a controller is designed on. How far a push goes, how a motion begins and how it ends, it does not tell. This toolbox takes
-# both sets as printed, designs on the one, checks on the other, and shows the difference with each result.
+# This is a model for control design. It does not predict how far a motion goes, how it begins and how it ends. The
+# toolbox uses both sets as printed: it designs on the linear one, checks on the nonlinear one, and shows the difference
+# in each result.
 #
-# ## 8. Does the model keep its books?
+# ## 8. Energy and volume balances
 #
-# An equation typed with a wrong sign often runs well enough. It does not keep its balances. What the motor puts in must be
-# found again: as heat of two frictions and of the leakage, in the spring, in motion, and in the oil. The sum is done outside the
-# engine, with the equations written once more. 1.5 A at 2 Hz against the spring, on a grid of 20 us:
+# An equation with a wrong sign often simulates without an error, but it violates the balances. The motor's work must
+# equal the sum of friction heat, leakage loss, and the energy of spring, motion and oil. The sum is computed outside
+# the engine, from independently written equations, for 1.5 A at 2 Hz against the spring on a grid of 20 us:
 
 # %%
 sprung, dt = plant.set(K_S=50e3), 2e-5
@@ -503,9 +507,9 @@ for name, values in taken.items():
     print(f"  {name:<28} {values[-1]:8.3f} J")
 
 # %% [markdown]
-# To eight digits. (The dashed line runs along the upper edge.) Against so soft a spring the actuator heats itself: two
-# thirds of the work stay at the shaft, one third at the rod. And the oil: what enters one chamber leaves the other, and what the pump delivers is
-# what the piston sweeps, what leaks, and what is compressed.
+# The balance holds to eight digits. (The dashed line coincides with the upper edge.) Against such a soft spring nearly
+# all work becomes friction heat: two thirds at the shaft, one third at the rod. The oil volume: inflow of one chamber
+# equals outflow of the other, and the pump flow equals piston flow, leakage and compression.
 
 # %%
 squeezed_1, squeezed_2 = work(V_1 / q["beta"], P_1), work(V_2 / q["beta"], P_2)
@@ -530,13 +534,13 @@ print(
 )
 
 # %% [markdown]
-# Volume is conserved, as (12) says. **Mass is not**: oil at 25 bar that is taken out of one chamber and put into the other at 15 bar
-# is counted as the same volume. The work shows up as a pressure level that climbs without end. A quarter of a bar per second is no
-# matter for some seconds, but it is the paper's and no real plant's; `ehsa-ctrl simulate` warns, and the effect
-# `mass_conserving` ends it.
+# Volume is conserved, as (12) says. **Mass is not**: oil at 25 bar that is taken out of one chamber and put into the
+# other at 15 bar counts as the same volume. As a result the pressure level rises without bound. A quarter of a bar per
+# second does not matter for some seconds, but it is a property of the paper's model and not of a real plant; `ehsa-ctrl
+# simulate` warns, and the effect `mass_conserving` removes it.
 #
-# The last book is the integrator's own. `simulate_reference` goes through the same equations by SciPy, with events, a thousand
-# times slower and sharing no text with the engine but the physics:
+# Last, the integrator. `simulate_reference` solves the same equations by SciPy with events, a thousand times slower; it
+# shares only the physics functions with the engine:
 
 # %%
 time, current = e.excitation("steps", amplitude=1.5, duration=0.6)
@@ -548,11 +552,11 @@ for at, contact, direction in reference.events:
 print(f"largest difference of any state: {error.max():.0e} of its range")
 
 # %% [markdown]
-# ## 9. What the paper lacks, and what that is worth
+# ## 9. Sensitivity to the assumed numbers
 #
-# The assumed numbers once more. How much does a result change, if each of them goes to the ends of its range? (For those that have none
-# in the file: 10 to 40 bar at rest, no spring to 100 kN/m.) For the torque constant the range is taken in which the paper's overshoot of pressure appears
-# at all, 1.0 to 1.4.
+# How much does a result change if an assumed number moves to the ends of its range? (Without a range in the file: 10 to
+# 40 bar at rest, no spring to 100 kN/m.) The range of the torque constant is the one in which the paper's pressure
+# overshoot appears, 1.0 to 1.4.
 
 # %%
 ranges = {
@@ -602,8 +606,8 @@ assert max(pushes, key=lambda name: np.ptp(pushes[name])) == "K_T"
 pd.DataFrame(rows, index=list(nominal)).T
 
 # %% [markdown]
-# An empty cell: no change in the digits shown. The torque constant is in nearly every result; the others each have one or two of
-# their own. Where they act is seen in a step of 1.5 A, as the rod breaks away (upper row) and as it stops again (lower row):
+# An empty cell means no change in the digits shown. The torque constant affects nearly every result, the others one or
+# two each. A step of 1.5 A shows where, when the rod breaks away (upper row) and when it stops (lower row):
 
 # %%
 figure, axes = plt.subplots(2, 4, figsize=(8, 4.2), sharex="row", sharey="row", layout="constrained")
@@ -626,20 +630,21 @@ axes[1, 0].set(ylabel="rod speed\n(mm/s)", xlim=(500, 570), ylim=(-4, 125))
 plt.show()
 
 # %% [markdown]
-# The torque constant decides how far and how fast; a PID that was designed for 35 rad/s crosses over somewhere between 29 and 41. The bulk
-# modulus is in the first 20 ms and in the phase margin; at its lower end the overshoot that the paper speaks of is nearly gone, so that
-# the softest oil is the least likely. The two Stribeck speeds shape breakaway and stop, little in such a push, but
-# that is where a position controller lives. The pressure at rest matters to one thing alone, how near the pump is to drawing air.
+# The torque constant determines distance and speed; a PID designed for 35 rad/s crosses over between 29 and 41. The
+# bulk modulus affects the first 20 ms and the phase margin; at its lower end the pressure overshoot of the paper nearly
+# vanishes, so a very soft oil is unlikely. The two Stribeck speeds shape breakaway and stop: a small effect here, but
+# the operating range of a position controller. The pressure at rest affects only the margin to cavitation.
 #
-# None of this has to stay assumed. A single log of the rig tells torque constant and modulus to about a percent or better, as the next
-# notebook shows.
+# These numbers can be identified: a single log of the rig determines torque constant and bulk modulus to about a
+# percent or better, as the next notebook shows.
 #
 # ## What to keep
 #
-# - Each number with its source. Six of twenty are ours, and one of them, $K_T$, is in nearly every result.
-# - (7) for design: an integrator, a slow pole at 1.4 Hz, a damped pair at 70 Hz. $\beta$ and $V$ count as a ratio.
-# - Friction is a set at rest: thresholds, hysteresis, self-locking. That is what the linear model does not know.
-# - The printed linear set is at least 1.58 times too fast when a motion lasts. Design on it, check on the other.
-# - A model that runs is not yet right. One that keeps energy and oil to many digits has its signs right at least.
+# - Every number has a source. Six of twenty are assumed, and one of them, $K_T$, affects nearly every result.
+# - (7) for design: an integrator, a slow pole at 1.4 Hz, a damped pair at 70 Hz. $\beta$ and $V$ act only as a ratio.
+# - Friction is set-valued at rest: thresholds, hysteresis, self-locking. The linear model lacks this.
+# - The steady speed of the printed linear set is at least 1.58 times too high. Design on it, check on the nonlinear
+#   set.
+# - Check the energy and volume balances of a model; they reveal wrong signs.
 #
-# **Next:** [from_log_to_plant](from_log_to_plant.ipynb) puts wrong numbers right from a log of the rig.
+# **Next:** [from_log_to_plant](from_log_to_plant.ipynb) identifies wrong parameters from a log of the rig.
