@@ -1,4 +1,4 @@
-"""What users see is documented: names, commands, files."""
+"""Public names, commands and files are documented."""
 
 import re
 from pathlib import Path
@@ -14,7 +14,7 @@ README = (ROOT / "README.md").read_text()
 
 @pytest.mark.parametrize("name", [name for name in ehsa_ctrl.__all__ if name != "__version__"])
 def test_every_public_name_is_there_and_documented(name):
-    """Each name can be imported and says what it is."""
+    """Each name can be imported and has a docstring."""
     thing = getattr(ehsa_ctrl, name)
 
     assert (thing.__doc__ or "").strip(), name
@@ -29,13 +29,13 @@ def test_an_unknown_name_is_an_attribute_error():
 
 @pytest.mark.parametrize("command", [command.name for command in app.registered_commands])
 def test_every_command_is_in_the_readme(command):
-    """A command that nobody is told of does not exist."""
+    """The README mentions every command."""
     assert f"ehsa-ctrl {command}" in README
 
 
 @pytest.mark.slow
 def test_the_readmes_python_runs(tmp_path, monkeypatch):
-    """The snippet of the tour, as it stands."""
+    """The snippet of the tour runs unchanged."""
     monkeypatch.chdir(tmp_path)
     (snippet,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
 
@@ -43,10 +43,15 @@ def test_the_readmes_python_runs(tmp_path, monkeypatch):
 
 
 def test_every_link_of_the_readme_leads_somewhere():
-    """Files and pictures that the README shows are in the repository."""
+    """Linked files and pictures are in the repository."""
     for target in re.findall(r"\]\(([^)#]+)\)", README):
         if not target.startswith("http"):
             assert (ROOT / target).exists(), target
+
+
+def test_the_readme_is_short():
+    """At most 1500 words; evidence, limits and how-to guides are in docs/."""
+    assert len(README.split()) <= 1500
 
 
 def test_version_is_said_once():

@@ -605,7 +605,7 @@ command = [
     "-p",
     "no:cacheprovider",
     "--color=no",
-    "--scenario-controller",
+    "--ehsa-controller",
 ]
 tested = subprocess.run([*command, "pid_friction,pid_tuned"], capture_output=True, text=True, check=False)
 report = [line for line in tested.stdout.splitlines() if line.strip() and not line.startswith(("=", "FAILED"))]

@@ -1,4 +1,4 @@
-"""The documents name what there is: commands, options, keys, files; and what they tell a reader to type works."""
+"""Documentation and code agree: commands, options, keys and files exist, and the code that pages show runs."""
 
 import importlib
 import importlib.util
@@ -23,10 +23,11 @@ from ehsa_ctrl.scenario.metrics import METRICS
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = {str(path.relative_to(DOCS)): path.read_text(encoding="utf-8") for path in sorted(DOCS.rglob("*.md"))}
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^([ ]*)```([a-z]*)(?: title=\"([^\"]*)\")?\n(.*?)^\1```", flags=re.DOTALL | re.MULTILINE)
 
 
-sys.path.insert(0, str(DOCS / "_site"))  # no package: a folder beside the pages, as mkdocs takes it
+sys.path.insert(0, str(DOCS / "_site"))  # mkdocs imports these modules from this folder too
 reference, page_api, page_commands = map(importlib.import_module, ("reference", "page_api", "page_commands"))
 GENERATED = reference.pages()
 COMMANDS = page_commands.all_commands()
@@ -43,13 +44,13 @@ def blocks(language):
 
 
 def typed():
-    """Each call of ehsa-ctrl that a page shows, in blocks and in the text."""
+    """Each call of ehsa-ctrl in the README and the pages, in blocks and in the text."""
     found = []
-    for page, content in PAGES.items():
+    for page, content in {"README.md": README, **PAGES}.items():
         lines = [
-            line
+            line.strip().removeprefix("$ ")
             for _, word, _, text in BLOCK.findall(content)
-            if word == "sh"
+            if word in ("sh", "text")
             for line in text.replace("\\\n", " ").splitlines()
         ]
         lines += re.findall(r"`(ehsa-ctrl [^`]+)`", BLOCK.sub("", content).replace("\n", " "))
@@ -58,7 +59,7 @@ def typed():
 
 
 def test_every_page_is_in_the_navigation_and_there():
-    """What the navigation names exists or is written at build, and no page is left out of it."""
+    """Every page of the navigation exists or is generated, and every page is in it."""
     named = re.findall(r":\s+(\S+\.md)\s*$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), flags=re.MULTILINE)
 
     assert sorted(named) == sorted([*PAGES, *GENERATED])
@@ -76,7 +77,7 @@ def test_every_page_is_in_the_navigation_and_there():
     ],
 )
 def test_the_reference_names_all_of_them(page, names):
-    """Each has a heading or a row of its own."""
+    """Each has a heading or a row."""
     text = GENERATED[f"reference/{page}.md"]
 
     for name in names:
@@ -96,10 +97,10 @@ def test_the_reference_has_every_option_and_key():
 
 
 def test_the_commands_that_set_a_value_are_named():
-    """All that have --set, and no other."""
-    said = PAGES["how-to/own-plant.md"].partition("`--set` is an option of ")[2].partition(". ")[0]
+    """All commands with --set, and no other."""
+    listed = PAGES["how-to/own-plant.md"].partition("`--set` is an option of ")[2].partition(". ")[0]
 
-    assert re.findall(r"`([a-z]+)`", said.partition(".")[0]) == sorted(
+    assert re.findall(r"`([a-z]+)`", listed.partition(".")[0]) == sorted(
         name for name, command in COMMANDS.items() if any("--set" in p.opts for p in command.params)
     )
 
@@ -113,10 +114,10 @@ def test_the_api_has_every_public_name():
 
 @pytest.mark.parametrize(("page", "line"), typed())
 def test_every_command_that_is_shown_is_one(page, line):
-    """Command and options exist; a call that would be refused is no help."""
+    """Command and options exist."""
     words = shlex.split(line, comments=True)[1:]
-    if words[0].startswith("-"):
-        return
+    if words[0].startswith("-") or any(command.startswith(" ".join([*words, ""])) for command in COMMANDS):
+        return  # a general option, or a group of commands
     name = next((known for known in (" ".join(words[:2]), words[0]) if known in COMMANDS), None)
     known = {option for p in COMMANDS[name].params for option in [*p.opts, *p.secondary_opts]} | {"--help"}
 
@@ -127,7 +128,7 @@ def test_every_command_that_is_shown_is_one(page, line):
 
 @pytest.mark.parametrize("page", PAGES)
 def test_files_that_a_page_works_with_are_made_on_it(page):
-    """By an earlier command or by a file that is shown, so that the page can be followed in an empty folder."""
+    """An earlier command or a shown file creates them, so that the page can be followed in an empty folder."""
     made = set()
     for _, language, title, text in BLOCK.findall(PAGES[page]):
         made |= {title} if language == "toml" else set()
@@ -144,13 +145,13 @@ def test_files_that_a_page_works_with_are_made_on_it(page):
 
 
 def test_no_page_installs_from_an_index():
-    """An extra is installed in a clone, where every page that needs one begins."""
+    """Pages install extras in a clone of the project."""
     assert not [page for page, text in PAGES.items() if re.search(r'pip install "?ehsa_ctrl', text)]
 
 
 @pytest.mark.parametrize(("page", "title", "text"), [b for b in blocks("python") if not b[1]])
 def test_python_that_is_shown_runs(page, title, text, tmp_path, monkeypatch, capsys):
-    """As it stands, in an empty folder."""
+    """Unchanged, in an empty folder."""
     monkeypatch.chdir(tmp_path)
 
     exec(compile(text, page, "exec"), {"__name__": "__main__"})
@@ -158,7 +159,7 @@ def test_python_that_is_shown_runs(page, title, text, tmp_path, monkeypatch, cap
 
 @pytest.mark.slow
 def test_the_controller_in_python_runs(tmp_path, monkeypatch, capsys):
-    """And does what the page says of it."""
+    """It prints the line that the page shows."""
     monkeypatch.chdir(tmp_path)
     (text,) = (text for _, title, text in blocks("python") if title == "own_law.py")
     monkeypatch.setitem(
@@ -172,7 +173,7 @@ def test_the_controller_in_python_runs(tmp_path, monkeypatch, capsys):
 
 
 def test_the_effect_that_is_shown_is_neutral():
-    """It keeps the contract of effects: its neutral value changes no bit, another one adds friction."""
+    """At the neutral value it changes no bit, at another one it adds friction."""
     (text,) = (text for _, title, text in blocks("python") if title.startswith("effects/"))
     names = {"__name__": "ehsa_ctrl.physics.effects.shown", "__package__": "ehsa_ctrl.physics.effects"}
 
@@ -186,12 +187,12 @@ def test_the_effect_that_is_shown_is_neutral():
 
 @pytest.mark.slow
 def test_definitions_that_are_shown_are_valid(tmp_path, monkeypatch, capsys):
-    """Every TOML with a file's name passes `ehsa-ctrl check`, with what other pages add to it."""
+    """Every TOML with a file name passes `ehsa-ctrl check`, including the parts on other pages."""
     monkeypatch.chdir(tmp_path)
     files = {}
     for page, title, text in blocks("toml"):
         if title and not title.startswith("in "):
-            # What the tutorial has from its diagnosis is the catalogue's plant here.
+            # The catalogue's plant replaces the result of the tutorial's diagnosis.
             files[f"{page}/{title}"] = text.replace("../results/diagnosis/ehsa_improved.toml", "ehsa")
     (plant,) = (name for name in files if name.endswith("plants/rig.toml"))
     files[plant] += "".join(text for _, title, text in blocks("toml") if title == "in plants/rig.toml")
@@ -205,7 +206,7 @@ def test_definitions_that_are_shown_are_valid(tmp_path, monkeypatch, capsys):
 
 
 def test_docstrings_become_what_the_reader_of_numpy_style_takes():
-    """One line an item becomes two, several in a line are told apart, prose stays."""
+    """An item on one line becomes two lines, several items on a line are separated, prose is unchanged."""
     pytest.importorskip("griffe")
     text = (
         "Do it.\n\nAttributes\n----------\na: first. b, c: others;\n    more of it.\n\n"
@@ -220,7 +221,7 @@ def test_docstrings_become_what_the_reader_of_numpy_style_takes():
 
 
 def test_formulas_are_drawn():
-    """In the text's colour, with its number, and with its own text for who can't see it."""
+    """In the text's colour, with its number, and with its source as the label for screen readers."""
     pytest.importorskip("ziamath")
     formulas = importlib.import_module("formulas")
 
@@ -229,3 +230,21 @@ def test_formulas_are_drawn():
     assert "currentColor" in drawn
     assert 'id="eq-7">(7)<' in drawn
     assert r'aria-label="x &lt; \omega"' in drawn
+
+
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "README.md", "benchmarks/README.md", "docs/evidence.md"])
+def test_paths_that_a_page_names_exist(page):
+    """Files and folders of the repository in backticks, up to a placeholder in capitals."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    folders = "|".join(path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith("."))
+
+    for path in re.findall(rf"`((?:{folders})/[\w./-]*)`", text):
+        known = path.partition("NAME")[0]
+        assert (ROOT / known).exists() or path.startswith(("demo", "results", "site")), path
+
+
+def test_every_benchmark_is_described():
+    """Each file of the folder is in its table."""
+    text = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
+
+    assert not [file.name for file in (ROOT / "benchmarks").glob("*.[cp]*") if f"`{file.name}`" not in text]

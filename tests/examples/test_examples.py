@@ -1,4 +1,4 @@
-"""Every example runs, and says of itself that it went well."""
+"""Every example runs and passes its own checks."""
 
 import subprocess
 import sys
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-# What writes the notebooks is no example: test_notebooks.py holds it against what it wrote.
+# build_notebooks.py is not an example; test_notebooks.py checks it.
 EXAMPLES = [
     example
     for example in sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.py"))

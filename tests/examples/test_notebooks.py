@@ -1,4 +1,4 @@
-"""Every notebook runs from its first cell to its last, and what is stored in it is what such a run gave."""
+"""Every notebook runs from its first cell to its last, and stores the outputs of such a run."""
 
 import re
 import runpy
@@ -18,7 +18,7 @@ def _code(notebook):
 
 
 def _words(cell):
-    """Everything that a cell printed or showed as text."""
+    """All text outputs of a cell."""
     for output in cell.outputs:
         shown = output.get("data", {})
         yield from (output.get("text", ""), shown.get("text/plain", ""), shown.get("text/html", ""))
@@ -28,7 +28,7 @@ def _words(cell):
 @pytest.mark.filterwarnings("ignore::DeprecationWarning:zmq.*", "ignore::DeprecationWarning:jupyter_client.*")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=IDS)
 def test_a_notebook_runs(path, tmp_path):
-    """No cell raises, warns or writes to the error stream; a notebook asserts its own statements."""
+    """No cell raises, warns or writes to the error stream; notebooks assert their own statements."""
     notebook = nbformat.read(path, as_version=4)
     client = NotebookClient(notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": tmp_path}})
 
@@ -40,7 +40,7 @@ def test_a_notebook_runs(path, tmp_path):
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=IDS)
 def test_a_notebook_is_stored_as_executed(path):
-    """Executed once from top to bottom, every cell; no error; figures are there."""
+    """Every cell is executed once from top to bottom, without error and with figures."""
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
     code = _code(notebook)
@@ -52,7 +52,7 @@ def test_a_notebook_is_stored_as_executed(path):
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=IDS)
 def test_a_notebook_names_no_machine(path):
-    """No folder of the machine it was executed on in what it shows, no time of execution in its metadata."""
+    """Outputs contain no absolute path, metadata no time of execution."""
     notebook = nbformat.read(path, as_version=4)
 
     shown = "\n".join(words for cell in _code(notebook) for words in _words(cell))
@@ -65,7 +65,7 @@ def test_a_notebook_names_no_machine(path):
 
 
 def test_every_notebook_has_a_source():
-    """No notebook without its plain text, no text without its notebook."""
+    """Notebooks and sources correspond one to one."""
     sources = [source.stem for source in sorted((EXAMPLES / "notebooks").glob("*.py"))]
 
     assert sources == IDS
@@ -73,7 +73,7 @@ def test_every_notebook_has_a_source():
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=IDS)
 def test_a_notebook_is_its_source(path):
-    """Cell by cell what build_notebooks.py makes of the source: neither was edited without the other."""
+    """Each cell equals that of build_notebooks.py for the source."""
     read = runpy.run_path(str(EXAMPLES / "build_notebooks.py"))["read"]
     source = read(EXAMPLES / "notebooks" / f"{path.stem}.py")
 
@@ -83,7 +83,7 @@ def test_a_notebook_is_its_source(path):
 
 
 def test_the_notebooks_lead_from_one_to_the_next():
-    """From the paper on, the last lines of each link to another one, all are reached, and the last leads back."""
+    """The last cell of each links to the next, all are reached, and the last leads back to the first."""
     names = {path.stem for path in NOTEBOOKS}
     name, read = "from_paper_to_model", []
 
