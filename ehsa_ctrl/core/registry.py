@@ -1,4 +1,6 @@
-"""Registries: every module of a folder that defines the object is a member; there are no other lists.
+"""Registries: the objects that the modules of a folder define are the members; there are no other lists.
+
+A module defines one member (`effect = ...`) or several as a tuple under the plural (`effects = (..., ...)`).
 
 Members also come from a user's project (`effects/` beside `plants/`) and from installed packages (entry points). The
 code of a project runs only if the project is the working directory, or if one of its plants is loaded by path.
@@ -47,13 +49,22 @@ def members(package: ModuleType, attribute: str) -> dict[str, Any]:
         if info.name.startswith("_"):
             continue
         module = importlib.import_module(f"{package.__name__}.{info.name}")
-        if not hasattr(module, attribute):
+        defined = _defined(module, attribute)
+        if not defined:
             raise TypeError(f"{module.__file__}: a module of {package.__name__} must define `{attribute}`")
-        member = getattr(module, attribute)
-        if member.name in found:
-            raise TypeError(f"{module.__file__}: the name {member.name!r} is taken by another module of this folder")
-        found[member.name] = member
+        for member in defined:
+            if member.name in found:
+                raise TypeError(f"{module.__file__}: the name {member.name!r} is taken by another member of this folder")
+            found[member.name] = member
     return found
+
+
+def _defined(module: Any, attribute: str) -> tuple[Any, ...]:
+    """What a module, or an entry point's object in its place, defines: one object or a tuple under the plural."""
+    several = getattr(module, f"{attribute}s", None)
+    if isinstance(several, tuple):
+        return several
+    return (getattr(module, attribute),) if hasattr(module, attribute) else ()
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -64,7 +75,7 @@ class Registry(Mapping[str, T], Generic[T]):
     """
 
     def __init__(self, package: ModuleType, attribute: str, kind: type[T], folder: str) -> None:
-        self._shipped: dict[str, T] = members(package, attribute)
+        self._shipped: dict[str, T] = dict(sorted(members(package, attribute).items()))
         self._attribute, self._kind, self._folder = attribute, kind, folder
         self._known: dict[Path, dict[str, T]] = {}
         self._merged: tuple[tuple[Path, ...], dict[str, T]] = ((), self._shipped)
@@ -89,17 +100,16 @@ class Registry(Mapping[str, T], Generic[T]):
             found: dict[str, T] = {}
             files = sorted(folder.glob("*.py")) if folder.is_dir() else []
             for file in files:
-                if not file.name.startswith("_"):
-                    member = self._load(file)
+                for member in () if file.name.startswith("_") else self._load(file):
                     if member.name in found:  # type: ignore[attr-defined]
-                        raise InputError(f"{file}: the name {member.name!r} is taken by another file of this folder")  # type: ignore[attr-defined]
+                        raise InputError(f"{file}: the name {member.name!r} is taken by another member of this folder")  # type: ignore[attr-defined]
                     found[member.name] = member  # type: ignore[attr-defined]
             if found:
                 log.info("%s of this project: %s (from %s)", self._folder, ", ".join(found), folder)
             self._known[folder] = found
         return self._known[folder]
 
-    def _load(self, file: Path) -> T:
+    def _load(self, file: Path) -> tuple[T, ...]:
         spec = importlib.util.spec_from_file_location(f"ehsa_ctrl_project_{self._folder}_{file.stem}", file)
         assert spec is not None and spec.loader is not None
         module = importlib.util.module_from_spec(spec)
@@ -108,7 +118,7 @@ class Registry(Mapping[str, T], Generic[T]):
             spec.loader.exec_module(module)
         except Exception as error:
             raise InputError(f"{file}: can't be run: {type(error).__name__}: {error}") from error
-        return self._checked(getattr(module, self._attribute, None), str(file))
+        return tuple(self._checked(member, str(file)) for member in _defined(module, self._attribute) or (None,))
 
     def _checked(self, member: Any, where: str) -> T:
         if not isinstance(member, self._kind):

@@ -49,6 +49,7 @@ class Contact:
     effort_unit, length_unit: N m and rad, or N and m.
     effort_scale: size of an effort that matters, the unit in which the engine finds a breakaway.
     bristle: name and size of the inner state of a law that has one.
+    stribeck_speed: tau of the friction family where a plant without static friction gives none.
     symbols: symbols of the family that have a name of their own here, e.g. {"A": "Fc"}.
     """
 
@@ -63,6 +64,7 @@ class Contact:
     effort_scale: float
     bristle: State
     symbols: Mapping[str, str] = field(default_factory=dict)
+    stribeck_speed: float = 0.01
 
     def symbol(self, symbol: str) -> str:
         """A of the family is A_FM here."""

@@ -6,9 +6,9 @@ A user's own go into `effects/` beside her `plants/`, or into a package with an 
 import sys
 
 from ...core.registry import Registry
-from ._candidate import Free
+from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber
 from ._effect import PLACES, Effect, EffectParameter, EffectState
 
 EFFECTS: Registry[Effect] = Registry(sys.modules[__name__], "effect", Effect, "effects")
 
-__all__ = ["EFFECTS", "PLACES", "Effect", "EffectParameter", "EffectState", "Free"]
+__all__ = ["EFFECTS", "PLACES", "Effect", "EffectParameter", "EffectState", "FreeNumber"]

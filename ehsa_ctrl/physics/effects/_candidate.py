@@ -1,8 +1,8 @@
-"""How an effect becomes free in a diagnosis: which of its numbers, by how much, and where a log says to begin.
+"""How a diagnosis sets an effect free: which numbers, over which range, and from which values a search starts.
 
-Most effects have one number that goes from neutral to where it is felt, or are numbers of the plant that may be wrong;
-these need not say anything. An effect whose beginning depends on the log (a valve somewhat below the highest pressure,
-a bump of friction at one of several places) brings a function `candidates` that asks the rig.
+An effect with one number that goes from neutral to a size that a log shows, or one that is a wrong parameter of the
+plant, needs nothing of this. An effect whose starting point depends on the log (a valve that opens somewhat below the
+highest pressure, a bump of friction at one of several positions) brings a function `candidates` that reads the log.
 """
 
 from __future__ import annotations
@@ -14,20 +14,22 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from ...core.log import Log
+
 if TYPE_CHECKING:
     from ._effect import Effect
 
-#: What is felt of a pressure, at least [Pa].
-FELT_PRESSURE = 1e4
+#: The smallest change of a pressure that a log shows [Pa].
+PRESSURE_SCALE = 1e4
 
 Starts = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
-class Free:
-    """One number that a hypothesis sets free: its neutral or believed value, a size that is felt, bounds.
+class FreeNumber:
+    """One number that a hypothesis sets free: nominal (or neutral) value, size of a change that a log shows, bounds.
 
-    fixed: as good as given by the start; it has no deviation of its own.
+    fixed: set by the start and not refined; it has no standard deviation of its own.
     """
 
     name: str
@@ -39,24 +41,47 @@ class Free:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class CandidateEffect:
     """One way to set an effect free.
 
-    free: the numbers, the size first. starts: values of these from which a search begins, several where the way from
+    free: its numbers, the size first. starts: values of these from which a search starts; several where the path from
     one to another is not downhill. channel: of a sensor's effect.
     """
 
-    free: tuple[Free, ...]
+    effect: Effect
+    free: tuple[FreeNumber, ...]
     starts: Starts
     channel: str | None = None
 
+    @property
+    def id(self) -> str:
+        return self.effect.name
 
-class Rig(Protocol):
-    """What an effect may ask of the believed plant and of the log.
+    @property
+    def key(self) -> tuple[str, str | None]:
+        """Id and channel: what a diagnosis reports as one cause."""
+        return self.id, self.channel
 
-    channels: of the log that a simulation has too, the load cell among them. drive: the channel of the drive.
-    sample_time: s.
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(number.name for number in self.free)
+
+    @property
+    def shaped(self) -> bool:
+        """Whether numbers beyond the first give a location or shape, which means nothing while the first is zero."""
+        return any(p.shape for p in self.effect.parameters if p.name in self.names)
+
+
+class DiagnosisContext(Protocol):
+    """What an effect may ask about the nominal plant and the log.
+
+    log: the measured log. channels: those of the log that a simulation has too, the load cell among them. drive: the
+    channel of the first input. values: the plant's parameters. switches_law: whether a hypothesis may use another
+    friction law of the rod.
     """
+
+    @property
+    def log(self) -> Log: ...
 
     @property
     def channels(self) -> tuple[str, ...]: ...
@@ -65,105 +90,105 @@ class Rig(Protocol):
     def drive(self) -> str: ...
 
     @property
-    def sample_time(self) -> float: ...
+    def values(self) -> Mapping[str, float]: ...
 
-    def shows(self, symbol: str) -> bool:
-        """Whether a simulation depends on a symbol of the plant or a number of an effect."""
+    @property
+    def switches_law(self) -> bool: ...
+
+    def simulated(self, symbol: str) -> bool:
+        """Whether a simulation depends on a parameter, given by its symbol in the catalogue."""
         ...
 
     def value(self, symbol: str) -> float:
-        """A number of the plant by its symbol in the catalogue; 0 where the plant has none."""
+        """A parameter by its symbol in the catalogue; 0 where the plant has none."""
         ...
 
-    def symbol(self, symbol: str, relative: float, felt: float = 0.0) -> Free:
-        """A symbol of the plant as a free number: its scale is a share of itself, or `felt` where it is next to 0."""
+    def plant_parameter(self, symbol: str, relative: float, smallest: float = 0.0) -> FreeNumber:
+        """A parameter of the plant as a free number: its scale is a share of itself, or `smallest` where it is near 0."""
         ...
 
-    def measured(self, channel: str) -> np.ndarray | None:
-        """A channel of the log (N,); None where it has none."""
+    def sensor(self, channel: str, setting: str) -> float:
+        """The nominal bias or scale of a channel's sensor."""
         ...
 
-    def sensor(self, channel: str, word: str) -> float:
-        """What is believed of a channel's sensor: its bias or its scale."""
-        ...
-
-    def dry_friction(self) -> Mapping[str, float]:
-        """Levels of friction that the balances show where the plant has none, by symbol."""
-        ...
-
-    def ripples(self) -> Sequence[tuple[float, float, float]]:
-        """(periods a turn, amplitude [N m], phase [rad]) of the torque's strongest ripples over the shaft's angle."""
-        ...
-
-    def yields(self) -> bool:
-        """Whether the rod may stand on bristles in a simulation."""
+    def friction_levels(self) -> Mapping[str, float]:
+        """Friction and offsets that the balances show where the plant has none, by symbol."""
         ...
 
 
-def starts_of(free: Sequence[Free], *sizes: float) -> Starts:
-    """Starts with the first number moved by each of `sizes` scales, the others as believed."""
+def measured(context: DiagnosisContext, *channels: str) -> list[np.ndarray]:
+    """Those of the channels (N,) that the log has."""
+    return [context.log[channel] for channel in channels if channel in context.log.channels]
+
+
+def starting_points(free: Sequence[FreeNumber], *sizes: float) -> Starts:
+    """Starts with the first number moved by each of `sizes` scales, the others at their nominal values."""
     return tuple((free[0].nominal + s * free[0].scale, *(f.nominal for f in free[1:])) for s in sizes)
 
 
-def number(effect: Effect, rig: Rig, name: str, scale: float) -> Free:
+def effect_number(effect: Effect, context: DiagnosisContext, name: str, scale: float) -> FreeNumber:
     """A number of an effect within its own bounds."""
-    kind = effect.parameter(name)
-    return Free(name, rig.value(name), scale, kind.lower, kind.upper)
+    parameter = effect.parameter(name)
+    return FreeNumber(name, context.value(name), scale, parameter.lower, parameter.upper)
 
 
-def from_neutral(effect: Effect, rig: Rig) -> list[Candidate]:
-    """The first number from neutral to where it is felt."""
+def from_neutral(effect: Effect, context: DiagnosisContext, *others: FreeNumber) -> list[CandidateEffect]:
+    """The first number from neutral to a size that a log shows: alone, and together with `others` if there are any."""
     first = effect.parameters[0]
     lower, upper = first.search or (first.lower, first.upper)
-    free = (Free(first.name, rig.value(first.name), first.scale, lower, upper),)
-    return [Candidate(free, starts_of(free, *((1.0, 8.0) if lower == 0.0 else (0.0,))))]
+    free = (FreeNumber(first.name, context.value(first.name), first.scale, lower, upper),)
+    starts = starting_points(free, *((1.0, 8.0) if lower == 0.0 else (0.0,)))
+    found = [CandidateEffect(effect, free, starts)]
+    if others:
+        nominal = tuple(other.nominal for other in others)
+        found.append(CandidateEffect(effect, (*free, *others), tuple((*start, *nominal) for start in starts)))
+    return found
 
 
-def with_another(effect: Effect, rig: Rig, other: Free) -> list[Candidate]:
-    """From neutral, alone and together with another number."""
-    (alone,) = from_neutral(effect, rig)
-    both = (*alone.free, other)
-    return [alone, Candidate(both, tuple((*start, other.nominal) for start in alone.starts))]
+def from_levels(effect: Effect, free: FreeNumber, levels: Sequence[float], *others: FreeNumber) -> CandidateEffect:
+    """A threshold that is searched from each of `levels`, and from the plant's own if it has one.
 
-
-def from_levels(effect: Effect, free: Free, levels: Sequence[float], *others: Free) -> Candidate:
-    """A level beyond which something happens, searched from each of `levels` and from the plant's own if it has one.
-
-    Neutral is infinitely far, also for a plant that has one: where it is never reached its derivatives vanish.
+    Neutral is infinite, also for a plant that has the effect: where the threshold is never reached derivatives vanish.
     """
     known = [free.nominal] if isfinite(free.nominal) else []
     starts = tuple((level, *(other.nominal for other in others)) for level in [*levels, *known])
-    return Candidate((replace(free, nominal=effect.parameter(free.name).neutral), *others), starts)
+    neutral = replace(free, nominal=effect.parameter(free.name).neutral)
+    return CandidateEffect(effect, (neutral, *others), starts)
 
 
-def from_symbols(effect: Effect, rig: Rig) -> list[Candidate]:
-    """Symbols of the plant that may be wrong: all together, or each of the effect's groups by itself."""
+def from_symbols(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """Parameters of the plant that may be wrong: all together, or each of the effect's groups by itself."""
     found = []
-    for group in effect.groups or (tuple(symbol for symbol in effect.symbols if rig.shows(symbol)),):
-        if group and all(rig.shows(symbol) for symbol in group):
-            free = tuple(rig.symbol(symbol, 0.1, effect.symbols[symbol]) for symbol in group)
-            starts = starts_of(free, 0.0)
+    for group in effect.groups or (tuple(symbol for symbol in effect.symbols if context.simulated(symbol)),):
+        if group and all(context.simulated(symbol) for symbol in group):
+            free = tuple(context.plant_parameter(symbol, 0.1, effect.symbols[symbol]) for symbol in group)
+            starts = starting_points(free, 0.0)
             if effect.from_balances and free[0].nominal == 0.0:
-                # From none to all of it is too far for derivatives at none.
-                seen = rig.dry_friction().get(group[0], 0.0)
-                starts = ((seen, *(0.1 * seen for _ in group[1:])),) if seen else starts
-            found.append(Candidate(free, starts))
+                # The whole of a missing friction is too far away for derivatives at zero.
+                level = context.friction_levels().get(group[0], 0.0)
+                starts = ((level, *(0.1 * level for _ in group[1:])),) if level else starts
+            found.append(CandidateEffect(effect, free, starts))
     return found
 
 
 def from_sensors(
-    rig: Rig, free_of: Callable[[str, float], Free], size: float = 0.0, *, drive: bool = False
-) -> list[Candidate]:
-    """A number of each sensor that may be wrong, moved by `size` scales; with `drive` the drive's sensor too.
+    effect: Effect,
+    context: DiagnosisContext,
+    free_number: Callable[[str, float], FreeNumber],
+    size: float = 0.0,
+    *,
+    drive: bool = False,
+) -> list[CandidateEffect]:
+    """A number of each sensor that may be wrong, moved by `size` scales; with `drive` of the drive's sensor too.
 
-    free_of: channel and the standard deviation of its readings -> the number. What the load cell shows moves none of
-    the signals that are scored.
+    free_number: channel and standard deviation of its readings -> the number. The load cell is left out: what it reads
+    changes none of the scored signals.
     """
-    channels = [channel for channel in rig.channels if channel != "force"] + ([rig.drive] if drive else [])
+    channels = [channel for channel in context.channels if channel != "force"] + ([context.drive] if drive else [])
     found = []
     for channel in channels:
-        y = rig.measured(channel)
-        if y is not None and np.std(y) > 0.0:
-            free = (free_of(channel, float(np.std(y))),)
-            found.append(Candidate(free, starts_of(free, size), channel))
+        for y in measured(context, channel):
+            if np.std(y) > 0.0:
+                free = (free_number(channel, float(np.std(y))),)
+                found.append(CandidateEffect(effect, free, starting_points(free, size), channel))
     return found

@@ -9,7 +9,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ._candidate import FELT_PRESSURE, Candidate, Rig, from_levels, number
+from ._candidate import PRESSURE_SCALE, CandidateEffect, DiagnosisContext, from_levels, effect_number, measured
 from ._effect import Effect, EffectParameter
 
 
@@ -29,12 +29,12 @@ def flow_2(Q_T2: float, P_2: float, P_open: float, K_check: float, P_lam: float)
     return Q_T2 + check_flow(P_2, P_open, K_check, P_lam)
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
-    """A level above the lowest pressure; where none was ever below that of rest, such a valve was shut."""
-    pressures = [p for p in map(rig.measured, ("p1", "p2")) if p is not None]
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """A level above the lowest pressure; where that is no less than the pressure at rest, the valve stayed shut."""
+    pressures = measured(context, "p1", "p2")
     low = min((float(np.quantile(p, 0.002)) for p in pressures), default=0.0)
-    top = rig.value("P_0")
-    opening = replace(number(effect, rig, "P_open", max(0.05 * (top - low), FELT_PRESSURE)), lower=-1e5)
+    top = context.value("P_0")
+    opening = replace(effect_number(effect, context, "P_open", max(0.05 * (top - low), PRESSURE_SCALE)), lower=-1e5)
     levels = [low + share * (top - low) for share in (0.1, 0.3, 0.6)] if low < top else []
     found = from_levels(effect, opening, levels)
     return [found] if found.starts else []

@@ -1,6 +1,6 @@
 """Rod friction that depends on the direction: A_FR (1 + a sign v), and B_FR (1 + b sign v) for the viscous part."""
 
-from ._candidate import Candidate, Free, Rig, with_another
+from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, from_neutral
 from ._effect import Effect, EffectParameter
 
 
@@ -9,9 +9,9 @@ def friction(F_FR: float, d_R: float, v: float, A_FR: float, B_FR: float, a_FR: 
     return F_FR + d_R * (a_FR * A_FR) * d_R + b_FR * B_FR * (v * d_R)
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
-    """The Coulomb part alone, and with the viscous one."""
-    return with_another(effect, rig, Free("b_FR", rig.value("b_FR"), 0.03, -0.9, 0.9))
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """The Coulomb part alone, and together with the viscous part."""
+    return from_neutral(effect, context, FreeNumber("b_FR", context.value("b_FR"), 0.03, -0.9, 0.9))
 
 
 effect = Effect(

@@ -1,6 +1,6 @@
-"""Play between rod and load: the spring is felt only beyond half of the play, on either side of its middle."""
+"""Play between rod and load: the spring acts only beyond half of the play, on either side of its centre."""
 
-from ._candidate import Candidate, Rig, from_neutral
+from ._candidate import CandidateEffect, DiagnosisContext, from_neutral
 from ._effect import Effect, EffectParameter
 
 
@@ -12,9 +12,9 @@ def force(F_EXT: float, x: float, K_S: float, k_3: float, width: float) -> float
     return F_EXT + (felt * (K_S + k_3 * felt * felt) - there if width > 0.0 else 0.0)
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
-    """Without a spring there is nothing that the rod could come loose of."""
-    return from_neutral(effect, rig) if rig.value("K_S") != 0.0 else []
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """Play has no effect without a spring."""
+    return from_neutral(effect, context) if context.value("K_S") != 0.0 else []
 
 
 effect = Effect(

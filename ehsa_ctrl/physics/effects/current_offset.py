@@ -1,4 +1,4 @@
-"""A drive that gives a constant current more than it is asked for."""
+"""A constant current on top of the commanded one."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ def current(current: float, I_0: float) -> float:
     return current + I_0
 
 
-def same(found: Mapping[str, float], plant: Mapping[str, float], flow: float) -> dict[str, str]:
+def equivalent_effects(found: Mapping[str, float], plant: Mapping[str, float], flow: float) -> dict[str, str]:
     """The current is known from its sensor alone."""
     return {"sensor_bias": "a logged current with a bias acts as an offset of the drive"}
 
@@ -18,10 +18,10 @@ def same(found: Mapping[str, float], plant: Mapping[str, float], flow: float) ->
 effect = Effect(
     name="current_offset",
     place="drive",
-    summary="constant current on top of the one asked for",
+    summary="constant current on top of the commanded one",
     fingerprint="constant torque error; breakaway currents differ by twice the offset, and the rod drifts one way",
     changes={"current": current},
     parameters=(EffectParameter("I_0", "A", "offset", 0.0, 0.1, -2.0, 2.0, felt=0.02),),
-    same=same,
+    equivalent_effects=equivalent_effects,
     source="definition",
 )

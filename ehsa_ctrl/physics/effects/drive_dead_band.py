@@ -1,8 +1,8 @@
-"""A drive that gives no current until it is asked for more than a band: dead time of its gate drivers, or a band that
-somebody has set against hum at standstill.
+"""A drive that gives no current within a band of the command: dead time of its gate drivers, or a dead band that was
+set to avoid hum at standstill.
 
 I = sign(I) max(|I| - I_db, 0). In a steady motion it looks like Coulomb friction of K_T I_db on the shaft; where the
-motor brakes, current and speed have opposite signs and the two part.
+motor brakes, current and speed have opposite signs and the two differ.
 """
 
 from ._effect import Effect, EffectParameter
@@ -16,7 +16,7 @@ def current(current: float, I_db: float) -> float:
 effect = Effect(
     name="drive_dead_band",
     place="drive",
-    summary="no current while less than a band is asked for, and a band less of it beyond",
+    summary="no current for commands within a dead band, and less by the band beyond",
     fingerprint="torque error of constant size that goes with the sign of the current, not of the speed",
     changes={"current": current},
     parameters=(EffectParameter("I_db", "A", "half the width of the band", 0.0, 0.05, 0.0, 5.0, felt=0.02),),

@@ -1,4 +1,4 @@
-"""A current loop of finite bandwidth: the current follows the one asked for with a first-order lag."""
+"""A current loop of finite bandwidth: the current follows the command with a first-order lag."""
 
 from math import inf
 
@@ -6,7 +6,7 @@ from ._effect import Effect, EffectParameter, EffectState
 
 
 def current(current: float, asked_current: float, I_A: float, tau_I: float) -> float:
-    """The lagging current, with what other effects of the drive add to it; the asked one at tau_I = 0."""
+    """The lagging current, with what other effects of the drive add to it; the commanded one at tau_I = 0."""
     return I_A + (current - asked_current) if tau_I > 0.0 else current
 
 

@@ -8,12 +8,12 @@ from math import inf
 
 import numpy as np
 
-from ._candidate import Candidate, Rig, from_levels, number
+from ._candidate import CandidateEffect, DiagnosisContext, from_levels, effect_number
 from ._effect import Effect, EffectParameter
 
 
 def net_force(F_net: float, x: float, v: float, x_stop: float, K_stop: float, B_stop: float) -> float:
-    """F_net less the contact force; the damping grows in over the first 0.1 mm, so that touching is no blow."""
+    """F_net less the contact force; the damping grows in over the first 0.1 mm, so that contact is no impact."""
     into_front = max(x - x_stop, 0.0)
     into_back = max(-x - x_stop, 0.0)
     front = max(K_stop * into_front + B_stop * min(into_front / 1e-4, 1.0) * v, 0.0)
@@ -21,13 +21,12 @@ def net_force(F_net: float, x: float, v: float, x_stop: float, K_stop: float, B_
     return F_net - (front - back)
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
-    """A stop near the end of what the rod has reached."""
-    x = rig.measured("position")
-    if x is None:
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """A stop near the largest position that the rod reached."""
+    if "position" not in context.channels:
         return []
-    reach = float(np.max(np.abs(x)))
-    stop = replace(number(effect, rig, "x_stop", 0.02 * reach), lower=1e-3)
+    reach = float(np.max(np.abs(context.log["position"])))
+    stop = replace(effect_number(effect, context, "x_stop", 0.02 * reach), lower=1e-3)
     return [from_levels(effect, stop, [share * reach for share in (1.002, 0.985, 0.9)])]
 
 
@@ -35,7 +34,7 @@ effect = Effect(
     name="end_stop",
     place="force",
     summary="contact with the cylinder's ends",
-    fingerprint="the rod stops dead at one position while the pressure goes on rising",
+    fingerprint="the rod stops abruptly at one position while the pressure still rises",
     changes={"F_net": net_force},
     parameters=(
         EffectParameter("x_stop", "m", "half of the free stroke", inf, 0.1, 1e-3, source="datasheet"),

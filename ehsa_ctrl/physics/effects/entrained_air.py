@@ -5,7 +5,7 @@ r = (p_a / p)^(1/n), p absolute, the mixture has 1/beta_mix = (1/beta + a r / (n
 rates of (11) are multiplied by beta_mix / beta = (1 + a r) / (1 + a r beta / (n p)).
 """
 
-from ._candidate import Candidate, Rig, number
+from ._candidate import CandidateEffect, DiagnosisContext, effect_number
 from ._effect import Effect, EffectParameter
 
 P_ATM = 101325.0
@@ -19,19 +19,19 @@ def softening(P: float, beta: float, air_fraction: float, n_air: float) -> float
 
 
 def rate_1(P_1_dot: float, P_1: float, beta: float, air_fraction: float, n_air: float) -> float:
-    """Chamber 1 answers more softly."""
+    """The pressure of chamber 1 changes more slowly."""
     return P_1_dot * softening(P_1, beta, air_fraction, n_air)
 
 
 def rate_2(P_2_dot: float, P_2: float, beta: float, air_fraction: float, n_air: float) -> float:
-    """Chamber 2 answers more softly."""
+    """The pressure of chamber 2 changes more slowly."""
     return P_2_dot * softening(P_2, beta, air_fraction, n_air)
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
-    """Little and much air. Slow changes are isothermal, fast ones adiabatic; what lies between is the log's to say."""
-    air, exponent = number(effect, rig, "air_fraction", 0.003), number(effect, rig, "n_air", 0.1)
-    return [Candidate((air, exponent), tuple((share, exponent.nominal) for share in (0.003, 0.02)))]
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """Little and much air. Slow changes are isothermal, fast ones adiabatic, so the exponent is free."""
+    air, exponent = effect_number(effect, context, "air_fraction", 0.003), effect_number(effect, context, "n_air", 0.1)
+    return [CandidateEffect(effect, (air, exponent), tuple((share, exponent.nominal) for share in (0.003, 0.02)))]
 
 
 effect = Effect(

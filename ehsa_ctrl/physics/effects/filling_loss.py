@@ -1,7 +1,7 @@
-"""A pump that is not filled at high speed: its inlet throttles, and the chambers turn on before they are full.
+"""Incomplete filling at high speed: the inlet throttles, and the chambers close before they are full.
 
-D (1 - k_f (omega / OMEGA_F)^2) in place of D, in the flow (2) and in the torque (3): what the inlet costs in pressure
-goes with the square of the speed, and a chamber without oil carries no pressure either.
+D (1 - k_f (omega / OMEGA_F)^2) in place of D, in the flow (2) and in the torque (3): the pressure loss of the inlet
+grows with the square of the speed, and a chamber without oil carries no pressure either.
 """
 
 from ._effect import Effect, EffectParameter

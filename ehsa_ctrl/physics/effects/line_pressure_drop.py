@@ -8,7 +8,7 @@ part acts exactly as more viscous friction of the rod: 2 A^2 R_lam.
 from collections.abc import Mapping
 from math import inf
 
-from ._candidate import Candidate, Free, Rig
+from ._candidate import CandidateEffect, FreeNumber, DiagnosisContext
 from ._effect import Effect, EffectParameter
 
 
@@ -22,16 +22,16 @@ def force(F_P: float, v: float, A: float, R_lam: float, R_turb: float) -> float:
 LAMINAR = 0.1
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """Both parts at once, from a turbulent drop."""
     lines = (
-        Free("R_turb", rig.value("R_turb"), 2e12, 0.0, inf),
-        Free("R_lam", rig.value("R_lam"), 2e8, 0.0, inf),
+        FreeNumber("R_turb", context.value("R_turb"), 2e12, 0.0, inf),
+        FreeNumber("R_lam", context.value("R_lam"), 2e8, 0.0, inf),
     )
-    return [Candidate(lines, ((2e12, 0.0),))]
+    return [CandidateEffect(effect, lines, ((2e12, 0.0),))]
 
 
-def same(found: Mapping[str, float], plant: Mapping[str, float], flow: float) -> dict[str, str]:
+def equivalent_effects(found: Mapping[str, float], plant: Mapping[str, float], flow: float) -> dict[str, str]:
     """A laminar drop is more viscous friction of the rod: 2 A^2 R_lam."""
     laminar, turbulent = found.get("R_lam", 0.0), found.get("R_turb", 0.0) * flow
     if turbulent >= LAMINAR * (laminar + turbulent):
@@ -50,6 +50,6 @@ effect = Effect(
         EffectParameter("R_lam", "Pa s/m3", "laminar, each line", 0.0, 0.0, 0.0),
     ),
     candidates=candidates,
-    same=same,
+    equivalent_effects=equivalent_effects,
     source="pipe flow, laminar and turbulent",
 )

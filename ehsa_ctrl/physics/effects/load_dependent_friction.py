@@ -1,6 +1,6 @@
 """Seals and guides that press harder under load: Coulomb friction of the rod grows by kappa |A (P_1 - P_2)|."""
 
-from ._candidate import Candidate, Rig, from_neutral, with_another
+from ._candidate import CandidateEffect, DiagnosisContext, from_neutral
 from ._effect import Effect, EffectParameter
 
 
@@ -9,9 +9,10 @@ def friction(F_FR: float, d_R: float, P_1: float, P_2: float, A: float, kappa: f
     return F_FR + d_R * (kappa * abs(A * (P_1 - P_2)))
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """Where it grows with the higher pressure, its part at the pressure of rest is in the Coulomb level."""
-    return with_another(effect, rig, rig.symbol("A_FR", 0.1)) if rig.value("A_FR") > 0.0 else from_neutral(effect, rig)
+    coulomb = (context.plant_parameter("A_FR", 0.1),) if context.value("A_FR") > 0.0 else ()
+    return from_neutral(effect, context, *coulomb)
 
 
 effect = Effect(

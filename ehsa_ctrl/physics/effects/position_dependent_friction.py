@@ -4,7 +4,7 @@ from math import exp
 
 import numpy as np
 
-from ._candidate import Candidate, Free, Rig, number
+from ._candidate import CandidateEffect, FreeNumber, DiagnosisContext, effect_number
 from ._effect import Effect, EffectParameter
 
 
@@ -14,25 +14,24 @@ def friction(F_FR: float, d_R: float, x: float, A_FR: float, h_FR: float, x_h: f
     return F_FR + d_R * (A_FR * h_FR * exp(-s * s))
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
-    """A bump at one of five places along the way that the rod went."""
-    x = rig.measured("position")
-    if x is None or rig.value("A_FR") == 0.0:
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """A bump at one of five positions within the range of motion."""
+    if "position" not in context.channels or context.value("A_FR") == 0.0:
         return []
-    low, high = np.quantile(x, [0.02, 0.98])
+    low, high = np.quantile(context.log["position"], [0.02, 0.98])
     width = float(np.clip(0.2 * (high - low), 3e-3, 0.015))
     bump = (
-        number(effect, rig, "h_FR", 0.15),
-        Free("x_h", 0.0, 0.3 * width, -1.0, 1.0),
-        Free("w_h", width, 0.2 * width, 2e-3, 0.04),
+        effect_number(effect, context, "h_FR", 0.15),
+        FreeNumber("x_h", 0.0, 0.3 * width, -1.0, 1.0),
+        FreeNumber("w_h", width, 0.2 * width, 2e-3, 0.04),
     )
-    return [Candidate(bump, tuple((0.3, float(at), width) for at in np.linspace(low, high, 7)[1:-1]))]
+    return [CandidateEffect(effect, bump, tuple((0.3, float(at), width) for at in np.linspace(low, high, 7)[1:-1]))]
 
 
 effect = Effect(
     name="position_dependent_friction",
     place="force",
-    summary="rod friction is higher around one position",
+    summary="rod friction is higher around one position: a tight spot",
     fingerprint="a bump of dP at the same position in both directions, with the sign of the speed",
     changes={"F_FR": friction},
     parameters=(

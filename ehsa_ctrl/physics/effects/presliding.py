@@ -1,24 +1,44 @@
-"""Presliding: before it slides, the rod gives elastically by some micrometres, the LuGre law instead of (8)."""
+"""Presliding: before it slides, the rod yields elastically by some micrometres, the LuGre law instead of (8).
 
-from ._candidate import Candidate, Free, Rig, starts_of
-from ._effect import Effect
+A hypothesis varies the compliance 1 / sigma_0 [m/N], so that zero is a rod that does not yield.
+"""
 
-#: What a diagnosis calls 1 / sigma_0 [m/N], so that zero is a rod that does not yield, and the bristles' damping
-#: [N s/m]; where that is not set it goes with their stiffness.
-SOFTNESS, DAMPING = "softness_FR", "sigma_1_FR"
-#: Bristles stiffer than this can't be told from none [m/N].
-HARD = 1e-9
+from collections.abc import Mapping
+from math import sqrt
+
+from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, starting_points
+from ._effect import Effect, LawSwitch
+
+COMPLIANCE, DAMPING = "softness_FR", "sigma_1_FR"
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
-    """Softness with and without damping. Bristles take the place of static friction, so that its excess is free too."""
-    if not rig.yields() or rig.value("A_FR") + rig.value("C_FR") == 0.0:
+def critical_damping(compliance: float, plant: Mapping[str, float]) -> float:
+    """sqrt(M sigma_0) [N s/m]: half the critical damping of the rod's mass on its bristles."""
+    return sqrt(plant["M"] / compliance)
+
+
+def deflection(
+    P_1: float, P_2: float, x: float, A: float, K_S: float, A_FR: float, C_FR: float
+) -> float:
+    """Force on the bristles of a rod at rest [N], no more than breakaway friction; times the compliance it is z."""
+    breakaway = A_FR + C_FR
+    return min(max(A * (P_1 - P_2) - K_S * x, -breakaway), breakaway)
+
+
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """Compliance with and without damping. Bristles take over part of static friction, so its excess is free too."""
+    if not context.switches_law or context.value("A_FR") + context.value("C_FR") == 0.0:
         return []
-    known = 1.0 / rig.value("sigma_0_FR") if rig.value("sigma_0_FR") else 0.0
-    free = (Free(SOFTNESS, known, max(5e-8, 0.1 * known), 0.0, 5e-6), rig.symbol("C_FR", 0.3, 50.0))
-    starts = starts_of(free, 0.0) if known else starts_of(free, 1.0, 6.0)
-    damped = (*free, Free(DAMPING, 5e3, 2e3, 0.0, 1e5))
-    return [Candidate(free, starts), Candidate(damped, tuple((*start, 5e3) for start in starts))]
+    stiffness = context.value("sigma_0_FR")
+    known = 1.0 / stiffness if stiffness else 0.0
+    compliance = FreeNumber(COMPLIANCE, known, max(5e-8, 0.1 * known), 0.0, 5e-6)
+    free = (compliance, context.plant_parameter("C_FR", 0.3, 50.0))
+    starts = starting_points(free, 0.0) if known else starting_points(free, 1.0, 6.0)
+    damped = (*free, FreeNumber(DAMPING, 5e3, 2e3, 0.0, 1e5))
+    return [
+        CandidateEffect(effect, free, starts),
+        CandidateEffect(effect, damped, tuple((*start, 5e3) for start in starts)),
+    ]
 
 
 effect = Effect(
@@ -27,6 +47,17 @@ effect = Effect(
     summary="elastic motion of the rod before it slides (LuGre)",
     fingerprint="loops of force over position at reversals; the resting rod moves in proportion to the force",
     rod_friction="lugre",
+    switch=LawSwitch(
+        law="lugre",
+        number=COMPLIANCE,
+        parameter="sigma_0_FR",
+        reported="sigma_0",
+        # Stiffer bristles can't be told from none.
+        threshold=1e-9,
+        defaults={DAMPING: critical_damping},
+        state="z_R",
+        deflection=deflection,
+    ),
     candidates=candidates,
     source="Canudas de Wit et al. 1995, see physics/friction/lugre.py",
 )

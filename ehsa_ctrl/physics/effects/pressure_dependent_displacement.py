@@ -1,6 +1,6 @@
-"""A displacement that falls with the pressure difference: side plates and gears that yield.
+"""A displacement that falls with the pressure difference: side plates and gears deform.
 
-D (1 - k_D |P_1 - P_2|) in place of D, in the flow (2) and in the torque (3), so that no energy is lost by it.
+D (1 - k_D |P_1 - P_2|) in place of D, in the flow (2) and in the torque (3), so that no energy is lost.
 """
 
 from ._effect import Effect, EffectParameter
@@ -25,5 +25,5 @@ effect = Effect(
     parameters=(
         EffectParameter("k_D", "1/Pa", "share of D that is lost for each pascal", 0.0, 1e-8, 0.0, 1e-6, felt=5e-9),
     ),
-    source="form assumed: a displacement that yields to the pressure, the same in (2) and (3)",
+    source="form assumed: the same compliance in (2) and (3)",
 )

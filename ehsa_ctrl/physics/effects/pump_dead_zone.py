@@ -15,7 +15,7 @@ def flow(Q_P: float, omega: float, D: float, w_d: float) -> float:
 effect = Effect(
     name="pump_dead_zone",
     place="flow",
-    summary="no flow while the shaft turns slower than a zone, and as much less beyond",
+    summary="no flow for speeds within a dead zone, and less by the zone beyond",
     fingerprint="flow error of constant size with the sign of omega: lost motion at each reversal",
     changes={"Q_P": flow},
     parameters=(EffectParameter("w_d", "rad/s", "half the width of the zone", 0.0, 5.0, 0.0, 100.0, felt=0.5),),

@@ -8,7 +8,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ._candidate import FELT_PRESSURE, Candidate, Rig, from_levels, number
+from ._candidate import PRESSURE_SCALE, CandidateEffect, DiagnosisContext, from_levels, effect_number, measured
 from ._effect import Effect, EffectParameter
 
 
@@ -41,19 +41,19 @@ def flow_2(
     return Q_T2 - (lost - crossing(P_1, P_2, P_cross, P_open_range, K_relief))
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
-    """A level somewhat below the highest pressure, or the highest difference; how steeply it opens is a valve's own."""
-    pressures = [p for p in map(rig.measured, ("p1", "p2")) if p is not None]
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """A level somewhat below the highest pressure, or the highest difference; with the flow gain nominal or free."""
+    pressures = measured(context, "p1", "p2")
     high = max((float(np.quantile(p, 0.998)) for p in pressures), default=2e7)
-    low = rig.value("P_0")
+    low = context.value("P_0")
     levels = [low + share * (high - low) for share in (0.95, 0.8, 0.6)]
-    crack = number(effect, rig, "P_crack", max(0.05 * (high - low), FELT_PRESSURE))
-    gain = number(effect, rig, "K_relief", 0.3 * rig.value("K_relief"))
+    crack = effect_number(effect, context, "P_crack", max(0.05 * (high - low), PRESSURE_SCALE))
+    gain = effect_number(effect, context, "K_relief", 0.3 * context.value("K_relief"))
     found = [from_levels(effect, crack, levels), from_levels(effect, crack, levels[:2], gain)]
     if len(pressures) == 2:
         top = float(np.quantile(np.abs(pressures[0] - pressures[1]), 0.998))
         levels = [share * top for share in (0.95, 0.8, 0.6)]
-        cross = number(effect, rig, "P_cross", max(0.05 * top, FELT_PRESSURE))
+        cross = effect_number(effect, context, "P_cross", max(0.05 * top, PRESSURE_SCALE))
         found += [from_levels(effect, cross, levels), from_levels(effect, cross, levels[:2], gain)]
     return found
 

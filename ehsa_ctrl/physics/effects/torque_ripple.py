@@ -5,8 +5,9 @@ T_M + T_c sin(n_c theta + phi_c); theta is the shaft's angle since the start.
 
 from math import inf, sin
 
-from ._candidate import Candidate, Free, Rig
-from ._effect import Effect, EffectParameter, EffectState
+from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber
+from ._effect import Effect, EffectParameter, EffectState, MeasuredReplay
+from ._shaft_angle import ANGLE, angle_of, ripple_current, strongest_orders, with_angle
 
 
 def torque(T_M: float, theta: float, T_c: float, n_c: float, phi_c: float) -> float:
@@ -19,18 +20,18 @@ def angle_rate(omega: float, T_c: float) -> float:
     return omega if T_c != 0.0 else 0.0
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
-    """The order of a ripple can't be found by going downhill: it is read off the torque balance, angle by angle."""
-    starts = tuple((amplitude, order, phase) for order, amplitude, phase in rig.ripples())
-    if not starts:
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """No descent finds the order of a ripple: it is read from the torque balance, order by order."""
+    orders = strongest_orders(context.values, context.log) if "speed" in context.log.channels else []
+    if not orders:
         return []
     free = (
-        Free("T_c", 0.0, 0.03, 0.0, inf),
-        # Each start has its own.
-        Free("n_c", starts[0][1], 1e-6, 1.0, 200.0, fixed=True),
-        Free("phi_c", 0.0, 0.3, -7.0, 7.0),
+        FreeNumber("T_c", 0.0, 0.03, 0.0, inf),
+        # Each start has an order of its own.
+        FreeNumber("n_c", orders[0][0], 1e-6, 1.0, 200.0, fixed=True),
+        FreeNumber("phi_c", 0.0, 0.3, -7.0, 7.0),
     )
-    return [Candidate(free, starts)]
+    return [CandidateEffect(effect, free, tuple((amplitude, order, phase) for order, amplitude, phase in orders))]
 
 
 effect = Effect(
@@ -44,10 +45,12 @@ effect = Effect(
         EffectParameter("n_c", "1", "periods per turn", 36.0, 36.0, 1.0, 200.0, shape=True),
         EffectParameter("phi_c", "rad", "phase at the start", 0.0, 0.0, -7.0, 7.0, shape=True),
     ),
-    states=(EffectState("theta", "rad", 1.0),),
+    states=(EffectState("theta", "rad", 1.0, along=angle_of),),
     adds={"theta_dot": angle_rate},
     candidates=candidates,
-    caveat="the torque ripple goes with the shaft's measured angle in these runs; in a run of the improved plant alone "
+    # A run whose speed is slightly wrong is soon whole turns off; its ripple would be noise to any search.
+    replay=MeasuredReplay(ANGLE, with_angle, ripple_current),
+    caveat="the torque ripple follows the shaft's measured angle in these runs; in a run of the improved plant alone "
     "the angle drifts, and the ripple with it, so that such a run shows its size and not its phase",
     source="textbook form",
 )

@@ -9,12 +9,12 @@ def force(F_P: float, P_1: float, P_2: float, A: float, dA: float) -> float:
 
 
 def rate_1(P_1_dot: float, v: float, V_1: float, A: float, beta: float, dA: float) -> float:
-    """Chamber 1 makes more room."""
+    """Chamber 1 grows faster."""
     return P_1_dot - (0.5 * dA * A) * (beta * v / V_1)
 
 
 def rate_2(P_2_dot: float, v: float, V_2: float, A: float, beta: float, dA: float) -> float:
-    """Chamber 2 takes less back."""
+    """Chamber 2 shrinks more slowly."""
     return P_2_dot - (0.5 * dA * A) * (beta * v / V_2)
 
 

@@ -6,7 +6,7 @@ proportion to the temperature's rise.
 
 from math import exp
 
-from ._candidate import Candidate, Free, Rig, number
+from ._candidate import CandidateEffect, FreeNumber, DiagnosisContext, effect_number
 from ._effect import Effect, EffectParameter, EffectState
 
 
@@ -26,14 +26,14 @@ def rod(F_FR: float, v: float, B_FR: float, t_run: float, drop: float, tau_w: fl
 
 
 def clock(drop: float) -> float:
-    """The running time is counted only while there is something to warm up."""
+    """The running time is counted only while the effect is present."""
     return 1.0 if drop != 0.0 else 0.0
 
 
-def candidates(effect: Effect, rig: Rig) -> list[Candidate]:
-    """A slow fall from the log's beginning on."""
-    warming = (number(effect, rig, "drop", 0.05), Free("tau_w", 10.0, 3.0, 0.5, 1e3))
-    return [Candidate(warming, ((0.05, 10.0),))]
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """A slow fall from the start of the log."""
+    warming = (effect_number(effect, context, "drop", 0.05), FreeNumber("tau_w", 10.0, 3.0, 0.5, 1e3))
+    return [CandidateEffect(effect, warming, ((0.05, 10.0),))]
 
 
 effect = Effect(
@@ -46,7 +46,7 @@ effect = Effect(
         EffectParameter("drop", "1", "share of viscous friction that goes in the end", 0.0, 0.3, -1.0, 0.95),
         EffectParameter("tau_w", "s", "time constant of the warming", 10.0, 10.0, 0.5, 1e5, shape=True),
     ),
-    states=(EffectState("t_run", "s", 10.0),),
+    states=(EffectState("t_run", "s", 10.0, along=lambda log: log.time - log.time[0]),),
     adds={"t_run_dot": clock},
     candidates=candidates,
     source="first-order warming, viscosity linear in temperature",

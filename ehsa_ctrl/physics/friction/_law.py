@@ -18,6 +18,9 @@ SYMBOLS = {
     "sigma_1": ("{effort} s/{length}", "bristle damping"),
 }
 
+#: What these are in a contact without the law's part: no friction, bristles too stiff to yield.
+ABSENT = {"A": 0.0, "B": 0.0, "C": 0.0, "sigma_0": 1e8, "sigma_1": 0.0}
+
 
 @dataclass(frozen=True)
 class FrictionLaw:

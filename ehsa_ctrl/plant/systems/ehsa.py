@@ -19,6 +19,7 @@ SHAFT = Contact(
     length_unit="rad",
     effort_scale=1.0,
     bristle=State("z_M", "rad", 1e-3),
+    stribeck_speed=10.0,
 )
 ROD = Contact(
     name="rod",
@@ -31,6 +32,7 @@ ROD = Contact(
     length_unit="m",
     effort_scale=1e3,
     bristle=State("z_R", "m", 1e-5),
+    stribeck_speed=0.007,
 )
 
 #: The two forms of the chamber volumes, by the word used in a plant's TOML.

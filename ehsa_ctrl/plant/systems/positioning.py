@@ -21,6 +21,7 @@ CARRIAGE = Contact(
     length_unit="m",
     effort_scale=10.0,
     bristle=State("z_R", "m", 1e-5),
+    stribeck_speed=0.007,
     symbols={"A": "Fc", "B": "Fv"},
 )
 

@@ -1,0 +1,366 @@
+"""Refits: free-run errors over a log, minimised over a hypothesis' numbers and all nominal parameters together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ..core.errors import InputError
+from ..physics.effects import CandidateEffect, FreeNumber
+from ..plant.arrays import needed_to_simulate
+from .candidate_effects import wearing_parameters
+from .hypothesis_model import HypothesisModel, Setting
+from .signals import gap, largest, rod_velocity, scored, signal_noise
+
+#: Parameters that a modeller has slightly wrong, with the largest relative standard deviation that is assumed of each.
+NOMINAL = {
+    "K_T": 0.05, "J_M": 0.1, "A_FM": 0.1, "B_FM": 0.1, "C_FM": 0.15, "K_L": 0.15, "V_10": 0.1, "V_20": 0.1, "V": 0.1,
+    "M": 0.1, "A_FR": 0.1, "B_FR": 0.1, "C_FR": 0.15, "tau_FM": 0.15, "tau_FR": 0.15, "K_S": 0.1,
+}  # fmt: skip
+#: One residual counts as this share of an independent one: errors of neighbouring samples are correlated where a model
+#: is slightly wrong.
+TEMPER = 0.02
+#: The prior deviation of a nominal parameter makes this share of the threshold; step of its derivative.
+SHARE, STEP = 0.3, 0.02
+#: Relative prior deviation of the parameters of a model without dry friction, which stand for the missing friction.
+LUMPED = 0.3
+#: A nominal parameter is too large by no more than this factor: the engine needs tiny steps for a rod without mass.
+LARGEST_ERROR = 5.0
+#: Residuals are weighted in blocks of this length [s]: a slip that a simulation misses spoils a block, not a sample.
+BLOCK = 0.1
+#: Cauchy's constant: a block counts fully up to about this mean square, in units of the typical one.
+CAUCHY = 6.25
+#: A model is assumed to be no more accurate than this share of a signal's standard deviation.
+MODEL_ERROR = 0.004
+#: Noise of the logged current makes the position of any free run drift by about this much [m].
+POSITION_DRIFT = 1.5e-4
+#: A fit has converged when a step lowers the cost by less than this.
+CONVERGED = 0.05
+
+
+@dataclass(frozen=True)
+class ResidualScale:
+    """What the errors of each channel are divided by, and its noise; `rod_velocity` is a channel of its own."""
+
+    scale: Mapping[str, float]
+    noise: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, model: HypothesisModel, noise: Mapping[str, float]) -> ResidualScale:
+        """Noise and assumed model error of each channel of a model, in quadrature."""
+        log = model.log
+        signals = {channel: log[channel] for channel in model.channels}
+        if "position" in signals:
+            signals["rod_velocity"] = rod_velocity(log["position"], log.sample_time)
+        sd = {**noise, **signal_noise(noise, log.sample_time)}
+        scale = {name: float(np.hypot(sd[name], MODEL_ERROR * float(np.std(v)))) for name, v in signals.items()}
+        if "position" in scale:
+            scale["position"] = float(np.hypot(scale["position"], POSITION_DRIFT))
+        return cls(scale, {name: sd[name] for name in scale})
+
+    @property
+    def noise_squares(self) -> np.ndarray:
+        """Mean square of each channel's residuals (channels,) that noise alone makes."""
+        return np.array([(self.noise[name] / scale) ** 2 for name, scale in self.scale.items()])
+
+    def residual(self, model: HypothesisModel, simulated: Mapping[str, np.ndarray], first: int = 0) -> np.ndarray:
+        """Measured minus simulated of all channels in one vector, every second sample of each from `first` on."""
+        log, parts = model.log, []
+        for channel, scale in self.scale.items():
+            if channel == "rod_velocity":
+                error = rod_velocity(log["position"] - simulated["position"], log.sample_time)
+            else:
+                error = log[channel] - simulated[channel]
+            parts.append(error[first::2] / scale)
+        return np.concatenate(parts)
+
+
+@dataclass(frozen=True)
+class NominalParameters:
+    """Parameters that every hypothesis may change slightly: names, nominal values, prior standard deviations."""
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    sd: np.ndarray
+
+    def loose(self, factor: float) -> NominalParameters:
+        """The same with priors that are wider by a factor."""
+        return NominalParameters(self.names, self.values, self.sd * factor)
+
+
+def nominal_parameters(
+    model: HypothesisModel, scale: ResidualScale, threshold: float, *, lumped: bool = False
+) -> tuple[NominalParameters, dict[str, np.ndarray]]:
+    """Nominal parameters of a model, and the derivative of the residual (n,) by one prior deviation of each.
+
+    A parameter that alone changes a signal by the threshold is a cause. The prior deviation therefore changes it by
+    SHARE of the threshold, or is the relative one of NOMINAL if that is less.
+
+    lumped: the model lacks so much that its parameters stand for more than their names say; all but the torque constant
+    may change by LUMPED of themselves.
+    """
+    plant, dt = model.plant, model.log.sample_time
+    prior = {plant.structure.system.own(name): relative for name, relative in NOMINAL.items()}
+    needed = needed_to_simulate(plant.structure.equations)
+    names = [name for name in prior if name in needed and plant[name] != 0.0]
+    base, *moved = model.run([{}, *({name: plant[name] * (1.0 + STEP)} for name in names)])
+    if base is None:
+        raise InputError(
+            f"{model.log.path or 'the log'}: the nominal plant can't be simulated with this log's current; check its "
+            "parameters and the current's unit and sign"
+        )
+    signals, residual = scored(base, dt), scale.residual(model, base)
+    found, columns = {}, {}
+    for name, run in zip(names, moved, strict=True):
+        if run is None:
+            continue
+        change = max(largest(gap(signals, scored(run, dt), dict.fromkeys(signals, 0.0))), 1e-9)
+        relative = min(prior[name], SHARE * threshold / change * STEP)
+        if lumped and name != "K_T":
+            relative = LUMPED
+        found[name] = relative * plant[name]
+        columns[name] = (scale.residual(model, run) - residual) * (relative / STEP)
+    values = np.array([plant[name] for name in found])
+    return NominalParameters(tuple(found), values, np.array(list(found.values()))), columns
+
+
+@dataclass
+class RunCount:
+    """How many simulations were made."""
+
+    total: int = 0
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What a refit minimises: Cauchy's loss of the residuals' blocks, and the priors of the nominal parameters.
+
+    level: typical mean square of a block; blocks far above it count less.
+    """
+
+    model: HypothesisModel
+    scale: ResidualScale
+    nominal: NominalParameters
+    level: float = 1.0
+    count: RunCount = field(default_factory=RunCount, repr=False)
+
+    @property
+    def block(self) -> int:
+        """Residuals of a channel in one block."""
+        return max(int(round(BLOCK / (2.0 * self.model.log.sample_time))), 1)
+
+    def residuals(self, settings: Sequence[Setting]) -> list[np.ndarray | None]:
+        """Residuals (n,) of each setting; None where the run stopped."""
+        self.count.total += len(settings)
+        out: list[np.ndarray | None] = []
+        for simulated in self.model.run(settings):
+            r = None if simulated is None else self.scale.residual(self.model, simulated)
+            out.append(r if r is not None and np.isfinite(r).all() else None)
+        return out
+
+    def by_channel(self, r: np.ndarray) -> np.ndarray:
+        """Residuals (n,) as (channels, n / channels)."""
+        return r.reshape(len(self.scale.scale), -1)
+
+    def blocks(self, r: np.ndarray) -> np.ndarray:
+        """Mean squares (channels, blocks) of residuals (n,); a rest at the end that fills no block joins the last."""
+        parts = self.by_channel(r)
+        edges = np.arange(0, max(parts.shape[1] - self.block + 1, 1), self.block)
+        length = np.diff(np.append(edges, parts.shape[1]))
+        return np.asarray(np.add.reduceat(parts**2, edges, axis=1) / length)
+
+    def block_mean_squares(self, r: np.ndarray) -> np.ndarray:
+        """Mean squares (channels,) of the block means of residuals (n,), in which noise is small."""
+        parts = self.by_channel(r)
+        count = max(parts.shape[1] // self.block, 1)
+        means = parts[:, : count * self.block].reshape(len(parts), count, -1).mean(axis=2)
+        return np.asarray(np.mean(means**2, axis=1))
+
+    def loss(self, r: np.ndarray, weight: np.ndarray | float = 1.0) -> float:
+        """Sum of Cauchy's loss, each block as many squares as it has samples. weight: of each channel (channels, 1)."""
+        c = CAUCHY * self.level
+        return float(np.sum(weight * c * np.log1p(self.blocks(r) / c))) * self.block
+
+    def weights(self, r: np.ndarray) -> np.ndarray:
+        """Root of the weight of each residual (n,) under Cauchy's loss."""
+        parts = self.by_channel(r)
+        w = 1.0 / np.sqrt(1.0 + self.blocks(r) / (CAUCHY * self.level))
+        each = np.minimum(np.arange(parts.shape[1]) // self.block, w.shape[1] - 1)
+        return np.asarray(w[:, each].ravel())
+
+    def typical_level(self, r: np.ndarray) -> float:
+        """Median of the blocks' mean squares over channels, at least one."""
+        return max(float(np.median(self.blocks(r).mean(axis=0))), 1.0)
+
+    def free_numbers(self, candidates: Sequence[CandidateEffect]) -> tuple[FreeNumber, ...]:
+        """All free numbers: the candidates' first, without a prior, then the nominal ones in prior deviations."""
+        own = [free for candidate in candidates for free in candidate.free]
+        names, wearing = {free.name for free in own}, wearing_parameters()
+        rest = [
+            FreeNumber(name, value, sd, 0.0 if name in wearing else value / LARGEST_ERROR)
+            for name, value, sd in zip(self.nominal.names, self.nominal.values, self.nominal.sd, strict=True)
+            if name not in names
+        ]
+        return (*own, *rest)
+
+
+@dataclass(frozen=True)
+class HypothesisFit:
+    """A hypothesis at its best values.
+
+    values: all free numbers by name. cost: tempered loss with the priors. residual: (n,) at the end; jacobian: (n, k)
+    its derivatives by one scale of each of `free`, the candidates' first.
+    """
+
+    candidates: tuple[CandidateEffect, ...]
+    values: Mapping[str, float]
+    cost: float
+    residual: np.ndarray = field(repr=False)
+    jacobian: np.ndarray = field(repr=False)
+    free: tuple[FreeNumber, ...] = ()
+
+    @property
+    def own(self) -> int:
+        """How many of the free numbers are the candidates'."""
+        return sum(len(c.free) for c in self.candidates)
+
+    @property
+    def rms(self) -> float:
+        """RMS of the residuals."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+    @property
+    def prior_cost(self) -> float:
+        """Sum of squares of the nominal parameters' changes, in prior deviations."""
+        return float(sum(((self.values[f.name] - f.nominal) / f.scale) ** 2 for f in self.free[self.own :]))
+
+    def at_level_of(self, objective: Objective) -> HypothesisFit:
+        """The same fit with the cost of an objective that has another level."""
+        return replace(self, cost=TEMPER * objective.loss(self.residual) + self.prior_cost)
+
+
+class _Problem:
+    """The least-squares problem of one hypothesis: parameter vector x (k,), residuals, derivatives by one scale."""
+
+    def __init__(self, objective: Objective, candidates: Sequence[CandidateEffect]) -> None:
+        self.objective, self.free = objective, objective.free_numbers(candidates)
+        self.names = [f.name for f in self.free]
+        self.nominal, self.scale, self.lower, self.upper = (
+            np.array([getattr(f, field) for f in self.free]) for field in ("nominal", "scale", "lower", "upper")
+        )
+        self.own = sum(len(c.free) for c in candidates)
+
+    def setting(self, x: np.ndarray) -> dict[str, float]:
+        return dict(zip(self.names, x.tolist(), strict=True))
+
+    def residual(self, x: np.ndarray) -> np.ndarray | None:
+        return self.objective.residuals([self.setting(x)])[0]
+
+    def prior_residual(self, x: np.ndarray) -> np.ndarray:
+        return np.asarray((x[self.own :] - self.nominal[self.own :]) / self.scale[self.own :])
+
+    def cost(self, r: np.ndarray, x: np.ndarray) -> float:
+        p = self.prior_residual(x)
+        return TEMPER * self.objective.loss(r) + float(p @ p)
+
+    def differentiate(self, which: Sequence[int], x: np.ndarray, r: np.ndarray, J: np.ndarray) -> None:
+        """Fill columns of J by differences."""
+        settings, steps = [], []
+        for i in which:
+            h = 0.3 * self.scale[i] if i < self.own else min(0.3 * self.scale[i], STEP * abs(self.nominal[i]))
+            h = -h if x[i] + h > self.upper[i] else h
+            moved = x.copy()
+            moved[i] += h
+            settings.append(self.setting(moved))
+            steps.append(h)
+        for i, h, changed in zip(which, steps, self.objective.residuals(settings), strict=True):
+            J[:, i] = 0.0 if changed is None else (changed - r) * (self.scale[i] / h)
+
+    def normal_equations(
+        self, J: np.ndarray, r: np.ndarray, x: np.ndarray, w: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Gauss-Newton matrix (k, k) and gradient (k,) of half the cost, with weights w (n,)."""
+        weighted = J * w[:, None]
+        G = TEMPER * (weighted.T @ weighted)
+        g = TEMPER * (weighted.T @ (w * r))
+        prior = np.arange(self.own, len(self.free))
+        G[prior, prior] += 1.0
+        g[self.own :] += self.prior_residual(x)
+        return G, g
+
+
+def refit(
+    objective: Objective,
+    candidates: Sequence[CandidateEffect],
+    start: Setting,
+    known: Mapping[str, np.ndarray],
+    *,
+    steps: int = 6,
+    fresh: int = 0,
+) -> HypothesisFit | None:
+    """Damped Gauss-Newton from `start`, with Broyden's correction of derivatives; None where the start can't be run.
+
+    known: name -> (n,) derivative of the residual by one scale of that nominal parameter, near the start.
+    fresh: after so many steps all derivatives are taken anew (0: never).
+    """
+    problem = _Problem(objective, candidates)
+    x = np.array([start.get(f.name, f.nominal) for f in problem.free])
+    everything = range(len(problem.free))
+    first = problem.residual(x)
+    if first is None:
+        return None
+    r = first
+    J = np.zeros((r.size, len(problem.free)))
+    missing = [i for i, name in enumerate(problem.names) if name not in known or i < problem.own]
+    for i, name in enumerate(problem.names):
+        if i not in missing:
+            J[:, i] = known[name]
+    problem.differentiate(missing, x, r, J)
+    cost, damping, drop = problem.cost(r, x), 1e-3, np.inf
+    renewed = not fresh
+    for step in range(steps):
+        if fresh and step == fresh and not renewed:
+            problem.differentiate(everything, x, r, J)
+            renewed = True
+        w = objective.weights(r)
+        G, g = problem.normal_equations(J, r, x, w)
+        gained = False
+        for _ in range(4):
+            z = _bounded_step(G, g, damping, (problem.lower - x) / problem.scale, (problem.upper - x) / problem.scale)
+            trial = np.clip(x + z * problem.scale, problem.lower, problem.upper)
+            z = (trial - x) / problem.scale
+            new = problem.residual(trial)
+            if new is None:
+                damping = max(10.0 * damping, 1e-2)
+                continue
+            J += np.outer(new - r - J @ z, z / max(float(z @ z), 1e-12))
+            c = problem.cost(new, trial)
+            if c < cost:
+                gained = True
+                drop = cost - c
+                x, r, cost = trial, new, c
+                damping = max(0.2 * damping, 1e-6)
+                break
+            G, g = problem.normal_equations(J, r, x, w)
+            damping = max(10.0 * damping, 1e-2)
+        if not gained and not renewed:
+            # Derivatives taken elsewhere may point in a wrong direction.
+            problem.differentiate(everything, x, r, J)
+            renewed, damping = True, 1e-2
+            continue
+        if not gained or drop < CONVERGED:
+            break
+    return HypothesisFit(tuple(candidates), problem.setting(x), cost, r, J, problem.free)
+
+
+def _bounded_step(G: np.ndarray, g: np.ndarray, damping: float, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The step within bounds that minimises the damped quadratic, by its Cholesky factor."""
+    D = np.diag(np.maximum(np.diag(G), 1e-9))
+    H = G + damping * D + 1e-10 * np.eye(len(G))
+    L = np.linalg.cholesky(H)
+    target = -np.linalg.solve(L, g)
+    low, high = np.minimum(np.maximum(low, -20.0), -1e-12), np.maximum(np.minimum(high, 20.0), 1e-12)
+    return np.asarray(lsq_linear(L.T, target, bounds=(low, high), method="bvls").x)
