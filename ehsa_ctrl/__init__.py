@@ -54,7 +54,7 @@ _WHERE = {
     "Diagnosis": "diagnosis.diagnosis",
     "diagnose_many": "diagnosis.batch",
     "what_changed": "diagnosis.changed",
-    "gap": "diagnosis.free_run",
+    "gap": "diagnosis.validation_segment",
     "write_report": "report.write",
     "load_controller": "design.load",
     "load_scenario": "scenario.definition",

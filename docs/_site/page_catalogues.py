@@ -51,14 +51,12 @@ def effects() -> str:
 
 def _equations(name: str) -> list[str]:
     """Text of the effect's file beyond the first line, and the description of each equation."""
-    module = next(
-        module
-        for path in (PACKAGE / "physics" / "effects").glob("[!_]*.py")
-        if (module := importlib.import_module(f"ehsa_ctrl.physics.effects.{path.stem}")).effect.name == name
-    )
-    body = inspect.cleandoc(module.__doc__ or "").partition("\n")[2].strip()
+    effect, body = EFFECTS[name], ""
+    for path in (PACKAGE / "physics" / "effects").glob("[!_]*.py"):
+        module = importlib.import_module(f"ehsa_ctrl.physics.effects.{path.stem}")
+        if getattr(module, "effect", None) is effect:
+            body = inspect.cleandoc(module.__doc__ or "").partition("\n")[2].strip()
     lines = [body, ""] if body else []
-    effect = module.effect
     for signal, function in {**effect.changes, **effect.adds}.items():
         about = " ".join(inspect.cleandoc(function.__doc__ or "").split())
         lines.append(f"- `{signal}`: {about}")

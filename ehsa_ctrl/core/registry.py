@@ -54,7 +54,7 @@ def members(package: ModuleType, attribute: str) -> dict[str, Any]:
             raise TypeError(f"{module.__file__}: a module of {package.__name__} must define `{attribute}`")
         for member in defined:
             if member.name in found:
-                raise TypeError(f"{module.__file__}: the name {member.name!r} is taken by another member of this folder")
+                raise TypeError(f"{module.__file__}: the name {member.name!r} is taken by another member")
             found[member.name] = member
     return found
 

@@ -24,7 +24,7 @@ from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .diagnose import diagnose
 from .diagnosis import Diagnosis
-from .twin import Twin, with_every_effect
+from .hypothesis_model import HypothesisModel, with_every_effect
 
 if TYPE_CHECKING:
     import pandas
@@ -248,7 +248,7 @@ def _compile(plant: Plant, log: Log) -> None:
     """Have both engines in the cache before several workers ask for them at once."""
     short = log.segment(log.time[0], log.time[0] + 10 * log.sample_time)
     for friction in ("stribeck", "lugre") if plant.model == "nonlinear" else ("stribeck",):
-        Twin(with_every_effect(plant, friction), short).run([{}])
+        HypothesisModel(with_every_effect(plant, friction), short).run([{}])
 
 
 def _name(log: str | Path | Log, number: int) -> str:

@@ -1,129 +1,144 @@
-"""The causes of a gap as they are reported: numbers, parts of the gap, what could stand in their place."""
+"""The reported causes of a gap: parameters, shares of the gap, and effects that could take their place."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import permutations
 
 import numpy as np
 
 from ..core.log import Log
 from ..physics.effects import EFFECTS
-from ..physics.effects.presliding import HARD, SOFTNESS
 from ..plant.file import CHANNEL_UNITS
 from ..plant.plant import Plant
 from .diagnosis import Cause, Estimated
-from .evidence import deviations
-from .judge import Judge, Judged, Key, ids_of
+from .hypothesis_model import law_switches
+from .model_selection import Selection
+from .scoring import CauseKey, ScoredHypothesis, Scoring, reported_ids, standard_deviations
 from .signals import largest
-from .weigh import Weighed
 
-#: Candidates less probable than this are not listed.
-POSSIBLE = 0.02
+#: Less probable candidates are not listed.
+LEAST_PROBABLE = 0.02
 
 
-def causes_of(
+def reported_causes(
     plant: Plant,
-    weighed: Weighed,
-    judge: Judge,
+    selection: Selection,
+    scoring: Scoring,
+    known: Sequence[ScoredHypothesis],
     sd: Mapping[str, float],
     gap: Mapping[str, Mapping[str, float]],
     log: Log,
 ) -> tuple[Cause, ...]:
-    """Causes of the chosen hypothesis, the largest first; behind them what else is held for possible."""
-    chosen = weighed.chosen
-    closed = _parts(weighed, judge, gap["nominal"]["total"])
+    """Causes of the chosen hypothesis, the largest first, and further candidates where the verdict is underdetermined.
+
+    known: all hypotheses that were scored. sd: of the chosen hypothesis' numbers. gap: model -> gap on held-out data.
+    """
+    chosen = selection.chosen
+    closed = _shares_closed(selection, scoring, known, gap["nominal"]["total"])
     nominal, refitted, final = (gap[m]["total"] for m in ("nominal", "refit", "with_effects"))
     absorbed = float(np.clip((nominal - refitted) / (nominal - final), 0.0, 1.0)) if nominal > final else 0.0
-    flow = (
-        plant["A"] * float(np.max(np.abs(np.diff(log["position"])))) / log.sample_time
-        if "position" in log.channels and "A" in plant.parameters
-        else 0.0
-    )
     found = []
     for key in chosen.causes:
-        numbers = _numbers(key, chosen, judge, sd)
-        same = _same_in_principle(key[0], chosen.fit.values, plant, flow)
-        alike = tuple(dict.fromkeys([*same, *(other for other, _ in weighed.rivals.get(key, ()) if other != key[0])]))
+        equivalent = _equivalent_effects(key[0], chosen.fit.values, plant, log)
+        others = (other for other, _ in selection.alternatives.get(key, ()) if other != key[0])
         found.append(
             Cause(
-                key[0], key[1], EFFECTS[key[0]].place, min(weighed.probability.get(key, 0.0), 1.0), numbers, alike,
-                absorbed, closed.get(key, 0.0), chosen.own[key], same,
+                id=key[0],
+                channel=key[1],
+                place=EFFECTS[key[0]].place,
+                probability=min(selection.probability.get(key, 0.0), 1.0),
+                parameters=_parameters(key, chosen, scoring, sd),
+                ambiguous_with=tuple(dict.fromkeys([*equivalent, *others])),
+                absorbed_by_refit=absorbed,
+                gap_closed=closed.get(key, 0.0),
+                alone=chosen.own[key],
+                why_same=equivalent,
             )
-        )  # fmt: skip
+        )
     found.sort(key=lambda cause: -largest(cause.alone))
-    if weighed.verdict == "underdetermined":
-        found += _others(weighed, judge)
+    if selection.verdict == "underdetermined":
+        found += _further_candidates(selection, scoring)
     return tuple(found)
 
 
-def _same_in_principle(id: str, values: Mapping[str, float], plant: Plant, flow: float) -> Mapping[str, str]:
-    """Ids that no log of a hydraulic plant can tell from this one, whatever it excites, and why."""
-    same = EFFECTS[id].same
-    return {} if same is None or plant.structure.chambers is None else same(values, plant.values, flow)
+def _equivalent_effects(id: str, values: Mapping[str, float], plant: Plant, log: Log) -> Mapping[str, str]:
+    """Ids that no log of a hydraulic plant can tell from this one, and why."""
+    equivalent = EFFECTS[id].equivalent_effects
+    if equivalent is None or plant.structure.chambers is None:
+        return {}
+    flow = 0.0
+    if "position" in log.channels and "A" in plant.parameters:
+        flow = plant["A"] * float(np.max(np.abs(np.diff(log["position"])))) / log.sample_time
+    return equivalent(values, plant.values, flow)
 
 
-def _others(weighed: Weighed, judge: Judge) -> list[Cause]:
-    """Candidates beside the chosen ones, the most probable first, each with the numbers of its own best hypothesis."""
-    found: dict[Key, Cause] = {}
-    for judged in weighed.labels:
-        for key in judged.causes:
-            p = weighed.probability.get(key, 0.0)
-            if key in weighed.chosen.causes or key in found or p < POSSIBLE:
+def _further_candidates(selection: Selection, scoring: Scoring) -> list[Cause]:
+    """Candidates beside the chosen ones, the most probable first, each with the numbers of its best hypothesis."""
+    found: dict[CauseKey, Cause] = {}
+    for scored in selection.ranked:
+        for key in scored.causes:
+            p = selection.probability.get(key, 0.0)
+            if key in selection.chosen.causes or key in found or p < LEAST_PROBABLE:
                 continue
-            numbers = _numbers(key, judged, judge, deviations(judged.fit, judge.worth))
-            found[key] = Cause(key[0], key[1], EFFECTS[key[0]].place, min(p, 1.0), numbers, alone=judged.own[key])
+            parameters = _parameters(key, scored, scoring, standard_deviations(scored.fit, scoring.weight))
+            found[key] = Cause(key[0], key[1], EFFECTS[key[0]].place, min(p, 1.0), parameters, alone=scored.own[key])
     return sorted(found.values(), key=lambda cause: -cause.probability)
 
 
-def _numbers(key: Key, chosen: Judged, judge: Judge, sd: Mapping[str, float]) -> dict[str, Estimated]:
-    """The numbers of a cause; those of a sensor are called `value`, as the channel says which."""
-    plant = judge.search.bench.twin.plant
-    kinds = {kind.name: kind.unit for kind in plant.structure.equations.parameters}
-    ids = ids_of(plant)
+def _parameters(
+    key: CauseKey, scored: ScoredHypothesis, scoring: Scoring, sd: Mapping[str, float]
+) -> dict[str, Estimated]:
+    """The parameters of a cause; that of a sensor is called `value`, as the channel names it."""
+    model, values = scoring.objective.model, scored.fit.values
+    kinds = {
+        kind.name: kind.unit
+        for p in (model.plant, *model.switched.values())
+        for kind in p.structure.equations.parameters
+    }
+    switches = {switch.number: switch for switch in law_switches()}
+    ids = reported_ids(model.plant)
     out = {}
-    for suspect in chosen.fit.suspects:
-        if suspect.key != key:
-            continue
-        for free in suspect.free:
-            name = free.name
-            word, dot, channel = name.partition(".")
-            if dot and suspect.channel is None:
-                continue
-            unit = {"scale": "1", "bias": CHANNEL_UNITS[channel]}.get(word, "s") if dot else _unit(name, kinds)
-            if name == SOFTNESS:
-                soft = max(chosen.fit.values[name], HARD)
-                out["sigma_0"] = Estimated(1.0 / soft, sd.get(name, np.nan) / soft**2, "N/m")
-                continue
-            deviation = 0.0 if free.fixed else sd.get(name, np.nan)
-            out["value" if dot else name] = Estimated(chosen.fit.values[name], deviation, unit)
-    for f in chosen.fit.frees:
+    for free in (free for c in scored.fit.candidates if c.key == key for free in c.free):
+        name = free.name
+        deviation = 0.0 if free.fixed else sd.get(name, np.nan)
+        setting, dot, channel = name.partition(".")
+        if name in switches:
+            switch = switches[name]
+            number = max(values[name], switch.threshold)
+            out[switch.reported] = Estimated(1.0 / number, deviation / number**2, kinds[switch.parameter])
+        elif not dot:
+            out[name] = Estimated(values[name], deviation, kinds[name])
+        elif key[1] is not None:
+            unit = {"scale": "1", "bias": CHANNEL_UNITS[channel]}.get(setting, "s")
+            out["value"] = Estimated(values[name], deviation, unit)
+    for f in scored.fit.free:
         if (ids.get(f.name), None) == key and f.name not in out:
-            out[f.name] = Estimated(chosen.fit.values[f.name], f.scale, _unit(f.name, kinds))
+            out[f.name] = Estimated(values[f.name], f.scale, kinds[f.name])
     return out
 
 
-def _unit(name: str, kinds: Mapping[str, str]) -> str:
-    return kinds.get(name, "N s/m")
-
-
-def _parts(weighed: Weighed, judge: Judge, nominal: float) -> dict[Key, float]:
+def _shares_closed(
+    selection: Selection, scoring: Scoring, known: Sequence[ScoredHypothesis], nominal: float
+) -> dict[CauseKey, float]:
     """Share of the gap that each cause closes: its mean part over all orders in which they could be added (Shapley)."""
-    causes = weighed.chosen.causes
+    chosen = selection.chosen
+    causes = chosen.causes
     if nominal == 0.0:
         return dict.fromkeys(causes, 0.0)
-    known: dict[frozenset[Key], float] = {frozenset(): nominal, frozenset(causes): weighed.chosen.held["total"]}
-    for judged in judge.known.values():
-        part = frozenset(judged.causes)
+    gaps: dict[frozenset[CauseKey], float] = {frozenset(): nominal, frozenset(causes): chosen.held_out["total"]}
+    for scored in known:
+        part = frozenset(scored.causes)
         if part < frozenset(causes) and part:
-            known[part] = min(known.get(part, np.inf), judged.held["total"])
+            gaps[part] = min(gaps.get(part, np.inf), scored.held_out["total"])
 
-    def left(members: frozenset[Key]) -> float:
-        if members not in known:
-            gone = {n for s in weighed.chosen.fit.suspects if s.key not in members for n in s.names}
-            values = {n: v for n, v in weighed.chosen.fit.values.items() if n not in gone}
-            known[members] = judge.held.gap(values)["total"]
-        return min(known[members], nominal * 10.0)
+    def left(members: frozenset[CauseKey]) -> float:
+        if members not in gaps:
+            removed = {n for c in chosen.fit.candidates if c.key not in members for n in c.names}
+            gaps[members] = scoring.held_out.gap({n: v for n, v in chosen.fit.values.items() if n not in removed})[
+                "total"
+            ]
+        return min(gaps[members], nominal * 10.0)
 
     out = dict.fromkeys(causes, 0.0)
     orders = list(permutations(causes))

@@ -1,4 +1,4 @@
-"""What changed between two logs of the same rig: the second is held against the plant that explains the first."""
+"""What changed between two logs of the same rig: the second is compared with the plant that explains the first."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from ..core.errors import InputError
 from ..core.log import Log, named
 from ..core.text import TextResult
 from ..plant.plant import Plant
-from .diagnose import Watch, diagnose
+from .diagnose import diagnose
 from .diagnosis import Cause, Diagnosis
-from .fit import Bench, Metric, Nominal, refit
-from .held_out import whole
-from .improved import improved
-from .twin import with_every_effect, without_dry_friction
+from .hypothesis_model import with_every_effect, without_dry_friction
+from .hypothesis_search import Watch
+from .improved_plant import improved_plant
+from .refit import Objective, ResidualScale, nominal_parameters, refit
+from .validation_segment import whole_log
 
 if TYPE_CHECKING:
     import pandas
@@ -26,9 +27,9 @@ class Change(TextResult):
 
     Attributes
     ----------
-    before: the first log against the plant as believed.
+    before: the first log against the nominal plant.
     after: the second log against `rig`; its causes are what changed.
-    rig: the plant brought to the first log. brought: how, in words.
+    rig: the plant adapted to the first log. brought: how, in words.
     """
 
     before: Diagnosis
@@ -52,12 +53,12 @@ class Change(TextResult):
         elif self.before.verdict == "no_gap" or self.before.improved is not None:
             first = f"Something changed between the logs. {self.after.sentence}"
         else:
-            # The rig was not explained, so that what is left of it stands in the second log too.
+            # What the first log leaves unexplained is in the second log too.
             first = f"Whether anything changed can't be told: no cause was found for either log. {self.after.sentence}"
         return f"{first} Before, {self.brought}."
 
     def to_dict(self) -> dict[str, Any]:
-        """As diagnosis.json: that of the second log, with what is said of the first under `before`."""
+        """As diagnosis.json: that of the second log, with the first under `before`."""
         return {
             **self.after.to_dict(),
             "change": self.sentence,
@@ -91,8 +92,8 @@ def what_changed(
 ) -> Change:
     """Diagnose `after` against the plant that explains `before`: what both logs show is no cause.
 
-    The plant is brought to the rig as it was: with the causes that `before` shows, or, where it has no gap or none was
-    named, with its nominal parameters refitted within what a modeller gets wrong.
+    The plant is adapted to the first log: with the causes that it shows, or, where it has no gap or none was named,
+    with the nominal parameters refitted within their priors.
 
     Parameters
     ----------
@@ -110,21 +111,20 @@ def what_changed(
     if before is after or (before.path is not None and before.path == after.path):
         raise InputError(f"{after.path or 'the log'}: is given as the log before and the one after; give two logs")
     before, after = named([before, after])
-    told = _told(watch, "before")
-    first = diagnose(plant, before, threshold=threshold, jobs=jobs, watch=told, check=check)
-    rig, brought = _rig(first)
-    second = diagnose(rig, after, threshold=threshold, jobs=jobs, watch=_told(watch, "after"), check=check)
+    first = diagnose(plant, before, threshold=threshold, jobs=jobs, watch=_labelled(watch, "before"), check=check)
+    rig, brought = _adapted(first)
+    second = diagnose(rig, after, threshold=threshold, jobs=jobs, watch=_labelled(watch, "after"), check=check)
     return Change(first, second, rig, brought)
 
 
-def _told(watch: Watch | None, word: str) -> Watch | None:
+def _labelled(watch: Watch | None, word: str) -> Watch | None:
     if watch is None:
         return None
     return lambda stage, done, total: watch(f"{word}: {stage}", done, total)
 
 
-def _rig(first: Diagnosis) -> tuple[Plant, str]:
-    """The plant as the first log shows it, and how it came about."""
+def _adapted(first: Diagnosis) -> tuple[Plant, str]:
+    """The plant adapted to the first log, and how."""
     if first.improved is not None:
         names = " and ".join(cause.name for cause in first.effects)
         return first.improved, f"the rig differed from the plant by {names}, which is no change"
@@ -136,11 +136,11 @@ def _rig(first: Diagnosis) -> tuple[Plant, str]:
 
 
 def _refitted(first: Diagnosis) -> Plant:
-    """The plant with nominal parameters at their best in the whole log, under the same priors as any hypothesis."""
-    plant, log, noise = first.plant, first.log, first.noise_sd
-    twin = whole(plant, with_every_effect(plant), log, noise).twin
-    metric = Metric.of(twin, noise)
-    lumped = without_dry_friction(twin.plant)
-    nominal, columns = Nominal.of(twin, metric, first.threshold, lumped=lumped)
-    found = refit(Bench(twin, metric, nominal), (), {}, columns, steps=8, fresh=2)
-    return plant if found is None else improved(plant, (), found.values, {})
+    """The plant with nominal parameters refitted to the whole log, under the same priors as any hypothesis."""
+    plant, noise = first.plant, first.noise_sd
+    model = whole_log(plant, with_every_effect(plant), first.log, noise).model
+    scale = ResidualScale.of(model, noise)
+    lumped = without_dry_friction(model.plant)
+    nominal, columns = nominal_parameters(model, scale, first.threshold, lumped=lumped)
+    found = refit(Objective(model, scale, nominal), (), {}, columns, steps=8, fresh=2)
+    return plant if found is None else improved_plant(plant, (), found.values, {})

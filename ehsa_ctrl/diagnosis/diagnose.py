@@ -1,12 +1,16 @@
-"""Diagnose a log: where the gap lies, which effect causes it, how far it shrinks."""
+"""Diagnose a log: where the gap lies, which effect causes it, how far it shrinks.
+
+    PreparedLog -> Segments -> Hypotheses -> Scoring, Selection -> Diagnosis
+
+Each stage is frozen; the functions below make one from the last.
+"""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,31 +20,51 @@ from ..identification.checks import check_log, refuse
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
-from .causes import causes_of
-from .diagnosis import MODELS, Candidate, Cause, Diagnosis
-from .evidence import deviations
-from .fit import Bench, Metric, Nominal, Refit, refit
-from .held_out import Stretch, last_part, whole
-from .improved import improved
-from .judge import Judge, Judged, by_label
-from .locate import Location, locate
-from .ripple import ripple_of, with_angle
-from .search import Search
+from .candidate_effects import candidate_effects
+from .causes import reported_causes
+from .diagnosis import MODELS, Cause, Diagnosis, RankedHypothesis
+from .gap_attribution import Location, attribute_gap
+from .hypothesis_model import HypothesisModel, Setting, law_switches, with_every_effect, without_dry_friction
+from .hypothesis_search import Hypotheses, Pool, Watch, search
+from .improved_plant import improved_plant
+from .model_selection import Reference, Selection, select_model
+from .next_experiment import deciding_experiment
+from .refit import NominalParameters, Objective, ResidualScale, nominal_parameters, refit
+from .scoring import ScoredHypothesis, Scoring, score_hypotheses, standard_deviations
 from .signals import largest, noise_of
-from .suspects import suspects
-from .twin import Twin, with_every_effect, without_dry_friction
-from .weigh import Weighed, weigh
-from .what_next import advice, deciding_experiment, name_of
+from .validation_segment import Segment, last_third, prepare_replay, replayed_effects, whole_log
+from .verdict_text import advice, name_of
 
-#: A log shorter than this leaves too little to fit and to hold out [s].
+#: A shorter log leaves too little to fit and to hold out [s].
 SHORTEST = 3.0
-Watch = Callable[[str, int, int], None]
-#: Priors of the plain refit are wider by this.
+#: Priors of the refit without causes are wider by this.
 LOOSE = 30.0
-#: Sets within this share of the nominal evidence of the best one are fitted to the end.
-PROMISING = 0.1
-#: Hypotheses of each size that are weighed on held-out data.
-WEIGHED = 10
+
+
+@dataclass(frozen=True)
+class PreparedLog:
+    """A checked log and the plant that it is compared with.
+
+    plant, log: as given. model: the plant with every effect, driven by the log with the channels that effects follow.
+    validation: a second log, prepared likewise. noise: channel -> standard deviation. findings: warnings.
+    """
+
+    plant: Plant
+    log: Log
+    model: HypothesisModel
+    validation: Log | None
+    noise: Mapping[str, float]
+    findings: tuple[str, ...]
+    threshold: float
+
+
+@dataclass(frozen=True)
+class Segments:
+    """The whole log from its start, the part that hypotheses are fitted to, and the part that is held out."""
+
+    whole: Segment
+    training: Segment
+    held_out: Segment
 
 
 def diagnose(
@@ -53,17 +77,17 @@ def diagnose(
     watch: Watch | None = None,
     check: bool = True,
 ) -> Diagnosis:
-    """Where the gap between a log and the believed plant lies, what causes it, and how far it shrinks.
+    """Where the gap between a log and the nominal plant lies, what causes it, and how far it shrinks.
 
     Parameters
     ----------
-    plant: as it is believed, linear or nonlinear, with the load that was there.
+    plant: nominal, linear or nonlinear, with the load that was there.
     log: see `read_plant_log`; it may lack force or pressures.
     validate: a second log that nothing is fitted to; the last third of `log` by default.
     threshold: a gap of a signal, relative to its standard deviation, from which on it matters.
     jobs: threads; all cores by default.
-    watch: is told of stage, steps done and steps in all.
-    check: refuse logs that `check_log` finds wrong: an exchanged sign or unit is no effect.
+    watch: is called with stage, steps done and steps in all.
+    check: refuse logs that `check_log` finds wrong: a wrong sign or unit is no effect.
 
     Returns
     -------
@@ -71,72 +95,50 @@ def diagnose(
 
     Raises
     ------
-    InputError: the log is plainly wrong or too short.
+    InputError: the log is clearly wrong or too short.
     """
     began = time.monotonic()
+    prepared = prepare_log(plant, log, validate, threshold, check=check)
+    segments = split_log(prepared)
+    gaps = segments.whole.gap({})
+    if largest(gaps) < threshold:
+        return _no_gap(prepared, segments, gaps, began)
+    objective, columns = _objective(prepared, segments.training)
+    lumped = without_dry_friction(prepared.model.plant)
+    pool = Pool(jobs or os.cpu_count() or 1, watch)
+    hypotheses = Hypotheses.none_fitted(objective, candidate_effects(segments.training.model), columns, pool)
+    hypotheses = search(hypotheses, lumped=lumped)
+    scoring = Scoring.of(hypotheses, segments.training, segments.held_out, threshold, lumped=lumped)
+    hypotheses, scores, superseded = score_hypotheses(hypotheses, scoring)
+    selection = select_model(scores, Reference.of(scoring), threshold)
+    nominal_refit = _refit_nominal(objective, columns, 1.0 if lumped else LOOSE)
+    known = [*superseded, *scores]
+    return _build(prepared, segments, gaps, hypotheses, scoring, selection, known, nominal_refit, began)
+
+
+def prepare_log(plant: Plant, log: Log, validate: Log | None, threshold: float, *, check: bool) -> PreparedLog:
+    """Check plant, logs and threshold, and prepare the logs for the model of all hypotheses."""
     if not 0.0 < threshold < 1.0:
         raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
-    logs = named([log] if validate is None else [log, validate])
-    log, validate = logs[0], None if validate is None else logs[1]
-    findings = _checked(plant, logs, check)
-    noise = noise_of(log)
-    twin = with_every_effect(plant)
-    rippled = ripple_of(plant) > 0.0
-    turned, kept = _turned(plant, log, validate) if rippled else (log, validate)
-    if rippled:
-        findings = (*findings, *(EFFECTS[n].caveat for n in plant.structure.effects if EFFECTS[n].caveat))
-    bare = whole(plant, twin, turned, noise)
-    gaps = bare.gap({})
-    common: dict[str, Any] = {
-        "plant": plant, "log": log, "threshold": threshold, "whole": gaps, "noise_sd": noise, "findings": findings,
-        "provenance": versions(),
-    }  # fmt: skip
-    if largest(gaps) < threshold:
-        _, held = _split(plant, twin, turned, kept, noise)
-        nominal = held.gap({})
-        return Diagnosis(
-            verdict="no_gap", where=(), effects=(), gap=dict.fromkeys(MODELS, nominal),
-            held_out=held.words, held_from=_held_from(held, log), values={}, simulated=_runs(bare, {"nominal": {}}),
-            seconds=time.monotonic() - began, runs=2, **common,
-        )  # fmt: skip
-    if not rippled:
-        turned, kept = _turned(plant, log, validate)
-    trainlog, held = _split(plant, twin, turned, kept, noise)
+    log, *others = named([log] if validate is None else [log, validate])
+    findings = [*_checked(plant, [log, *others], check), *(e.caveat for e in replayed_effects(plant))]
+    followed = prepare_replay(plant, log, everything=True)
+    validation = prepare_replay(plant, others[0], followed, everything=True) if others else None
+    start = whole_log(plant, plant, log, {}).model.start
+    model = HypothesisModel(with_every_effect(plant), followed, start, _switched(plant))
+    return PreparedLog(plant, log, model, validation, noise_of(log), tuple(filter(None, findings)), threshold)
+
+
+def _switched(plant: Plant) -> dict[str, Plant]:
+    """The plant with each friction law that a hypothesis may switch to; presliding needs a rod that pressures move."""
     structure = plant.structure
-    yields = plant.model == "nonlinear" and structure.chambers is not None and not structure.system.prescribed
-    bristles = with_every_effect(plant, "lugre") if yields else None
-    held = replace(held, twin=replace(held.twin, bristles=bristles))
-    bare = replace(bare, twin=replace(bare.twin, log=turned, bristles=bristles))
-    train = Twin(twin, trainlog, bare.twin.start, bristles)
-    fitted = Stretch(train, 0, noise, "where it was fitted")
-    metric = Metric.of(train, noise)
-    lumped = without_dry_friction(twin)
-    nominal_parameters, columns = Nominal.of(train, metric, threshold, lumped=lumped)
-    bench = Bench(train, metric, nominal_parameters)
-    search = Search(bench, suspects(train), columns, jobs=jobs or os.cpu_count() or 1, watch=watch)
-    judge = _searched(search, fitted, held, threshold, lumped=lumped)
-    judged = _judged(search, judge)
-    loose = 1.0 if lumped else LOOSE
-    free = refit(
-        Bench(train, metric, nominal_parameters.loose(loose)), (), {},
-        {name: column * loose for name, column in columns.items()}, steps=8, fresh=2,
-    )  # fmt: skip
-    nominal_gaps = {"fitted": fitted.gap({}), "held": held.gap({})}
-    shaken = judge.shaken[0]
-    expected = float(np.mean(metric.noise_squares)) + shaken.square
-    weighed = weigh(judged, judge.floor, judge.most, threshold, nominal_gaps, expected, shaken.gap)
-    location = locate(plant, log, noise)
-    return _written(plant, weighed, search, judge, held, bare, free, location, common, began)
+    if plant.model != "nonlinear" or structure.chambers is None or structure.system.prescribed:
+        return {}
+    return {switch.law: with_every_effect(plant, switch.law) for switch in law_switches()}
 
 
-def _turned(plant: Plant, log: Log, validate: Log | None) -> tuple[Log, Log | None]:
-    """Both logs with the shaft's angle, in one phase of a ripple."""
-    turned = with_angle(plant, log)
-    return turned, None if validate is None else with_angle(plant, validate, turned)
-
-
-def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> tuple[str, ...]:
-    """Warnings on the logs; raises InputError for the first that is plainly wrong."""
+def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> list[str]:
+    """Warnings on the logs; raises InputError for the first that is clearly wrong."""
     sentences = []
     for log in logs:
         for drive in plant.structure.system.drives.values():
@@ -150,115 +152,129 @@ def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> tuple[str, ...]:
         if length < SHORTEST:
             raise InputError(
                 f"{log.path or 'the log'}: lasts {length:.3g} s; a diagnosis needs at least {SHORTEST:g} s, of which "
-                "a third is kept back"
+                "a third is held out"
             )
-    return tuple(sentences)
+    return sentences
 
 
-def _split(
-    plant: Plant, twin: Plant, log: Log, validate: Log | None, noise: Mapping[str, float]
-) -> tuple[Log, Stretch]:
-    """What is fitted, and what is held out."""
-    if validate is None:
-        return last_part(plant, twin, log, noise)
-    return log, whole(plant, twin, validate, noise_of(validate))
+def split_log(prepared: PreparedLog) -> Segments:
+    """What is fitted, and what is held out: the validation log, or else the last third."""
+    plant, model = prepared.plant, prepared.model
+    if prepared.validation is not None:
+        training, noise = model.log, noise_of(prepared.validation)
+        held_out = whole_log(plant, model.plant, prepared.validation, noise)
+    else:
+        training, held_out = last_third(plant, model.plant, model.log, prepared.noise)
+    held_out = replace(held_out, model=replace(held_out.model, switched=model.switched))
+    return Segments(
+        Segment(model, 0, prepared.noise, prepared.log.name),
+        Segment(replace(model, log=training), 0, prepared.noise, "the training data"),
+        held_out,
+    )
 
 
-def _searched(search: Search, fitted: Stretch, held: Stretch, threshold: float, *, lumped: bool) -> Judge:
-    """Singles, pairs, and sets of three where the first two leave much or much is known to be missing."""
-    search.respond()
-    search.singles()
-    if lumped:
-        # So far from the nominal plant its derivatives say nothing of what is missing beside.
-        search.respond(search.best()[0].values)
-    search.grow(2)
-    if lumped:
-        search.missing()
-        search.respond(search.best()[0].values)
-    if lumped or _left(search):
-        search.grow(3)
-    return Judge(search, fitted, held, threshold, lumped=lumped)
+def _objective(prepared: PreparedLog, training: Segment) -> tuple[Objective, dict[str, np.ndarray]]:
+    scale = ResidualScale.of(training.model, prepared.noise)
+    lumped = without_dry_friction(prepared.model.plant)
+    nominal, columns = nominal_parameters(training.model, scale, prepared.threshold, lumped=lumped)
+    return Objective(training.model, scale, nominal), columns
 
 
-def _left(search: Search) -> bool:
-    """Whether pairs took off plainly more than singles, and plainly more than noise is left."""
-    costs = [fits[0].cost if (fits := search.best(size)) else np.inf for size in (1, 2)]
-    return costs[1] < 0.7 * costs[0] and search.bench.level > 1.2
+def _refit_nominal(objective: Objective, columns: Mapping[str, np.ndarray], loose: float) -> Setting:
+    """Nominal parameters refitted alone; empty where that fails."""
+    nominal = objective.nominal
+    wide = NominalParameters(nominal.names, nominal.values, nominal.sd * loose)
+    scaled = {name: column * loose for name, column in columns.items()}
+    found = refit(Objective(objective.model, objective.scale, wide), (), {}, scaled, steps=8, fresh=2)
+    return {} if found is None else found.values
 
 
-def _judged(search: Search, judge: Judge) -> list[Judged]:
-    """The best hypotheses of each size on what was held out; the most promising sets are first fitted to the end."""
+def _no_gap(prepared: PreparedLog, segments: Segments, gaps: Mapping[str, float], began: float) -> Diagnosis:
+    held_out = segments.held_out
+    return Diagnosis(
+        plant=prepared.plant,
+        log=prepared.log,
+        threshold=prepared.threshold,
+        verdict="no_gap",
+        where=(),
+        effects=(),
+        gap=dict.fromkeys(MODELS, held_out.gap({})),
+        whole=gaps,
+        held_out=held_out.name,
+        held_from=_held_from(held_out, prepared.log),
+        noise_sd=prepared.noise,
+        values={},
+        simulated=_runs(segments.whole, {"nominal": {}}),
+        findings=prepared.findings,
+        seconds=time.monotonic() - began,
+        runs=2,
+        provenance=versions(),
+    )
 
-    def best() -> list[Refit]:
-        return [search.fits[()], *(fit for size in (1, 2, 3) for fit in search.best(size)[:WEIGHED])]
 
-    first = sorted(by_label([judge.judge(fit) for fit in best()]).values(), key=lambda j: j.evidence)
-    within = first[0].evidence + PROMISING * abs(judge.weigh(search.residual))
-    promising = [j for j in first[:4] if j.evidence <= within]
-    search.finish([j.fit for j in promising], steps=8)
-    judged = [judge.judge(fit) for fit in best()]
-    if not any(np.isfinite(j.evidence) for j in judged):
-        raise InputError(
-            f"{judge.held.twin.log.path or 'the log'}: neither the believed plant nor any refit of it can be simulated "
-            "over what is held out; check units and signs (compare shows both side by side) and the plant's parameters"
-        )
-    return judged
-
-
-def _written(
-    plant: Plant,
-    weighed: Weighed,
-    search: Search,
-    judge: Judge,
-    held: Stretch,
-    bare: Stretch,
-    free: Refit | None,
-    location: Location,
-    common: Mapping[str, Any],
+def _build(
+    prepared: PreparedLog,
+    segments: Segments,
+    gaps: Mapping[str, float],
+    hypotheses: Hypotheses,
+    scoring: Scoring,
+    selection: Selection,
+    known: Sequence[ScoredHypothesis],
+    nominal_refit: Setting,
     began: float,
 ) -> Diagnosis:
-    """The result, from what was weighed."""
-    chosen = weighed.chosen
-    named = weighed.verdict in ("effect", "ambiguous")
-    values = {"nominal": {}, "refit": free.values if free is not None else {}, "with_effects": chosen.fit.values}
-    if not named:
-        values["with_effects"] = values["refit"]
-    gap = {model: held.gap(setting) for model, setting in values.items()}
-    gap["upper_bound"] = _bound(gap, location)
-    sd = deviations(chosen.fit, judge.worth)
-    causes = causes_of(plant, weighed, judge, sd, gap, common["log"]) if weighed.verdict != "outside_catalogue" else ()
-    # What no log can tell apart makes a set too.
-    verdict = "ambiguous" if weighed.verdict == "effect" and any(c.ambiguous_with for c in causes) else weighed.verdict
-    following = deciding_experiment(weighed, search, common["noise_sd"])
-    changed = {n: v for n, v in chosen.fit.values.items() if v != _nominal_value(judge, n)}
-    caveats = [EFFECTS[id].caveat for id, _ in chosen.causes if named]
-    findings = tuple(dict.fromkeys([*common["findings"], *filter(None, caveats)]))
-    common = {**common, "findings": findings}
+    """The result of a selected model."""
+    plant, log, chosen, held_out = prepared.plant, prepared.log, selection.chosen, segments.held_out
+    with_effects = chosen.fit.values if selection.named else nominal_refit
+    values: dict[str, Setting] = {"nominal": {}, "refit": nominal_refit, "with_effects": with_effects}
+    location = attribute_gap(plant, log, prepared.noise)
+    gap = {model: held_out.gap(setting) for model, setting in values.items()}
+    gap["upper_bound"] = _upper_bound(gap, location)
+    sd = standard_deviations(chosen.fit, scoring.weight)
+    causes: tuple[Cause, ...] = ()
+    if selection.verdict != "outside_catalogue":
+        causes = reported_causes(plant, selection, scoring, known, sd, gap, log)
+    # Effects that no log can tell apart make an ambiguous set too.
+    ambiguous = selection.verdict == "effect" and any(cause.ambiguous_with for cause in causes)
+    verdict = "ambiguous" if ambiguous else selection.verdict
+    experiment = deciding_experiment(selection, hypotheses, prepared.noise)
+    changed = {n: v for n, v in chosen.fit.values.items() if v != prepared.model.nominal_value(n)}
+    caveats = [EFFECTS[id].caveat for id, _ in chosen.causes if selection.named]
     return Diagnosis(
+        plant=plant,
+        log=log,
+        threshold=prepared.threshold,
         verdict=verdict,
         where=_where(location, causes),
         effects=causes,
         gap=gap,
-        held_out=held.words,
-        held_from=_held_from(held, common["log"]),
+        whole=gaps,
+        held_out=held_out.name,
+        held_from=_held_from(held_out, log),
+        noise_sd=prepared.noise,
         values=values,
-        simulated=_runs(bare, values),
+        simulated=_runs(segments.whole, values),
         candidates=tuple(
-            Candidate(tuple(name_of(key) for key in j.label), j.evidence - weighed.labels[0].evidence, largest(j.held))
-            for j in weighed.labels
+            RankedHypothesis(
+                tuple(name_of(key) for key in one.label),
+                one.deviance - selection.ranked[0].deviance,
+                largest(one.held_out),
+            )
+            for one in selection.ranked
         ),
         location=location,
-        next_experiment=following.words if following is not None else advice(verdict, causes, plant.structure.system),
-        experiment=following,
-        improved=improved(plant, chosen.fit.suspects, changed, sd) if named else None,
+        next_experiment=experiment.words if experiment else advice(verdict, causes, plant.structure.system),
+        experiment=experiment,
+        improved=improved_plant(plant, chosen.fit.candidates, changed, sd) if selection.named else None,
+        findings=tuple(dict.fromkeys([*prepared.findings, *filter(None, caveats)])),
         seconds=time.monotonic() - began,
-        runs=search.bench.runs,
-        **common,
+        runs=hypotheses.objective.count.total,
+        provenance=versions(),
     )
 
 
 def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, float], ...]:
-    """Shares of the places. What lies in places whose balances no sensor shows lies where their causes act."""
+    """Shares of the places. Places whose balances no sensor shows share by what the causes that act there close."""
     shares = dict(location.shares)
     closed = dict.fromkeys(location.silent, 0.0)
     for cause in causes:
@@ -271,17 +287,15 @@ def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, floa
     return tuple(sorted(shares.items(), key=lambda row: -row[1]))
 
 
-def _held_from(held: Stretch, log: Log) -> float | None:
-    """Where in the log the held-out part begins [s]; None if it is another log."""
-    own = held.twin.log
-    return float(own.time[held.first]) if own.path == log.path and held.first > 0 else None
+def _held_from(held_out: Segment, log: Log) -> float | None:
+    """Where in the log the held-out part starts [s]; None if it is another log."""
+    own = held_out.model.log
+    return float(own.time[held_out.first]) if own.path == log.path and held_out.first > 0 else None
 
 
-def _bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[str, float]:
-    """What a model of any form could reach: the nominal gap less what free unknown inputs take of it, or the best.
-
-    The parts that unknown inputs take are those over the whole log.
-    """
+def _upper_bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[str, float]:
+    """What a model of any form could reach: the nominal gap without the parts that unknown inputs close over the whole
+    log, or the best model's gap if that is less."""
     bound = {}
     for signal, nominal in gap["nominal"].items():
         if signal == "total":
@@ -293,16 +307,7 @@ def _bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[s
     return bound
 
 
-def _nominal_value(judge: Judge, name: str) -> float:
-    """What a symbol or a sensor's word is without the hypothesis."""
-    plant = judge.search.bench.twin.plant
-    if name in plant.parameters:
-        return plant[name]
-    word, _, channel = name.partition(".")
-    return getattr(plant.sensors[channel], word) if word in ("bias", "scale") else 0.0
-
-
-def _runs(bare: Stretch, values: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, np.ndarray]]:
-    """Free runs over the whole log, those that last."""
-    found = {model: bare.simulate(setting) for model, setting in values.items()}
+def _runs(whole: Segment, values: Mapping[str, Setting]) -> dict[str, dict[str, np.ndarray]]:
+    """Free runs over the whole log, without those that stopped."""
+    found = {model: whole.simulate(setting) for model, setting in values.items()}
     return {model: run for model, run in found.items() if run is not None}

@@ -1,4 +1,4 @@
-"""What a diagnosis found: verdict, places, causes, and how far the gap shrinks."""
+"""The result of a diagnosis: verdict, places, causes, and how far the gap shrinks."""
 
 from __future__ import annotations
 
@@ -14,28 +14,29 @@ from ..core.text import TextResult
 from ..physics.effects import EFFECTS
 from ..plant.file import both
 from ..plant.plant import Plant
-from .signals import SIGNALS, gap, largest, scored, signal_noise
+from .signals import SIGNALS, gap, scored, signal_noise
+from .verdict_text import name_of, nearest_sentence, verdict_sentence
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-    from .locate import Location
+    from .gap_attribution import Location
     from .next_experiment import Experiment
 
 Verdict = Literal["no_gap", "effect", "ambiguous", "outside_catalogue", "underdetermined"]
 #: The models whose gaps are stated, and what they are.
 MODELS = {
-    "nominal": "as believed",
+    "nominal": "nominal plant",
     "refit": "nominal parameters refitted",
-    "with_effects": "with the causes found",
+    "with_effects": "with the causes",
     "upper_bound": "with free unknown inputs",
 }
 
 
 @dataclass(frozen=True)
 class Estimated:
-    """A number that was found: its new value, not the change, in SI units."""
+    """An estimated parameter: its new value, not the change, in SI units."""
 
     value: float
     sd: float
@@ -50,12 +51,12 @@ class Cause:
     ----------
     id, channel, place: as in the catalogue of effects; the channel only of a sensor's effect.
     probability: that this cause is present, given the log.
-    parameters: its numbers.
+    parameters: those of the effect.
     ambiguous_with: ids that this log can't tell from it.
-    absorbed_by_refit: how much of what it closes a refit of the nominal parameters alone would have closed.
+    absorbed_by_refit: share of what it closes that a refit of the nominal parameters alone would have closed.
     gap_closed: 1 - G_with / G_nominal on held-out data; its own part where there are several causes.
-    alone: the gap that it makes in each signal when the others are left as they are.
-    why_same: ids among `ambiguous_with` that no log could tell apart, with the reason.
+    alone: the gap that it makes in each signal while the others stay.
+    why_same: ids among `ambiguous_with` that no log can tell apart, with the reason.
     """
 
     id: str
@@ -72,11 +73,11 @@ class Cause:
     @property
     def name(self) -> str:
         """Id, with the channel of a sensor's effect."""
-        return self.id if self.channel is None else f"{self.id} ({self.channel})"
+        return name_of((self.id, self.channel))
 
     @property
     def summary(self) -> str:
-        """What the catalogue says of it, one line."""
+        """The line of the catalogue."""
         return EFFECTS[self.id].summary
 
     def to_dict(self) -> dict[str, Any]:
@@ -96,10 +97,10 @@ class Cause:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A hypothesis that was refitted: its members by name, its evidence against the best one, what it leaves.
+class RankedHypothesis:
+    """A refitted hypothesis: its members by name, its rank, and what it leaves.
 
-    evidence: twice the difference of log-likelihoods, 0 for the best. gap: largest one of a signal on held-out data.
+    evidence: deviance (-2 log-likelihood) above that of the best one. gap: largest one of a signal on held-out data.
     """
 
     members: tuple[str, ...]
@@ -113,19 +114,20 @@ class Diagnosis(TextResult):
 
     Attributes
     ----------
-    plant, log: what was believed and what was measured. threshold: a gap from which on it matters.
-    verdict: as in diagnosis.json; `sentence` says it in words.
+    plant, log: nominal plant and measured log. threshold: a gap from which on it matters.
+    verdict: as in diagnosis.json; `sentence` is the verdict in words.
     where: place and share, largest first, together one.
     effects: causes, or candidates where the verdict is "underdetermined"; the largest first.
     gap: model (see MODELS) -> signal -> gap on held-out data; whole: the same of the nominal model over the whole log.
     held_out: which data that is; held_from: where it begins in the log [s], None if it is a log of its own.
     noise_sd: channel -> standard deviation of its noise.
-    values: model -> symbols and sensor words that differ from what was believed.
+    values: model -> parameters and sensor settings that differ from the nominal plant.
     simulated: model -> channel -> (N,) free run over the whole log.
-    candidates: every hypothesis that was refitted, the best first.
-    location: what is known of the place without any catalogue.
+    candidates: every hypothesis that was scored, the best first.
+    location: where the gap lies, without the catalogue of effects.
     improved: the plant with the causes added, None where none was named.
     next_experiment: what to do next, in words; experiment: the input for it, if there is one.
+    findings: warnings on the log and notes on the gaps. runs: simulations that the refits made.
     """
 
     plant: Plant
@@ -140,7 +142,7 @@ class Diagnosis(TextResult):
     noise_sd: Mapping[str, float]
     values: Mapping[str, Mapping[str, float]]
     simulated: Mapping[str, Mapping[str, np.ndarray]] = field(repr=False)
-    candidates: tuple[Candidate, ...] = ()
+    candidates: tuple[RankedHypothesis, ...] = ()
     location: Location | None = None
     improved: Plant | None = field(default=None, repr=False)
     held_from: float | None = None
@@ -164,17 +166,8 @@ class Diagnosis(TextResult):
 
     @property
     def nearest(self) -> str:
-        """What of the catalogue comes nearest where none of it is the cause; empty where nothing halves the gap."""
-        if self.verdict != "outside_catalogue" or not self.candidates:
-            return ""
-        best = self.candidates[0]
-        before = largest(self.gap["nominal"])
-        if not best.members or best.gap > 0.5 * before:
-            return ""
-        return (
-            f"nearest in the catalogue, and not held for the cause: {', '.join(best.members)}; together they take the "
-            f"largest gap on held-out data from {100 * before:.3g} to {100 * best.gap:.3g} %"
-        )
+        """The nearest set of effects where none is the cause; empty where nothing halves the gap."""
+        return nearest_sentence(self)
 
     @property
     def sentence(self) -> str:
@@ -258,56 +251,3 @@ class Diagnosis(TextResult):
 def _shown(diagnosis: Diagnosis) -> tuple[str, ...]:
     gaps = next(iter(diagnosis.gap.values()))
     return (*(s for s in SIGNALS if s in gaps), "total")
-
-
-def _place(d: Diagnosis) -> str:
-    """A sentence on where the gap lies, or on why that can't be told."""
-    if not d.where:
-        return ""
-    place = d.where[0][0]
-    if d.location is not None and place in d.location.silent and not d.effects:
-        (why,) = d.location.untold or ("its channels don't say",)
-        return f" Where it lies is not told: {why}."
-    return " It lies in a sensor." if place == "sensor" else f" It lies in the {place} balance."
-
-
-def verdict_sentence(d: Diagnosis) -> str:
-    """One sentence that a person understands at a glance.
-
-    Its gap is that of the held-out data, as in the table; that of the whole log, which the verdict goes by, where the
-    held-out data shows none.
-    """
-    shown = d.gap["nominal"]
-    seen = d.verdict != "no_gap" and largest(shown) >= d.threshold
-    shown = shown if seen else d.whole
-    worst = max((s for s in shown if s != "total"), key=lambda s: shown[s])
-    data = "on held-out data" if seen else "over the whole log"
-    size = f"{100 * shown[worst]:.3g} % in {worst.replace('_', ' ')} {data}"
-    limit = f"{100 * d.threshold:g} %"
-    if d.verdict == "no_gap":
-        return f"No gap that matters: the largest is {size}, below {limit}."
-    names = " and ".join(cause.name for cause in d.effects[:3])
-    closed = ""
-    if d.verdict in ("effect", "ambiguous") and d.gap["nominal"]["total"] > 0.0:
-        share = 1.0 - d.gap["with_effects"]["total"] / d.gap["nominal"]["total"]
-        closes, where = "closes" if len(d.effects) == 1 else "close", "there" if seen else "on held-out data"
-        closed = f", which {closes} {100 * share:.0f} % of the gap of all signals {where}"
-        after = None if seen else d.whole_with_effects
-        if after is not None:
-            before = 100 * largest(d.whole)
-            closed = (
-                f"; over the whole log it goes from {before:.3g} to {100 * largest(after):.3g} %, while the held-out "
-                f"data shows no gap of {limit} (another log, with --validate, would)"
-            )
-    if d.verdict == "effect":
-        return f"The gap ({size}) comes from {names}{closed}."
-    if d.verdict == "ambiguous":
-        sets = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in d.effects)
-        return f"The gap ({size}) comes from {sets}{closed}; this log can't tell more."
-    place = _place(d)
-    if d.verdict == "outside_catalogue":
-        certain = f" Certain beside it: {names}." if d.effects else ""
-        return f"No effect of the catalogue explains the gap ({size}).{place}{certain}"
-    if not d.effects:
-        return f"The gap ({size}) is made of several things, none of which matters alone in this log.{place}"
-    return f"The log does not excite what would tell the causes of the gap ({size}) apart; candidates: {names}.{place}"

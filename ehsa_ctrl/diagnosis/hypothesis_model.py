@@ -107,14 +107,25 @@ class HypothesisModel:
         known = {*system.outputs, *(["force"] if system.cell is not None else [])}
         return tuple(c for c in ("speed", "p1", "p2", "position", "force") if c in known & set(self.log.channels))
 
+    def nominal_value(self, name: str) -> float:
+        """The value of a free number without any hypothesis."""
+        if name in self.plant.parameters:
+            return self.plant[name]
+        setting, dot, channel = name.partition(".")
+        if dot and setting in ("bias", "scale"):
+            return float(getattr(self.plant.sensors[channel], setting))
+        return 0.0
+
     def run(self, settings: Sequence[Setting], jobs: int = 1) -> list[dict[str, np.ndarray] | None]:
         """Simulate the log's drive with each setting: what the sensors would show; None where the run stopped."""
         drives = [self._drive(values) for values in settings]
         out: list[dict[str, np.ndarray] | None] = [None] * len(settings)
-        groups: dict[tuple[int, LawSwitch | None], list[int]] = {}
+        groups: dict[tuple[int, str], list[int]] = {}
         for i, values in enumerate(settings):
-            groups.setdefault((id(drives[i]), self._switch(values)), []).append(i)
-        for (_, switch), members in groups.items():
+            switch = self._switch(values)
+            groups.setdefault((id(drives[i]), switch.law if switch else ""), []).append(i)
+        for members in groups.values():
+            switch = self._switch(settings[members[0]])
             plant = self.plant if switch is None else self.switched.get(switch.law, self.plant)
             rows = np.array([self._row(plant, switch, settings[i]) for i in members])
             start = None

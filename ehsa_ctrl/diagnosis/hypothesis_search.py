@@ -221,7 +221,11 @@ def screen(hypotheses: Hypotheses, at: Setting | None = None) -> Screening:
             steps = [max(s - f.nominal, 0.0) or f.scale for s, f in zip(start, candidate.free, strict=True)]
         else:
             values = dict(zip(candidate.names, start, strict=True))
-            base, others, steps = objective.residuals([{**at, **values}])[0], values, [0.5 * f.scale for f in candidate.free]
+            base, others, steps = (
+                objective.residuals([{**at, **values}])[0],
+                values,
+                [0.5 * f.scale for f in candidate.free],
+            )
         if base is None:
             return None
         settings = [{**at, **others, f.name: values[f.name] + h} for f, h in zip(candidate.free, steps, strict=True)]

@@ -166,9 +166,7 @@ def _probability(
     return out
 
 
-def _verdict(
-    chosen: ScoredHypothesis, alternatives: Mapping[CauseKey, tuple[CauseKey, ...]], misfit: float
-) -> Verdict:
+def _verdict(chosen: ScoredHypothesis, alternatives: Mapping[CauseKey, tuple[CauseKey, ...]], misfit: float) -> Verdict:
     if misfit > 1.0:
         return "outside_catalogue"
     if not chosen.causes or max(len(keys) for keys in alternatives.values()) >= TOO_MANY:

@@ -198,31 +198,32 @@ class Scoring:
         return out
 
 
-def score_hypotheses(hypotheses: Hypotheses, scoring: Scoring) -> tuple[Hypotheses, list[ScoredHypothesis]]:
-    """Scores of the best hypotheses of each size; the most promising ones are refined first.
+def score_hypotheses(
+    hypotheses: Hypotheses, scoring: Scoring
+) -> tuple[Hypotheses, list[ScoredHypothesis], list[ScoredHypothesis]]:
+    """Scores of the best hypotheses of each size, the most promising ones refined; and the scores before that.
 
     Raises InputError if no hypothesis can be simulated on the held-out data.
     """
-    scores: list[ScoredHypothesis] = []
 
-    def scored(hypotheses: Hypotheses) -> list[ScoredHypothesis]:
+    def scored(hypotheses: Hypotheses, known: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
         best = [hypotheses.fits[()], *(fit for size in (1, 2, 3) for fit in hypotheses.best(size)[:SCORED])]
-        known = {id(one.fit): one for one in scores}
-        return [known.get(id(fit)) or scoring.score(fit) for fit in best]
+        before = {id(one.fit): one for one in known}
+        return [before.get(id(fit)) or scoring.score(fit) for fit in best]
 
-    scores = scored(hypotheses)
-    ranked = sorted(by_label(scores).values(), key=lambda one: one.deviance)
+    first = scored(hypotheses, [])
+    ranked = sorted(by_label(first).values(), key=lambda one: one.deviance)
     limit = ranked[0].deviance + PROMISING * abs(scoring.deviance(hypotheses.residual))
     promising = [one.fit for one in ranked[:REFINED] if one.deviance <= limit]
     hypotheses = hypotheses.refined(promising, steps=8)
-    scores = scored(hypotheses)
+    scores = scored(hypotheses, first)
     if not any(np.isfinite(one.deviance) for one in scores):
         raise InputError(
             f"{scoring.held_out.model.log.path or 'the log'}: neither the nominal plant nor any refit of it can be "
             "simulated on the held-out data; check units and signs (compare shows both side by side) and the plant's "
             "parameters"
         )
-    return hypotheses, scores
+    return hypotheses, scores, first
 
 
 def by_label(scores: Sequence[ScoredHypothesis]) -> dict[tuple[CauseKey, ...], ScoredHypothesis]:

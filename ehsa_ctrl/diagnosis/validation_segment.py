@@ -76,7 +76,8 @@ def gap(plant: Plant, log: Log) -> dict[str, float]:
     Returns
     -------
     speed, p1, p2, rod_velocity, as far as the log has them: RMS of measured minus simulated, the sensors' noise
-    subtracted in quadrature, over the measured signal's standard deviation; inf where the run stopped. total: their RMS.
+    subtracted in quadrature, over the measured signal's standard deviation; inf where the run stopped. total:
+    the RMS of these.
     """
     return whole_log(plant, plant, prepare_replay(plant, log), noise_of(log)).gap({})
 

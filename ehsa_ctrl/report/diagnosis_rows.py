@@ -6,7 +6,7 @@ import math
 
 from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import Diagnosis
-from ..diagnosis.locate import PLACES
+from ..diagnosis.gap_attribution import PLACES
 from ..diagnosis.signals import SIGNALS
 from ..plant.file import both
 from .channel import shown

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.diagnosis.dry import dry_friction
-from ehsa_ctrl.diagnosis.twin import with_every_effect
+from ehsa_ctrl.diagnosis.candidate_effects import friction_levels
+from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "emps" / "train.csv"
 #: Published values; see plants/emps.toml.
@@ -40,7 +40,7 @@ def test_symbols_of_the_catalogue_have_their_own_names_here(carriage):
 
 def test_the_balance_shows_friction_and_offset(carriage):
     """Least squares on a log gives what was put in, so that a search has somewhere to start."""
-    found = dry_friction(carriage.set(Fc=0.0, Fv=0.0, offset=0.0), logged(carriage))
+    found = friction_levels(carriage.set(Fc=0.0, Fv=0.0, offset=0.0), logged(carriage))
 
     assert found["A_FR"] == pytest.approx(carriage["Fc"], rel=0.1)
     assert found["B_FR"] == pytest.approx(carriage["Fv"], rel=0.1)

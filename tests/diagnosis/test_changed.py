@@ -12,7 +12,7 @@ from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis import changed as module
 from ehsa_ctrl.diagnosis.changed import Change, what_changed
 from ehsa_ctrl.diagnosis.diagnosis import MODELS, Cause, Diagnosis
-from ehsa_ctrl.diagnosis.twin import equations_of_their_own, with_every_effect
+from ehsa_ctrl.diagnosis.hypothesis_model import effects_with_parameters, with_every_effect
 
 DT = 0.004
 TIME = DT * np.arange(500)
@@ -132,5 +132,5 @@ def test_a_plant_with_effects_shares_the_engine_of_all_effects(plant):
     early = plant.with_effects("current_offset", I_0=0.1)
 
     assert with_every_effect(late).structure == with_every_effect(early).structure == with_every_effect(plant).structure
-    assert set(with_every_effect(plant).structure.effects) == set(equations_of_their_own())
+    assert set(with_every_effect(plant).structure.effects) == set(effects_with_parameters())
     assert with_every_effect(late)["I_0"] == 0.1

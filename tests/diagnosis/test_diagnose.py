@@ -8,8 +8,8 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl import InputError, load_plant, read_plant_log
 from ehsa_ctrl.core.log import Log
+from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
 from ehsa_ctrl.diagnosis.signals import gap, scored, signal_noise
-from ehsa_ctrl.diagnosis.twin import with_every_effect
 from ehsa_ctrl.identification.replay import replay
 
 
@@ -152,7 +152,7 @@ def test_held_out_data_without_the_gap_is_said_to_be_so():
     """Where the last third shows nothing of it, the sentence speaks of the whole log instead of a share of nothing."""
     from types import SimpleNamespace
 
-    from ehsa_ctrl.diagnosis.diagnosis import verdict_sentence
+    from ehsa_ctrl.diagnosis.verdict_text import verdict_sentence
 
     def sentence(held):
         gaps = {"nominal": {"p1": held, "total": held}, "with_effects": {"p1": 0.002, "total": 0.002}}

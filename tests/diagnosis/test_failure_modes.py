@@ -1,17 +1,15 @@
 """What a naive search gets wrong, and this one must not."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.diagnosis.fit import TEMPER, Bench, Metric, Nominal
-from ehsa_ctrl.diagnosis.search import WORTH_GROWING, Response, Search
+from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
+from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
+from ehsa_ctrl.diagnosis.hypothesis_search import WORTH_GROWING, Hypotheses, Pool, Response, Screening, screen
+from ehsa_ctrl.diagnosis.refit import TEMPER, Objective, ResidualScale, nominal_parameters
 from ehsa_ctrl.diagnosis.signals import noise_of
-from ehsa_ctrl.diagnosis.suspect import Free, Suspect
-from ehsa_ctrl.diagnosis.suspects import suspects
-from ehsa_ctrl.diagnosis.twin import Twin, with_every_effect
+from ehsa_ctrl.physics.effects import CandidateEffect, Effect, FreeNumber
 
 
 @pytest.fixture(scope="module")
@@ -22,22 +20,23 @@ def screened():
     rig = plant.set(**{name: factor * plant[name] for name, factor in off.items()})
     time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=8.0, seed=4)
     log, _ = ehsa_ctrl.record(rig, time, current, seed=5, centre=True)
-    twin = Twin(with_every_effect(plant), log)
-    metric = Metric.of(twin, noise_of(log))
-    nominal, columns = Nominal.of(twin, metric, 0.03)
-    search = Search(Bench(twin, metric, nominal), suspects(twin), columns, jobs=2)
-    search.respond()
-    return search
+    model = HypothesisModel(with_every_effect(plant), log)
+    scale = ResidualScale.of(model, noise_of(log))
+    nominal, columns = nominal_parameters(model, scale, 0.03)
+    hypotheses = Hypotheses.none_fitted(Objective(model, scale, nominal), candidate_effects(model), columns, Pool(2))
+    return hypotheses, screen(hypotheses)
 
 
 @pytest.mark.slow
 def test_wrong_numbers_of_the_plant_look_like_no_effect(screened):
     """Without the nominal parameters following, some effect would explain a good part of what they do; with them next
     to nothing is left for it."""
-    r, own = screened.residual, set(screened.bench.nominal.names)
-    columns = [c for x in screened.responses if not own & set(x.suspect.names) for c in x.columns.values() if c.any()]
+    hypotheses, screening = screened
+    r, own = hypotheses.residual, set(hypotheses.objective.nominal.names)
+    others = [x for x in screening.responses if not own & set(x.candidate.names)]
+    columns = [c for x in others for c in x.columns.values() if c.any()]
     naive = max(TEMPER * float(r @ column) ** 2 / float(column @ column) for column in columns)
-    projected = max(gain for gain, x, _ in screened.gains() if not own & set(x.suspect.names))
+    projected = max(gain for gain, x, _ in screening.gains(hypotheses) if not own & set(x.candidate.names))
 
     assert naive > 10.0 * WORTH_GROWING
     assert projected < WORTH_GROWING
@@ -46,23 +45,14 @@ def test_wrong_numbers_of_the_plant_look_like_no_effect(screened):
 @pytest.mark.slow
 def test_a_placebo_gains_nothing(screened):
     """A response that has nothing to do with the rig takes away what chance does, at most."""
+    hypotheses, screening = screened
     rng = np.random.default_rng(0)
-    like = screened.responses[0]
-    names = [f"placebo_{k}" for k in range(20)]
-    responses = [
-        Response(
-            Suspect(name, "torque", (Free(name, 0.0, 1.0),), ((0.0,),)),
-            {name: 0.0},
-            like.base,
-            {name: rng.standard_normal(screened.residual.size)},
-        )
-        for name in names
-    ]
-    search = replace(
-        screened,
-        responses=responses,
-        columns=np.column_stack([column for x in responses for column in x.columns.values()]),
-        shifts=np.zeros((screened.residual.size, len(responses))),
-    )
+    base = screening.responses[0].base
+    responses = []
+    for k in range(20):
+        effect = Effect(f"placebo_{k}", "torque", "", "")
+        candidate = CandidateEffect(effect, (FreeNumber(effect.name, 0.0, 1.0),), ((0.0,),))
+        column = rng.standard_normal(hypotheses.residual.size)
+        responses.append(Response(candidate, {effect.name: 0.0}, base, {effect.name: column}))
 
-    assert max(gain for gain, *_ in search.gains()) < 2.0
+    assert max(gain for gain, *_ in Screening.of(responses, base).gains(hypotheses)) < 2.0

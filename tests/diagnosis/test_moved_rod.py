@@ -7,13 +7,14 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 import ehsa_ctrl
-from ehsa_ctrl.diagnosis.fit import Metric, Nominal
-from ehsa_ctrl.diagnosis.held_out import whole
-from ehsa_ctrl.diagnosis.locate import locate
+from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
+from ehsa_ctrl.diagnosis.gap_attribution import attribute_gap
+from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
+from ehsa_ctrl.diagnosis.injection import simulate_injections
+from ehsa_ctrl.diagnosis.refit import ResidualScale, nominal_parameters
 from ehsa_ctrl.diagnosis.signals import noise_of
-from ehsa_ctrl.diagnosis.suspects import suspects
-from ehsa_ctrl.diagnosis.twin import with_every_effect
-from ehsa_ctrl.diagnosis.unknown_input import run_with, signals_of, unknown_inputs
+from ehsa_ctrl.diagnosis.unknown_inputs import signals_of, unknown_inputs
+from ehsa_ctrl.diagnosis.validation_segment import whole_log
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "mbari_pto" / "friction_id.csv"
 DT = 0.02
@@ -87,7 +88,7 @@ def test_a_flow_that_is_put_in_does_what_the_valve_would_do(sealed):
     truth, nominal = run(leaky), run(plant)
     leak = (leaky["K_L"] - plant["K_L"]) * 0.5 * (truth["dP"][1:] + truth["dP"][:-1])
     softness = {name: np.full(399, plant["V"] / plant["beta"]) for name in ("flow_1", "flow_2")}
-    found = run_with(plant, current, start, DT, [{"flow_1": -leak, "flow_2": leak}], softness, outside=v)[0]
+    found = simulate_injections(plant, current, start, DT, [{"flow_1": -leak, "flow_2": leak}], softness, outside=v)[0]
 
     for channel, state in (("speed", "omega"), ("p1", "P_1"), ("p2", "P_2")):
         before = np.sqrt(np.mean((nominal[state] - truth[state]) ** 2))
@@ -95,13 +96,13 @@ def test_a_flow_that_is_put_in_does_what_the_valve_would_do(sealed):
         assert after < 0.1 * before, channel
 
 
-def test_nobody_suspects_what_the_motion_does_not_show(sealed):
-    """Friction and mass of such a rod change no signal: neither suspects nor nominal parameters."""
+def test_what_the_motion_does_not_show_is_no_candidate(sealed):
+    """Friction and mass of such a rod change no signal: neither candidates nor nominal parameters."""
     log = moved(sealed, 10.0)
-    twin = whole(sealed, with_every_effect(sealed), log, noise_of(log)).twin
+    model = whole_log(sealed, with_every_effect(sealed), log, noise_of(log)).model
 
-    ids = {suspect.id for suspect in suspects(twin)}
-    nominal, _ = Nominal.of(twin, Metric.of(twin, noise_of(log)), 0.03)
+    ids = {candidate.id for candidate in candidate_effects(model)}
+    nominal, _ = nominal_parameters(model, ResidualScale.of(model, noise_of(log)), 0.03)
 
     assert not ids & {"rod_friction", "rod_viscous_friction", "payload_mass", "load_dependent_friction", "presliding"}
     assert {"external_leakage", "motor_friction", "torque_constant", "relief_valve", "sensor_delay"} <= ids
@@ -111,9 +112,9 @@ def test_nobody_suspects_what_the_motion_does_not_show(sealed):
 def test_a_valve_that_the_plant_has_is_sought_where_pressures_are(sealed):
     """One that is believed to open above all that was seen is looked for lower down too."""
     log = moved(sealed, 10.0)
-    twin = whole(sealed, with_every_effect(sealed), log, noise_of(log)).twin
+    model = whole_log(sealed, with_every_effect(sealed), log, noise_of(log)).model
 
-    starts = [s.starts for s in suspects(twin) if s.id == "relief_valve" and s.names == ("P_crack",)]
+    starts = [s.starts for s in candidate_effects(model) if s.id == "relief_valve" and s.names == ("P_crack",)]
 
     levels = [level for (level,) in starts[0]]
     assert sealed["P_crack"] in levels and min(levels) < np.max(log["p2"]) < sealed["P_crack"]
@@ -156,7 +157,7 @@ def test_pressures_that_are_off_together_are_no_sensors(drained):
     """Air changes both by as many bar; the low side, which hardly moves, has a large gap, and no sensor did that."""
     log = moved(drained.set(air_fraction=0.02, n_air=1.2), 20.0)
 
-    assert locate(drained, log, noise_of(log)).place == "flow"
+    assert attribute_gap(drained, log, noise_of(log)).place == "flow"
 
 
 @pytest.mark.slow
@@ -195,9 +196,9 @@ def test_the_take_offs_record_lacks_a_drain(sealed):
     shifted = {n: v[late:] if n in ("current", "speed") else v[:-late] for n, v in log.channels.items()}
     log = ehsa_ctrl.Log(log.time[:-late], shifted, log.path)
 
-    where = locate(sealed, log, noise_of(log))
+    where = attribute_gap(sealed, log, noise_of(log))
 
     assert where.place == "flow" and dict(where.shares)["flow"] > 0.9
     twin = with_every_effect(sealed)
-    before, after = (whole(p, p, log, noise_of(log)).gap({}) for p in (twin, twin.set(K_e=2.4e-13)))
+    before, after = (whole_log(p, p, log, noise_of(log)).gap({}) for p in (twin, twin.set(K_e=2.4e-13)))
     assert before["total"] > 1.0 and after["total"] < 0.3 * before["total"]

@@ -14,12 +14,12 @@ from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.core.log_reader import read_log
-from ehsa_ctrl.diagnosis.fit import Bench, Metric, Nominal, refit
+from ehsa_ctrl.diagnosis.excitation_library import library_inputs
+from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
+from ehsa_ctrl.diagnosis.model_discrimination import CandidateModels
 from ehsa_ctrl.diagnosis.next_experiment import next_experiment
-from ehsa_ctrl.diagnosis.probes import probes
-from ehsa_ctrl.diagnosis.rivals import Rivals
-from ehsa_ctrl.diagnosis.suspect import Free, Suspect
-from ehsa_ctrl.diagnosis.twin import Twin
+from ehsa_ctrl.diagnosis.refit import NominalParameters, Objective, ResidualScale, refit
+from ehsa_ctrl.physics.effects import EFFECTS, CandidateEffect, FreeNumber
 from ehsa_ctrl.simulation.bench import record
 from ehsa_ctrl.simulation.excitation import excitation
 
@@ -30,7 +30,7 @@ SECONDS = 6.0
 def nominal_of(plant, names=("J_M", "K_L", "B_FR", "A_FR", "M")):
     """Parameters that may be wrong by a few per cent."""
     nominal = np.array([plant[name] for name in names])
-    return Nominal(tuple(names), nominal, 0.03 * nominal)
+    return NominalParameters(tuple(names), nominal, 0.03 * nominal)
 
 
 def proposed(plant, hypotheses, **more):
@@ -42,7 +42,7 @@ def test_inputs_stay_within_their_amplitude_and_begin_at_rest():
     """Every input of the library peaks at no more than its amplitude, uses most of it, and starts from zero."""
     time = 0.004 * np.arange(6001)
 
-    for one in probes():
+    for one in library_inputs():
         current = one.current(time, 2.0)
 
         assert current.shape == time.shape, one.words
@@ -53,7 +53,7 @@ def test_inputs_stay_within_their_amplitude_and_begin_at_rest():
 def test_inputs_of_the_command_line_are_those_it_writes():
     time, _ = excitation("noise", duration=8.0)
 
-    for one in probes(seed=3):
+    for one in library_inputs(seed=3):
         if one.excitation is not None:
             _, same = excitation(one.excitation, amplitude=1.7, duration=8.0, seed=3)
             np.testing.assert_array_equal(one.current(time, 1.7), same)
@@ -62,7 +62,7 @@ def test_inputs_of_the_command_line_are_those_it_writes():
 def test_a_band_holds_its_frequencies_alone():
     """Nearly all of the power of a multisine lies in the band that its words name."""
     time = 0.004 * np.arange(6000)
-    bands = [one for one in probes() if "multisine of 1-5" in one.words]
+    bands = [one for one in library_inputs() if "multisine of 1-5" in one.words]
     assert len(bands) == 1
 
     power = np.abs(np.fft.rfft(bands[0].current(time, 1.0))) ** 2
@@ -74,15 +74,15 @@ def test_a_band_holds_its_frequencies_alone():
 def test_the_slow_loop_is_that_of_the_bench(plant):
     """The current with the loop's part is what the bench applies with its loop on, but for its steps of 0.1 s."""
     time = plant.sample_time * np.arange(2001)
-    probe = next(one for one in probes() if "only extend" in one.words)
-    rivals = Rivals(plant, {"one": {}, "other": {"K_L": 8e-13}}, NOISE, nominal_of(plant))
+    one_input = next(one for one in library_inputs() if "only extend" in one.words)
+    models = CandidateModels.of(plant, {"one": {}, "other": {"K_L": 8e-13}}, NOISE, nominal_of(plant))
 
-    trial = rivals.trial(probe, 1.5, {}, time, centre=True)
+    trial = models.trial(one_input, 1.5, {}, time, centre=True)
 
-    _, bench = record(plant, time, probe.current(time, 1.5), sensor_noise=False, centre=True)
-    added = bench.current - probe.current(time, 1.5)
+    _, bench = record(plant, time, one_input.current(time, 1.5), sensor_noise=False, centre=True)
+    added = bench.current - one_input.current(time, 1.5)
     assert np.max(np.abs(added)) > 0.3
-    error = trial.outputs.twin.log["current"] - bench.current
+    error = trial.outputs.model.log["current"] - bench.current
     assert np.max(np.abs(error)) < 0.15 * np.max(np.abs(added))
 
 
@@ -91,15 +91,15 @@ def test_every_input_is_as_large_as_the_limits_allow(plant, what):
     """The bench passes no limit at the amplitude that is found for an input, whichever candidate is true, and passes
     one at half as much again."""
     candidates = {"one": {"A_FR": 700.0}, "other": {"K_L": 8e-13}}
-    rivals = Rivals(plant, candidates, NOISE, nominal_of(plant))
-    probe = next(one for one in probes() if what in one.words)
+    models = CandidateModels.of(plant, candidates, NOISE, nominal_of(plant))
+    one_input = next(one for one in library_inputs() if what in one.words)
     time = plant.sample_time * np.arange(1001)
 
-    largest, _ = rivals.largest(probe, {}, time)
-    trial = rivals.trial(probe, largest, {}, time)
+    largest, _ = models.largest_amplitude(one_input, {}, time)
+    trial = models.trial(one_input, largest, {}, time)
 
     def passed(amplitude):
-        runs = [record(plant.set(**v), time, probe.current(time, amplitude))[1] for v in candidates.values()]
+        runs = [record(plant.set(**v), time, one_input.current(time, amplitude))[1] for v in candidates.values()]
         return [limit for run in runs for limit in run.exceeded]
 
     assert not passed(trial.amplitude)
@@ -108,15 +108,15 @@ def test_every_input_is_as_large_as_the_limits_allow(plant, what):
 
 def test_what_a_nominal_parameter_makes_up_is_no_distance(plant):
     """Candidates that differ by 0.8 prior deviations of a nominal parameter are that far apart, large as it looks."""
-    nominal = Nominal(("K_T",), np.array([plant["K_T"]]), np.array([0.02 * plant["K_T"]]))
-    rivals = Rivals(plant, {"one": {}, "other": {"K_T": 1.016 * plant["K_T"]}}, NOISE, nominal)
+    nominal = NominalParameters(("K_T",), np.array([plant["K_T"]]), np.array([0.02 * plant["K_T"]]))
+    models = CandidateModels.of(plant, {"one": {}, "other": {"K_T": 1.016 * plant["K_T"]}}, NOISE, nominal)
     time = plant.sample_time * np.arange(1001)
 
-    outputs = rivals.trial(probes()[0], 2.0, {}, time).outputs
+    outputs = models.trial(library_inputs()[0], 2.0, {}, time).outputs
 
-    assert outputs.most[0] > 5.0
+    assert outputs.largest_distances[0] > 5.0
     # The derivative is that at the one, and friction is not linear in all it does.
-    assert rivals.apart(outputs)[0] == pytest.approx(0.8, rel=0.1)
+    assert models.distances(outputs)[0] == pytest.approx(0.8, rel=0.1)
 
 
 def test_equal_candidates_give_none(plant):
@@ -183,7 +183,7 @@ def test_words_name_what_to_do(loaded):
 
 
 def test_a_spring_in_question_is_not_removed(plant):
-    """Two beliefs of the spring's stiffness can't be told apart without the spring."""
+    """Two values of the spring's stiffness can't be told apart without the spring."""
     nominal = plant.set(K_S=50e3)
 
     found = proposed(nominal, {"soft": {"K_S": 44e3}, "stiff": {"K_S": 56e3}})
@@ -205,22 +205,25 @@ def test_leakages_are_told_apart_as_promised():
     candidates = {"internal_leakage": {"K_L": 3.0 * plant["K_L"]}, "orifice_leakage": {"K_t": 6e-10}}
     nominal = nominal_of(plant)
     free = {
-        "internal_leakage": Suspect("internal_leakage", "flow", (Free("K_L", plant["K_L"], 3e-13, 0.0),), ()),
-        "orifice_leakage": Suspect("orifice_leakage", "flow", (Free("K_t", 0.0, 1e-10, 0.0),), ()),
+        id: (CandidateEffect(EFFECTS[id], (FreeNumber(name, value, scale, 0.0),), ()),)
+        for id, name, value, scale in (
+            ("internal_leakage", "K_L", plant["K_L"], 3e-13),
+            ("orifice_leakage", "K_t", 0.0, 1e-10),
+        )
     }
 
     def lead_of_the_truth(current, true):
-        """Root of the evidence by which the true candidate beats the other on a noisy log of this current."""
+        """Root of the deviance by which the true candidate beats the other on a noisy log of this current."""
         rng = np.random.default_rng(5)
         time = plant.sample_time * np.arange(current.size)
         empty = Log(time, {"current": current, **dict.fromkeys(NOISE, np.zeros(time.size))})
-        shown = Twin(plant, empty).run([candidates[true]])[0]
+        shown = HypothesisModel(plant, empty).run([candidates[true]])[0]
         noisy = {c: v + NOISE[c] * rng.standard_normal(v.size) for c, v in shown.items()}
         log = Log(time, {"current": current, **noisy})
-        twin = Twin(plant, log)
-        scale = Metric.of(twin, NOISE).scale
-        bench = Bench(twin, Metric({c: s for c, s in scale.items() if c != "position"}), nominal)
-        cost = {name: refit(bench, (free[name],), candidates[name], {}, steps=12, fresh=4).cost for name in candidates}
+        model = HypothesisModel(plant, log)
+        scale = ResidualScale.of(model, NOISE).scale
+        objective = Objective(model, ResidualScale({c: s for c, s in scale.items() if c != "position"}), nominal)
+        cost = {name: refit(objective, free[name], candidates[name], {}, steps=12, fresh=4).cost for name in candidates}
         wrong = next(name for name in candidates if name != true)
         return np.sqrt(max(cost[wrong] - cost[true], 0.0))
 

@@ -7,8 +7,8 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.ripple import ANGLE, over_samples, strongest_orders, with_angle
-from ehsa_ctrl.diagnosis.twin import Twin, with_every_effect
+from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
+from ehsa_ctrl.physics.effects._shaft_angle import ANGLE, over_samples, strongest_orders, with_angle
 
 DT = 0.004
 RIPPLE = {"T_c": 0.06, "n_c": 3.0, "phi_c": 1.0}
@@ -27,7 +27,7 @@ def test_order_size_and_phase_are_read_off_the_balance(plant, amplitude):
     """However fast the shaft turns: 3 A take it to 400 rad/s, five periods in a sample."""
     log = logged(plant.with_effects("torque_ripple", **RIPPLE), amplitude)
 
-    first, *_ = strongest_orders(plant, log)
+    first, *_ = strongest_orders(plant.values, log)
 
     assert first[0] == 3.0
     assert first[1] == pytest.approx(0.06, rel=0.1)
@@ -54,7 +54,7 @@ def test_the_angle_keeps_the_phase_of_a_plain_ripple(plant):
 
     def end(log):
         biased = replace(log, channels={**log.channels, "speed": log["speed"] + 0.05})
-        return (with_angle(plant, biased)[ANGLE] - with_angle(plant, log)[ANGLE])[-1]
+        return (with_angle(plant.values, biased)[ANGLE] - with_angle(plant.values, log)[ANGLE])[-1]
 
     assert end(smooth) == pytest.approx(0.6, abs=0.01)
     # Half a window at either end is not seen.
@@ -69,21 +69,21 @@ def test_a_run_with_a_wrong_number_keeps_the_ripple_in_phase(plant):
     log, smooth = logged(rig, 1.6), logged(plant, 1.6)
 
     def error(log, setting):
-        run = Twin(with_every_effect(plant), log).run([setting])[0]
+        run = HypothesisModel(with_every_effect(plant), log).run([setting])[0]
         return float(np.std(run["p1"] - log["p1"]))
 
     least = error(smooth, wrong)
-    assert error(with_angle(plant, log), {**RIPPLE, **wrong}) < 2.0 * least
+    assert error(with_angle(plant.values, log), {**RIPPLE, **wrong}) < 2.0 * least
     assert error(log, {**RIPPLE, **wrong}) > 5.0 * least
 
 
 def test_a_ripple_that_the_plant_believes_is_followed_too(plant):
     """A run that is given the ripple and a run of a plant that has it are one run."""
     rig = plant.with_effects("torque_ripple", **RIPPLE)
-    log = with_angle(plant, logged(rig, 1.6))
+    log = with_angle(plant.values, logged(rig, 1.6))
 
-    given = Twin(with_every_effect(plant), log).run([RIPPLE])[0]
-    nominal = Twin(with_every_effect(rig), log).run([{}])[0]
+    given = HypothesisModel(with_every_effect(plant), log).run([RIPPLE])[0]
+    nominal = HypothesisModel(with_every_effect(rig), log).run([{}])[0]
 
     for channel, signal in given.items():
         np.testing.assert_array_equal(nominal[channel], signal, err_msg=channel)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.diagnosis.twin import equations_of_their_own
+from ehsa_ctrl.diagnosis.hypothesis_model import effects_with_parameters
 from ehsa_ctrl.physics.effects import EFFECTS
 from ehsa_ctrl.plant.plain import evaluator
 from ehsa_ctrl.plant.printer import Printer
@@ -32,7 +32,7 @@ def exact(equations, values, point, seeds):
     return {rate: {seed: float(next(entries)) for seed in by_seed} for rate, by_seed in found.items()}
 
 
-@pytest.mark.parametrize("effect", equations_of_their_own())
+@pytest.mark.parametrize("effect", effects_with_parameters())
 def test_derivatives_are_those_of_the_rates(effect):
     """Also of an effect that gives its result the name of what it changes, as a lag does with the current."""
     plant = ehsa_ctrl.load_plant("ehsa", settings={"load.stiffness": "50 kN/m"})

@@ -8,10 +8,10 @@ import numpy as np
 
 import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.diagnosis import MODELS, Candidate, Cause, Diagnosis, Estimated
-from ehsa_ctrl.diagnosis.locate import Location
-from ehsa_ctrl.diagnosis.regime import Regime
-from ehsa_ctrl.diagnosis.unknown_input import INPUTS
+from ehsa_ctrl.diagnosis.diagnosis import MODELS, Cause, Diagnosis, Estimated, RankedHypothesis
+from ehsa_ctrl.diagnosis.gap_attribution import Location
+from ehsa_ctrl.diagnosis.regimes import Regime
+from ehsa_ctrl.diagnosis.unknown_inputs import INPUTS
 
 VERDICTS = ("no_gap", "effect", "pair", "ambiguous", "outside_catalogue", "underdetermined")
 #: A file's name that is no HTML.
@@ -89,12 +89,12 @@ def diagnosis(verdict):
     }.get(verdict, ())
     names = tuple(cause.name for cause in causes)
     candidates = (
-        Candidate(names or ("entrained_air",), 0.0, 0.013),
-        Candidate((*names, "unequal_areas"), 4.0, 0.012),
-        Candidate(("line_pressure_drop",) if verdict == "ambiguous" else ("sensor_scale (p1)",), 12.3, 0.014),
-        Candidate(("motor_friction", "position_dependent_friction", "rod_viscous_friction", "sensor_scale (position)"),
-                  2.2e5, 0.4),
-        Candidate((), 5.5e5, float("inf")),
+        RankedHypothesis(names or ("entrained_air",), 0.0, 0.013),
+        RankedHypothesis((*names, "unequal_areas"), 4.0, 0.012),
+        RankedHypothesis(("line_pressure_drop",) if verdict == "ambiguous" else ("sensor_scale (p1)",), 12.3, 0.014),
+        RankedHypothesis(("motor_friction", "position_dependent_friction", "rod_viscous_friction",
+                  "sensor_scale (position)"), 2.2e5, 0.4),
+        RankedHypothesis((), 5.5e5, float("inf")),
     )  # fmt: skip
     full = Diagnosis(
         plant=plant.set(K_T=1.1),

@@ -6,7 +6,7 @@ from functools import cache
 import pytest
 
 from ehsa_ctrl.diagnosis.changed import Change
-from ehsa_ctrl.diagnosis.diagnosis import Candidate
+from ehsa_ctrl.diagnosis.diagnosis import RankedHypothesis
 from ehsa_ctrl.report import diagnosis_page
 from ehsa_ctrl.report.diagnosis_page import ORDER, VERDICTS, diagnosis_figures, write_diagnosis_page
 from ehsa_ctrl.report.diagnosis_signals import signals_table
@@ -266,7 +266,7 @@ def test_what_contains_a_rival_is_not_called_excluded():
     made = diagnosis("ambiguous")
     rival = made.effects[0].ambiguous_with[0]
     words = {
-        members: fate(made, Candidate(members, 1.0, 0.1))
+        members: fate(made, RankedHypothesis(members, 1.0, 0.1))
         for members in ((rival,), (rival, "unequal_areas"), ("unequal_areas",), ("unequal_areas", "backlash"))
     }
 

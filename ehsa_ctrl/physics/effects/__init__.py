@@ -1,4 +1,4 @@
-"""Effects beyond (12), one a file. Adding a file adds the effect to plants, lists, engine, diagnosis and tests.
+"""Effects beyond (12), one a file; those without equations together. Adding a file adds the effect everywhere.
 
 A user's own go into `effects/` beside her `plants/`, or into a package with an entry point `ehsa_ctrl.effects`.
 """
@@ -7,8 +7,19 @@ import sys
 
 from ...core.registry import Registry
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber
-from ._effect import PLACES, Effect, EffectParameter, EffectState
+from ._effect import PLACES, Effect, EffectParameter, EffectState, LawSwitch, MeasuredReplay
 
 EFFECTS: Registry[Effect] = Registry(sys.modules[__name__], "effect", Effect, "effects")
 
-__all__ = ["EFFECTS", "PLACES", "Effect", "EffectParameter", "EffectState", "FreeNumber"]
+__all__ = [
+    "EFFECTS",
+    "PLACES",
+    "CandidateEffect",
+    "DiagnosisContext",
+    "Effect",
+    "EffectParameter",
+    "EffectState",
+    "FreeNumber",
+    "LawSwitch",
+    "MeasuredReplay",
+]

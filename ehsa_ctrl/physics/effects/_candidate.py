@@ -104,7 +104,7 @@ class DiagnosisContext(Protocol):
         ...
 
     def plant_parameter(self, symbol: str, relative: float, smallest: float = 0.0) -> FreeNumber:
-        """A parameter of the plant as a free number: its scale is a share of itself, or `smallest` where it is near 0."""
+        """A parameter of the plant as a free number; its scale is a share of itself, at least `smallest`."""
         ...
 
     def sensor(self, channel: str, setting: str) -> float:

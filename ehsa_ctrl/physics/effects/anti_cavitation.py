@@ -9,7 +9,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ._candidate import PRESSURE_SCALE, CandidateEffect, DiagnosisContext, from_levels, effect_number, measured
+from ._candidate import PRESSURE_SCALE, CandidateEffect, DiagnosisContext, effect_number, from_levels, measured
 from ._effect import Effect, EffectParameter
 
 

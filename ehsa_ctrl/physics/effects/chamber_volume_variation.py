@@ -4,7 +4,7 @@ The slope is in shares of the piston area: c_V = 1 adds A x to chamber 1 and tak
 constant volumes of (6) into those of (11).
 """
 
-from ._candidate import CandidateEffect, FreeNumber, DiagnosisContext, starting_points
+from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, starting_points
 from ._effect import Effect, EffectParameter
 
 

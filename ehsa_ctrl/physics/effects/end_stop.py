@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from ._candidate import CandidateEffect, DiagnosisContext, from_levels, effect_number
+from ._candidate import CandidateEffect, DiagnosisContext, effect_number, from_levels
 from ._effect import Effect, EffectParameter
 
 

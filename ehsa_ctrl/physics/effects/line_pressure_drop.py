@@ -8,7 +8,7 @@ part acts exactly as more viscous friction of the rod: 2 A^2 R_lam.
 from collections.abc import Mapping
 from math import inf
 
-from ._candidate import CandidateEffect, FreeNumber, DiagnosisContext
+from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber
 from ._effect import Effect, EffectParameter
 
 

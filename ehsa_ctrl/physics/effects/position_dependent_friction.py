@@ -4,7 +4,7 @@ from math import exp
 
 import numpy as np
 
-from ._candidate import CandidateEffect, FreeNumber, DiagnosisContext, effect_number
+from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, effect_number
 from ._effect import Effect, EffectParameter
 
 

@@ -17,9 +17,7 @@ def critical_damping(compliance: float, plant: Mapping[str, float]) -> float:
     return sqrt(plant["M"] / compliance)
 
 
-def deflection(
-    P_1: float, P_2: float, x: float, A: float, K_S: float, A_FR: float, C_FR: float
-) -> float:
+def deflection(P_1: float, P_2: float, x: float, A: float, K_S: float, A_FR: float, C_FR: float) -> float:
     """Force on the bristles of a rod at rest [N], no more than breakaway friction; times the compliance it is z."""
     breakaway = A_FR + C_FR
     return min(max(A * (P_1 - P_2) - K_S * x, -breakaway), breakaway)

@@ -6,7 +6,7 @@ proportion to the temperature's rise.
 
 from math import exp
 
-from ._candidate import CandidateEffect, FreeNumber, DiagnosisContext, effect_number
+from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, effect_number
 from ._effect import Effect, EffectParameter, EffectState
 
 

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
 from ...core.errors import InputError
-from ...diagnosis.diagnosis import Candidate, Diagnosis
+from ...diagnosis.diagnosis import Diagnosis, RankedHypothesis
 from ..number import number
 from ..style import SKY, VERMILION, WIDTH, style
 from ._layout import GAP, sheet, stack
@@ -34,7 +34,7 @@ LOOKS: dict[str, dict[str, Any]] = {
 }
 
 
-def fate(diagnosis: Diagnosis, candidate: Candidate) -> str:
+def fate(diagnosis: Diagnosis, candidate: RankedHypothesis) -> str:
     """What became of a candidate, in words: one of LOOKS.
 
     Where no cause was named none was excluded in favour of another: those were tried, or are possible.
@@ -60,7 +60,7 @@ def _id(member: str) -> str:
     return member.partition(" (")[0]
 
 
-def candidate_name(candidate: Candidate) -> str:
+def candidate_name(candidate: RankedHypothesis) -> str:
     """Its members, as a table has them."""
     return " + ".join(candidate.members) or "nominal parameters alone"
 
@@ -101,7 +101,7 @@ def candidates_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def _bars(ax: Axes, rows: tuple[Candidate, ...], fates: list[str]) -> None:
+def _bars(ax: Axes, rows: tuple[RankedHypothesis, ...], fates: list[str]) -> None:
     evidence = [max(candidate.evidence, 1.0) if math.isfinite(candidate.evidence) else 1e9 for candidate in rows]
     end = 10.0 ** math.ceil(math.log10(2.0 * max(*evidence, 10.0)))
     for row, (candidate, value, word) in enumerate(zip(rows, evidence, fates, strict=True)):
@@ -124,7 +124,7 @@ def _bars(ax: Axes, rows: tuple[Candidate, ...], fates: list[str]) -> None:
     ax.set_xlabel("evidence against it, relative to the best (longer is worse)")
 
 
-def _lines(candidate: Candidate, longest: int = 48) -> list[str]:
+def _lines(candidate: RankedHypothesis, longest: int = 48) -> list[str]:
     """Its name, in as many lines as that takes."""
     lines: list[str] = []
     for member in candidate.members:

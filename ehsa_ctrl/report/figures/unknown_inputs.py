@@ -13,9 +13,9 @@ from matplotlib.ticker import MaxNLocator
 from ...core.errors import InputError
 from ...core.unit import factor
 from ...diagnosis.diagnosis import Diagnosis
-from ...diagnosis.locate import Location
-from ...diagnosis.regime import Regime
-from ...diagnosis.unknown_input import UNITS
+from ...diagnosis.gap_attribution import Location
+from ...diagnosis.regimes import Regime
+from ...diagnosis.unknown_inputs import UNITS
 from ..channel import SHOWN
 from ..number import unit
 from ..style import BLACK, BLUE, VERMILION, WIDTH, style

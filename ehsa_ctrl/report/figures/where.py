@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from ...core.errors import InputError
 from ...diagnosis.diagnosis import Diagnosis
-from ...diagnosis.locate import PLACES, Location
+from ...diagnosis.gap_attribution import PLACES, Location
 from ..style import BLUE, GREEN, SKY, WIDTH, style
 from ._layout import GAP, sheet, stack
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.diagnosis.twin import Twin, with_every_effect
+from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
 from ehsa_ctrl.plant.plant import Sensor
 
 #: Errors of sensors, by channel.
@@ -45,8 +45,8 @@ def test_what_the_plant_says_of_its_sensors_is_believed(rig):
     """Bias, scale, filter and delay of the current too: a free run shows what the log has."""
     log = record(wrong(rig))
 
-    with_sensors = Twin(with_every_effect(wrong(rig)), log).run([{}])[0]
-    unaware = Twin(with_every_effect(rig), log).run([{}])[0]
+    with_sensors = HypothesisModel(with_every_effect(wrong(rig)), log).run([{}])[0]
+    unaware = HypothesisModel(with_every_effect(rig), log).run([{}])[0]
 
     assert worst(log, with_sensors) < 2e-3
     assert worst(log, unaware) > 0.1
@@ -59,8 +59,10 @@ def test_a_setting_of_a_sensor_is_a_sensor_of_the_plant(rig):
     current = wrong(rig).sensors["current"]
     rig = replace(rig, sensors={**rig.sensors, "current": replace(current, filter=0.0)})
 
-    stated = Twin(with_every_effect(wrong(rig)), log).run([{}])[0]
-    tried = Twin(with_every_effect(rig), log).run([{**errors, "filter.current": WRONG["current"]["filter"]}])[0]
+    stated = HypothesisModel(with_every_effect(wrong(rig)), log).run([{}])[0]
+    tried = HypothesisModel(with_every_effect(rig), log).run(
+        [{**errors, "filter.current": WRONG["current"]["filter"]}]
+    )[0]
 
     for channel, values in stated.items():
         np.testing.assert_array_equal(values, tried[channel])
@@ -69,11 +71,13 @@ def test_a_setting_of_a_sensor_is_a_sensor_of_the_plant(rig):
 @pytest.mark.parametrize("stiffness", [0.0, 5.0, 50.0])
 def test_a_spring_next_to_none_is_asked_as_none_is(plant, stiffness):
     """50 for 50 kN/m: a tenth of itself would be no step that anything feels."""
-    from ehsa_ctrl.diagnosis.suspects import suspects
+    from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 
     nominal = plant.set(K_S=stiffness)
     log = record(replace(nominal, sensors={"current": Sensor("current", "A"), **plant.sensors}))
-    spring = next(s for s in suspects(Twin(with_every_effect(nominal), log)) if s.id == "load_spring")
+    spring = next(
+        s for s in candidate_effects(HypothesisModel(with_every_effect(nominal), log)) if s.id == "load_spring"
+    )
 
     assert spring.free[0].scale == 2e3
 
@@ -82,7 +86,7 @@ def test_a_start_in_motion_is_as_the_believed_sensors_give_it(rig):
     """What a setting believes of a sensor moves the state that was read from it, and nothing else does."""
     log = record(rig)
     plant = with_every_effect(wrong(rig))
-    twin = Twin(plant, log, {"P_1": 2e6, "P_2": 1.9e6, "omega": 10.0})
+    twin = HypothesisModel(plant, log, {"P_1": 2e6, "P_2": 1.9e6, "omega": 10.0})
 
     def level(**values):
         return twin._start(plant, values, log["current"])[plant.structure.equations.index("P_1")]

@@ -3,9 +3,8 @@
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.diagnosis.improved import improved
-from ehsa_ctrl.diagnosis.suspect import Suspect
-from ehsa_ctrl.physics.effects import EFFECTS
+from ehsa_ctrl.diagnosis.improved_plant import improved_plant
+from ehsa_ctrl.physics.effects import EFFECTS, CandidateEffect
 
 
 @pytest.fixture(scope="module")
@@ -13,13 +12,13 @@ def plant():
     return ehsa_ctrl.load_plant("ehsa")
 
 
-def suspect(name):
-    return (Suspect(name, EFFECTS[name].place, (), ()),)
+def candidate(name):
+    return (CandidateEffect(EFFECTS[name], (), ()),)
 
 
 def test_typical_numbers_of_an_effect_are_not_identified(plant, tmp_path):
     """A check valve's opening was fitted; how much it lets through was not. The file says so, and is read again."""
-    better = improved(plant, suspect("anti_cavitation"), {"P_open": -1e4, "K_L": 5e-13}, {"P_open": 900.0})
+    better = improved_plant(plant, candidate("anti_cavitation"), {"P_open": -1e4, "K_L": 5e-13}, {"P_open": 900.0})
     again = ehsa_ctrl.load_plant(ehsa_ctrl.write_plant(tmp_path / "better.toml", better))
 
     for each in (better, again):
@@ -40,7 +39,7 @@ def test_of_every_effect_only_its_size_is_identified(plant, name):
     """Fitted was the size alone; everything else keeps the value at which the search held it."""
     first, *others = EFFECTS[name].parameters
     size = first.typical if first.typical not in (first.neutral, float("inf")) else 0.5 * (first.neutral or 1.0)
-    better = improved(plant, suspect(name), {first.name: size}, {first.name: 0.1 * abs(size)})
+    better = improved_plant(plant, candidate(name), {first.name: size}, {first.name: 0.1 * abs(size)})
 
     assert better.structure.effects == (*plant.structure.effects, name)
     assert better.parameters[first.name].source == "identified" and better[first.name] == size
@@ -53,7 +52,7 @@ def test_of_every_effect_only_its_size_is_identified(plant, name):
 def test_what_a_plant_has_of_an_effect_stays(plant):
     """A valve whose flow the modeller knows keeps it when the diagnosis moves its opening."""
     known = plant.with_effects("anti_cavitation", K_check=5e-6, P_open=-2e4)
-    better = improved(known, suspect("anti_cavitation"), {"P_open": -1e4}, {})
+    better = improved_plant(known, candidate("anti_cavitation"), {"P_open": -1e4}, {})
 
     assert better["K_check"] == 5e-6 and better.parameters["K_check"] == known.parameters["K_check"]
     assert better["P_open"] == -1e4 and better.parameters["P_open"].source == "identified"
@@ -62,8 +61,8 @@ def test_what_a_plant_has_of_an_effect_stays(plant):
 def test_bristles_are_found_by_their_softness(plant):
     """Stiffness is its inverse, with the same relative deviation; a damping that was not fitted is assumed."""
     values, sd = {"softness_FR": 2e-8, "C_FR": 150.0}, {"softness_FR": 2e-9, "C_FR": 10.0}
-    better = improved(plant, suspect("presliding"), values, sd)
-    damped = improved(plant, suspect("presliding"), values | {"sigma_1_FR": 4e3}, sd | {"sigma_1_FR": 300.0})
+    better = improved_plant(plant, candidate("presliding"), values, sd)
+    damped = improved_plant(plant, candidate("presliding"), values | {"sigma_1_FR": 4e3}, sd | {"sigma_1_FR": 300.0})
 
     assert better.structure.rod_friction == "lugre"
     assert better["sigma_0_FR"] == pytest.approx(5e7)

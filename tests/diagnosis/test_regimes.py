@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from ehsa_ctrl.diagnosis.curves import Curve
-from ehsa_ctrl.diagnosis.regime import regime_of
+from ehsa_ctrl.diagnosis.regimes import Curve, regime_of
 
 
 def test_what_goes_against_the_motion_has_a_mean_of_its_size():
@@ -12,7 +11,7 @@ def test_what_goes_against_the_motion_has_a_mean_of_its_size():
     time = np.linspace(0.0, 10.0, 2000)
     sign = np.sign(np.sin(7.0 * time) + 1e-9)
     force = 3.0 * sign
-    curve = Curve("force", "signed time", "time, against the motion", "s", time, force, 0.9, 8, turned=sign)
+    curve = Curve("force", "signed time", "time, against the motion", "s", time, force, 0.9, 8, sign=sign)
     plain = Curve("force", "time", "time", "s", time, force, 0.9, 8)
 
     assert regime_of(curve, force).mean == pytest.approx(3.0)

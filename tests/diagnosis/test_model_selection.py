@@ -4,26 +4,32 @@ from types import SimpleNamespace
 
 import pytest
 
-from ehsa_ctrl.diagnosis.judge import Judged, Slow
-from ehsa_ctrl.diagnosis.weigh import weigh
+from ehsa_ctrl.diagnosis.model_selection import Reference, select_model
+from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis, SlowError
 
-NOTHING = (Slow(), Slow())
-GAPS = {"fitted": {"speed": 0.1, "total": 0.1}, "held": {"speed": 0.1, "total": 0.1}}
+NOTHING = (SlowError(), SlowError())
+GAPS = {"speed": 0.1, "total": 0.1}
 
 
 def hypothesis(evidence, *ids, gap=0.005, own=0.1, numbers=1, chi=0.86, slow=NOTHING):
     """A hypothesis whose members all matter; noise alone leaves a chi of 0.86 and nothing that is slow."""
     keys = tuple((id, None) for id in ids)
-    suspects = tuple(SimpleNamespace(key=key, free=[None] * numbers) for key in keys)
+    candidates = tuple(SimpleNamespace(key=key, free=[None] * numbers) for key in keys)
     gaps = {"speed": gap, "total": gap}
-    return Judged(
-        SimpleNamespace(suspects=suspects, chi=chi), evidence, {k: {"speed": own} for k in keys}, gaps, gaps, keys, slow
+    return ScoredHypothesis(
+        SimpleNamespace(candidates=candidates, rms=chi),
+        evidence,
+        {k: {"speed": own} for k in keys},
+        gaps,
+        gaps,
+        keys,
+        slow,
     )
 
 
 def verdict(*judged, least=5000.0, most=60000.0):
     """Verdict of hypotheses, with the ids of the chosen one."""
-    found = weigh(judged, least, most, 0.03, GAPS, expected=0.74)
+    found = select_model(judged, Reference(least, most, 0.1, 0.74), 0.03)
     return found.verdict, {id for id, _ in found.chosen.causes}, found
 
 
@@ -42,7 +48,7 @@ def test_rivals_that_explain_as_much_are_a_set():
     )
 
     assert (word, ids) == ("ambiguous", {"bulk_modulus"})
-    assert found.rivals["bulk_modulus", None] == (("chamber_volume_variation", None),)
+    assert found.alternatives["bulk_modulus", None] == (("chamber_volume_variation", None),)
     assert 0.2 < found.probability["bulk_modulus", None] < 0.8
 
 
@@ -74,10 +80,10 @@ def test_one_sign_alone_does_not_abstain(gap, chi):
 @pytest.mark.parametrize(
     ("slow", "word"),
     [
-        ((Slow(0.1, 2.0), Slow()), "outside_catalogue"),
-        ((Slow(), Slow(0.5, 3.0)), "outside_catalogue"),
-        ((Slow(0.1, 0.3), Slow(0.5, 0.5)), "effect"),
-        ((Slow(0.02, 2.0), Slow(0.1, 3.0)), "effect"),
+        ((SlowError(0.1, 2.0), SlowError()), "outside_catalogue"),
+        ((SlowError(), SlowError(0.5, 3.0)), "outside_catalogue"),
+        ((SlowError(0.1, 0.3), SlowError(0.5, 0.5)), "effect"),
+        ((SlowError(0.02, 2.0), SlowError(0.1, 3.0)), "effect"),
     ],
 )
 def test_a_relative_leaves_what_is_slow(slow, word):
@@ -89,8 +95,8 @@ def test_what_noise_of_the_current_makes_is_no_sign():
     """A gap that the noise of the logged current alone leaves is left by the truth too."""
     lost = hypothesis(5200.0, "motor_friction", gap=0.045, chi=1.3)
 
-    def word(shaken):
-        return weigh([lost], 5000.0, 60000.0, 0.03, GAPS, expected=0.74, shaken=shaken).verdict
+    def word(input_noise):
+        return select_model([lost], Reference(5000.0, 60000.0, 0.1, 0.74, input_noise), 0.03).verdict
 
     assert word(0.0) == "outside_catalogue"
     assert word(0.044) == "effect"
@@ -105,13 +111,13 @@ def test_a_crowd_is_underdetermined():
 
 def test_nothing_that_matters_alone_is_underdetermined():
     """Several parameters a little wrong make a gap that none of them makes."""
-    nothing = Judged(SimpleNamespace(suspects=(), chi=0.86), 5000.0, {}, GAPS["fitted"], GAPS["held"], ())
+    nothing = ScoredHypothesis(SimpleNamespace(candidates=(), rms=0.86), 5000.0, {}, GAPS, GAPS, ())
 
     assert verdict(nothing)[0] == "underdetermined"
 
 
 def test_what_nothing_touches_is_outside_the_catalogue():
     """No effect matters, and all of the gap is left with residuals far beyond noise."""
-    nothing = Judged(SimpleNamespace(suspects=(), chi=3.0), 50000.0, {}, GAPS["fitted"], GAPS["held"], ())
+    nothing = ScoredHypothesis(SimpleNamespace(candidates=(), rms=3.0), 50000.0, {}, GAPS, GAPS, ())
 
     assert verdict(nothing)[0] == "outside_catalogue"

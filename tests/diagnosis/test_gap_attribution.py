@@ -7,9 +7,10 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.locate import locate
+from ehsa_ctrl.diagnosis.gap_attribution import attribute_gap
+from ehsa_ctrl.diagnosis.injection import simulate_injections
 from ehsa_ctrl.diagnosis.signals import noise_of
-from ehsa_ctrl.diagnosis.unknown_input import run_with, signals_of, unknown_inputs
+from ehsa_ctrl.diagnosis.unknown_inputs import signals_of, unknown_inputs
 from ehsa_ctrl.simulation.engine import simulate
 
 DT = 0.004
@@ -38,7 +39,7 @@ def with_current(log, current):
 
 
 def found(plant, log):
-    return locate(plant, log, noise_of(log))
+    return attribute_gap(plant, log, noise_of(log))
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +71,9 @@ def test_a_flow_put_in_moves_the_pressure_as_oil_does(nominal):
     zero = np.zeros(samples)
     softness = {"flow_1": np.full(samples - 1, nominal["V_10"] / nominal["beta"])}
 
-    run = run_with(nominal.set(K_L=0.0), zero, nominal.rest, DT, [{"flow_1": np.full(samples - 1, flow)}], softness)[0]
+    run = simulate_injections(
+        nominal.set(K_L=0.0), zero, nominal.rest, DT, [{"flow_1": np.full(samples - 1, flow)}], softness
+    )[0]
 
     rise = flow * DT * (samples - 1) * nominal["beta"] / nominal["V_10"]
     assert run["p1"][-1] - nominal["P_0"] == pytest.approx(rise, rel=1e-6)

@@ -1,0 +1,87 @@
+"""Inputs that may tell candidates apart: excitations of the bench, slow and one-sided ones, frequency bands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..identification.shapes import Part, Shape
+
+#: Low, middle and high band of multisines [Hz].
+BANDS = ((0.125, 1.0), (1.0, 5.0), (5.0, 20.0))
+
+Current = Callable[[np.ndarray, float], np.ndarray]
+
+
+@dataclass(frozen=True)
+class LibraryInput:
+    """An input: words that an amplitude follows, and current (N,) [A] of time (N,) [s] from zero and amplitude [A].
+
+    share: of the largest amplitude within the limits; friction shows better where the plant hardly moves.
+    excitation: its name on the command line, if it has one.
+    """
+
+    words: str
+    current: Current
+    share: float = 1.0
+    excitation: str | None = None
+
+
+def library_inputs(seed: int = 0) -> tuple[LibraryInput, ...]:
+    """The library; seed: of the random ones."""
+
+    def shape(part: Part) -> Current:
+        return Shape((part,)).current
+
+    noise = ("band-limited noise (0.2-15 Hz) with peaks of", shape(Part("noise", seed=seed)))
+    steps = ("steps to both sides of", shape(Part("steps")))
+    slow = ("slow ramps through zero at 0.1 Hz of", _triangle(0.1))
+    bands = ((f"a multisine of {low:g}-{high:g} Hz with peaks of", _multisine(low, high, seed)) for low, high in BANDS)
+    return (
+        LibraryInput(*noise, excitation="noise"),
+        LibraryInput(*noise, share=0.4, excitation="noise"),
+        *(LibraryInput(*band) for band in bands),
+        LibraryInput(*steps, excitation="steps"),
+        LibraryInput(*steps, share=0.4, excitation="steps"),
+        LibraryInput(*slow),
+        LibraryInput(*slow, share=0.4),
+        LibraryInput("ramps through zero at 0.4 Hz of", _triangle(0.4)),
+        LibraryInput("a sine at 2 Hz of", shape(Part("sine")), excitation="sine"),
+        LibraryInput("a sine at 0.5 Hz of", shape(Part("sine", pace=0.25))),
+        LibraryInput("a chirp (0.2-20 Hz) of", shape(Part("chirp")), excitation="chirp"),
+        LibraryInput("steps that only extend of", _pulses(1.0)),
+        LibraryInput("steps that only retract of", _pulses(-1.0)),
+    )
+
+
+def _multisine(low: float, high: float, seed: int) -> Current:
+    """Sines of equal amplitude at multiples of 1/8 Hz in a band, random phases; from zero within half a second."""
+
+    def current(time: np.ndarray, amplitude: float) -> np.ndarray:
+        frequency = np.arange(low, high + 1e-9, 0.125)
+        phase = np.random.default_rng([seed, 79]).uniform(0.0, 2.0 * np.pi, frequency.size)
+        signal = np.sum(np.sin(2.0 * np.pi * np.outer(time, frequency) + phase), axis=1)
+        return np.asarray(amplitude * signal / np.max(np.abs(signal)) * np.minimum(time / 0.5, 1.0))
+
+    return current
+
+
+def _triangle(frequency: float) -> Current:
+    """A triangle from zero: up, down through zero, up again."""
+
+    def current(time: np.ndarray, amplitude: float) -> np.ndarray:
+        return np.asarray(amplitude * 2.0 / np.pi * np.arcsin(np.sin(2.0 * np.pi * frequency * time)))
+
+    return current
+
+
+def _pulses(sign: float) -> Current:
+    """Half a second on, one and a half off; from 0.25 s."""
+
+    def current(time: np.ndarray, amplitude: float) -> np.ndarray:
+        phase = ((time - 0.25) / 0.25).round(9).astype(int) % 8
+        return sign * amplitude * ((phase < 2) & (time >= 0.25 - 1e-9))
+
+    return current

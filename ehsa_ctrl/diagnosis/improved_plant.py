@@ -1,0 +1,77 @@
+"""The nominal plant with the causes found: effects as equations, parameters with their standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from ..core.parameter import Parameter
+from ..physics.effects import CandidateEffect, EffectParameter
+from ..plant.plant import SENSOR_WORDS, Plant
+from .hypothesis_model import Setting, absent_friction, law_switches
+
+
+def improved_plant(
+    plant: Plant, candidates: tuple[CandidateEffect, ...], values: Setting, sd: Mapping[str, float]
+) -> Plant:
+    """A plant that runs as the model of a hypothesis does at these values.
+
+    values: parameters and sensor settings, those of nominal parameters too. sd: of those that were found. Further
+        parameters of an effect keep the source of their typical value: only what was fitted is called identified.
+    """
+    found, deviations = dict(values), dict(sd)
+    structure, added = plant.structure, dict[str, Parameter]()
+    for switch in (switch for switch in law_switches() if switch.active(values)):
+        structure = replace(structure, rod_friction=switch.law)
+        law = switch.parameters(values, plant.values)
+        found[switch.parameter] = law[switch.parameter]
+        if switch.number in sd:
+            deviations[switch.parameter] = sd[switch.number] / values[switch.number] ** 2
+        note = f"default of {switch.law}, not fitted"
+        added |= {n: Parameter(n, v, "", "assumed", note=note) for n, v in law.items() if n not in found}
+    for contact in structure.system.contacts:
+        absent = {n: v for n, v in absent_friction(contact).items() if n not in plant.parameters}
+        if any(values.get(name, value) != value for name, value in absent.items()):
+            changes: dict[str, Any] = {f"{contact.name}_friction": "stribeck"}
+            structure = replace(structure, **changes)
+            note = "of a friction that the plant lacked, not fitted"
+            added |= {n: Parameter(n, v, "", "assumed", note=note) for n, v in absent.items() if n not in values}
+    effects = {c.effect.name: c.effect for c in candidates if c.effect.wired and c.effect.parameters}
+    effects = {n: e for n, e in effects.items() if any(p.name in values for p in e.parameters)}
+    structure = replace(structure, effects=tuple(dict.fromkeys([*structure.effects, *effects])))
+    for name, effect in effects.items():
+        added |= {p.name: _not_fitted(name, p) for p in effect.parameters if p.name not in plant.parameters}
+    known = structure.equations.parameter_names
+    given = {n: p.value for n, p in added.items()} | {n: v for n, v in found.items() if n in known}
+    changed = plant.with_structure(structure, **given)
+    parameters = dict(changed.parameters)
+    for name in given:
+        if name in found:
+            note = "found by a diagnosis" if name in deviations else "refitted with a diagnosis"
+            parameters[name] = replace(parameters[name], source="identified", sd=deviations.get(name), note=note)
+        else:
+            parameters[name] = replace(parameters[name], source=added[name].source, note=added[name].note)
+    return replace(changed, parameters=parameters, sensors=_sensors(changed, values, sd))
+
+
+def _not_fitted(effect: str, parameter: EffectParameter) -> Parameter:
+    """A parameter that an effect needs and that was not fitted."""
+    typical = parameter.neutral == parameter.typical
+    note = f"typical of {effect}, not fitted" if typical else f"{effect} without this part, not fitted"
+    source = parameter.source if typical else "assumed"
+    return Parameter(parameter.name, parameter.neutral, parameter.unit, source, note=note)
+
+
+def _sensors(plant: Plant, values: Setting, sd: Mapping[str, float]) -> dict[str, Any]:
+    """The plant's sensors with the settings that were found; delays and filters add to the nominal ones."""
+    sensors = dict(plant.sensors)
+    for name, value in values.items():
+        setting, dot, channel = name.partition(".")
+        if dot and channel in sensors and setting in SENSOR_WORDS:
+            sensor = sensors[channel]
+            total = value + getattr(sensor, setting) if setting in ("delay", "filter") else value
+            stated = Parameter(f"{channel} {setting}", total, sensor.unit_of(setting), "identified", sd.get(name))
+            new: dict[str, Any] = {setting: total, "stated": (*sensor.stated, stated)}
+            sensors[channel] = replace(sensor, **new)
+    return sensors

@@ -1,0 +1,270 @@
+"""How far apart the candidates of a diagnosis are under other inputs, and which inputs keep the plant's limits.
+
+The distance of two candidates is what a refit could not make up: what is left of the difference of their outputs after
+the nominal parameters, and the numbers of the two, have moved within their priors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from math import inf
+
+import numpy as np
+
+from ..core.log import Log
+from ..identification.admissible import shares
+from ..plant.plant import Plant
+from ..simulation.bench import CENTRING_GAIN, CENTRING_LIMIT, CENTRING_TIME
+from ..simulation.engine import simulate_batch
+from .excitation_library import LibraryInput
+from .hypothesis_model import HypothesisModel, Setting, law_switches, with_every_effect
+from .refit import STEP, TEMPER, NominalParameters, Objective, ResidualScale
+from .signals import SIGNALS
+
+#: Share of each limit that is kept in reserve.
+MARGIN = 0.15
+#: Amplitude that is tried first [A].
+FIRST = 2.0
+#: Relative standard deviation of the stiffness of a spring that is mounted for the experiment.
+SPRING_SD = 0.05
+#: A candidate's own numbers are known to this share of their change, and are moved by this share of that.
+OWN, OWN_STEP = 0.5, 0.3
+#: A nominal parameter that moved this many prior deviations is one of the candidate's own numbers.
+FAR = 3.0
+#: Iterations of the reweighted refit.
+REWEIGHTED = 3
+#: Step in which the slow loop is followed [s].
+LOOP = 0.1
+#: What all simulations show.
+CHANNELS = ("speed", "p1", "p2", "position")
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class CandidateOutputs:
+    """The outputs of all candidates under one current.
+
+    change: parameters of the load and what they are changed by, -inf for what is removed. model: with the current and
+    the first candidate's outputs as its log. rows (candidates, R): these less each one's, in units of the scale.
+    """
+
+    change: Setting
+    model: HypothesisModel
+    scale: ResidualScale
+    rows: np.ndarray = field(repr=False)
+
+    @property
+    def largest_distances(self) -> np.ndarray:
+        """Distance of each pair (pairs,) if a refit makes up nothing: an upper bound."""
+        apart = [self.rows[a] - self.rows[b] for a, b in combinations(range(len(self.rows)), 2)]
+        return np.asarray(np.sqrt(TEMPER) * np.linalg.norm(apart, axis=1))
+
+
+@dataclass(frozen=True)
+class ExperimentTrial:
+    """An input at an amplitude [A], with the slow loop around the rod or not, and the candidates' outputs."""
+
+    input: LibraryInput
+    amplitude: float
+    centre: bool
+    outputs: CandidateOutputs
+
+
+@dataclass(frozen=True)
+class CandidateModels:
+    """Candidates of a diagnosis as models.
+
+    plant: with every effect. hypotheses: name -> fitted values. noise: of the measured channels. switched: friction
+    law -> the plant with it, see `HypothesisModel`.
+    """
+
+    plant: Plant
+    hypotheses: Mapping[str, Setting]
+    noise: Mapping[str, float]
+    nominal: NominalParameters
+    switched: Mapping[str, Plant] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, plant: Plant, hypotheses: Mapping[str, Setting], noise: Mapping[str, float], nominal: NominalParameters
+    ) -> CandidateModels:
+        """With the friction laws that the candidates switch to."""
+        used = [s.law for s in law_switches() if any(s.active(values) for values in hypotheses.values())]
+        return cls(plant, hypotheses, noise, nominal, {law: with_every_effect(plant, law) for law in used})
+
+    @property
+    def pairs(self) -> tuple[Pair, ...]:
+        return tuple(combinations(self.hypotheses, 2))
+
+    def with_load(self, values: Setting, change: Setting) -> dict[str, float]:
+        """A setting with the changed load; what is removed is zero, whatever it was."""
+        new = dict(values)
+        for name, by in change.items():
+            new[name] = 0.0 if by == -inf else new.get(name, self.plant[name]) + by
+        return new
+
+    def settings(self, change: Setting) -> list[dict[str, float]]:
+        """All candidates with the changed load."""
+        return [self.with_load(values, change) for values in self.hypotheses.values()]
+
+    def largest_amplitude(
+        self, input: LibraryInput, change: Setting, time: np.ndarray, *, centre: bool = False, begin: float = FIRST
+    ) -> tuple[float, str]:
+        """The largest amplitude [A] that keeps the limits, within about a fifth, and the nearest limit.
+
+        For the first candidate; 0 if there is none. begin: what is tried first.
+        """
+        first = self.settings(change)[0]
+        low, high, amplitude, limit = 0.0, inf, max(begin, 0.1), ""
+        for _ in range(4):
+            current = self._current(input.current(time, amplitude), first, centre)
+            used = self._limits_used(self._model(time, current).run([first])[0], current)
+            # A plant without limits is driven with what is tried first.
+            share = max(used.values(), default=1.0 - MARGIN) / (1.0 - MARGIN)
+            if share <= 1.0:
+                low = amplitude
+                if share > 0.8:
+                    break
+            else:
+                high = amplitude
+            limit = max(used, key=lambda name: used[name], default="")
+            amplitude *= float(np.clip(0.95 / max(share, 1e-3), 0.4, 2.5))
+            if not low < amplitude < high:
+                amplitude = float(np.sqrt(low * high))
+        return low, limit
+
+    def trial(
+        self, input: LibraryInput, amplitude: float, change: Setting, time: np.ndarray, *, centre: bool = False
+    ) -> ExperimentTrial | None:
+        """An input with all candidates, smaller if one of them exceeds a limit; None if that does not help."""
+        settings = self.settings(change)
+        for _ in range(5):
+            # Rounded, so that the stated amplitude is the simulated one.
+            amplitude = float(f"{amplitude:.3g}")
+            current = self._current(input.current(time, amplitude), settings[0], centre)
+            model = self._model(time, current)
+            runs = model.run(settings)
+            used = max(max(self._limits_used(run, current).values(), default=0.0) for run in runs)
+            if used <= 1.0 - MARGIN:
+                outputs = self._outputs(model, change, runs)
+                return None if outputs is None else ExperimentTrial(input, amplitude, centre, outputs)
+            amplitude *= 0.85
+        return None
+
+    def _model(self, time: np.ndarray, current: np.ndarray) -> HypothesisModel:
+        log = Log(time, {"current": current, **dict.fromkeys(CHANNELS, np.zeros(time.size))})
+        return HypothesisModel(self.plant, log, None, self.switched)
+
+    def _current(self, current: np.ndarray, values: Setting, centre: bool) -> np.ndarray:
+        """The current with what the bench's slow loop adds, block by block, around this candidate's rod."""
+        if not centre:
+            return current
+        known = self.plant.structure.equations.parameter_names
+        plant, dt = self.plant.set(**{n: v for n, v in values.items() if n in known}), self.plant.sample_time
+        out, state, low = current.copy(), plant.rest[None], 0.0
+        length, x = max(int(round(LOOP / dt)), 1), plant.structure.equations.index("x")
+        for first in range(0, current.size - 1, length):
+            block = out[first : first + length + 1]
+            block -= np.clip(CENTRING_GAIN * low, -CENTRING_LIMIT, CENTRING_LIMIT)
+            batch = simulate_batch(plant, plant.vector[None], block, start=state, sample_time=dt, jobs=1)
+            if batch.status[0]:
+                break
+            state = batch.states[:, -1]
+            if first + length < current.size - 1:
+                # The last sample belongs to the next block.
+                block[-1] = current[first + length]
+            low += (1.0 - np.exp(-LOOP / CENTRING_TIME)) * (float(np.mean(batch.states[0, :, x])) - low)
+        return out
+
+    def _limits_used(self, run: Mapping[str, np.ndarray] | None, current: np.ndarray) -> dict[str, float]:
+        """Limit -> share of it that a run uses; a run that stopped exceeds all of them."""
+        if run is None or not all(np.isfinite(run[c]).all() for c in CHANNELS):
+            return {**dict.fromkeys(self.plant.limits, inf), "range": inf}
+        torque, speed = self.plant["K_T"] * current, run["speed"]
+        pressures = np.stack([run["p1"], run["p2"]])
+        fastest = float(np.max(np.abs(speed)))
+        return shares(
+            self.plant,
+            {
+                "pump_speed": fastest,
+                "motor_speed": fastest,
+                "motor_torque": float(np.max(np.abs(torque))),
+                "motor_power": float(np.mean(np.abs(torque * speed))),
+                "current_rms": float(np.sqrt(np.mean(current**2))),
+                "pressure_max": float(np.max(pressures)),
+                "pressure_min": float(np.min(pressures)),
+                "stroke": 2.0 * float(np.max(np.abs(run["position"]))),
+            },
+        )
+
+    def outputs(self, model: HypothesisModel, change: Setting) -> CandidateOutputs | None:
+        """All candidates under the input of a model's log; None if one of them stops, or if nothing moves."""
+        return self._outputs(model, change, model.run(self.settings(change)))
+
+    def _outputs(
+        self, model: HypothesisModel, change: Setting, runs: Sequence[Mapping[str, np.ndarray] | None]
+    ) -> CandidateOutputs | None:
+        complete = [run for run in runs if run is not None]
+        if len(complete) < len(runs):
+            return None
+        shown = {"current": model.log["current"], **{c: complete[0][c] for c in CHANNELS if c in complete[0]}}
+        model = replace(model, log=replace(model.log, channels=shown))
+        scale = ResidualScale.of(model, {c: self.noise.get(c, 0.0) for c in model.channels}).scale
+        measured = [s for s in SIGNALS if s in scale and ("position" if s == "rod_velocity" else s) in self.noise]
+        scaled = ResidualScale({s: scale[s] for s in measured})
+        if not measured or min(scaled.scale.values()) <= 0.0:
+            return None
+        return CandidateOutputs(change, model, scaled, np.array([scaled.residual(model, run) for run in complete]))
+
+    def distances(self, outputs: CandidateOutputs) -> np.ndarray:
+        """Distance of each pair (pairs,) after a refit, as a diagnosis measures it."""
+        nominal, own = self._derivatives(outputs)
+        objective = Objective(outputs.model, outputs.scale, self.nominal)
+        out = []
+        for a, b in combinations(range(len(outputs.rows)), 2):
+            r, J = outputs.rows[a] - outputs.rows[b], np.concatenate([nominal, own[a], own[b]])
+            w, least = np.ones(r.size), inf
+            for _ in range(REWEIGHTED):
+                weighted = np.sqrt(TEMPER) * J * w
+                z = np.linalg.solve(np.eye(len(J)) + weighted @ weighted.T, -np.sqrt(TEMPER) * weighted @ (w * r))
+                left = r + z @ J
+                least = min(least, TEMPER * objective.loss(left) + float(z @ z))
+                w = objective.weights(left)
+            out.append(np.sqrt(least))
+        return np.array(out)
+
+    def _derivatives(self, outputs: CandidateOutputs) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Changes of the outputs by one prior deviation: of the nominal parameters, and of each candidate's numbers."""
+        settings = self.settings(outputs.change)
+        prior = dict(zip(self.nominal.names, self.nominal.sd.tolist(), strict=True))
+        sd = dict(prior)
+        if "K_S" in outputs.change:
+            # A mounted spring is known as well as springs are, a removed one exactly.
+            sd.pop("K_S", None)
+            if outputs.change["K_S"] > 0.0:
+                sd["K_S"] = SPRING_SD * outputs.change["K_S"]
+        asked: list[tuple[int, dict[str, float], float]] = []
+        for name, deviation in sd.items():
+            value = settings[0].get(name, self.plant[name])
+            step = STEP * value if value else deviation
+            asked.append((0, {**settings[0], name: value + step}, deviation / step))
+        common = len(asked)
+        for i, values in enumerate(self.hypotheses.values()):
+            for name, value in values.items():
+                neutral = outputs.model.nominal_value(name)
+                change = value - neutral if np.isfinite(neutral) else value
+                if abs(change) <= FAR * prior.get(name, 0.0) or name in outputs.change or not np.isfinite(value):
+                    continue
+                # Towards neutral, where every value is allowed.
+                asked.append((i, {**settings[i], name: value - OWN_STEP * OWN * change}, 1.0 / OWN_STEP))
+        runs = outputs.model.run([setting for _, setting, _ in asked])
+        columns: list[list[np.ndarray]] = [[] for _ in range(len(settings) + 1)]
+        for j, ((i, _, factor), run) in enumerate(zip(asked, runs, strict=True)):
+            if run is not None:
+                moved = (outputs.scale.residual(outputs.model, run) - outputs.rows[i]) * factor
+                columns[0 if j < common else i + 1].append(moved)
+        nominal, *own = (np.array(c).reshape(len(c), outputs.rows.shape[1]) for c in columns)
+        return nominal, own

@@ -1,0 +1,245 @@
+"""Regressors of an unknown input: columns for each variable that it may follow.
+
+Each variable gives columns: a constant, its sign, piecewise linear functions between quantiles; a drive gives the error
+of a delay, a lag, a rate limit or a dead band.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from ..plant.plant import Plant
+from .unknown_inputs import BalanceSignals, filled
+
+
+@dataclass(frozen=True)
+class Regressors:
+    """Columns (N - 1, k) along a variable (N - 1,). fixed: added without a factor. sign: (N - 1,) with which all of
+    them change sign, so that their mean along the variable alone would vanish."""
+
+    family: str
+    against: str
+    unit: str
+    variable: np.ndarray
+    columns: np.ndarray
+    fixed: bool = False
+    number: float = float("nan")
+    sign: np.ndarray | None = None
+
+
+def hats(z: np.ndarray, count: int) -> np.ndarray:
+    """(N, k) hat functions between quantiles of z; they sum to one."""
+    knots = np.unique(np.quantile(z, np.linspace(0.005, 0.995, count)))
+    if knots.size < 2:
+        return np.ones((z.size, 1))
+    return np.column_stack([np.interp(z, knots, row) for row in np.eye(knots.size)])
+
+
+def odd_hats(z: np.ndarray, sign: np.ndarray, count: int) -> np.ndarray:
+    """(N, k) hat functions of |z| with a sign: nothing that acts in one direction whatever the motion."""
+    return np.asarray(sign[:, None] * hats(np.abs(z), count))
+
+
+def split_hats(z: np.ndarray, sign: np.ndarray, count: int) -> np.ndarray:
+    """(N, k) hat functions for either sign (-1 to 1), with a jump between."""
+    shares = np.clip(0.5 * (1.0 - sign), 0.0, 1.0), np.clip(0.5 * (1.0 + sign), 0.0, 1.0)
+    parts = [share[:, None] * hats(np.where(share > 0.5, z, 0.0), count) for share in shares]
+    return np.column_stack([part[:, np.any(part != 0.0, axis=0)] for part in parts])
+
+
+def _sure_sign(s: BalanceSignals, contact: str, direction: str) -> np.ndarray:
+    """(N - 1,) direction where a contact clearly slides, interpolated between: noise has no direction."""
+    return filled(np.where(s.slides[contact], s[direction], np.nan))[:-1]
+
+
+def shaft_angle(s: BalanceSignals) -> np.ndarray:
+    """(N - 1,) integral of the shaft's speed [rad]."""
+    omega = s["omega"]
+    return np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1])) * s.sample_time])[:-1]
+
+
+def late(current: np.ndarray, samples: float) -> np.ndarray:
+    """A held current that acts `samples` later, its mean over each sample."""
+    whole = int(samples)
+    part = samples - whole
+    before = np.concatenate([np.full(whole + 1, current[0]), current])
+    return (1.0 - part) * before[1 : current.size + 1] + part * before[: current.size]
+
+
+def lagging(current: np.ndarray, samples: float) -> np.ndarray:
+    """A held current through a first-order lag of so many samples, its mean over each sample."""
+    a = np.exp(-1.0 / samples)
+    now = lfilter([0.0, 1.0 - a], [1.0, -a], current - current[0]) + current[0]
+    return np.asarray(current + (now - current) * samples * (1.0 - a))
+
+
+def limited(current: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """(N, k) a current that changes by no more than each of `steps` (k,) a sample, its mean over each sample."""
+    out, now = np.empty((current.size, steps.size)), np.full(steps.size, current[0])
+    for k, value in enumerate(current.tolist()):
+        way = value - now
+        moved = np.minimum(np.maximum(way, -steps), steps)
+        # It ramps to the value and stays there for the rest of the sample.
+        out[k] = now + moved * (1.0 - 0.5 * np.minimum(np.abs(way) / steps, 1.0))
+        now = now + moved
+    return out
+
+
+#: Families of a torque error that belong to the drive: one direction whatever the motion, or a late current.
+DRIVE = ("constant", "time", "late", "lag", "slope", "dead band", "current")
+#: Those that a torque constant or friction nearly follows too: they have to explain clearly more.
+MEMORYLESS = ("dead band", "current")
+#: Those with a number in which the columns are not linear.
+FITTED = ("late", "lag", "slope", "dead band")
+
+
+def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]) -> list[Regressors]:
+    """Regressors of an unknown torque; orders: periods per turn of a ripple."""
+    held, dt = s["current"][:-1], s.sample_time
+    omega, rate, time = (s[n][:-1] for n in ("omega", "omega_rate", "time"))
+    sign = _sure_sign(s, "shaft", "d_M")
+    one, size = np.ones((held.size, 1)), np.abs(held)
+    found = [
+        Regressors("constant", "time", "s", time, one),
+        Regressors("time", "time", "s", time, hats(time, 14)),
+        Regressors("sign", "the sign of the shaft's speed", "", sign, sign[:, None]),
+        Regressors("speed", "the shaft's speed", "rad/s", omega, odd_hats(omega, sign, 7)),
+        Regressors("line", "the shaft's speed", "rad/s", omega, omega[:, None]),
+        Regressors("rate", "the shaft's acceleration", "rad/s2", rate, rate[:, None]),
+        Regressors("gain", "the current", "A", held, held[:, None]),
+        Regressors("saturation", "the current", "A", held, np.column_stack([held, held * size, held**3])),
+        Regressors("signed time", "time, against the motion", "s", time, sign[:, None] * hats(time, 8), sign=sign),
+        Regressors(
+            "gain in time", "time, with the current", "s", time, held[:, None] * hats(time, 8), sign=np.sign(held)
+        ),
+        Regressors(
+            "brake", "the size of the current, against the motion", "A", size, odd_hats(held, sign, 10), sign=sign
+        ),
+        Regressors("current", "the current", "A", held, hats(held, 80)),
+    ]
+    if "P_1" in s and "P_2" in s:
+        dP = (s["P_1"] - s["P_2"])[:-1]
+        found += [
+            Regressors("line", "the pressure difference", "Pa", dP, dP[:, None]),
+            Regressors("pressure", "the pressure difference", "Pa", dP, odd_hats(dP, np.sign(dP), 7)),
+            Regressors(
+                "loss",
+                "the pressure difference, against the motion",
+                "Pa",
+                np.abs(dP),
+                (sign * np.abs(dP))[:, None],
+                sign=sign,
+            ),
+        ]
+    found += [_ripple(shaft_angle(s), order) for order in orders]
+    found += drive_regressors(plant, s, "late", dt * np.array([0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15]))
+    found += drive_regressors(plant, s, "lag", dt * np.array([0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15]))
+    top = float(np.max(size)) if np.any(held) else 1.0
+    found += drive_regressors(
+        plant, s, "slope", top / dt * np.array([0.005, 0.01, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.3])
+    )
+    return found + drive_regressors(plant, s, "dead band", top * np.array([0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2]))
+
+
+def drive_regressors(plant: Plant, s: BalanceSignals, family: str, numbers: np.ndarray) -> list[Regressors]:
+    """Errors of a drive with a delay [s], a lag [s], a rate limit [A/s] or a dead band [A], for each number."""
+    held, dt = s["current"][:-1], s.sample_time
+    if family == "slope":
+        given = list(limited(held, numbers * dt).T)
+    else:
+        of: dict[str, Callable[[float], np.ndarray]] = {
+            "late": lambda number: late(held, number / dt),
+            "lag": lambda number: lagging(held, number / dt),
+            "dead band": lambda number: np.asarray(held - np.clip(held, -number, number)),
+        }
+        given = [of[family](float(number)) for number in numbers]
+    words = "changes of the current" if family != "dead band" else "the current"
+    return [
+        Regressors(family, words, "A", held, (plant["K_T"] * (other - held))[:, None], True, float(number))
+        for other, number in zip(given, numbers, strict=True)
+    ]
+
+
+def force_regressors(s: BalanceSignals) -> list[Regressors]:
+    """Regressors of an unknown force."""
+    x, v, time = (s[n][:-1] for n in ("x", "v", "time"))
+    sign = _sure_sign(s, "rod", "d_R")
+    rate = s["v_rate"][:-1]
+    found = [
+        Regressors("constant", "time", "s", time, np.ones((x.size, 1))),
+        Regressors("sign", "the sign of the rod's speed", "", sign, sign[:, None]),
+        Regressors(
+            "sides", "the sign of the rod's speed, not alike", "", sign, split_hats(np.zeros_like(sign), sign, 2)
+        ),
+        Regressors("speed", "the rod's speed", "m/s", v, split_hats(v, sign, 6)),
+        Regressors("line", "the rod's speed", "m/s", v, v[:, None]),
+        Regressors("rate", "the rod's acceleration", "m/s2", rate, rate[:, None]),
+        Regressors("position", "the rod's position", "m", x, hats(x, 12)),
+        Regressors("line", "the rod's position", "m", x, x[:, None]),
+        Regressors(
+            "signed position",
+            "the rod's position, against the motion",
+            "m",
+            x,
+            sign[:, None] * hats(x, 20),
+            sign=sign,
+        ),
+        Regressors("time", "time", "s", time, hats(time, 20)),
+        Regressors("signed time", "time, against the motion", "s", time, sign[:, None] * hats(time, 14), sign=sign),
+    ]
+    if "P_1" in s and "P_2" in s:
+        dP = (s["P_1"] - s["P_2"])[:-1]
+        loaded = sign[:, None] * hats(np.abs(dP), 6)
+        found.append(
+            Regressors(
+                "loss", "the size of the pressure difference, against the motion", "Pa", np.abs(dP), loaded, sign=sign
+            )
+        )
+        found.append(Regressors("pressure", "the pressure difference", "Pa", dP, hats(dP, 10)))
+    return found
+
+
+def flow_regressors(s: BalanceSignals, chamber: str, orders: tuple[float, ...]) -> list[Regressors]:
+    """Regressors of an unknown flow into a chamber."""
+    P, rate = s[f"P_{chamber}"][:-1], s[f"P_{chamber}_rate"][:-1]
+    dP, omega, x, v, time = (s["P_1"] - s["P_2"])[:-1], *(s[n][:-1] for n in ("omega", "x", "v", "time"))
+    here, speed = f"the pressure in chamber {chamber}", "the shaft's speed"
+    pumped = omega * np.abs(dP)
+    found = [
+        Regressors("constant", "time", "s", time, np.ones((P.size, 1))),
+        Regressors("line", "the pressure difference", "Pa", dP, dP[:, None]),
+        Regressors("pressure", "the pressure difference", "Pa", dP, hats(dP, 14)),
+        Regressors("level", here, "Pa", P, hats(P, 14)),
+        Regressors("speed", speed, "rad/s", omega, hats(omega, 13)),
+        Regressors("line", speed, "rad/s", omega, omega[:, None]),
+        Regressors("rate", f"the rate of {here}", "Pa/s", rate, rate[:, None]),
+        Regressors("softness", f"{here}, times its rate", "Pa", P, rate[:, None] * hats(P, 6)),
+        Regressors("volume", f"the rod's position, times the rate of {here}", "m", x, rate[:, None] * hats(x, 5)),
+        Regressors("line", "the rod's speed", "m/s", v, v[:, None]),
+        Regressors("time", "time", "s", time, hats(time, 14)),
+        Regressors(
+            "pressure in time",
+            "time, with the pressure difference",
+            "s",
+            time,
+            dP[:, None] * hats(time, 8),
+            sign=np.sign(dP),
+        ),
+        Regressors("pumped", f"{speed} times the size of the pressure difference", "rad/s Pa", pumped, pumped[:, None]),
+    ]
+    angle = shaft_angle(s)
+    for order in orders:
+        wave = _ripple(angle, order)
+        columns = np.column_stack([wave.columns, omega[:, None] * wave.columns])
+        found.append(Regressors("ripple", wave.against, "rad", wave.variable, columns, False, order))
+    return found
+
+
+def _ripple(angle: np.ndarray, order: float) -> Regressors:
+    columns = np.column_stack([np.sin(order * angle), np.cos(order * angle)])
+    turn = np.mod(angle, 2.0 * np.pi / order)
+    return Regressors("ripple", f"the shaft's angle, {order:g} a turn", "rad", turn, columns, False, order)

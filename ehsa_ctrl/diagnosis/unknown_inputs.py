@@ -1,0 +1,183 @@
+"""Unknown inputs: the residuals of the nominal plant's balances on a log.
+
+A balance is a sum that vanishes in the true plant. Evaluated with measured signals it leaves a torque, two flows and
+a force that the nominal plant does not contain: the unknown inputs of the discrepancy literature (which enter the
+equations, not the outputs). Over one sample the rate of a state is its difference, so that noise is not amplified for
+good: fed back into a simulation, it gives the measured noise again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from ..core.log import Log
+from ..identification.drives import undo_sensor
+from ..plant.arrays import array_evaluator, needs
+from ..plant.plant import Plant
+from ..plant.system import Balance
+from ..simulation.engine import simulate_batch
+
+#: Unknown inputs; a torque and flows are positive where they drive, a force where it resists extension.
+INPUTS = ("torque", "flow_1", "flow_2", "force")
+#: Their units.
+UNITS = {"torque": "N m", "flow_1": "m3/s", "flow_2": "m3/s", "force": "N"}
+#: Samples of the cubics that give a slope and a direction, and standard deviations from which a direction is sure.
+SLOPE, DIRECTION, SURE = 7, 11, 4.0
+
+
+@dataclass(frozen=True)
+class BalanceSignals:
+    """The signals of a log that balances need: sensors undone, speeds and rates as slopes of short cubics.
+
+    values: name -> (N,) states, `..._rate` of each, directions, current. slides: contact -> (N,) bool.
+    """
+
+    values: Mapping[str, np.ndarray]
+    slides: Mapping[str, np.ndarray]
+    sample_time: float
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.values
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.values[name]
+
+
+def signals_of(
+    plant: Plant,
+    log: Log,
+    current: np.ndarray,
+    noise: Mapping[str, float],
+    start: np.ndarray | None = None,
+    outside: np.ndarray | None = None,
+) -> BalanceSignals:
+    """States, rates and directions from a log; those that it does not show are absent.
+
+    current, outside: (N,) first and second input of the system; the second is zero by default. noise: channel ->
+    standard deviation. start: state (n,) of the free run that gives the states of effects and friction laws, which
+    have no sensor.
+    """
+    system, dt = plant.structure.system, log.sample_time
+    first_input, *others = system.inputs
+    acting = np.zeros(len(log)) if outside is None else outside
+    values = {first_input: current, **dict.fromkeys(others, acting), "time": log.time}
+    states = plant.structure.equations.states
+    inner = [state.name for state in states if state not in system.states]
+    if inner:
+        first = None if start is None else start[None, :]
+        batch = simulate_batch(
+            plant, plant.vector[None, :], current, force=outside, hold=system.hold, start=first, sample_time=dt, jobs=1
+        )
+        values |= {name: batch.states[0, :, plant.structure.equations.index(name)] for name in inner}
+    sds = {}
+    for channel, state in system.outputs.items():
+        if channel in log.channels:
+            values[state] = undo_sensor(plant, log, channel)
+            values[f"{state}_rate"] = _slope(values[state], dt, 1)
+            sds[state] = noise.get(channel, 0.0)
+    values |= {f"{c}_measured": undo_sensor(plant, log, c) for c in system.measured if c in log.channels}
+    if "x" in values:
+        values["v"], values["v_rate"] = values["x_rate"], _slope(values["x"], dt, 2)
+    elif system.prescribed:
+        values["x"] = values.get("position_measured", np.cumsum(values["v"]) * dt)
+        values["v_rate"] = _slope(values["v"], dt, 1)
+        sds["v"] = noise.get(system.drives["v"], 0.0)
+    slides = {}
+    for contact in system.all_contacts:
+        if contact.velocity not in values:
+            continue
+        if contact.velocity in sds:
+            seen, sd = savgol_filter(values[contact.velocity], DIRECTION, 3), 0.45 * sds[contact.velocity]
+        else:
+            seen, sd = savgol_filter(values["x"], DIRECTION, 3, deriv=1, delta=dt), 0.3 * sds["x"] / dt
+        values[contact.direction] = np.sign(seen)
+        slides[contact.name] = np.abs(seen) > SURE * sd
+    return BalanceSignals(values, slides, dt)
+
+
+def _slope(values: np.ndarray, dt: float, order: int) -> np.ndarray:
+    return np.asarray(savgol_filter(values, SLOPE, 3, deriv=order, delta=dt))
+
+
+@dataclass(frozen=True)
+class UnknownInputs:
+    """Unknown inputs of a plant on a log.
+
+    values: unknown input -> (N - 1,) mean over each sample, NaN where a contact sticks or its direction is not sure.
+    load: (N - 1,) what the load cell shows beyond the nominal load, None without one: the load's part of the force.
+    compliance: flow -> (N - 1,) V / beta [m3/Pa], the flow per rate of pressure.
+    """
+
+    values: Mapping[str, np.ndarray]
+    compliance: Mapping[str, np.ndarray]
+    load: np.ndarray | None = None
+
+
+def unknown_inputs(plant: Plant, signals: BalanceSignals) -> UnknownInputs:
+    """Evaluate the balances sample by sample; those that need what was not measured are absent."""
+    equations, system = plant.structure.equations, plant.structure.system
+    dt, measured = signals.sample_time, signals.values
+    wanted: dict[str, tuple[str, Balance]] = {}
+    for balance, residuals in zip(system.balances, equations.residuals, strict=True):
+        for name, residual in zip(_names(balance), residuals, strict=True):
+            asked = needs(equations, residual) - set(plant.parameters)
+            # The last balance counts: that with the nominal load, where a load cell allows another one.
+            if name in (*INPUTS, "load") and all(one.removesuffix("_rate") in measured for one in asked):
+                wanted[name] = residual, balance
+    drive = system.inputs[0]
+    chambers = ("V_1", "V_2") if plant.structure.chambers is not None and wanted else ()
+    extra = [one for one in chambers if needs(equations, one) - set(plant.parameters) <= set(measured)]
+    ends = []
+    rates = {f"{s.name}_rate": np.diff(measured[s.name]) / dt for s in equations.states if s.name in measured}
+    for part in (slice(None, -1), slice(1, None)):
+        known = {name: values[part] for name, values in measured.items()}
+        if system.hold == "zero_order":
+            known[drive] = measured[drive][:-1]
+        known |= rates
+        ends.append(
+            array_evaluator(equations, (*(residual for residual, _ in wanted.values()), *extra))(
+                {**plant.values, **known}
+            )
+        )
+    size = measured["time"].size - 1
+    values = {}
+    for name, (residual, balance) in wanted.items():
+        sign = 1.0 if name in ("force", "load") else -1.0
+        value = sign * 0.5 * (ends[0][residual] + ends[1][residual]) * np.ones(size)
+        for contact in (one for one in system.all_contacts if one.name in balance.contacts):
+            if plant.structure.law(contact).sticks:
+                sure, direction = signals.slides[contact.name], measured[contact.direction]
+                value[~(sure[:-1] & sure[1:] & (direction[:-1] == direction[1:]))] = np.nan
+        values[name] = value
+    compliance = {
+        f"flow_{name[-1]}": 0.5 * (ends[0][name] + ends[1][name]) / plant["beta"] * np.ones(size) for name in extra
+    }
+    load = values.pop("load", None)
+    return UnknownInputs(values, compliance, load)
+
+
+def _names(balance: Balance) -> tuple[str, ...]:
+    """The unknown inputs of a balance, one a residual: "force", or "flow_1" and "flow_2"."""
+    place = balance.name.partition(",")[0]
+    count = len(balance.residuals)
+    return (place,) if count == 1 else tuple(f"{place}_{i}" for i in range(1, count + 1))
+
+
+def filled(values: np.ndarray) -> np.ndarray:
+    """NaN replaced by linear interpolation, constant at the ends; zero where nothing is known."""
+    known = np.isfinite(values)
+    index = np.arange(values.size)
+    return np.interp(index, index[known], values[known]) if known.any() else np.zeros_like(values)
+
+
+def smooth(values: np.ndarray, samples: int) -> np.ndarray:
+    """Means (N,) weighted by a squared sine of so many samples, without NaN; NaN stays NaN."""
+    bump = np.sin(np.pi * (np.arange(samples) + 0.5) / samples) ** 2
+    known = np.isfinite(values)
+    weight = np.convolve(known.astype(float), bump, "same")
+    total = np.convolve(np.where(known, values, 0.0), bump, "same")
+    return np.where(known, total / np.where(weight > 0.0, weight, 1.0), np.nan)

@@ -1,0 +1,53 @@
+"""The effect of the logged current's noise on a run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
+from ehsa_ctrl.diagnosis.refit import NominalParameters, Objective, ResidualScale
+from ehsa_ctrl.diagnosis.scoring import input_noise_effect
+from ehsa_ctrl.diagnosis.validation_segment import Segment
+
+NOISE = {"speed": 0.5, "p1": 1.5e4, "p2": 1.5e4, "position": 2e-5, "force": 15.0}
+
+
+@pytest.fixture
+def effect_of():
+    """Function from the current's noise, and what its sensor is said to have, to its doing without dry friction."""
+    plant = ehsa_ctrl.load_plant("ehsa", model="linear")
+    time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=6.0, seed=1)
+    log, _ = ehsa_ctrl.record(plant, time, current, seed=1)
+
+    def run(sd, stated=1.0):
+        sensors = {**plant.sensors, "current": replace(plant.sensors["current"], noise=stated, step=0.0)}
+        model = HypothesisModel(with_every_effect(replace(plant, sensors=sensors)), log)
+        nominal = NominalParameters((), np.zeros(0), np.zeros(0))
+        objective = Objective(model, ResidualScale.of(model, NOISE), nominal)
+        return input_noise_effect(objective, Segment(model, 0, {**NOISE, "current": sd}, "the log"), {})
+
+    return run
+
+
+def test_no_noise_does_nothing(effect_of):
+    found = effect_of(0.0)
+
+    assert (found.square, found.gap) == (0.0, 0.0)
+    assert not found.block_means.any()
+
+
+def test_twice_the_noise_does_twice_as_much(effect_of):
+    """In a plant that is linear, to the engine's tolerance."""
+    once, twice = effect_of(0.005), effect_of(0.010)
+
+    assert twice.square == pytest.approx(4.0 * once.square, rel=0.02)
+    assert twice.gap == pytest.approx(2.0 * once.gap, rel=0.02)
+    np.testing.assert_allclose(twice.block_means, 4.0 * once.block_means, rtol=0.05)
+    assert once.gap > 0.0
+
+
+def test_the_sensor_says_how_much_of_it_is_noise(effect_of):
+    """A controller's answer to noise looks like noise in the log, and drove the rig."""
+    assert effect_of(0.05, stated=0.005).square == effect_of(0.005, stated=1.0).square
