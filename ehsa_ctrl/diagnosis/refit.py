@@ -242,7 +242,7 @@ class HypothesisFit:
         return replace(self, cost=TEMPER * objective.loss(self.residual) + self.prior_cost)
 
 
-class _Problem:
+class _HypothesisProblem:
     """The least-squares problem of one hypothesis: parameter vector x (k,), residuals, derivatives by one scale."""
 
     def __init__(self, objective: Objective, candidates: Sequence[CandidateEffect]) -> None:
@@ -306,7 +306,7 @@ def refit(
     known: name -> (n,) derivative of the residual by one scale of that nominal parameter, near the start.
     fresh: after so many steps all derivatives are taken anew (0: never).
     """
-    problem = _Problem(objective, candidates)
+    problem = _HypothesisProblem(objective, candidates)
     x = np.array([start.get(f.name, f.nominal) for f in problem.free])
     everything = range(len(problem.free))
     first = problem.residual(x)
