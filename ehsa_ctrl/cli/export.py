@@ -71,7 +71,7 @@ def command(
             "tolerance": deployment.tolerance,
             "step_size": deployment.rho,
             "distance_from_exact": deployment.vector.distance,
-            "samples_unsolved": deployment.vector.left,
+            "samples_unsolved": deployment.vector.fallbacks,
             "files": sorted(str(out / name) for name in deployment.files),
         }
         print(to_json(result))

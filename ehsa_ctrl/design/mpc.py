@@ -11,7 +11,7 @@ within the limits of current and rate.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from math import isfinite
 from time import perf_counter
@@ -98,6 +98,7 @@ class Mpc:
     problem: the quadratic programme. solver: a key of QP_SOLVERS.
     iteration_limit: of the solver, per sample.
     deadline: s, after which a solution is too late; None waits for it. With one, a run depends on the machine.
+    external: a solver of this problem in place of the named one.
     """
 
     feedback: StateFeedback
@@ -105,6 +106,7 @@ class Mpc:
     solver: str = "daqp"
     iteration_limit: int = 200
     deadline: float | None = None
+    external: QpSolver | None = field(default=None, repr=False)
     uses = ()
     compiles = False
 
@@ -156,8 +158,9 @@ class Mpc:
 
     @cached_property
     def qp(self) -> QpSolver:
-        kind = QP_SOLVERS[self.solver]
-        return kind.make(self.condensed.H, self.condensed.G, self.iteration_limit, self.deadline)
+        if self.external is not None:
+            return self.external
+        return QP_SOLVERS[self.solver].make(self.condensed.H, self.condensed.G, self.iteration_limit, self.deadline)
 
     @cached_property
     def _fixed(self) -> tuple[np.ndarray, ...]:

@@ -457,5 +457,5 @@ def test_the_mpc_is_pythons_with_osqp(system, tmp_path):
     assert "tolerance 1e-06 A" in done.stdout
     assert "distance from the exact solution" in done.stdout
     assert deployment.vector.distance < 1e-3
-    assert 0 < deployment.vector.left < 15
+    assert 0 < deployment.vector.fallbacks < 15
     assert np.any(np.abs(deployment.vector.current) > 1.0)

@@ -10,8 +10,7 @@ and sqrt give Python's bits; exp, sin and the others those of the machine's libm
 would raise (a division by zero, a root of a negative number) C goes on with inf or nan.
 """
 
-from .deployment import FILES, Deployment, export_controller
+from .deployment import FILES, Deployment, TestVector, export_controller, replay
 from .program import Program
-from .vector import Vector, replay
 
-__all__ = ["FILES", "Deployment", "Program", "Vector", "export_controller", "replay"]
+__all__ = ["FILES", "Deployment", "Program", "TestVector", "export_controller", "replay"]

@@ -1,52 +1,103 @@
-"""A controller as C99: the functions that run in Python, written out, with a test vector and a test.
+"""A controller as C99 files: the functions that run in Python, with a test vector and its test.
 
-The law stands once, in Python. PID, cascade and state feedback are translated whole; of an MPC the estimate, the
-problem and the fallback are translated and OSQP writes its solver.
+The law exists once, in Python. PID, cascade and state feedback are translated whole; of an MPC the estimate, the
+problem and the fallback are translated, and OSQP generates its solver.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import numpy as np
 
+from ...core.controller_interface import INPUTS, MEASURED, REFERENCE
+from ...core.errors import InputError
 from ...core.files import FORCE_ARGUMENT
 from ...core.result_folder import ResultFolder
 from ..controller import Law, SampledController
 from ..mpc import Mpc, solve_qp
-from ..qp import QP_SOLVERS
 from ..stages.feedforward import feedforward
-from ..stages.pipeline import M_LAW, S_FEED, S_LAW, S_PLAN, S_REST, STAGES, pipeline
+from ..stages.pipeline import S_FEED, S_LAW, S_PLAN, S_REST, STAGES, pipeline
 from ..stages.rest import rest
 from ..stages.supervision import supervise
 from ..stages.trajectory import plan
-from .embedded import EmbeddedMpc, EmbeddedOsqp, Recorder, multipliers, solved_by, step_size, with_law
-from .expressions import Signature
-from .kinds import ARRAY, DOUBLE, literal
-from .layout import setting_names, settings_lines
-from .program import Program
-from .vector import Vector, checked, replay
+from .embedded import EmbeddedMpc, EmbeddedOsqp, exact_solver, replay_beside_exact, tuned_solver
+from .expressions import CSignature
+from .program import Program, setting_names
+from .source import ARRAY, DOUBLE, literal
 
-#: Largest difference of the C from Python that the test lets pass [A]. With the same libm there is none but an MPC's,
-#: whose solver's file keeps 20 digits behind the point and not all of a small number's.
+#: Largest difference of the C from Python that the test accepts [A]. With the same libm there is none but an MPC's,
+#: whose solver file has 20 digits behind the point and so not all digits of a small number.
 TOLERANCE, TOLERANCE_MPC = 1e-9, 1e-6
-#: Of the exact solver, so many that it never stops early.
-EXACT_ITERATIONS = 10_000
-FOLDER = Path(__file__).parent / "templates"
+TEMPLATES = Path(__file__).parent / "templates"
 VECTOR = "test_vector.csv"
-#: What is written of every controller; of an MPC the solver as well.
+#: Files of every controller; an MPC has the solver as well.
 FILES = ("controller.h", "controller.c", "test.c", "Makefile", "README.md", VECTOR)
-#: Title and function of each stage, and where its settings stand.
-TITLES = (
+#: Title, function and range of settings of each stage.
+STAGE_SETTINGS = (
     ("supervision", supervise, 0, S_PLAN),
     ("trajectory", plan, S_PLAN, S_FEED),
     ("feed-forward", feedforward, S_FEED, S_REST),
     ("rest and dither", rest, S_REST, S_LAW),
 )
+#: Numbers without a name on a line of settings.
+COLUMNS = 4
+
+
+@dataclass(frozen=True)
+class TestVector:
+    """Inputs of a run and the currents of the Python controller.
+
+    Attributes
+    ----------
+    reference (N, 3), measured (N, 5): as in core.controller_interface; nan is a lost reading.
+    current: (N,) of the Python controller [A].
+    exact: (N,) of an exact solver from the same memory [A]; None for a law without a solver.
+    unsolved: (N,) whether the law's own solver left the sample to the fallback.
+    """
+
+    reference: np.ndarray
+    measured: np.ndarray
+    current: np.ndarray
+    exact: np.ndarray | None = None
+    unsolved: np.ndarray | None = None
+
+    @property
+    def distance(self) -> float | None:
+        """Largest distance of solved samples from the exact solution [A]; None for a law without a solver."""
+        if self.exact is None or self.unsolved is None:
+            return None
+        return float(np.max(np.abs(self.current - self.exact)[~self.unsolved], initial=0.0))
+
+    @property
+    def fallbacks(self) -> int:
+        """Number of samples that were left to the fallback."""
+        return 0 if self.unsolved is None else int(np.count_nonzero(self.unsolved))
+
+    @property
+    def columns(self) -> list[str]:
+        return [*INPUTS, "current", *([] if self.exact is None else ["exact"])]
+
+    def to_csv(self) -> str:
+        """Text with a header row; every number is read back to the last bit."""
+        last = [self.current] if self.exact is None else [self.current, self.exact]
+        text = io.StringIO()
+        rows = csv.writer(text, lineterminator="\n")
+        rows.writerow(self.columns)
+        rows.writerows(np.column_stack([self.reference, self.measured, *last]).tolist())
+        return text.getvalue()
+
+
+def replay(controller: SampledController, reference: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Currents (N,) of the plain Python controller from its first sample on."""
+    memory = controller.initial_memory()
+    return np.array([controller.step(r, y, memory) for r, y in zip(reference, measured, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -57,12 +108,12 @@ class Deployment:
     ----------
     name: the controller's. files: name -> text.
     vector: the test vector. tolerance: of the test [A].
-    solver: what writes its C beside the files; None for a law without one. rho: its step size.
+    solver: generates its own C beside the files; None for a law without one. rho: its step size.
     """
 
     name: str
     files: Mapping[str, str]
-    vector: Vector
+    vector: TestVector
     tolerance: float
     solver: EmbeddedOsqp | None = field(default=None, repr=False)
     rho: float | None = None
@@ -81,10 +132,10 @@ class Deployment:
     def __str__(self) -> str:
         lines = [f"{self.name}: {len(self.vector.current)} samples of a run, to be met within {self.tolerance:g} A"]
         if self.vector.distance is not None:
-            left = self.vector.left
+            unsolved = self.vector.fallbacks
             lines.append(
                 f"OSQP with step size {self.rho:g}: at most {self.vector.distance:.3g} A from the exact solution"
-                + (f", {left} samples unsolved and left to the fallback" if left else "")
+                + (f", {unsolved} samples unsolved and left to the fallback" if unsolved else "")
             )
         return "\n".join(lines)
 
@@ -96,53 +147,38 @@ def export_controller(controller: SampledController, reference: np.ndarray, meas
     ----------
     reference (N, 3), measured (N, 5): of a run, for the test vector; lost readings (nan) included.
 
-    Raises
-    ------
-    InputError: its law is not in the subset of Python that can be written as C, or OSQP does not solve its MPC.
+    Raises InputError if its law is outside the subset of Python that can be written as C, if OSQP does not solve its
+    MPC, and for shapes that don't fit.
     """
-    reference, measured = checked(reference, measured)
+    reference, measured = np.array(reference, dtype=float), np.array(measured, dtype=float)
+    n = len(reference)
+    if n < 1 or reference.shape != (n, len(REFERENCE)) or measured.shape != (n, len(MEASURED)):
+        raise InputError(
+            f"a test vector of shapes {reference.shape} and {measured.shape}; expected (N, {len(REFERENCE)}) and "
+            f"(N, {len(MEASURED)})"
+        )
     law: Law = controller.law
     if not isinstance(law, Mpc):
-        vector = Vector(reference, measured, replay(controller, reference, measured))
+        vector = TestVector(reference, measured, replay(controller, reference, measured))
         return Deployment(controller.name, _files(controller, vector, TOLERANCE), vector, TOLERANCE)
-    condensed = law.condensed
-    exact = QP_SOLVERS["daqp"].make(condensed.H, condensed.G, EXACT_ITERATIONS, None)
-    recorder = Recorder(exact)
-    replay(with_law(controller, solved_by(law, recorder)), reference, measured)
-    rho = step_size(law, recorder.asked)
-    solver = EmbeddedOsqp(condensed.H, condensed.G, law.iteration_limit, rho)
-    ours, best = (with_law(controller, solved_by(law, by)) for by in (solver, exact))
-    vector = _beside_exact(ours, best, reference, measured)
-    written = with_law(controller, EmbeddedMpc(law))
-    files = _files(written, vector, TOLERANCE_MPC, rho=rho)
+    # Without a deadline, which no replay can repeat.
+    exact = replace(controller, law=replace(law, deadline=None, external=exact_solver(law)))
+    solver, rho = tuned_solver(exact, reference, measured)
+    ours = replace(controller, law=replace(law, deadline=None, external=solver))
+    vector = TestVector(reference, measured, *replay_beside_exact(ours, exact, reference, measured))
+    files = _files(replace(controller, law=EmbeddedMpc(law)), vector, TOLERANCE_MPC)
     return Deployment(controller.name, files, vector, TOLERANCE_MPC, solver, rho)
 
 
-def _beside_exact(
-    controller: SampledController, exact: SampledController, reference: np.ndarray, measured: np.ndarray
-) -> Vector:
-    """Each sample also by an exact solver, from the memory that the other one has then."""
-    memory, place = controller.initial_memory(), multipliers(controller, M_LAW)
-    currents, unsolved = np.empty((2, len(reference))), np.zeros(len(reference), dtype=bool)
-    reason = controller.traces["solver_reason"]
-    for k, (r, y) in enumerate(zip(reference, measured, strict=True)):
-        other = memory.copy()
-        # Multipliers that are almost zero would be taken for active limits.
-        other[place] = 0.0
-        currents[:, k] = controller.step(r, y, memory), exact.step(r, y, other)
-        unsolved[k] = memory[reason] != 0.0
-    return Vector(reference, measured, currents[0], currents[1], unsolved)
-
-
-def _files(controller: SampledController, vector: Vector, tolerance: float, rho: float | None = None) -> dict[str, str]:
+def _files(controller: SampledController, vector: TestVector, tolerance: float) -> dict[str, str]:
     law, memory = controller.law, controller.initial_memory()
-    qp = Signature("solve_qp", (ARRAY,) * 6, DOUBLE, (False, False, False, True, True, True))
+    condensed = law.mpc.condensed if isinstance(law, EmbeddedMpc) else None
+    qp = CSignature("solve_qp", (ARRAY,) * 6, DOUBLE, (False, False, False, True, True, True))
     program = Program(
         (*STAGES, pipeline, *law.uses, law.function),
-        outside={solve_qp: qp} if rho is not None else {},
-        stands_for={"law": law.function},
+        external={} if condensed is None else {solve_qp: qp},
+        substitutes={"law": law.function},
     )
-    last = memory.size - 1
     context: dict[str, Any] = {
         "name": controller.name,
         "law": str(law),
@@ -151,20 +187,20 @@ def _files(controller: SampledController, vector: Vector, tolerance: float, rho:
         "traces": dict(controller.traces),
         "samples": len(vector.current),
         "columns": len(vector.columns),
-        "memory": last + 1,
+        "memory": memory.size,
         "initial": [(k, literal(value)) for k, value in enumerate(memory.tolist()) if value != 0.0],
-        "settings": _settings(controller),
+        "settings": _settings_lines(controller),
         "size": controller.settings().size,
         "program": program.text(pipeline),
-        "solver": rho is not None,
-        "unknowns": law.mpc.condensed.F.shape[0] if isinstance(law, EmbeddedMpc) else 0,
-        "bounds": law.mpc.condensed.lower.size if isinstance(law, EmbeddedMpc) else 0,
+        "solver": condensed is not None,
+        "unknowns": 0 if condensed is None else len(condensed.F),
+        "bounds": 0 if condensed is None else condensed.lower.size,
         "tolerance": literal(tolerance),
         "distance": vector.distance,
-        "unsolved": vector.left,
+        "unsolved": vector.fallbacks,
     }
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(FOLDER),
+        loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
         trim_blocks=True,
@@ -174,13 +210,33 @@ def _files(controller: SampledController, vector: Vector, tolerance: float, rho:
     return {**files, VECTOR: vector.to_csv()}
 
 
-def _settings(controller: SampledController) -> list[str]:
-    """Lines of the initialiser, stage by stage."""
+def _settings_lines(controller: SampledController) -> list[str]:
+    """Lines of the settings' initialiser, stage by stage, with the names from the code as comments."""
     values, law = controller.settings(), controller.law
     lines = []
-    for title, function, start, stop in TITLES:
-        names = setting_names(function, STAGES)
-        lines += [f"/* {title} */", *settings_lines(values[start:stop], names, {})]
+    for title, function, start, stop in STAGE_SETTINGS:
+        lines += [f"/* {title} */", *_table(values[start:stop], setting_names(function, STAGES), {})]
+    # Matrices by name come last, in this order.
+    matrices: Mapping[str, np.ndarray] = getattr(law, "matrices", {})
     names = setting_names(law.function, law.uses)
-    parts: Mapping[str, np.ndarray] = getattr(law, "matrices", {})
-    return [*lines, f"/* {law.function.__name__} */", *settings_lines(values[S_LAW:], names, parts)]
+    return [*lines, f"/* {law.function.__name__} */", *_table(values[S_LAW:], names, matrices)]
+
+
+def _table(values: np.ndarray, names: Mapping[int, str], matrices: Mapping[str, np.ndarray]) -> list[str]:
+    titles, place = {}, values.size - sum(matrix.size for matrix in matrices.values())
+    for name, matrix in matrices.items():
+        titles[place] = f"{name} ({', '.join(map(str, matrix.shape))})"
+        place += matrix.size
+    lines: list[str] = []
+    row: list[str] = []
+    for k, value in enumerate(values.tolist()):
+        if row and (k in titles or k in names or len(row) == COLUMNS):
+            lines.append(" ".join(row))
+            row = []
+        if k in titles:
+            lines.append(f"/* {titles[k]} */")
+        if k in names:
+            lines.append(f"{literal(value)}, /* {names[k]} */")
+        else:
+            row.append(f"{literal(value)},")
+    return [*lines, " ".join(row)] if row else lines

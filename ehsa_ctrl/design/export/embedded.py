@@ -1,16 +1,14 @@
-"""An MPC with the solver that can be written as C: OSQP with a fixed step size and without polishing.
+"""An MPC with the solver that can be generated as C: OSQP with a fixed step size and without polishing.
 
-Generated code has neither: a new step size would need a new factorisation, polishing another one. What is left depends
-on the start that it is given and on nothing else of the past. It is given the problem in other unknowns z, theta =
-root z, in which the cost is z' z / 2: an MPC's own H has eigenvalues a million apart, and the residuals that OSQP ends
-with would say little of the current.
+Generated code has neither step size adaptation nor polishing: each needs a new factorisation. A solution depends on its
+start and on nothing else of the past. The problem is posed in other unknowns z, theta = root z, with the cost z' z / 2:
+the eigenvalues of an MPC's own H are a million apart, and OSQP's residuals would say little of the current.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,37 +17,24 @@ import numpy as np
 from ...core.errors import InputError
 from ..controller import SampledController
 from ..mpc import EMBEDDED_HEAD, EMBEDDED_USES, Mpc, mpc_law
-from ..qp import SOLVED, QpSolution, QpSolver
-from ..qp.osqp import ITERATIONS, TOLERANCE, Osqp
+from ..qp import QP_SOLVERS, SOLVED, QpSolution, QpSolver
+from ..qp.osqp import ITERATIONS, Osqp, osqp_workspace
+from ..stages.pipeline import M_LAW
 
 #: Step sizes that are tried on the problems of a run.
 STEP_SIZES = (0.01, 0.03, 0.1, 0.3)
+#: Iterations of the exact solver, so many that it never stops early.
+EXACT_ITERATIONS = 10_000
 
 
 class EmbeddedOsqp(Osqp):
-    """OSQP with what generated code has. rho: its step size."""
+    """OSQP as generated code has it. rho: step size."""
 
     def __init__(self, H: np.ndarray, A: np.ndarray, iteration_limit: int, rho: float) -> None:
-        import osqp
-        from scipy import sparse
-
-        self._into = np.linalg.cholesky(H).T
-        self._root = root_of(H)
-        rows = sparse.csc_matrix(np.vstack([self._root, A @ self._root]))
-        self._problem: Any = osqp.OSQP()
-        self._problem.setup(
-            sparse.csc_matrix(np.eye(len(H))),
-            np.zeros(len(H)),
-            rows,
-            np.full(rows.shape[0], -1.0),
-            np.full(rows.shape[0], 1.0),
-            verbose=False,
-            eps_abs=TOLERANCE,
-            eps_rel=TOLERANCE,
-            max_iter=ITERATIONS * iteration_limit,
-            polishing=False,
-            adaptive_rho=False,
-            rho=rho,
+        self._into, self._root = np.linalg.cholesky(H).T, root_of(H)
+        rows = np.vstack([self._root, A @ self._root])
+        self._problem: Any = osqp_workspace(
+            np.eye(len(H)), rows, iteration_limit, polishing=False, adaptive_rho=False, rho=rho
         )
 
     def solve(self, f: np.ndarray, lower: np.ndarray, upper: np.ndarray, x: np.ndarray, y: np.ndarray) -> QpSolution:
@@ -67,51 +52,43 @@ class EmbeddedOsqp(Osqp):
 
 
 def root_of(H: np.ndarray) -> np.ndarray:
-    """The matrix (n, n) with which theta' H theta = z' z for theta = root z."""
+    """The matrix (n, n) with theta' H theta = z' z for theta = root z."""
     return np.asarray(np.linalg.inv(np.linalg.cholesky(H)).T)
 
 
-class Recorder:
-    """A solver that keeps what it was asked."""
+def exact_solver(law: Mpc) -> QpSolver:
+    """DAQP for the problem of an MPC."""
+    return QP_SOLVERS["daqp"].make(law.condensed.H, law.condensed.G, EXACT_ITERATIONS, None)
+
+
+class ProblemRecorder:
+    """A solver that records its problems."""
 
     def __init__(self, solver: QpSolver) -> None:
         self._solver = solver
-        self.asked: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self.problems: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def solve(self, f: np.ndarray, lower: np.ndarray, upper: np.ndarray, x: np.ndarray, y: np.ndarray) -> QpSolution:
-        self.asked.append((f.copy(), lower.copy(), upper.copy()))
+        self.problems.append((f.copy(), lower.copy(), upper.copy()))
         return self._solver.solve(f, lower, upper, x, y)
 
 
-@dataclass(frozen=True)
-class MpcBy(Mpc):
-    """An MPC with a solver that is handed in."""
-
-    by: QpSolver | None = None
-
-    @cached_property
-    def qp(self) -> QpSolver:
-        assert self.by is not None
-        return self.by
-
-
-def solved_by(law: Mpc, solver: QpSolver) -> MpcBy:
-    """The same MPC with another solver; without a deadline, which no replay can repeat."""
-    own = {field.name: getattr(law, field.name) for field in fields(Mpc)}
-    return MpcBy(**{**own, "deadline": None}, by=solver)
-
-
-def step_size(law: Mpc, asked: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> float:
-    """The step size that leaves the fewest of a run's problems unsolved, and of these the one with the least work.
+def tuned_solver(
+    controller: SampledController, reference: np.ndarray, measured: np.ndarray
+) -> tuple[EmbeddedOsqp, float]:
+    """OSQP for a controller's MPC, and its step size: the one that leaves the fewest problems of a run unsolved, and of
+    these the one with the fewest iterations.
 
     Raises InputError if even that leaves more than one in ten.
     """
+    law: Mpc = controller.law  # type: ignore[assignment]
     condensed, best = law.condensed, 0.0
-    least = len(asked) // 10 + 1, 0
+    problems = _problems_of_run(controller, reference, measured)
+    least = len(problems) // 10 + 1, 0
     for rho in STEP_SIZES:
         solver = EmbeddedOsqp(condensed.H, condensed.G, law.iteration_limit, rho)
         x, y, work = np.zeros(len(condensed.F)), np.zeros(condensed.lower.size), (0, 0)
-        for f, lower, upper in asked:
+        for f, lower, upper in problems:
             solution = solver.solve(f, lower, upper, x, y)
             solved = solution.status == SOLVED
             x, y = (solution.x, solution.y) if solved else (x, np.zeros(y.size))
@@ -125,12 +102,43 @@ def step_size(law: Mpc, asked: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) 
             f"OSQP solves less than nine in ten of this MPC's problems within {ITERATIONS * law.iteration_limit} "
             "iterations: raise [solver] iteration_limit, or take weights that are nearer to each other"
         )
-    return best
+    return EmbeddedOsqp(condensed.H, condensed.G, law.iteration_limit, best), best
+
+
+def _problems_of_run(
+    controller: SampledController, reference: np.ndarray, measured: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """f and bounds of every sample of a run with this controller, whose law is an MPC."""
+    from dataclasses import replace
+
+    recorder = ProblemRecorder(controller.law.qp)  # type: ignore[attr-defined]
+    recorded = replace(controller, law=replace(controller.law, external=recorder))  # type: ignore[type-var]
+    memory = recorded.initial_memory()
+    for r, y in zip(reference, measured, strict=True):
+        recorded.step(r, y, memory)
+    return recorder.problems
+
+
+def replay_beside_exact(
+    controller: SampledController, exact: SampledController, reference: np.ndarray, measured: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Currents (N,) of a controller with an MPC, of an exact one from the same memory, and unsolved samples (N,)."""
+    law: Mpc = controller.law  # type: ignore[assignment]
+    memory, multipliers = controller.initial_memory(), law.multipliers
+    currents, unsolved = np.empty((2, len(reference))), np.zeros(len(reference), dtype=bool)
+    reason = controller.traces["solver_reason"]
+    for k, (r, y) in enumerate(zip(reference, measured, strict=True)):
+        other = memory.copy()
+        # Multipliers that are almost zero would be taken for active limits.
+        other[M_LAW:][multipliers] = 0.0
+        currents[:, k] = controller.step(r, y, memory), exact.step(r, y, other)
+        unsolved[k] = memory[reason] != 0.0
+    return currents[0], currents[1], unsolved
 
 
 @dataclass(frozen=True)
 class EmbeddedMpc:
-    """An MPC as the export writes it, a design.law.Law whose `function` is the text that becomes C."""
+    """An MPC for the export, a design.controller.Law whose `function` is the text that becomes C."""
 
     mpc: Mpc
     function = staticmethod(mpc_law)
@@ -146,26 +154,31 @@ class EmbeddedMpc:
         return {name: index for name, index in self.mpc.traces.items() if name != "solver_time"}
 
     @property
-    def matrices(self) -> dict[str, np.ndarray]:
-        """What stands last in the settings."""
+    def _own_matrices(self) -> dict[str, np.ndarray]:
         condensed, model = self.mpc.condensed, self.mpc.feedback.model
-        scale = np.r_[model.scale, model.disturbance_scale]
         root = root_of(condensed.H)
-        cost = {"shrink": 1.0 / scale, "F": root.T @ condensed.F}
-        bounds = {"T": condensed.T, "lower": condensed.lower, "upper": condensed.upper}
-        return {**self.mpc.feedback.matrices, **cost, **bounds, "root": root}
+        return {
+            "shrink": 1.0 / np.r_[model.scale, model.disturbance_scale],
+            "F": root.T @ condensed.F,
+            "T": condensed.T,
+            "lower": condensed.lower,
+            "upper": condensed.upper,
+            "root": root,
+        }
+
+    @property
+    def matrices(self) -> dict[str, np.ndarray]:
+        """The matrices at the end of the settings."""
+        return {**self.mpc.feedback.matrices, **self._own_matrices}
 
     def settings(self) -> np.ndarray:
-        law, model = self.mpc, self.mpc.feedback.model
-        feedback = law.feedback.settings()
-        matrices = self.matrices
-        own = [matrices[name] for name in ("shrink", "F", "T", "lower", "upper", "root")]
+        law, condensed = self.mpc, self.mpc.condensed
+        feedback, own = law.feedback.settings(), list(self._own_matrices.values())
         begins = EMBEDDED_HEAD + feedback.size + np.cumsum([0, *(part.size for part in own[:-1])])
         rate = law.problem.limits.current_rate
-        change = 0.0 if rate is None else rate * model.sample_time
+        change = 0.0 if rate is None else rate * law.feedback.model.sample_time
         behind = law.feedback.initial_memory().size
-        condensed = law.condensed
-        sizes = [law.horizon, *condensed.F.shape[:1], condensed.lower.size, own[0].size, condensed.F.shape[1]]
+        sizes = [law.horizon, len(condensed.F), condensed.lower.size, own[0].size, condensed.F.shape[1]]
         head = [EMBEDDED_HEAD, behind, law.problem.current_limit, change, *sizes, *begins]
         return np.concatenate([np.array(head, dtype=float), feedback, *(part.ravel() for part in own)])
 
@@ -179,15 +192,3 @@ class EmbeddedMpc:
 
     def __str__(self) -> str:
         return str(self.mpc)
-
-
-def multipliers(controller: SampledController, behind: int) -> slice:
-    """Where they stand in the memory of an MPC's controller; `behind`: where the law's own memory begins."""
-    law = controller.law
-    assert isinstance(law, Mpc)
-    return slice(behind + law.multipliers.start, behind + law.multipliers.stop)
-
-
-def with_law(controller: SampledController, law: Any) -> SampledController:
-    """The same controller around another law."""
-    return replace(controller, law=law)

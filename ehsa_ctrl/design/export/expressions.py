@@ -1,22 +1,20 @@
 """Expressions of the subset as C: the same operations in the same order.
 
-Where C would be free to choose an order, as between two calls that both write, the text is refused.
+An expression whose order of evaluation C leaves open, as two calls that both write, is refused.
 """
 
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from .kinds import ARRAY, BOOL, DOUBLE, INT, c_name, join, literal
-from .meaning import MATH, QUESTIONS, meaning
-from .source import Source
+from .source import ARRAY, BOOL, DOUBLE, INT, FunctionSource, c_name, common_type, literal
 
-#: How tightly C binds; an operand that binds less tightly gets brackets.
+#: Precedence in C; an operand of lower precedence gets brackets.
 CHOICE, OR, AND, COMPARE, SUM, PRODUCT, SIGN, ATOM = range(8)
-SIGNS: dict[type[ast.operator], tuple[str, int]] = {
+OPERATORS: dict[type[ast.operator], tuple[str, int]] = {
     ast.Add: ("+", SUM),
     ast.Sub: ("-", SUM),
     ast.Mult: ("*", PRODUCT),
@@ -30,15 +28,18 @@ COMPARISONS: dict[type[ast.cmpop], str] = {
     ast.Gt: ">",
     ast.GtE: ">=",
 }
+#: Functions of one or two numbers whose C has the same value: exactly, or rounded by the libm that Python calls too.
+MATH_NAMES = "sqrt exp log log10 sin cos tan asin acos atan sinh cosh tanh fabs atan2 hypot"
+MATH: dict[Callable[..., Any], tuple[str, int]] = {
+    getattr(math, name): (name, 2 if name in ("atan2", "hypot") else 1) for name in MATH_NAMES.split()
+}
+PREDICATES: dict[Callable[..., Any], str] = {getattr(math, name): name for name in ("isfinite", "isnan", "isinf")}
 
 
-@dataclass(frozen=True)
-class Signature:
-    """How a function of ours is called.
+class CSignature(NamedTuple):
+    """Signature of a function in C.
 
-    Attributes
-    ----------
-    name: in C. arguments: kinds. result: kind or None. writes: for each argument whether the function writes into it.
+    name: in C. arguments: types. result: type or None. writes: for each argument whether the function writes into it.
     """
 
     name: str
@@ -47,245 +48,213 @@ class Signature:
     writes: tuple[bool, ...]
 
 
-@dataclass(frozen=True)
-class Text:
-    """A piece of C and what it is: its kind, and how tightly it binds."""
+class CExpression(NamedTuple):
+    """A piece of C with its type and precedence."""
 
     code: str
-    kind: str
-    binds: int = ATOM
+    type: str
+    precedence: int = ATOM
 
-    def within(self, binds: int) -> str:
-        """As an operand of something that binds this tightly."""
-        return self.code if self.binds >= binds else f"({self.code})"
+    def within(self, precedence: int) -> str:
+        """As an operand of an operator of this precedence."""
+        return self.code if self.precedence >= precedence else f"({self.code})"
 
 
-@dataclass
 class Expressions:
     """Writes the expressions of one function.
 
     Attributes
     ----------
-    source: the function. variables: name -> kind, of arguments and of what is assigned so far.
-    functions: those of ours that may be called. constants, helpers: what was used; filled while writing.
+    source: the function. functions: those that it may call.
+    types: name -> type, of arguments and of variables that are assigned so far.
+    constants, helpers: those that were used.
     """
 
-    source: Source
-    variables: dict[str, str]
-    functions: Mapping[Callable[..., Any], Signature]
-    constants: dict[str, float]
-    helpers: set[str]
+    def __init__(self, source: FunctionSource, functions: Mapping[Callable[..., Any], CSignature]) -> None:
+        self.source, self.functions = source, functions
+        self.types = dict(source.arguments)
+        self.constants: dict[str, float] = {}
+        self.helpers: set[str] = set()
 
-    def write(self, node: ast.expr) -> Text:
-        """C of an expression. Raises InputError for one that is not in the subset."""
+    def fail(self, node: ast.AST, expected: str) -> Any:
+        """Raise InputError for the code of a node."""
+        self.source.fail(node, f"`{ast.unparse(node)}`", expected)
+
+    def write(self, node: ast.expr) -> CExpression:
+        """C of an expression. Raises InputError for one outside the subset."""
         match node:
-            case ast.Constant():
-                return self._constant(node)
+            case ast.Constant(value=bool() as value):
+                return CExpression("true" if value else "false", BOOL)
+            case ast.Constant(value=int() | float() as value):
+                if isinstance(value, int) and abs(value) > 2**31 - 1:
+                    self.source.fail(node, f"{value}", "a whole number below 2^31")
+                return _number(value)
             case ast.Name():
                 return self._name(node)
-            case ast.Attribute():
-                value = meaning(self.source, node)
-                if isinstance(value, float | int):
-                    return _number(value)
-            case ast.Subscript():
-                return self._subscript(node)
-            case ast.UnaryOp():
-                return self._unary(node)
+            case ast.Attribute() if isinstance(value := self.source.meaning(node), float | int):
+                return _number(value)
+            case ast.Subscript(value=ast.Name(id=name)) if self.types.get(name) == ARRAY:
+                return self._part(node, c_name(name))
+            case ast.UnaryOp(op=ast.Not()):
+                return CExpression(f"!{self.truth(node.operand).within(ATOM)}", BOOL, SIGN)
+            case ast.UnaryOp(op=ast.USub()):
+                operand = self.number(node.operand)
+                return CExpression(f"-{operand.within(ATOM)}", operand.type, SIGN)
             case ast.BinOp():
                 return self._binary(node)
             case ast.BoolOp():
-                return self._logic(node)
+                sign, precedence = ("&&", AND) if isinstance(node.op, ast.And) else ("||", OR)
+                # Brackets around an "and" within an "or" too, which compilers ask for.
+                code = f" {sign} ".join(self.truth(value).within(COMPARE) for value in node.values)
+                return CExpression(code, BOOL, precedence)
             case ast.Compare():
                 return self._compare(node)
             case ast.IfExp():
-                return self._choice(node)
+                test, yes, no = self.truth(node.test), self.write(node.body), self.write(node.orelse)
+                both = common_type(yes.type, no.type)
+                if both is None or both == ARRAY:
+                    self.fail(node, "the same kind of number on both sides")
+                return CExpression(f"{test.within(OR)} ? {yes.within(OR)} : {no.within(OR)}", str(both), CHOICE)
             case ast.Call():
                 return self._call(node)
-        return self.source.fail(
-            node, f"`{ast.unparse(node)}`", "numbers, vectors' entries and slices, arithmetic, comparisons and calls"
-        )
+        return self.fail(node, "numbers, vectors' entries and slices, arithmetic, comparisons and calls")
 
-    def number(self, node: ast.expr) -> Text:
-        """An expression that is a number."""
-        text = self.write(node)
-        if text.kind not in (INT, DOUBLE):
-            self.source.fail(node, f"`{ast.unparse(node)}` as a number", "a float or an int there")
-        return text
+    def number(self, node: ast.expr) -> CExpression:
+        return self._typed(node, (INT, DOUBLE), "a number", "a float or an int there")
 
-    def whole(self, node: ast.expr) -> Text:
-        """An expression that is a whole number."""
-        text = self.write(node)
-        if text.kind != INT:
-            self.source.fail(node, f"`{ast.unparse(node)}` as an index", "a whole number: int(...) makes one")
-        return text
+    def whole(self, node: ast.expr) -> CExpression:
+        return self._typed(node, (INT,), "an index", "a whole number: int(...) makes one")
 
-    def truth(self, node: ast.expr) -> Text:
-        """An expression that is true or false."""
-        text = self.write(node)
-        if text.kind != BOOL:
-            self.source.fail(node, f"`{ast.unparse(node)}` as a condition", "a comparison, such as `x != 0.0`")
-        return text
+    def truth(self, node: ast.expr) -> CExpression:
+        return self._typed(node, (BOOL,), "a condition", "a comparison, such as `x != 0.0`")
 
-    def vector(self, node: ast.expr) -> Text:
+    def vector(self, node: ast.expr) -> CExpression:
         """A vector, or the part of one from an entry on, as a pointer."""
+        return self._typed(node, (ARRAY,), "a vector", "a vector or a slice of one")
+
+    def _typed(self, node: ast.expr, types: tuple[str, ...], use: str, expected: str) -> CExpression:
         text = self.write(node)
-        if text.kind != ARRAY:
-            self.source.fail(node, f"`{ast.unparse(node)}` as a vector", "a vector or a slice of one")
+        if text.type not in types:
+            self.source.fail(node, f"`{ast.unparse(node)}` as {use}", expected)
         return text
 
-    def ordered(self, node: ast.expr) -> None:
-        """Refuse an expression whose value depends on an order that C leaves open."""
-        calls = [n for n in ast.walk(node) if isinstance(n, ast.Call) and self._writes(n)]
+    def _double(self, node: ast.expr) -> str:
+        text = self.number(node)
+        return text.code if text.type == DOUBLE else f"(double){text.within(ATOM)}"
+
+    def require_order(self, node: ast.expr) -> None:
+        """Refuse an expression whose value depends on an order of evaluation that C leaves open."""
+        calls = [n for n in ast.walk(node) if isinstance(n, ast.Call) and any(self._writes(n))]
         if not calls:
             return
         inside = {id(n) for n in ast.walk(calls[0])}
         outside = [n for n in ast.walk(node) if isinstance(n, ast.Subscript) and id(n) not in inside]
         if len(calls) > 1 or outside:
-            self.source.fail(
-                node, f"`{ast.unparse(node)}`", "a call that writes into a vector to stand in a statement of its own"
-            )
+            self.fail(node, "a call that writes into a vector to stand in a statement of its own")
 
-    def _writes(self, call: ast.Call) -> bool:
-        function = meaning(self.source, call.func)
-        return function in self.functions and any(self.functions[function].writes)
+    def _writes(self, call: ast.Call) -> tuple[bool, ...]:
+        function = self.source.meaning(call.func)
+        return self.functions[function].writes if function in self.functions else ()
 
-    def _constant(self, node: ast.Constant) -> Text:
-        value = node.value
-        if isinstance(value, bool):
-            return Text("true" if value else "false", BOOL)
-        if isinstance(value, int | float):
-            if isinstance(value, int) and abs(value) > 2**31 - 1:
-                self.source.fail(node, f"{value}", "a whole number below 2^31")
-            return _number(value)
-        return self.source.fail(node, f"`{ast.unparse(node)}`", "a number")
-
-    def _name(self, node: ast.Name) -> Text:
-        if node.id in self.variables:
-            return Text(c_name(node.id), self.variables[node.id])
-        value = meaning(self.source, node)
+    def _name(self, node: ast.Name) -> CExpression:
+        if node.id in self.types:
+            return CExpression(c_name(node.id), self.types[node.id])
+        value = self.source.meaning(node)
         if not isinstance(value, int | float) or isinstance(value, bool):
             self.source.fail(node, f"the name {node.id}", "a variable that is assigned before, or a constant number")
         before = self.constants.setdefault(node.id, value)
         if type(before) is not type(value) or before != value:
             # Two modules use one name for two numbers.
             return _number(value)
-        return Text(c_name(node.id), INT if isinstance(value, int) else DOUBLE)
+        return CExpression(c_name(node.id), INT if isinstance(value, int) else DOUBLE)
 
-    def _subscript(self, node: ast.Subscript) -> Text:
-        if not isinstance(node.value, ast.Name) or self.variables.get(node.value.id) != ARRAY:
-            self.source.fail(node, f"`{ast.unparse(node)}`", "an entry or a slice of a vector that has a name")
-        name, place = c_name(node.value.id), node.slice
-        if isinstance(place, ast.Slice):
-            if place.step is not None:
-                self.source.fail(node, f"`{ast.unparse(node)}`", "a slice without steps")
-            if place.lower is None:
-                return Text(name, ARRAY)
-            return Text(f"{name} + {self._index(place.lower).within(SUM)}", ARRAY, SUM)
-        return Text(f"{name}[{self._index(place).code}]", DOUBLE)
+    def _part(self, node: ast.Subscript, name: str) -> CExpression:
+        """An entry of a vector, or the vector from an entry on."""
+        place = node.slice
+        if not isinstance(place, ast.Slice):
+            return CExpression(f"{name}[{self._index(place).code}]", DOUBLE)
+        if place.step is not None:
+            self.fail(node, "a slice without steps")
+        if place.lower is None:
+            return CExpression(name, ARRAY)
+        return CExpression(f"{name} + {self._index(place.lower).within(SUM)}", ARRAY, SUM)
 
-    def _index(self, node: ast.expr) -> Text:
+    def _index(self, node: ast.expr) -> CExpression:
         text = self.whole(node)
         if text.code.startswith("-"):
             self.source.fail(node, f"the index {ast.unparse(node)}", "one that counts from the front")
         return text
 
-    def _unary(self, node: ast.UnaryOp) -> Text:
-        if isinstance(node.op, ast.Not):
-            return Text(f"!{self.truth(node.operand).within(ATOM)}", BOOL, SIGN)
-        if not isinstance(node.op, ast.USub):
-            self.source.fail(node, f"`{ast.unparse(node)}`", "a minus or a not")
-        operand = self.number(node.operand)
-        return Text(f"-{operand.within(ATOM)}", operand.kind, SIGN)
-
-    def _binary(self, node: ast.BinOp) -> Text:
+    def _binary(self, node: ast.BinOp) -> CExpression:
         left, right = self.number(node.left), self.number(node.right)
-        whole = left.kind == right.kind == INT
+        whole = left.type == right.type == INT
         if isinstance(node.op, ast.Mod) and not whole:
             self.helpers.add("remainder_of")
-            return Text(f"remainder_of({left.code}, {right.code})", DOUBLE)
-        if type(node.op) not in SIGNS:
-            self.source.fail(node, f"`{ast.unparse(node)}`", "+, -, *, / or % of floats")
-        sign, binds = SIGNS[type(node.op)]
-        first, second = left.within(binds), right.within(binds + 1)
+            return CExpression(f"remainder_of({left.code}, {right.code})", DOUBLE)
+        if type(node.op) not in OPERATORS:
+            self.fail(node, "+, -, *, / or % of floats")
+        sign, precedence = OPERATORS[type(node.op)]
+        first, second = left.within(precedence), right.within(precedence + 1)
         if sign == "/" and whole:
             first, second = f"(double){left.within(ATOM)}", f"(double){right.within(ATOM)}"
-        return Text(f"{first} {sign} {second}", INT if whole and sign != "/" else DOUBLE, binds)
+        return CExpression(f"{first} {sign} {second}", INT if whole and sign != "/" else DOUBLE, precedence)
 
-    def _logic(self, node: ast.BoolOp) -> Text:
-        sign, binds = ("&&", AND) if isinstance(node.op, ast.And) else ("||", OR)
-        # Brackets around an "and" within an "or" too, which compilers ask for.
-        return Text(f" {sign} ".join(self.truth(value).within(COMPARE) for value in node.values), BOOL, binds)
-
-    def _compare(self, node: ast.Compare) -> Text:
+    def _compare(self, node: ast.Compare) -> CExpression:
         operands = [node.left, *node.comparators]
         if any(isinstance(inner, ast.Call) for middle in operands[1:-1] for inner in ast.walk(middle)):
-            self.source.fail(node, f"`{ast.unparse(node)}`", "no call in the middle of a chain of comparisons")
+            self.fail(node, "no call in the middle of a chain of comparisons")
         pairs = []
         for operator, left, right in zip(node.ops, operands, operands[1:], strict=False):
             if type(operator) not in COMPARISONS:
-                self.source.fail(node, f"`{ast.unparse(node)}`", "==, !=, <, <=, > or >=")
+                self.fail(node, "==, !=, <, <=, > or >=")
             sign = COMPARISONS[type(operator)]
             pairs.append(f"{self.number(left).within(SUM)} {sign} {self.number(right).within(SUM)}")
-        return Text(" && ".join(pairs), BOOL, COMPARE if len(pairs) == 1 else AND)
+        return CExpression(" && ".join(pairs), BOOL, COMPARE if len(pairs) == 1 else AND)
 
-    def _choice(self, node: ast.IfExp) -> Text:
-        test, yes, no = self.truth(node.test), self.write(node.body), self.write(node.orelse)
-        kind = join(yes.kind, no.kind)
-        if kind is None or kind == ARRAY:
-            self.source.fail(node, f"`{ast.unparse(node)}`", "the same kind of number on both sides")
-        return Text(f"{test.within(OR)} ? {yes.within(OR)} : {no.within(OR)}", kind, CHOICE)
-
-    def _call(self, node: ast.Call) -> Text:
+    def _call(self, node: ast.Call) -> CExpression:
         if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
-            self.source.fail(node, f"`{ast.unparse(node)}`", "plain arguments")
-        function = meaning(self.source, node.func)
+            self.fail(node, "plain arguments")
+        function, given = self.source.meaning(node.func), node.args
         if function in self.functions:
-            return self._own(node, self.functions[function])
-        if function in (min, max) and len(node.args) > 1:
+            signature = self.functions[function]
+            if len(given) != len(signature.arguments):
+                self.fail(node, f"{len(signature.arguments)} arguments")
+            made = {ARRAY: self.vector, INT: self.whole, DOUBLE: self.number, BOOL: self.truth}
+            codes = [made[word](argument).code for word, argument in zip(signature.arguments, given, strict=True)]
+            return CExpression(f"{signature.name}({', '.join(codes)})", signature.result or "nothing")
+        if function in (min, max) and len(given) > 1:
             return self._extreme(node, "smaller" if function is min else "larger")
-        if len(node.args) == 1 and function in (abs, int, float):
-            value = self.number(node.args[0])
-            if function is abs and value.kind == DOUBLE:
-                return Text(f"fabs({value.code})", DOUBLE)
+        if len(given) == 1 and function in (abs, int, float):
+            value = self.number(given[0])
+            if function is abs and value.type == DOUBLE:
+                return CExpression(f"fabs({value.code})", DOUBLE)
             if function is not abs:
-                kind = INT if function is int else DOUBLE
-                return Text(f"({kind}){value.within(ATOM)}", kind, SIGN)
-        if function in QUESTIONS and len(node.args) == 1:
-            return Text(f"{QUESTIONS[function]}({self._double(node.args[0])}) != 0", BOOL, COMPARE)
-        if function in MATH and len(node.args) == (2 if MATH[function] in ("atan2", "hypot") else 1):
-            return Text(f"{MATH[function]}({', '.join(map(self._double, node.args))})", DOUBLE)
-        known = sorted(signature.name for signature in self.functions.values())
+                target = INT if function is int else DOUBLE
+                return CExpression(f"({target}){value.within(ATOM)}", target, SIGN)
+        if function in PREDICATES and len(given) == 1:
+            return CExpression(f"{PREDICATES[function]}({self._double(given[0])}) != 0", BOOL, COMPARE)
+        if function in MATH and len(given) == MATH[function][1]:
+            return CExpression(f"{MATH[function][0]}({', '.join(map(self._double, given))})", DOUBLE)
+        known = "".join(f", {name}" for name in sorted(signature.name for signature in self.functions.values()))
         return self.source.fail(
             node,
             f"the call `{ast.unparse(node)}`",
-            "min, max, abs of a float, int, float, a function of math" + "".join(f", {name}" for name in known),
+            f"min, max, abs of a float, int, float, a function of math{known}",
         )
 
-    def _double(self, node: ast.expr) -> str:
-        text = self.number(node)
-        return text.code if text.kind == DOUBLE else f"(double){text.within(ATOM)}"
-
-    def _extreme(self, node: ast.Call, helper: str) -> Text:
+    def _extreme(self, node: ast.Call, helper: str) -> CExpression:
         values = [self.number(argument) for argument in node.args]
-        kind = INT if all(value.kind == INT for value in values) else DOUBLE
-        if kind == INT:
+        both = INT if all(value.type == INT for value in values) else DOUBLE
+        if both == INT:
             helper += "_int"
         self.helpers.add(helper)
         code = values[0].code
         for value in values[1:]:
             code = f"{helper}({code}, {value.code})"
-        return Text(code, kind)
-
-    def _own(self, node: ast.Call, signature: Signature) -> Text:
-        if len(node.args) != len(signature.arguments):
-            self.source.fail(node, f"`{ast.unparse(node)}`", f"{len(signature.arguments)} arguments")
-        made = {ARRAY: self.vector, INT: self.whole, DOUBLE: self.number, BOOL: self.truth}
-        arguments = [made[kind](given).code for kind, given in zip(signature.arguments, node.args, strict=True)]
-        return Text(f"{signature.name}({', '.join(arguments)})", signature.result or "nothing")
+        return CExpression(code, both)
 
 
-def _number(value: float) -> Text:
-    """A literal; a negative one binds as a sign does."""
-    kind = INT if isinstance(value, int) else DOUBLE
+def _number(value: float) -> CExpression:
+    """A literal; a negative one has the precedence of a sign."""
     code = literal(value)
-    return Text(code, kind, SIGN if code.startswith("-") else ATOM)
+    return CExpression(code, INT if isinstance(value, int) else DOUBLE, SIGN if code.startswith("-") else ATOM)

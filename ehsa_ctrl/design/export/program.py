@@ -1,16 +1,16 @@
-"""Functions that call each other as one piece of C."""
+"""Functions that call each other as one piece of C, and the names that they give to their settings."""
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from .expressions import Signature
-from .function import CFunction, write_function
-from .kinds import c_name, literal
-from .source import read_source
+from .expressions import CSignature
+from .source import FunctionSource, c_name, literal, read_source
+from .statements import CFunction, write_function
 
-#: Python's min, max and % as C: the first of equals, and the sign of the divisor.
+#: Python's min, max and % in C: the first of equals, and the sign of the divisor.
 HELPERS = {
     "smaller": "static double smaller(double a, double b)\n{\n    return b < a ? b : a;\n}",
     "larger": "static double larger(double a, double b)\n{\n    return b > a ? b : a;\n}",
@@ -28,42 +28,42 @@ static double remainder_of(double a, double b)
 }
 
 
-class Program(Mapping[Callable[..., Any], Signature]):
-    """Functions as C, each behind those that it calls.
+class Program(Mapping[Callable[..., Any], CSignature]):
+    """Functions as C, each after those that it calls.
 
-    A function is written when a call of it is met first; what is not called does not appear.
+    A function is written when the first call of it is met; one that is not called does not appear.
     """
 
     def __init__(
         self,
         allowed: Sequence[Callable[..., Any]],
         *,
-        outside: Mapping[Callable[..., Any], Signature] | None = None,
-        stands_for: Mapping[str, Callable[..., Any]] | None = None,
+        external: Mapping[Callable[..., Any], CSignature] | None = None,
+        substitutes: Mapping[str, Callable[..., Any]] | None = None,
     ) -> None:
-        """allowed: functions that may appear. outside: those whose C stands elsewhere. stands_for: see Source."""
-        self._allowed = {*allowed, *(outside or {})}
-        self._outside = dict(outside or {})
-        self._stands_for = dict(stands_for or {})
-        self._written: dict[Callable[..., Any], CFunction] = {}
+        """allowed: functions that may appear. external: those with C elsewhere. substitutes: see FunctionSource."""
+        self._allowed = {*allowed, *(external or {})}
+        self._external = dict(external or {})
+        self._substitutes = dict(substitutes or {})
+        self._done: dict[Callable[..., Any], CFunction] = {}
         self._open: list[Callable[..., Any]] = []
 
-    def __getitem__(self, function: Callable[..., Any]) -> Signature:
-        if function in self._outside:
-            return self._outside[function]
+    def __getitem__(self, function: Callable[..., Any]) -> CSignature:
+        if function in self._external:
+            return self._external[function]
         if function not in self._allowed:
             raise KeyError(function)
-        if function not in self._written:
-            source = read_source(function, self._stands_for)
+        if function not in self._done:
+            source = read_source(function, self._substitutes)
             if function in self._open:
                 source.fail(source.tree, "a function that calls itself", "a loop")
             self._open.append(function)
-            self._written[function] = write_function(source, self)
+            self._done[function] = write_function(source, self)
             self._open.pop()
-            names = [written.signature.name for written in self._written.values()]
+            names = [done.signature.name for done in self._done.values()]
             if names.count(c_name(source.name)) > 1:
                 source.fail(source.tree, f"a second function of the name {source.name}", "a name of its own")
-        return self._written[function].signature
+        return self._done[function].signature
 
     def __contains__(self, function: object) -> bool:
         return callable(function) and function in self._allowed
@@ -78,7 +78,7 @@ class Program(Mapping[Callable[..., Any], Signature]):
         """C of these functions, of all that they call, and of the constants and helpers that they need."""
         for entry in entries:
             self[entry]
-        functions = self._written.values()
+        functions = self._done.values()
         constants = {name: value for function in functions for name, value in function.constants.items()}
         numbers = [
             f"enum {{ {c_name(name)} = {value} }};"
@@ -89,3 +89,40 @@ class Program(Mapping[Callable[..., Any], Signature]):
         helpers = sorted({name for function in functions for name in function.helpers})
         parts = ["\n".join(numbers)] if numbers else []
         return "\n\n".join([*parts, *(HELPERS[name] for name in helpers), *(function.text for function in functions)])
+
+
+def setting_names(function: Callable[..., Any], allowed: tuple[Callable[..., Any], ...]) -> dict[int, str]:
+    """Index in `settings` -> the variable that `function`, or one of `allowed` that it calls, assigns it to."""
+    source = read_source(function)
+    found: dict[int, str] = {}
+    for node in ast.walk(source.tree):
+        if isinstance(node, ast.Assign):
+            for target, value in _single_assignments(node.targets[0], node.value):
+                if isinstance(value, ast.Call) and getattr(value.func, "id", "") == "int":
+                    value = value.args[0]
+                match target, value:
+                    case ast.Name(id=name), ast.Subscript(
+                        value=ast.Name(id="settings"), slice=ast.Constant(value=int() as index)
+                    ):
+                        found.setdefault(index, name)
+        elif isinstance(node, ast.Call) and any(getattr(given, "id", "") == "settings" for given in node.args):
+            called = _called(source, node)
+            if called in allowed and called is not function:
+                found = {**setting_names(called, allowed), **found}
+    return found
+
+
+def _called(source: FunctionSource, node: ast.Call) -> Any:
+    return source.meaning(node.func) if isinstance(node.func, ast.Name) else None
+
+
+def _single_assignments(target: ast.expr, value: ast.expr) -> list[tuple[ast.expr, ast.expr]]:
+    """An assignment of a tuple as assignments of its parts."""
+    match target, value:
+        case ast.Tuple(elts=targets), ast.Tuple(elts=values):
+            return list(zip(targets, values, strict=True))
+        case ast.Tuple(elts=targets), ast.Name() | ast.Subscript(slice=ast.Slice(lower=None)):
+            vector = value.value if isinstance(value, ast.Subscript) else value
+            entries = [ast.Subscript(vector, ast.Constant(k), ast.Load()) for k in range(len(targets))]
+            return list(zip(targets, entries, strict=True))
+    return [(target, value)]

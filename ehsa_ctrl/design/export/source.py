@@ -1,28 +1,83 @@
-"""The text of a Python function, with a place for every complaint about it."""
+"""A Python function to be written as C: its syntax tree, its types, what its names mean, where its variables live."""
 
 from __future__ import annotations
 
 import ast
 import inspect
+import math
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
 from ...core.errors import InputError
-from .kinds import ANNOTATIONS
+
+#: Types of values: truth value, whole number, number, vector of numbers.
+BOOL, INT, DOUBLE, ARRAY = "bool", "int", "double", "array"
+#: Annotations of arguments and results -> type; None: nothing is returned.
+ANNOTATIONS: dict[str, str | None] = {"float": DOUBLE, "int": INT, "bool": BOOL, "np.ndarray": ARRAY, "None": None}
+#: Names that C, its headers or the templates use; a Python name among them gets an underscore behind.
+WORDS = """
+    auto break case char const continue default do double else enum extern float for goto if inline int long register
+    restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+
+    abs acos asin atan atan2 bool ceil copysign cos cosh ehsa_reset ehsa_step ehsa_solver exp fabs false floor fmod
+    hypot isfinite isinf isnan larger larger_int log log10 main memcpy memmove pow remainder_of round sin
+    settings_of_all sinh smaller smaller_int solve_qp sqrt tan tanh true trunc INFINITY NAN NULL
+"""
+RESERVED = frozenset(WORDS.split())
+BUILTINS: dict[str, Callable[..., Any]] = {
+    "abs": abs,
+    "min": min,
+    "max": max,
+    "int": int,
+    "float": float,
+    "range": range,
+}
+
+
+def common_type(a: str, b: str) -> str | None:
+    """The type of a variable that holds both; None if there is none."""
+    if a == b:
+        return a
+    return DOUBLE if {a, b} == {INT, DOUBLE} else None
+
+
+def c_name(name: str) -> str:
+    """A Python name in C, where a leading underscore belongs to the compiler."""
+    return f"{name.lstrip('_')}_" if name in RESERVED or name.startswith("_") else name
+
+
+def literal(value: float) -> str:
+    """A number that C reads back to the last bit."""
+    if isinstance(value, int):
+        return str(value)
+    if math.isnan(value):
+        return "NAN"
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return repr(float(value))
+
+
+def comment_lines(text: str) -> list[str]:
+    """Text as the lines of a C comment."""
+    if not text:
+        return []
+    safe = text.replace("*/", "* /").replace("/*", "/ *").splitlines()
+    if len(safe) == 1:
+        return [f"/* {safe[0]} */"]
+    return [f"/* {safe[0]}", *(f" * {line}".rstrip() for line in safe[1:]), " */"]
 
 
 @dataclass(frozen=True)
-class Source:
+class FunctionSource:
     """A function to be written as C.
 
     Attributes
     ----------
-    function: the Python function.
-    tree: its syntax. lines: its text. file, first: where it stands.
-    stands_for: names inside it that mean another function, e.g. an argument that is a function.
+    function: the Python function. tree: its syntax. lines: its text. file, first: its place.
+    substitutes: names inside it that mean another function, e.g. an argument that is a function.
     """
 
     function: Callable[..., Any]
@@ -30,7 +85,7 @@ class Source:
     lines: tuple[str, ...]
     file: str
     first: int
-    stands_for: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    substitutes: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -38,23 +93,23 @@ class Source:
 
     @property
     def arguments(self) -> dict[str, str]:
-        """Argument -> its kind. Raises InputError for one whose annotation is none of the subset's."""
-        rules = self.tree.args
-        if rules.vararg or rules.kwarg or rules.kwonlyargs or rules.defaults or rules.posonlyargs:
+        """Argument -> type. Raises InputError for an annotation outside the subset."""
+        given = self.tree.args
+        if given.vararg or given.kwarg or given.kwonlyargs or given.defaults or given.posonlyargs:
             self.fail(self.tree, "optional, keyword or starred arguments", "plain arguments")
-        kinds = {}
-        for argument in rules.args:
-            if argument.arg in self.stands_for:
+        types = {}
+        for argument in given.args:
+            if argument.arg in self.substitutes:
                 continue
-            kind = ANNOTATIONS.get(ast.unparse(argument.annotation)) if argument.annotation else None
-            if kind is None:
+            found = ANNOTATIONS.get(ast.unparse(argument.annotation)) if argument.annotation else None
+            if found is None:
                 self.fail(argument, f"the argument {argument.arg}", "one annotated as float, int, bool or np.ndarray")
-            kinds[argument.arg] = kind
-        return kinds
+            types[argument.arg] = found
+        return types
 
     @property
     def result(self) -> str | None:
-        """Kind of what it returns, None for nothing."""
+        """Type of the result, None for nothing."""
         annotation = ast.unparse(self.tree.returns) if self.tree.returns else ""
         if annotation not in ANNOTATIONS or annotation == "np.ndarray":
             self.fail(self.tree, f"a result {annotation!r}", "one annotated as float, int, bool or None")
@@ -65,7 +120,7 @@ class Source:
         return inspect.cleandoc(ast.get_docstring(self.tree) or "")
 
     def comment_above(self, node: ast.stmt) -> list[str]:
-        """Comments that stand alone on the lines above a statement."""
+        """Comments on the lines directly above a statement."""
         found: list[str] = []
         line = node.lineno - 2
         while line >= 0 and self.lines[line].strip().startswith("#"):
@@ -73,13 +128,28 @@ class Source:
             line -= 1
         return found
 
-    def fail(self, node: ast.AST, what: str, expected: str) -> NoReturn:
+    def meaning(self, node: ast.expr) -> Any:
+        """The Python object of a global or dotted name. Raises InputError if there is none."""
+        if isinstance(node, ast.Name):
+            for names in (self.substitutes, self.function.__globals__, BUILTINS):
+                if node.id in names:
+                    return names[node.id]
+            self.fail(node, f"the name {node.id}", "an argument, a variable, a constant or a function of its module")
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            module = self.meaning(node.value)
+            if hasattr(module, node.attr):
+                return getattr(module, node.attr)
+        return self.fail(node, ast.unparse(node), "a name, or math.name")
+
+    def fail(self, node: ast.AST, got: str, expected: str) -> NoReturn:
         """Raise InputError with file, line and function."""
         line = self.first + getattr(node, "lineno", 1) - 1
-        raise InputError(f"{self.file}, line {line}: {self.name}: {what} can't be written as C; expected {expected}")
+        raise InputError(f"{self.file}, line {line}: {self.name}: {got} can't be written as C; expected {expected}")
 
 
-def read_source(function: Callable[..., Any], stands_for: Mapping[str, Callable[..., Any]] | None = None) -> Source:
+def read_source(
+    function: Callable[..., Any], substitutes: Mapping[str, Callable[..., Any]] | None = None
+) -> FunctionSource:
     """Read a function's text. Raises InputError if it has none, or is no plain function."""
     try:
         lines, first = inspect.getsourcelines(function)
@@ -91,4 +161,73 @@ def read_source(function: Callable[..., Any], stands_for: Mapping[str, Callable[
     tree = ast.parse(text).body[0]
     if not isinstance(tree, ast.FunctionDef) or tree.decorator_list:
         raise InputError(f"{file}, line {first}: expected a plain function without decorators to be written as C")
-    return Source(function, tree, tuple(text.splitlines()), file, first, dict(stands_for or {}))
+    return FunctionSource(function, tree, tuple(text.splitlines()), file, first, dict(substitutes or {}))
+
+
+#: A block of statements as the path of nested bodies to it.
+BlockPath = tuple[int, ...]
+
+
+@dataclass
+class LocalVariable:
+    """A name that a function assigns.
+
+    Attributes
+    ----------
+    uses: block and statement of every occurrence, in the text's order.
+    assigned: number of assignments. read: whether anything reads it. loops: the loops that count with it.
+    """
+
+    uses: list[tuple[BlockPath, ast.stmt]] = field(default_factory=list)
+    assigned: int = 0
+    read: bool = False
+    loops: list[ast.For] = field(default_factory=list)
+
+    @property
+    def declared_by(self) -> ast.stmt | None:
+        """The assignment that can declare it; None if it must be declared at the function's top.
+
+        Python's variables live in the whole function, C's in their block: the first assignment declares it if it always
+        runs before every other use.
+        """
+        block, statement = self.uses[0]
+        inside = all(other[: len(block)] == block for other, _ in self.uses)
+        return statement if inside and isinstance(statement, ast.Assign) else None
+
+
+def find_variables(source: FunctionSource) -> dict[str, LocalVariable]:
+    """Every name that the function assigns. Raises InputError for a loop's counter that is used outside its loop."""
+    names = [node for node in ast.walk(source.tree) if isinstance(node, ast.Name)]
+    found = {node.id: LocalVariable() for node in names if not isinstance(node.ctx, ast.Load)}
+    for block, statement, parts in _statements(source.tree.body, ()):
+        for name in (node for part in parts for node in ast.walk(part)):
+            if not isinstance(name, ast.Name) or name.id not in found:
+                continue
+            variable = found[name.id]
+            if isinstance(name.ctx, ast.Load):
+                variable.read = True
+                if not variable.uses and name.id not in source.arguments:
+                    source.fail(name, f"{name.id}, which is read before it is assigned", "it to be assigned first")
+            elif not isinstance(statement, ast.For):
+                variable.assigned += 1
+            variable.uses.append((block, statement))
+        if isinstance(statement, ast.For) and isinstance(statement.target, ast.Name):
+            found[statement.target.id].loops.append(statement)
+    for word, variable in found.items():
+        inside = {id(node) for loop in variable.loops for node in ast.walk(loop)}
+        outside = any(id(statement) not in inside for _, statement in variable.uses)
+        if variable.loops and (variable.assigned or outside):
+            source.fail(variable.loops[0], f"the counter {word}, used beside its loop,", "a name of its own for it")
+    return found
+
+
+def _statements(body: list[ast.stmt], block: BlockPath) -> Iterator[tuple[BlockPath, ast.stmt, list[ast.AST]]]:
+    """Block, statement and the statement's own expressions in the order of their evaluation: stores last."""
+    for statement in body:
+        nested = [getattr(statement, name, []) for name in ("body", "orelse")]
+        inner = {id(child) for part in nested for child in part}
+        parts = [child for child in ast.iter_child_nodes(statement) if id(child) not in inner]
+        yield block, statement, sorted(parts, key=lambda child: isinstance(getattr(child, "ctx", None), ast.Store))
+        for part in nested:
+            if part:
+                yield from _statements(part, (*block, id(part)))

@@ -1,58 +1,126 @@
-"""Statements of the subset as C."""
+"""Statements and whole functions of the subset as C."""
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from .expressions import SUM, Expressions, Signature, Text
-from .kinds import ARRAY, DOUBLE, INT, c_name, join
-from .meaning import meaning
-from .places import Variable
-from .source import Source
+from .expressions import SUM, CExpression, CSignature, Expressions
+from .source import (
+    ARRAY,
+    DOUBLE,
+    INT,
+    FunctionSource,
+    LocalVariable,
+    c_name,
+    comment_lines,
+    common_type,
+    find_variables,
+)
 
-#: Operators of augmented assignments that C has as well.
+#: Augmented assignments that C has as well.
 AUGMENTED: dict[type[ast.operator], str] = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*=", ast.Div: "/="}
 
 
-class Statements:
-    """Writes the body of one function; made anew until what it learns of the variables no longer changes.
+@dataclass(frozen=True)
+class CFunction:
+    """A function in C: its text, its signature, and the constants and helpers that it needs."""
+
+    text: str
+    signature: CSignature
+    constants: Mapping[str, float]
+    helpers: frozenset[str]
+
+
+def write_function(source: FunctionSource, functions: Mapping[Callable[..., Any], CSignature]) -> CFunction:
+    """Write a function of the subset as C.
+
+    Raises InputError with file, line and function for anything outside the subset.
+    """
+    arguments, result = source.arguments, source.result
+    if result is not None and not _always_returns(source.tree.body):
+        source.fail(source.tree, "a way through without `return`", "a return at the end of each way")
+    variables = find_variables(source)
+    final: dict[str, str] = dict(arguments)
+    written: set[str] = set()
+    while True:
+        # Types widen and vectors are found to be written as the text is read: again until both are known from the top.
+        before = dict(final), set(written)
+        statements = Statements(source, functions, variables, final, written)
+        body = statements.block(source.tree.body, 1)
+        if (final, written) == before:
+            break
+    writes = tuple(word == ARRAY and name in written for name, word in arguments.items())
+    name = c_name(source.name)
+    declared = ", ".join(
+        f"{'' if into else 'const '}double {c_name(argument)}[]" if word == ARRAY else f"{word} {c_name(argument)}"
+        for (argument, word), into in zip(arguments.items(), writes, strict=True)
+    )
+    used = {node.id for node in ast.walk(source.tree) if isinstance(node, ast.Name)}
+    top = [f"    (void){c_name(argument)};" for argument in arguments if argument not in used]
+    for word in sorted(set(variables) - set(arguments)):
+        if not variables[word].loops and variables[word].declared_by is None:
+            zero = {"double": "0.0", "bool": "false"}.get(final[word], "0")
+            top.append(f"    {final[word]} {c_name(word)} = {zero};")
+    text = [*comment_lines(source.documentation), f"static {result or 'void'} {name}({declared or 'void'})"]
+    return CFunction(
+        "\n".join([*text, "{", *top, *body, "}"]),
+        CSignature(name, tuple(arguments.values()), result, writes),
+        statements.constants,
+        frozenset(statements.helpers),
+    )
+
+
+def _always_returns(body: list[ast.stmt]) -> bool:
+    last = body[-1]
+    if isinstance(last, ast.If):
+        return bool(last.orelse) and _always_returns(last.body) and _always_returns(last.orelse)
+    return isinstance(last, ast.Return)
+
+
+class Statements(Expressions):
+    """Writes the body of one function.
 
     Attributes
     ----------
-    kinds: name -> kind, of all variables; grows and widens from an int to a float.
+    variables: names that it assigns.
+    final: name -> type of all variables, widened from an int to a float where both are assigned.
     written: names of the vectors that are written into.
     """
 
     def __init__(
         self,
-        source: Source,
-        variables: Mapping[str, Variable],
-        functions: Mapping[Callable[..., Any], Signature],
-        kinds: dict[str, str],
+        source: FunctionSource,
+        functions: Mapping[Callable[..., Any], CSignature],
+        variables: Mapping[str, LocalVariable],
+        final: dict[str, str],
         written: set[str],
     ) -> None:
-        self.source, self.variables, self.functions = source, variables, functions
-        self.kinds, self.written = kinds, written
-        self.constants: dict[str, float] = {}
-        self.helpers: set[str] = set()
-        self.known = dict(source.arguments)
-        self.expressions = Expressions(source, self.known, functions, self.constants, self.helpers)
+        super().__init__(source, functions)
+        self.variables, self.final, self.written = variables, final, written
         self.temporaries = 0
 
     def block(self, body: list[ast.stmt], indent: int) -> list[str]:
         """Lines of a block."""
         lines: list[str] = []
+        pad = "    " * indent
         for statement in body:
-            lines += [f"{_pad(indent)}/* {text} */" for text in self.source.comment_above(statement)]
-            lines += [_pad(indent) + line for line in self._statement(statement, indent)]
+            lines += [f"{pad}/* {text} */" for text in self.source.comment_above(statement)]
+            lines += [pad + line for line in self._statement(statement, indent)]
         return lines
 
     def _statement(self, node: ast.stmt, indent: int) -> list[str]:
         match node:
+            case ast.Assign(targets=[ast.Tuple(elts=targets)]):
+                return self._assign_all(node, targets)
+            case ast.Assign(targets=[ast.Subscript(slice=ast.Slice()) as target]):
+                return self._copy(target, node.value)
             case ast.Assign(targets=[target]):
-                return self._assign(node, target)
+                parts = [node.value, target.slice] if isinstance(target, ast.Subscript) else [node.value]
+                self.require_order(parts[0] if len(parts) == 1 else ast.Tuple(parts, ast.Load()))
+                return self._assign(node, target, self._value(node.value))
             case ast.AugAssign():
                 return self._augmented(node)
             case ast.If():
@@ -60,14 +128,16 @@ class Statements:
             case ast.For():
                 return self._for(node, indent)
             case ast.While(orelse=[]):
-                self.expressions.ordered(node.test)
-                return [f"while ({self.expressions.truth(node.test).code}) {{", *self._inner(node.body, indent)]
+                self.require_order(node.test)
+                return [f"while ({self.truth(node.test).code}) {{", *self._inner(node.body, indent)]
             case ast.Return():
                 return self._return(node)
             case ast.Expr(value=ast.Constant(value=str())) | ast.Pass():
                 return []
             case ast.Expr(value=ast.Call()):
-                return [f"{self._call(node.value)};"]
+                self.require_order(node.value)
+                text = self._value(node.value)
+                return [f"{text.code};" if text.type == "nothing" else f"(void){text.code};"]
             case ast.Continue():
                 return ["continue;"]
             case ast.Break():
@@ -77,27 +147,17 @@ class Statements:
         )
 
     def _inner(self, body: list[ast.stmt], indent: int) -> list[str]:
-        """A nested block and its closing bracket, to be put behind a line that `block` indents."""
-        pad = _pad(indent)
+        """A nested block and its closing bracket, for a line that `block` indents."""
+        pad = "    " * indent
         return [*(line.removeprefix(pad) for line in self.block(body, indent + 1)), "}"]
 
-    def _call(self, node: ast.expr) -> str:
-        assert isinstance(node, ast.Call)
-        self.expressions.ordered(node)
-        text = self._value(node)
-        return text.code if text.kind == "nothing" else f"(void){text.code}"
-
-    def _value(self, node: ast.expr) -> Text:
+    def _value(self, node: ast.expr) -> CExpression:
         """An expression; notes which vectors its calls write into."""
-        text = self.expressions.write(node)
-        for call in ast.walk(node):
-            if not isinstance(call, ast.Call):
-                continue
-            function = meaning(self.source, call.func)
-            if function in self.functions:
-                for given, writes in zip(call.args, self.functions[function].writes, strict=True):
-                    if writes:
-                        self._write_into(given)
+        text = self.write(node)
+        for call in (inner for inner in ast.walk(node) if isinstance(inner, ast.Call)):
+            for given, writes in zip(call.args, self._writes(call), strict=False):
+                if writes:
+                    self._write_into(given)
         return text
 
     def _write_into(self, vector: ast.expr) -> None:
@@ -105,64 +165,58 @@ class Statements:
         assert isinstance(name, ast.Name)
         self.written.add(name.id)
 
-    def _assign(self, node: ast.Assign, target: ast.expr) -> list[str]:
-        if not isinstance(target, ast.Tuple):
-            if isinstance(target, ast.Subscript) and isinstance(target.slice, ast.Slice):
-                return self._copy(target, node.value)
-            self.expressions.ordered(
-                ast.Tuple([node.value, target.slice], ast.Load()) if isinstance(target, ast.Subscript) else node.value
-            )
-            return self._set(node, target, self._value(node.value))
-        targets = target.elts
-        self.expressions.ordered(node.value)
+    def _temporary(self, word: str, code: str, lines: list[str]) -> str:
+        """The name of a constant with this value, which is added to the lines."""
+        self.temporaries += 1
+        lines.append(f"const {word} value_{self.temporaries} = {code};")
+        return f"value_{self.temporaries}"
+
+    def _assign_all(self, node: ast.Assign, targets: list[ast.expr]) -> list[str]:
+        """Several targets of a tuple or a vector; Python evaluates all values before it assigns the first."""
+        self.require_order(node.value)
         if isinstance(node.value, ast.Tuple):
             if len(node.value.elts) != len(targets):
-                self.source.fail(node, f"`{ast.unparse(node)}`", f"{len(targets)} values")
+                self.fail(node, f"{len(targets)} values")
             values = [self._value(value) for value in node.value.elts]
-            apart = [any(_touches(first, value) for first in targets[:k]) for k, value in enumerate(node.value.elts)]
+            early = [any(_touches(first, value) for first in targets[:k]) for k, value in enumerate(node.value.elts)]
         else:
-            vector = self.expressions.vector(node.value)
-            name, _, start = vector.code.partition(" + ")
-            values = [
-                Text(f"{name}[{f'{start} + {k}' if start and k else start or k}]", DOUBLE) for k in range(len(targets))
-            ]
-            apart = [any(isinstance(first, ast.Subscript) for first in targets[:k]) for k in range(len(targets))]
-        lines = []
-        # Python works all values out before it assigns the first.
+            name, _, start = self.vector(node.value).code.partition(" + ")
+            places = [f"{start} + {k}" if start and k else start or str(k) for k in range(len(targets))]
+            values = [CExpression(f"{name}[{place}]", DOUBLE) for place in places]
+            early = [any(isinstance(first, ast.Subscript) for first in targets[:k]) for k in range(len(targets))]
+        lines: list[str] = []
         for k, value in enumerate(values):
-            if apart[k]:
-                self.temporaries += 1
-                name = f"value_{self.temporaries}"
-                lines.append(f"const {value.kind} {name} = {value.code};")
-                values[k] = Text(name, value.kind)
-        for single, value in zip(targets, values, strict=True):
-            lines += self._set(node, single, value)
+            if early[k]:
+                values[k] = CExpression(self._temporary(value.type, value.code, lines), value.type)
+        for target, value in zip(targets, values, strict=True):
+            lines += self._assign(node, target, value)
         return lines
 
-    def _set(self, node: ast.Assign, target: ast.expr, value: Text) -> list[str]:
+    def _assign(self, node: ast.Assign, target: ast.expr, value: CExpression) -> list[str]:
         """Assign a value to a variable or an entry, declaring the variable where this is its place."""
         if isinstance(target, ast.Subscript):
-            if value.kind not in (INT, DOUBLE):
-                self.source.fail(node, f"`{ast.unparse(node)}`", "a number in a vector's entry")
+            if value.type not in (INT, DOUBLE):
+                self.fail(node, "a number in a vector's entry")
             self._write_into(target)
-            return [f"{self.expressions.write(target).code} = {value.code};"]
+            return [f"{self.write(target).code} = {value.code};"]
         if not isinstance(target, ast.Name):
-            self.source.fail(node, f"`{ast.unparse(node)}`", "a variable or a vector's entry on the left")
-        if target.id in self.source.arguments and self.known[target.id] == ARRAY:
-            self.source.fail(
-                node, f"the new meaning of {target.id}", "another name: an argument's vector keeps its name"
-            )
-        self._learn(node, target.id, value.kind)
-        kind, name, variable = self.kinds[target.id], c_name(target.id), self.variables[target.id]
-        declares = variable.declared_by is node and target.id not in self.source.arguments
-        if kind == ARRAY:
+            self.fail(node, "a variable or a vector's entry on the left")
+        assert isinstance(target, ast.Name)
+        argument = target.id in self.source.arguments
+        if argument and self.types[target.id] == ARRAY:
+            expected = "another name: an argument's vector keeps its name"
+            self.source.fail(node, f"the new meaning of {target.id}", expected)
+        self._learn(node, target.id, value.type)
+        word, name, variable = self.final[target.id], c_name(target.id), self.variables[target.id]
+        declares = variable.declared_by is node and not argument
+        if word == ARRAY:
             return self._alias(node, target.id, value, declares)
         if not declares:
             return [f"{name} = {value.code};"]
         fixed = "const " if variable.assigned == 1 else ""
-        return [f"{fixed}{kind} {name} = {value.code};", *([] if variable.read else [f"(void){name};"])]
+        return [f"{fixed}{word} {name} = {value.code};", *([] if variable.read else [f"(void){name};"])]
 
-    def _alias(self, node: ast.Assign, name: str, value: Text, declares: bool) -> list[str]:
+    def _alias(self, node: ast.Assign, name: str, value: CExpression, declares: bool) -> list[str]:
         """A name for a part of a vector."""
         if not declares or self.variables[name].assigned > 1:
             self.source.fail(node, f"the vector {name}, assigned more than once or not always", "one assignment")
@@ -171,120 +225,99 @@ class Statements:
         fixed = "" if name in self.written else "const "
         return [f"{fixed}double *{c_name(name)} = {value.code};"]
 
-    def _learn(self, node: ast.stmt, name: str, kind: str) -> None:
-        both = join(self.kinds.get(name, kind), kind)
-        if both is None or kind == "nothing":
-            self.source.fail(
-                node, f"{name}, once {self.kinds.get(name, 'unknown')} and once {kind},", "one kind a name"
-            )
-        self.kinds[name] = self.known[name] = both
+    def _learn(self, node: ast.stmt, name: str, word: str) -> None:
+        """Note the type of an assigned value."""
+        before = self.final.get(name, word)
+        both = common_type(before, word)
+        if both is None or word == "nothing":
+            self.source.fail(node, f"{name}, once {before} and once {word},", "one kind a name")
+        self.final[name] = self.types[name] = both
 
     def _copy(self, target: ast.Subscript, value: ast.expr) -> list[str]:
-        """A slice that takes the entries of another vector."""
+        """A slice that takes the entries of another vector; like numpy, right where both overlap."""
         part = target.slice
         assert isinstance(part, ast.Slice)
         if part.upper is None or part.step is not None:
             self.source.fail(target, f"`{ast.unparse(target)}` on the left", "a slice that says where it ends")
         self._write_into(target)
-        to, stop = self.expressions.vector(target), self.expressions.whole(part.upper)
-        size = stop.code
+        to, size = self.vector(target), self.whole(part.upper).code
         if part.lower is not None:
-            start = self.expressions.whole(part.lower)
+            start = self.whole(part.lower)
             plain = size.isdigit() and start.code.isdigit()
             size = str(int(size) - int(start.code)) if plain else f"({size} - {start.within(SUM + 1)})"
-        if self.expressions.write(value).kind != ARRAY:
-            self.source.fail(value, f"`{ast.unparse(value)}` for a slice", "a vector or a slice of the same length")
-        given = self.expressions.vector(value)
-        # Like numpy it copies right where both parts overlap.
-        return [f"memmove({to.code}, {given.code}, {size} * sizeof(double));"]
+        return [f"memmove({to.code}, {self.vector(value).code}, {size} * sizeof(double));"]
 
     def _augmented(self, node: ast.AugAssign) -> list[str]:
-        value = self._value(node.value)
-        target = node.target
+        value, target = self._value(node.value), node.target
         if isinstance(target, ast.Subscript):
-            self.expressions.ordered(ast.Tuple([node.value, target], ast.Load()))
-            place = self.expressions.write(target).code
+            self.require_order(ast.Tuple([node.value, target], ast.Load()))
+            place, before = self.write(target).code, DOUBLE
             if isinstance(target.slice, ast.Slice):
-                self.source.fail(node, f"`{ast.unparse(node)}`", "a loop over the entries")
+                self.fail(node, "a loop over the entries")
             self._write_into(target)
-            before = DOUBLE
         else:
             assert isinstance(target, ast.Name)
-            self.expressions.ordered(node.value)
-            before, place = self.known[target.id], c_name(target.id)
-        if value.kind not in (INT, DOUBLE) or before not in (INT, DOUBLE):
-            self.source.fail(node, f"`{ast.unparse(node)}`", "numbers on both sides")
+            self.require_order(node.value)
+            before, place = self.types[target.id], c_name(target.id)
+        if value.type not in (INT, DOUBLE) or before not in (INT, DOUBLE):
+            self.fail(node, "numbers on both sides")
         if isinstance(target, ast.Name):
-            kind = DOUBLE if isinstance(node.op, ast.Div | ast.Mod) else value.kind
-            self._learn(node, target.id, str(join(before, kind)))
+            divides = isinstance(node.op, ast.Div | ast.Mod)
+            self._learn(node, target.id, str(common_type(before, DOUBLE if divides else value.type)))
         if isinstance(node.op, ast.Mod):
             self.helpers.add("remainder_of")
             return [f"{place} = remainder_of({place}, {value.code});"]
         if type(node.op) not in AUGMENTED:
-            self.source.fail(node, f"`{ast.unparse(node)}`", "+=, -=, *=, /= or %=")
+            self.fail(node, "+=, -=, *=, /= or %=")
         return [f"{place} {AUGMENTED[type(node.op)]} {value.code};"]
 
     def _if(self, node: ast.If, indent: int) -> list[str]:
-        self.expressions.ordered(node.test)
+        self.require_order(node.test)
         self._value(node.test)
-        lines = [f"if ({self.expressions.truth(node.test).code}) {{", *self._inner(node.body, indent)]
-        if len(node.orelse) == 1 and isinstance(node.orelse[0], ast.If):
-            other = self._if(node.orelse[0], indent)
-            lines[-1] = f"}} else {other[0]}"
-            return [*lines, *other[1:]]
-        if node.orelse:
-            lines[-1] = "} else {"
-            lines += self._inner(node.orelse, indent)
-        return lines
+        lines = [f"if ({self.truth(node.test).code}) {{", *self._inner(node.body, indent)]
+        match node.orelse:
+            case []:
+                return lines
+            case [ast.If() as other]:
+                first, *rest = self._if(other, indent)
+                return [*lines[:-1], f"}} else {first}", *rest]
+        return [*lines[:-1], "} else {", *self._inner(node.orelse, indent)]
 
     def _for(self, node: ast.For, indent: int) -> list[str]:
-        call = node.iter
-        if (
-            not isinstance(node.target, ast.Name)
-            or node.orelse
-            or not isinstance(call, ast.Call)
-            or meaning(self.source, call.func) is not range
-            or not 1 <= len(call.args) <= 2
-        ):
-            self.source.fail(
-                node, f"`for {ast.unparse(node.target)} in {ast.unparse(call)}`", "a for over range(n) or range(a, b)"
-            )
-        name, lines = c_name(node.target.id), []
-        start, stop = ([ast.Constant(0), *call.args])[-2:]
-        first, last = self.expressions.whole(start).code, self.expressions.whole(stop).code
-        changing = {
-            n.id
-            for part in node.body
-            for n in ast.walk(part)
-            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
-        }
+        match node.target, node.iter:
+            case ast.Name(id=counter), ast.Call(func=called, args=[_] | [_, _] as bounds) if (
+                not node.orelse and self.source.meaning(called) is range
+            ):
+                pass
+            case _:
+                head = f"`for {ast.unparse(node.target)} in {ast.unparse(node.iter)}`"
+                self.source.fail(node, head, "a for over range(n) or range(a, b)")
+        name, lines = c_name(counter), list[str]()
+        start, stop = ([ast.Constant(0), *bounds])[-2:]
+        first, last = self.whole(start).code, self.whole(stop).code
+        inner = [n for part in node.body for n in ast.walk(part) if isinstance(n, ast.Name)]
+        changing = {n.id for n in inner if isinstance(n.ctx, ast.Store)}
         if any(isinstance(n, ast.Subscript | ast.Call) or getattr(n, "id", "") in changing for n in ast.walk(stop)):
-            # Python looks at the range once, C at each turn.
-            self.temporaries += 1
-            lines.append(f"const int value_{self.temporaries} = {last};")
-            last = f"value_{self.temporaries}"
-        self._learn(node, node.target.id, INT)
+            # Python evaluates the range once, C at each turn.
+            last = self._temporary(INT, last, lines)
+        self._learn(node, counter, INT)
         return [*lines, f"for (int {name} = {first}; {name} < {last}; {name}++) {{", *self._inner(node.body, indent)]
 
     def _return(self, node: ast.Return) -> list[str]:
         wanted = self.source.result
         if node.value is None or wanted is None:
             if node.value is not None or wanted is not None:
-                self.source.fail(node, f"`{ast.unparse(node)}`", "a return that fits the function's annotation")
+                self.fail(node, "a return that fits the function's annotation")
             return ["return;"]
-        self.expressions.ordered(node.value)
+        self.require_order(node.value)
         text = self._value(node.value)
-        if join(text.kind, wanted) != wanted:
-            self.source.fail(node, f"`{ast.unparse(node)}`", f"a {wanted}, as the function's annotation says")
+        if common_type(text.type, wanted) != wanted:
+            self.fail(node, f"a {wanted}, as the function's annotation says")
         return [f"return {text.code};"]
 
 
-def _pad(indent: int) -> str:
-    return "    " * indent
-
-
 def _touches(target: ast.expr, value: ast.expr) -> bool:
-    """Whether an assignment to `target` may change `value`: any entry may be any other's, by another name."""
+    """Whether an assignment to `target` may change `value`: any entry may alias any other."""
     if isinstance(target, ast.Subscript):
         return any(isinstance(node, ast.Subscript | ast.Call) for node in ast.walk(value))
     return any(isinstance(node, ast.Name) and node.id == getattr(target, "id", "") for node in ast.walk(value))

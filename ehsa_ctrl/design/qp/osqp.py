@@ -26,6 +26,20 @@ WORDS = {
 }
 
 
+def osqp_workspace(H: np.ndarray, rows: np.ndarray, iteration_limit: int, **options: Any) -> Any:
+    """OSQP's object for 1/2 x' H x + f' x with bounds on `rows` x. options: its settings, by its own names."""
+    import osqp
+    from scipy import sparse
+
+    problem: Any = osqp.OSQP()
+    settings = {"verbose": False, "eps_abs": TOLERANCE, "eps_rel": TOLERANCE, "max_iter": ITERATIONS * iteration_limit}
+    bound = np.ones(rows.shape[0])
+    problem.setup(
+        sparse.csc_matrix(np.triu(H)), np.zeros(len(H)), sparse.csc_matrix(rows), -bound, bound, **settings | options
+    )
+    return problem
+
+
 class Osqp:
     """An OSQP workspace."""
 
@@ -38,26 +52,10 @@ class Osqp:
         *,
         tolerance: float = TOLERANCE,
     ) -> None:
-        import osqp
-        from scipy import sparse
-
-        n = H.shape[0]
-        rows = sparse.csc_matrix(np.vstack([np.eye(n), A]))
-        self._problem: Any = osqp.OSQP()
-        limit = {} if time_limit is None else {"time_limit": time_limit}
-        self._problem.setup(
-            sparse.csc_matrix(np.triu(H)),
-            np.zeros(n),
-            rows,
-            np.full(rows.shape[0], -1.0),
-            np.full(rows.shape[0], 1.0),
-            verbose=False,
-            eps_abs=tolerance,
-            eps_rel=tolerance,
-            max_iter=ITERATIONS * iteration_limit,
-            polishing=True,
-            **limit,
-        )
+        options = {"polishing": True, "eps_abs": tolerance, "eps_rel": tolerance}
+        if time_limit is not None:
+            options["time_limit"] = time_limit
+        self._problem: Any = osqp_workspace(H, np.vstack([np.eye(len(H)), A]), iteration_limit, **options)
 
     def solve(self, f: np.ndarray, lower: np.ndarray, upper: np.ndarray, x: np.ndarray, y: np.ndarray) -> QpSolution:
         if not isfinite(f.sum()):
