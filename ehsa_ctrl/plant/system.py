@@ -1,7 +1,7 @@
-"""What a system is made of: states, inputs, contacts with friction, and equations wired by name.
+"""The parts of a system: states, inputs, contacts with friction, balances, and equations wired by name.
 
 An equation is a pair (signal, function): the function's argument names say which states, inputs, parameters and
-other signals it needs. That is the whole wiring; an order of evaluation follows from it.
+other signals it needs. The order of evaluation follows from these names.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ ScalarFunction = Callable[..., float]
 
 @dataclass(frozen=True)
 class State:
-    """A state variable; `scale` is the size of a change that matters, the unit in which the engine weighs errors."""
+    """A state variable; `scale` is the size of a relevant change, by which the engine scales integration errors."""
 
     name: str
     unit: str
@@ -24,7 +24,7 @@ class State:
 
 @dataclass(frozen=True)
 class ParameterKind:
-    """What a parameter of a system is, apart from its value: unit, meaning and hard physical range."""
+    """A parameter of a system without its value: unit, meaning and physical range."""
 
     name: str
     unit: str
@@ -36,21 +36,21 @@ class ParameterKind:
 
 @dataclass(frozen=True)
 class Contact:
-    """A place where something slides or sticks.
+    """A friction contact, which slides or sticks.
 
     Attributes
     ----------
     name: "shaft" or "rod"; a plant's TOML chooses its law with shaft_friction or rod_friction.
     velocity: state that is the sliding speed (an input where the motion is prescribed).
-    net: signal, what drives the contact apart from friction (N m or N).
-    friction: signal, the friction that the law of the plant's structure gives.
+    net: signal of the effort on the contact without friction (N m or N).
+    friction: signal of the friction effort by the law of the plant's structure.
     direction: name of the sliding direction in the equations, +1 or -1.
-    suffix: the paper's index of the friction symbols, e.g. FM: A_FM, B_FM ...
+    suffix: index of the friction symbols, e.g. FM in A_FM, B_FM.
     effort_unit, length_unit: N m and rad, or N and m.
-    effort_scale: size of an effort that matters, the unit in which the engine finds a breakaway.
-    bristle: name and size of the inner state of a law that has one.
-    stribeck_speed: tau of the friction family where a plant without static friction gives none.
-    symbols: symbols of the family that have a name of their own here, e.g. {"A": "Fc"}.
+    effort_scale: size of a relevant effort, by which the engine scales the search for a breakaway.
+    bristle: inner state of friction laws that have one.
+    stribeck_speed: tau for a plant without static friction, whose file gives none.
+    symbols: friction symbols with another name in this system, e.g. {"A": "Fc"}.
     """
 
     name: str
@@ -67,27 +67,28 @@ class Contact:
     stribeck_speed: float = 0.01
 
     def symbol(self, symbol: str) -> str:
-        """A of the family is A_FM here."""
+        """Name of a friction symbol at this contact: A_FM for A."""
         return self.symbols.get(symbol, f"{symbol}_{self.suffix}")
 
 
 @dataclass(frozen=True)
 class Balance:
-    """A sum that is zero in the true plant: what parameters are estimated from without a simulation.
+    """A sum that is zero in the true plant: parameters are estimated from it without a simulation, and its residual
+    shows the unknown input behind a gap.
 
-    Residual functions are wired by name like all equations. Beside states, inputs, signals and parameters they may
-    ask for measured things: `omega_rate` is the measured rate of the state omega, `force_measured` the log's channel
-    force. A residual must be linear in the parameters that are to be estimated, tau and beta apart.
+    Residual functions are wired by name like all equations. Besides states, inputs, signals and parameters they may
+    use measurements: `omega_rate` is the measured rate of the state omega, `force_measured` the channel force of the
+    log. A residual must be linear in the parameters that are estimated, except tau and beta.
 
     Attributes
     ----------
-    name: for tables.
+    name: for tables; the part before a comma names the unknown input of the residual: torque, flow, force or load.
     unit: of the residual.
-    residuals: functions; those of one balance are solved together because they share parameters.
-    terms: one signal, input or measured channel for each residual, against which its size is judged.
-    contacts: names of contacts whose friction stands in it; samples where one of these sticks are left out.
+    residuals: functions; those of one balance share parameters and are solved together.
+    terms: for each residual a signal, input or measured channel as the reference for its size.
+    contacts: contacts whose friction is a term; samples where one of them sticks are left out.
     without: channel whose presence makes this balance superfluous.
-    closed: for each residual a signal that must be zero for it to be used: a valve's flow, which nothing measures.
+    closed: for each residual a signal that must be zero for it to be used, such as the unmeasured flow of a valve.
     """
 
     name: str
@@ -101,23 +102,23 @@ class Balance:
 
 @dataclass(frozen=True)
 class System:
-    """States, inputs, contacts, equations: everything but friction laws, chamber form, effects and numbers.
+    """A system: everything except friction laws, chamber form, effects and numbers.
 
     Attributes
     ----------
-    inputs: two of them: what drives the system and what acts on it from outside.
-    drives: input -> the log's channel that drives it in a replay of a log.
-    outputs: the log's channel -> the state it measures; what a simulation is held against.
-    hold: how the drives act between the samples of a log: "zero_order" or "first_order".
-    chamber_forms: word in a plant's TOML -> equations of the chamber volumes; empty for a system without chambers.
-    start: state -> parameter that is its value at rest; the other states are zero there.
-    cell: signal that a load cell reads; None where the equations have none.
-    prescribed: contacts whose motion is an input; their friction stands in balances alone.
-    balances: in the order in which they are solved; a parameter found in one is known in the next.
-    measured: channels beside drives and outputs that balances use.
-    lacking: ids of the effects that a model of this system without dry friction lacks; sets, each searched from where
-        the one before came to.
-    called: symbols of the EHSA that the catalogue of effects uses -> what they are called here, friction's apart.
+    inputs: the drive and the external input.
+    drives: input -> channel of the log that drives it in a replay.
+    outputs: channel of the log -> state that it measures; simulations are compared with these.
+    hold: of the drives between the samples of a log, "zero_order" or "first_order".
+    chamber_forms: name in a plant's TOML -> equations of the chamber volumes; empty for a system without chambers.
+    start: state -> parameter with its value at rest; the other states are zero at rest.
+    cell: signal of a load cell; None without one.
+    prescribed: contacts whose motion is an input; their friction occurs only in balances.
+    balances: in the order of solution; a parameter estimated in one is known in the next.
+    measured: further channels that the balances use.
+    lacking: effects that a model of this system without dry friction lacks; sets of ids, each searched from the
+        solution of the one before.
+    called: symbols of the EHSA in the catalogue of effects -> names in this system, except those of friction.
     """
 
     name: str
@@ -140,7 +141,7 @@ class System:
     called: Mapping[str, str] = field(default_factory=dict)
 
     def own(self, symbol: str) -> str:
-        """What a symbol of the catalogue is called here: A_FR may be Fc."""
+        """Name in this system of a symbol in the catalogue of effects: A_FR may be Fc."""
         for contact in self.all_contacts:
             for family, name in contact.symbols.items():
                 if symbol == f"{family}_{contact.suffix}":
@@ -149,15 +150,15 @@ class System:
 
     @property
     def drive(self) -> str:
-        """The log's channel that drives the first input."""
+        """Channel of the log that drives the first input."""
         return self.drives[self.inputs[0]]
 
     @property
     def all_contacts(self) -> tuple[Contact, ...]:
-        """Contacts that the simulation solves for, then those whose motion is prescribed."""
+        """Contacts that the simulation solves, then those with prescribed motion."""
         return (*self.contacts, *self.prescribed)
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Every channel of a log that means something to this system."""
+        """Every channel of a log that this system uses."""
         return tuple(dict.fromkeys([*self.drives.values(), *self.outputs, *self.measured]))

@@ -1,4 +1,4 @@
-"""The electro-hydrostatic actuator as the paper writes it: (12), its five states and its two frictions (8).
+"""The electro-hydrostatic actuator of the paper: (12) with five states and two frictions (8).
 
 With viscous friction and constant volumes the same equations are (6); see `structure.LINEAR`.
 """
@@ -41,7 +41,7 @@ CHAMBER_FORMS: dict[str, tuple[tuple[str, ScalarFunction], ...]] = {
     "stroke": (("V_1", chambers.stroke_volume_1), ("V_2", chambers.stroke_volume_2)),
 }
 
-#: From the current to the force on the piston: what every EHSA shares, whatever is at its rod.
+#: From the current to the force on the piston, independent of the load at the rod.
 SHAFT_TO_PISTON: tuple[tuple[str, ScalarFunction], ...] = (
     ("T_M", motor.torque),
     ("T_P", pump.torque),
@@ -56,6 +56,9 @@ SHAFT_TO_PISTON: tuple[tuple[str, ScalarFunction], ...] = (
     ("P_2_dot", chambers.pressure_rate_2),
     ("F_P", rod.pressure_force),
 )
+
+FLOW = Balance("flow", "m3/s", (residuals.flow_1, residuals.flow_2), ("Q_P", "Q_P"), closed=("Q_T1", "Q_T2"))
+TORQUE = Balance("torque", "N m", (residuals.torque,), ("T_M",), contacts=("shaft",))
 
 system = System(
     name="ehsa",
@@ -108,8 +111,8 @@ system = System(
         ParameterKind("m_L", "kg", "mass of the load, behind the load cell (load.mass)", 0.0),
     ),
     balances=(
-        Balance("flow", "m3/s", (residuals.flow_1, residuals.flow_2), ("Q_P", "Q_P"), closed=("Q_T1", "Q_T2")),
-        Balance("torque", "N m", (residuals.torque,), ("T_M",), contacts=("shaft",)),
+        FLOW,
+        TORQUE,
         Balance("force", "N", (residuals.rod_force,), ("F_P",), contacts=("rod",)),
         Balance("force, nominal load", "N", (residuals.nominal_load_force,), ("F_P",), ("rod",), without="force"),
         Balance("load", "N", (residuals.load_force,), ("force_measured",)),

@@ -1,8 +1,8 @@
 """A carriage on a rail with friction under a given drive force: the electro-mechanical positioning system EMPS.
 
 A. Janot, M. Gautier, M. Brunot, "Data set and reference models of EMPS", Nonlinear System Identification Benchmarks,
-2019. Symbols are theirs: M, Fv, Fc, offset. Their balance takes force and motion of one sample as simultaneous, so the
-force is joined by lines between the samples; held over each sample it would come half a sample later.
+2019, also for the symbols M, Fv, Fc, offset. Their balance uses force and motion of the same sample, so the force is
+interpolated linearly; a zero-order hold would delay it by half a sample.
 """
 
 from __future__ import annotations
