@@ -80,8 +80,8 @@ def recover(case: Case) -> dict[str, Any]:
             for e in found.estimates
         },
         "reduced_cost": found.fit.reduced_cost, "noise_ratio": found.noise_ratio, "explained": found.explained,
-        "settled": found.settled, "sd_from": found.uncertainty.source,
-        "tried": [name for name, _ in found.tried], "held_out": held_out, "wall": wall, "cpu": cpu,
+        "settled": found.starts_agree, "sd_from": found.uncertainty.source,
+        "tried": [name for name, _ in found.starts], "held_out": held_out, "wall": wall, "cpu": cpu,
     }  # fmt: skip
 
 

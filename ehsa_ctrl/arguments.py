@@ -172,7 +172,7 @@ def _log(value: Any, given: Mapping[str, Any]) -> Any:
     plant: Any = given.get("plant")
     if not isinstance(value, str | os.PathLike) or not _is(plant, "Plant"):
         raise LookupError(value)
-    from .identification.record import read_plant_log
+    from .identification.plant_log import read_plant_log
 
     return read_plant_log(os.fspath(value), plant)
 

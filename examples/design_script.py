@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 import ehsa_ctrl as e
-from ehsa_ctrl.identification.sliding import sliding_linear
+from ehsa_ctrl.identification.plant_toml import sliding_linear
 from ehsa_ctrl.plant.motion_current import motion_current
 from ehsa_ctrl.report.figures import bode_figure, loop_figure, overlay_figure, robustness_figure, save
 from ehsa_ctrl.scenario.response import hunting

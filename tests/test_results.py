@@ -58,7 +58,7 @@ def test_a_log_says_what_it_holds(results):
 @pytest.fixture(scope="module")
 def more(results):
     """What a public function gives back beside those."""
-    from ehsa_ctrl.identification.profile import Profile
+    from ehsa_ctrl.identification.refits import Profile
 
     system = ehsa_ctrl.three_state("ehsa")
     pid = ehsa_ctrl.load_controller("pid_position", system)

@@ -27,9 +27,9 @@ from .options import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ..identification.checks import Finding
+    from ..identification.checks import LogFinding
+    from ..identification.comparison import Comparison
     from ..identification.preparation import Step
-    from ..identification.replay import Replay
     from ..plant.plant import Plant
 
 
@@ -58,9 +58,9 @@ def command(
     --set load.stiffness=50e3 --from 2 --to 12 --zero p1,p2 --out results/compare
     """
     from ..core.result_folder import ResultFolder
-    from ..identification.checks import check_log, refuse
-    from ..identification.record import untold
-    from ..identification.replay import fit_words, replay
+    from ..identification.checks import check_log, raise_on_error
+    from ..identification.comparison import fit_words, replay
+    from ..identification.plant_log import missing_information
     from .output import rests_on, to_json, warn, warn_implausible
     from .prepared import read_prepared
     from .progress import compiling
@@ -77,13 +77,13 @@ def command(
     with compiling():
         raw, ready, steps = read_prepared(log, last, preparation)
         findings = check_log(ready, last)
-        refuse(ready, (finding for finding in findings if finding.kind == "time_unit"))
+        raise_on_error(ready, (finding for finding in findings if finding.kind == "time_unit"))
         replays = [replay(each, ready) for each in nominal]
     if all(run.stopped for run in replays):
         for finding in findings:
             warn(str(finding))
         raise SimulationError("; ".join(run.stopped for run in replays))
-    missing = untold(raw, last)
+    missing = missing_information(raw, last)
     cannot_tell = list(missing.values())
     result: dict[str, Any] = {
         "log": log,
@@ -147,9 +147,9 @@ def load_models(plant: str, model: str, settings: dict[str, str]) -> list[Plant]
     ]
 
 
-def table(replays: list[Replay]) -> str:
+def table(replays: list[Comparison]) -> str:
     """Fit in percent, a row a channel, a column a model."""
-    from ..identification.replay import fit_cell
+    from ..identification.comparison import fit_cell
 
     lines = ["fit, %     " + "".join(f"{run.plant.model:>12}" for run in replays)]
     for channel in replays[0].fit_percent:
@@ -158,7 +158,7 @@ def table(replays: list[Replay]) -> str:
     return "\n".join(lines)
 
 
-def _figures(run: Replay) -> dict[str, Any]:
+def _figures(run: Comparison) -> dict[str, Any]:
     states = [state.name for state in run.plant.structure.equations.states]
     return {
         "fit_percent": run.fit_percent,
@@ -170,8 +170,8 @@ def _figures(run: Replay) -> dict[str, Any]:
 def _write(
     out: Path,
     result: dict[str, Any],
-    replays: list[Replay],
-    findings: Iterable[Finding],
+    replays: list[Comparison],
+    findings: Iterable[LogFinding],
     cannot_tell: Iterable[str],
     steps: Iterable[Step],
 ) -> None:

@@ -176,7 +176,7 @@ def _found(
     to the logs."""
     from ..diagnosis.changed import what_changed
     from ..diagnosis.diagnose import diagnose
-    from ..identification.record import untold
+    from ..identification.plant_log import missing_information
     from .closed_loop import case_of, check_replay, close
     from .output import warn
     from .prepared import read_prepared, whole
@@ -197,7 +197,7 @@ def _found(
     case = case_of(scenario, controller, nominal) if scenario is not None else None
     if case is not None and replay:
         check_replay(case, nominal, measured)
-    missing = untold(measured, nominal)
+    missing = missing_information(measured, nominal)
     if "force" in missing:
         warn(missing["force"])
     change = None
@@ -278,7 +278,7 @@ def _write(
     files: logs that hashes are given of; those of the diagnosis alone by default. steps: what was done to them.
     """
     from ..diagnosis.next_experiment import FILE
-    from ..identification.write import write_plant
+    from ..identification.plant_toml import write_plant
     from ..report.diagnosis_page import diagnosis_figures, write_diagnosis_page
     from ..report.diagnosis_signals import signals_table
     from ..report.figures import closed_figure, save

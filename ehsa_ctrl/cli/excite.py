@@ -13,7 +13,7 @@ from .complete import models, plants, several_symbols
 from .options import Force, Json, Out, Settings, names, read_pairs
 
 if TYPE_CHECKING:
-    from ..identification.experiment import Experiment
+    from ..identification.experiment import ExperimentDesign
 
 
 def command(
@@ -96,8 +96,8 @@ def command(
             f"{name} is not determined by this input"
             + (f"; it trades places with {', '.join(trades)}: --fix one of them" if trades else "")
         )
-    if found.rehearsal is not None and not found.rehearsal.passed:
-        warn(str(found.rehearsal))
+    if found.check is not None and not found.check.passed:
+        warn(str(found.check))
     if as_json:
         print(to_json(result))
         return
@@ -109,7 +109,7 @@ def command(
         print("say --out DIR to have the current as a file")
 
 
-def next_commands(found: Experiment, plant: str, settings: dict[str, str], out: Path | None) -> list[str]:
+def next_commands(found: ExperimentDesign, plant: str, settings: dict[str, str], out: Path | None) -> list[str]:
     """What to call next: the virtual bench with this current, then identification from its log."""
     folder = out or Path("results/excite")
     set_options = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]

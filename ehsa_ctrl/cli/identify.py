@@ -27,9 +27,9 @@ from .options import (
 
 if TYPE_CHECKING:
     from ..core.log import Log
-    from ..identification.assumed import Drift
     from ..identification.identification import Identification
     from ..identification.preparation import Preparation
+    from ..identification.refits import EstimateSensitivity
     from ..plant.plant import Plant
 
 
@@ -143,9 +143,9 @@ def command(
     answer["rests_on"] = rests_on(models, [*logs, *validate])
     drifts = []
     if assumed:
-        from ..identification.assumed import over_assumed
+        from ..identification.refits import assumption_sensitivities
 
-        drifts = [over_assumed(result[0]) for result in results]
+        drifts = [assumption_sensitivities(result[0]) for result in results]
         for result, tried in zip(results, drifts, strict=True):
             result[1]["assumed_ranges"] = [drift.to_dict() for drift in tried]
         answer["assumed_ranges"] = results[-1][1]["assumed_ranges"]
@@ -210,10 +210,10 @@ def _one(
     tell: bool,
 ) -> tuple[Identification, dict[str, Any]]:
     """Identify one model; the result and what goes into the JSON."""
-    from ..identification.free import read_quantity
     from ..identification.identify import identify
-    from ..identification.profile import profile
-    from ..identification.record import untold
+    from ..identification.parameters import read_quantity
+    from ..identification.plant_log import missing_information
+    from ..identification.refits import profile
     from .prepared import read_prepared, whole
 
     steps: list[dict[str, Any]] = []
@@ -222,7 +222,7 @@ def _one(
     def ready(path: Path, how: Preparation) -> Log:
         read = read_prepared(path, nominal, how, tell=tell)
         steps.extend(read.stated)
-        missing.update(untold(read.log, nominal))
+        missing.update(missing_information(read.log, nominal))
         return read.log
 
     used = [ready(path, preparation) for path in logs]
@@ -252,11 +252,14 @@ def _one(
 
 
 def _write(
-    out: Path, found: list[Identification], answer: dict[str, Any], linear: str, drifts: list[tuple[Drift, ...]]
+    out: Path,
+    found: list[Identification],
+    answer: dict[str, Any],
+    linear: str,
+    drifts: list[tuple[EstimateSensitivity, ...]],
 ) -> None:
     """Plant, JSON, table, figures and page."""
-    from ..identification.sliding import sliding_linear
-    from ..identification.write import write_plant
+    from ..identification.plant_toml import sliding_linear, write_plant
     from ..report.figures import (
         correlation_figure,
         identification_figure,
@@ -286,7 +289,7 @@ def _write(
 
 def _models_table(found: list[Identification]) -> str:
     """Fit in free run, a row a channel and a log's use, a column a model."""
-    from ..identification.replay import fit_cell
+    from ..identification.comparison import fit_cell
 
     lines = ["fit in free run, %     " + "".join(f"{each.plant.model:>12}" for each in found)]
     for word in ("train", "validation"):

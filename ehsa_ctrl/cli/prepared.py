@@ -74,7 +74,7 @@ def read_raw(path: Path, plant: Plant, how: Preparation) -> Log:
     Raises InputError as `read_plant_log`.
     """
     from ..core.errors import InputError
-    from ..identification.record import read_plant_log
+    from ..identification.plant_log import read_plant_log
 
     uniform = how.resample is None
     try:

@@ -19,7 +19,7 @@ from ..core.files import parse_json
 from ..core.log import Log
 from ..core.parallel import as_done, workers
 from ..core.text import unique_names
-from ..identification.record import read_plant_log
+from ..identification.plant_log import read_plant_log
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .diagnose import diagnose

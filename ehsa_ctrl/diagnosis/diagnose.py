@@ -16,7 +16,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.log import Log, named
-from ..identification.checks import check_log, refuse
+from ..identification.checks import check_log, raise_on_error
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
@@ -146,8 +146,8 @@ def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> list[str]:
                 raise InputError(f"{log.path or 'the log'}: has no {drive}, which drives the simulation")
         findings = check_log(log, plant)
         if check:
-            refuse(log, findings)
-        sentences += [finding.of(log).sentence for finding in findings]
+            raise_on_error(log, findings)
+        sentences += [finding.labelled(log).sentence for finding in findings]
         length = float(log.time[-1] - log.time[0])
         if length < SHORTEST:
             raise InputError(

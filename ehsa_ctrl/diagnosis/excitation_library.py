@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..identification.shapes import Part, Shape
+from ..identification.input_shapes import InputPart, InputShape
 
 #: Low, middle and high band of multisines [Hz].
 BANDS = ((0.125, 1.0), (1.0, 5.0), (5.0, 20.0))
@@ -32,11 +32,11 @@ class LibraryInput:
 def library_inputs(seed: int = 0) -> tuple[LibraryInput, ...]:
     """The library; seed: of the random ones."""
 
-    def shape(part: Part) -> Current:
-        return Shape((part,)).current
+    def shape(part: InputPart) -> Current:
+        return InputShape((part,)).current
 
-    noise = ("band-limited noise (0.2-15 Hz) with peaks of", shape(Part("noise", seed=seed)))
-    steps = ("steps to both sides of", shape(Part("steps")))
+    noise = ("band-limited noise (0.2-15 Hz) with peaks of", shape(InputPart("noise", seed=seed)))
+    steps = ("steps to both sides of", shape(InputPart("steps")))
     slow = ("slow ramps through zero at 0.1 Hz of", _triangle(0.1))
     bands = ((f"a multisine of {low:g}-{high:g} Hz with peaks of", _multisine(low, high, seed)) for low, high in BANDS)
     return (
@@ -48,9 +48,9 @@ def library_inputs(seed: int = 0) -> tuple[LibraryInput, ...]:
         LibraryInput(*slow),
         LibraryInput(*slow, share=0.4),
         LibraryInput("ramps through zero at 0.4 Hz of", _triangle(0.4)),
-        LibraryInput("a sine at 2 Hz of", shape(Part("sine")), excitation="sine"),
-        LibraryInput("a sine at 0.5 Hz of", shape(Part("sine", pace=0.25))),
-        LibraryInput("a chirp (0.2-20 Hz) of", shape(Part("chirp")), excitation="chirp"),
+        LibraryInput("a sine at 2 Hz of", shape(InputPart("sine")), excitation="sine"),
+        LibraryInput("a sine at 0.5 Hz of", shape(InputPart("sine", pace=0.25))),
+        LibraryInput("a chirp (0.2-20 Hz) of", shape(InputPart("chirp")), excitation="chirp"),
         LibraryInput("steps that only extend of", _pulses(1.0)),
         LibraryInput("steps that only retract of", _pulses(-1.0)),
     )

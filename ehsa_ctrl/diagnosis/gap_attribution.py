@@ -17,8 +17,8 @@ import numpy as np
 
 from ..core.log import Log
 from ..core.text import join_words
-from ..identification.drives import acting_drive, logged_drives, undo_sensor
-from ..identification.start import find_start
+from ..identification.initial_state import find_initial_state
+from ..identification.logged_inputs import acting_drive, logged_inputs, undo_sensor
 from ..plant.plant import Plant
 from .injection import Energy, SquaredGap
 from .place_sets import BUMP, Form, InjectionCase, Places, PlaceSet, evaluate_sets
@@ -99,8 +99,8 @@ def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float]) -> Locatio
     noise: channel -> standard deviation, from `signals.noise_of`.
     """
     dt = log.sample_time
-    start = find_start(plant, log).state
-    asked, outside = logged_drives(plant, log)
+    start = find_initial_state(plant, log).state
+    asked, outside = logged_inputs(plant, log)
     plant, current = acting_drive(plant, asked, dt)
     measured = {c: undo_sensor(plant, log, c) for c in plant.structure.system.outputs if c in log.channels}
     case = InjectionCase.of(plant, log, current, outside, start, noise, SquaredGap.of(measured, noise, dt))

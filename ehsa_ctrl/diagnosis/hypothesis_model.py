@@ -15,7 +15,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.log import Log
-from ..identification.drives import logged_drives, undo_sensor, undone
+from ..identification.logged_inputs import invert_sensor, logged_inputs, undo_sensor
 from ..physics.effects import EFFECTS, Effect, LawSwitch
 from ..physics.friction import ABSENT
 from ..plant.plant import Plant, Sensor
@@ -205,7 +205,7 @@ class HypothesisModel:
     @cached_property
     def _outer_input(self) -> np.ndarray | None:
         """The second input (N,), where the log has it."""
-        return logged_drives(self.plant, self.log)[1]
+        return logged_inputs(self.plant, self.log)[1]
 
     def _drive(self, values: Setting) -> np.ndarray:
         """The drive (N,) of a setting: what acted on the rig, and what replayed effects add to it."""
@@ -213,7 +213,7 @@ class HypothesisModel:
         if any(values.get(f"{setting}.{system.drive}") for setting in ("delay", "filter")):
             sensor = self.sensor(system.drive, values)
             held = system.hold == "zero_order"
-            drive = undone(sensor, self.log[system.drive], self.log.sample_time, held=held)
+            drive = invert_sensor(sensor, self.log[system.drive], self.log.sample_time, held=held)
         for effect in self._replayed:
             assert effect.replay is not None
             merged = {**self.plant.values, **values}

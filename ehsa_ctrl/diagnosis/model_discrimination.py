@@ -14,7 +14,7 @@ from math import inf
 import numpy as np
 
 from ..core.log import Log
-from ..identification.admissible import shares
+from ..identification.input_limits import limit_shares
 from ..plant.plant import Plant
 from ..simulation.bench import CENTRING_GAIN, CENTRING_LIMIT, CENTRING_TIME
 from ..simulation.engine import simulate_batch
@@ -186,7 +186,7 @@ class CandidateModels:
         torque, speed = self.plant["K_T"] * current, run["speed"]
         pressures = np.stack([run["p1"], run["p2"]])
         fastest = float(np.max(np.abs(speed)))
-        return shares(
+        return limit_shares(
             self.plant,
             {
                 "pump_speed": fastest,

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from ..core.log import Log
-from ..identification.drives import undo_sensor
+from ..identification.logged_inputs import undo_sensor
 from ..plant.arrays import array_evaluator, needs
 from ..plant.plant import Plant
 from ..plant.system import Balance

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.log import Log
-from ..identification.start import RUN_IN, find_start
-from ..identification.window import REST, estimate_states
+from ..identification.initial_state import RUN_IN, ZERO_SPEED, estimate_states, find_initial_state
 from ..physics.effects import EFFECTS, Effect
 from ..plant.plant import Plant
 from .hypothesis_model import HypothesisModel, Setting
@@ -101,7 +100,7 @@ def whole_log(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, fl
 
     plant: nominal, gives the start. model_plant: what runs, see `with_every_effect`.
     """
-    found = find_start(plant, log, log.before)
+    found = find_initial_state(plant, log, log.before)
     names = [state.name for state in plant.structure.equations.states]
     start = None if np.array_equal(found.state, plant.rest) else dict(zip(names, found.state.tolist(), strict=True))
     return Segment(HypothesisModel(model_plant, log, start), 0, noise, log.name)
@@ -121,7 +120,7 @@ def last_third(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, f
     start = dict(zip(names, estimate.values[begin].tolist(), strict=True))
     for contact in plant.structure.system.contacts:
         column = plant.structure.equations.index(contact.velocity)
-        if abs(estimate.values[begin, column]) < REST * estimate.sd[begin, column]:
+        if abs(estimate.values[begin, column]) < ZERO_SPEED * estimate.sd[begin, column]:
             start[contact.velocity] = 0.0
     for effect in map(EFFECTS.__getitem__, model_plant.structure.effects):
         start |= {s.name: float(s.along(log)[begin]) for s in effect.states if s.along is not None}

@@ -1,12 +1,12 @@
-"""Design of an experiment: an input within a plant's limits that makes its free parameters determinable.
+"""Design of an experiment: an input within a plant's limits that determines its free parameters.
 
-Inputs are judged by the covariance that the estimator will report for their log (see `forecast`), with the plant as it
-is believed. The excitations of the bench are tried at several paces, seeds and amplitudes up to the largest that the
-limits allow; information adds over pieces of a log, so that pairs that complete each other are found without
-simulating them all. What is left is tried as it stands on the plant and on variations of it.
+Inputs are compared by the covariance that the estimator will report for their log (see `forecast`), for the nominal
+plant. The excitations of the bench are tried at several time scales, seeds and amplitudes up to the largest that the
+limits allow. Information adds over pieces of a log, so that complementary pairs are found without simulating all of
+them. The best are then tried in full on the plant and on variations of it.
 
 Source: optimal input design by the Fisher information, G. C. Goodwin, R. L. Payne, "Dynamic System Identification:
-Experiment Design and Data Analysis", 1977; here over a library of inputs instead of spectra, for the plant sticks.
+Experiment Design and Data Analysis", 1977; here over a library of inputs instead of spectra, because the plant sticks.
 """
 
 from __future__ import annotations
@@ -26,11 +26,10 @@ from ..core.text import TextResult
 from ..plant.file import both
 from ..plant.plant import Plant
 from ..simulation.trajectory import Trajectory, versions
-from .admissible import LimitUse
-from .forecast import Forecast, percent
-from .free import free_parameters
-from .rehearsal import Rehearsal
-from .search import CRITERIA, Candidate, Search, Watch
+from .input_limits import LimitUse
+from .input_search import CRITERIA, InputCandidate, InputSearch, Watch
+from .parameters import free_parameters
+from .predicted_accuracy import MonteCarloCheck, PredictedAccuracy, percent
 
 if TYPE_CHECKING:
     import pandas
@@ -41,19 +40,19 @@ SHORTEST, LONGEST = 1.0, 600.0
 
 
 @dataclass(frozen=True)
-class Experiment(TextResult):
-    """A proposed input and what to expect of it.
+class ExperimentDesign(TextResult):
+    """A proposed input and the accuracy to expect from it.
 
     Attributes
     ----------
-    plant: as it is believed.
-    time, current: (N,) s and A, what to apply from rest. centre: whether the bench's slow loop around the rod has to
-        be on as well, because without it the rod of a plant that is not quite as believed leaves its stroke.
-    chosen: the candidate it is. candidates: all that were tried in full, best first.
-    rehearsals: candidate's number -> whether the promised sd came out on the bench; empty if none was asked for.
-    at_worst: name -> largest relative sd if the plant is one of the variations; calibrated as the forecast is.
-    margin: share of each limit that the believed plant leaves. spread: how far the variations' parameters are off.
-    draws: how many variations kept the plain limits.
+    plant: the nominal plant.
+    time, current: (N,) s and A, to apply from rest. centre: whether the bench's slow loop around the rod has to be on
+        too, because without it the rod of a plant with somewhat different parameters leaves its stroke.
+    chosen: the selected candidate. candidates: all that were tried in full, best first.
+    checks: number of a candidate -> check of its predicted sd on simulated logs; empty if none was asked for.
+    at_worst: name -> largest relative sd over the variations of the plant, calibrated like the forecast.
+    margin: share of each limit that the nominal plant leaves. spread: relative error of the variations' parameters.
+    draws: number of variations that keep the limits without margin.
     criterion: "worst" or "D".
     """
 
@@ -61,9 +60,9 @@ class Experiment(TextResult):
     time: np.ndarray
     current: np.ndarray
     centre: bool
-    chosen: Candidate
-    candidates: tuple[Candidate, ...]
-    rehearsals: Mapping[int, Rehearsal]
+    chosen: InputCandidate
+    candidates: tuple[InputCandidate, ...]
+    checks: Mapping[int, MonteCarloCheck]
     at_worst: Mapping[str, float]
     margin: float
     spread: float
@@ -75,39 +74,36 @@ class Experiment(TextResult):
 
     @property
     def run(self) -> Trajectory:
-        """The believed plant under the input."""
+        """The nominal plant under the input."""
         return self.chosen.forecast.run
 
     @property
-    def calibration(self) -> float:
-        """What the deviations of the linear theory are multiplied by, so that they are those that came out rehearsed.
-
-        One where they came out no larger, or where nothing was rehearsed.
-        """
-        return max(1.0, self.rehearsal.ratio) if self.rehearsal is not None and self.rehearsal.logs else 1.0
+    def check(self) -> MonteCarloCheck | None:
+        """That of the chosen candidate."""
+        return self.checks.get(self.candidates.index(self.chosen))
 
     @property
-    def forecast(self) -> Forecast:
-        """Expected standard deviations, as rehearsals found them where there were some."""
+    def calibration(self) -> float:
+        """Factor on the sd of linear theory from the check on simulated logs; one if errors were no larger."""
+        return _calibration(self.check)
+
+    @property
+    def forecast(self) -> PredictedAccuracy:
+        """Expected standard deviations, calibrated."""
         return self.chosen.forecast.scaled(self.calibration)
 
     @property
     def limits(self) -> tuple[LimitUse, ...]:
-        """How far the input goes towards each limit."""
+        """How close the input comes to each limit."""
         return self.chosen.limits
 
     @property
-    def rehearsal(self) -> Rehearsal | None:
-        """That of the chosen candidate."""
-        return self.rehearsals.get(self.candidates.index(self.chosen))
-
-    @property
     def undetermined(self) -> dict[str, tuple[str, ...]]:
-        """Parameters that even this input does not determine -> with what they trade places."""
+        """Parameters that even this input does not determine -> the parameters that each trades off against."""
         return self.forecast.undetermined
 
     def write(self, path: str | Path) -> Path:
-        """Write columns t, current as `ehsa-ctrl simulate --input` reads them, over a file of that name."""
+        """Write columns t, current for `ehsa-ctrl simulate --input`, replacing a file of that name."""
         import pandas
 
         table = pandas.DataFrame({"t": self.time.round(6), "current": self.current.round(6)})
@@ -120,11 +116,11 @@ class Experiment(TextResult):
         return pandas.DataFrame([{"input": c.words, "score": c.score, **c.forecast.relative} for c in self.candidates])
 
     def plot(self) -> Figure:
-        """Current, speed, pressures and position with the limits' share, and the expected sd of each parameter."""
+        """Current, speed, pressures and position with the limits, and the expected sd of each parameter."""
         return draw(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """As it stands in excitation.json."""
+        """The content of excitation.json."""
         relative = self.forecast.relative
         return {
             "parameters": {
@@ -168,7 +164,7 @@ class Experiment(TextResult):
                 {
                     "input": c.words, "score": c.score, "not_determined": c.rank[0], "centre": c.centre,
                     "relative_sd": c.forecast.relative, "tightest_limit": c.tightest.limit if c.tightest else None,
-                    "rehearsal": asdict(self.rehearsals[number]) if number in self.rehearsals else None,
+                    "rehearsal": asdict(self.checks[number]) if number in self.checks else None,
                 }
                 for number, c in enumerate(self.candidates)
             ],
@@ -190,12 +186,12 @@ class Experiment(TextResult):
         what = {"worst": "largest relative sd of a parameter", "D": "mean relative axis of the uncertainty"}
         yield f"candidates: {what[self.criterion]}, with friction as believed or high, whichever is worse"
         for number, c in enumerate(self.candidates):
-            tried = self.rehearsals.get(number)
+            tried = self.checks.get(number)
             errors = f"; rehearsed, errors {tried.ratio:.2f} sd" if tried is not None else ""
             missing = f", {c.rank[0]} not determined" if c.rank[0] else ""
             yield f"  {percent(c.score):>9}  {c.words}{missing}{errors}"
-        if self.rehearsal is not None:
-            yield str(self.rehearsal)
+        if self.check is not None:
+            yield str(self.check)
             if self.calibration > 1.0:
                 yield f"all expected sd above are {self.calibration:.2f} times those of the linear theory"
         yield (
@@ -225,8 +221,8 @@ def design_experiment(
     seed: int = 0,
     jobs: int | None = None,
     watch: Watch | None = None,
-) -> Experiment:
-    """Propose an input that determines the free parameters as well as the limits let it.
+) -> ExperimentDesign:
+    """Propose an input that determines the free parameters as well as the limits allow.
 
     Parameters
     ----------
@@ -234,22 +230,22 @@ def design_experiment(
     kind: noise (band-limited, as in the paper), multisine, steps, sine, chirp, ramp, or best: the best of them all,
         two of them one after the other included.
     free, fix: as for `identify`.
-    amplitude: most current to use, A; by default what the limits allow.
+    amplitude: largest current to use, A; by default what the limits allow.
     criterion: "worst": the largest relative sd of a parameter; "D": the volume of the uncertainty, as the geometric
-        mean of its axes. Parameters that an input does not determine count first: fewer of them is better.
-    margin: of each limit, this share of the way from rest is left on the believed plant.
-    spread, draws: so many variations of the plant, with free parameters off by up to `spread` (two sd where the plant
-        has one), have to keep the limits too, without margin.
-    rehearsals: so many logs of the bench are made with the best candidate and estimated from; if the estimates scatter
-        more than promised the next best is taken, up to three of them. 0: none.
-    seed: of the random inputs, of the draws and of the rehearsals.
+        mean of its axes. The number of undetermined parameters counts first.
+    margin: share of the way from rest to each limit that the nominal plant leaves.
+    spread, draws: number of variations of the plant, with free parameters off by up to `spread` (two sd where the
+        plant has one), that have to keep the limits without margin.
+    rehearsals: number of simulated noisy logs from which the parameters are estimated with the best candidate; if the
+        estimates scatter more than predicted the next best is taken, up to three of them. 0: no check.
+    seed: of the random inputs, the variations and the simulated logs.
     jobs: threads; all cores by default.
-    watch: is told what is being done, how much of it is done, and of how much.
+    watch: is called with the stage, the number of items done and their total.
 
     Raises
     ------
     InputError: values out of range, a system other than the EHSA, no input within the limits that moves shaft and rod,
-        a free parameter that nothing measured shows.
+        a free parameter that no measured channel shows.
     """
     began = clock.monotonic()
     if plant.structure.system_name != "ehsa":
@@ -273,22 +269,19 @@ def design_experiment(
             f"{plant.path or plant.name}: has no [limits], so that any input is allowed; give an amplitude"
         )
     parameters = free_parameters(plant, free=free, fix=fix)
-    search = Search(plant, parameters, duration, amplitude, criterion, margin, spread, draws, seed, jobs, watch)
-    candidates = search.run(kind)
-    chosen, rehearsed = search.rehearsed(candidates, rehearsals)
-    at = candidates.index(chosen)
-    return Experiment(
+    search = InputSearch(plant, parameters, duration, amplitude, criterion, margin, spread, draws, seed, jobs, watch)
+    candidates = search.candidates(kind)
+    chosen, checks = search.checked(candidates, rehearsals)
+    factor = _calibration(checks.get(candidates.index(chosen)))
+    return ExperimentDesign(
         plant=plant,
         time=search.time,
         current=chosen.current,
         centre=chosen.centre,
         chosen=chosen,
         candidates=tuple(candidates),
-        rehearsals=rehearsed,
-        at_worst={
-            name: value * max(1.0, rehearsed[at].ratio if at in rehearsed and rehearsed[at].logs else 1.0)
-            for name, value in search.worst_relative(chosen).items()
-        },
+        checks=checks,
+        at_worst={name: value * factor for name, value in search.worst_relative(chosen).items()},
         margin=margin,
         spread=spread,
         draws=len(search.others),
@@ -296,3 +289,7 @@ def design_experiment(
         seed=seed,
         seconds=clock.monotonic() - began,
     )
+
+
+def _calibration(check: MonteCarloCheck | None) -> float:
+    return max(1.0, check.ratio) if check is not None and check.logs else 1.0

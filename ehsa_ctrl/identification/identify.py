@@ -1,4 +1,4 @@
-"""Identify a plant from logs: a first estimate, windows, free run; uncertainty, validation."""
+"""Identify a plant from logs: checks, balances, multi-start simulation fit, uncertainty, validation."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from ..core.log import Log, named
 from ..plant.arrays import needed_to_simulate
 from ..plant.plant import Plant
 from .balances import BalanceEstimate, estimate_by_balances, first_estimate
-from .checks import check_log, refuse
-from .estimator import Fit, Progress
-from .free import FreeParameter, free_parameters, with_values
-from .identification import Identification, Reach
-from .replay import replay
-from .starts import Search
-from .uncertainty import Estimate, Uncertainty, balance_estimates, estimates, uncertainty
-from .whiteness import Correlation, correlations
-from .window import Window
+from .checks import check_log, raise_on_error
+from .comparison import replay
+from .gauss_newton import Diverged, Fit, Progress
+from .identification import FreeRuns, Identification
+from .multi_start import SearchResult, multi_start
+from .parameters import FreeParameter, free_parameters, with_values
+from .residual_tests import Correlation, correlations
+from .uncertainty import Estimate, ParameterCovariance, balance_estimates, estimates, parameter_covariance
 
-#: Residuals of more than so many times the noise's variance, unless they are the weights, come from a run that misses
-#: what happened: no standard deviation describes that.
-DOUBTED = 3.0
+Method = Literal["simulation", "balances"]
+
+#: Residuals above this multiple of the noise's variance, unless they are the weights, come from a run that misses what
+#: happened; no standard deviation describes that.
+DOUBTFUL = 3.0
 
 
 def identify(
@@ -47,12 +48,12 @@ def identify(
 ) -> Identification:
     """Estimate a plant's parameters by the error of its simulation, eq. (13), each signal weighted by its noise.
 
-    A plant whose file says so is estimated from its balances instead (inverse dynamics), with the estimate by
-    simulation beside it where the simulation shows the parameters.
+    A plant whose file asks for it is estimated from its balances instead (inverse dynamics), with the estimate by
+    simulation for comparison where the simulation depends on the parameters.
 
-    Every log, or window of one, has an initial state of its own; the noise of the logged drive is part of the model
-    (see `whitening`). A start is led through short windows first, then through the logs as a whole. It ends when two
-    starts have come to the same minimum.
+    Every log, or window of one, has an initial state of its own. The noise of the logged input is part of the model
+    (see `innovations`). A start is first fitted over short windows, then over the whole logs. The search ends when two
+    starts have reached the same minimum.
 
     Parameters
     ----------
@@ -63,18 +64,19 @@ def identify(
     method: "simulation" or "balances"; what the plant's file says by default.
     window: length of the windows of the last stage, s; by default each log as a whole, in free run from its first
         sample. The sample time gives one-step prediction.
-    starts: at most so many starts: the balances' estimate, the plant's values, then draws around the best.
-    seed: of these draws.
-    watch: is told of every step.
-    check: refuse logs that `check_log` finds wrong.
+    starts: largest number of starts: the balances' estimate, the plant's values, then random ones around the best.
+    seed: of these random starts.
+    watch: is called after every step.
+    check: refuse logs in which `check_log` finds an error.
 
     Returns
     -------
-    Identification. An interrupt (Ctrl-C) ends the search and keeps the best so far: `interrupted` says so.
+    Identification. Ctrl-C ends the search and keeps the best so far: `interrupted` is then True.
 
     Raises
     ------
-    InputError: a log that can't tell anything or is plainly wrong; names that are unknown; nothing to estimate.
+    InputError: a log without information or with an error; unknown names; nothing to estimate; a plant that can't be
+        simulated along the logs from any start.
     """
     began = time.monotonic()
     logs = [logs] if isinstance(logs, Log) else list(logs)
@@ -84,69 +86,69 @@ def identify(
         raise InputError(f"window = {window:g} s; expected more than 0")
     if starts < 1:
         raise InputError(f"starts = {starts}; expected 1 or more")
-    every = named([*logs, *validate])
-    logs, validate = every[: len(logs)], every[len(logs) :]
+    all_logs = named([*logs, *validate])
+    logs, validate = all_logs[: len(logs)], all_logs[len(logs) :]
     parameters = free_parameters(plant, free=free, fix=fix, bounds=bounds, priors=priors)
-    findings = [check_log(log, plant) for log in every]
-    for log, found in zip(every, findings, strict=True):
-        if check:
-            refuse(log, found)
+    findings = [(log, check_log(log, plant)) for log in all_logs]
+    if check:
+        for log, found in findings:
+            raise_on_error(log, found)
+
     chosen = method or plant.estimation.method
     balances = _balances(plant, logs, parameters)
     if chosen == "balances" and balances is None:
         raise InputError(
             f"{plant.name} has no balances for {', '.join(p.name for p in parameters)}; use its simulation"
         )
-    search: Search | None = None
-    without, interrupted = "", False
-    shown = parameters if chosen == "simulation" else _shown(plant, parameters) if plant.estimation.beside else ()
-    if shown:
-        search = Search(plant, logs, shown, window, seed, watch)
+    search, no_simulation, interrupted = None, "", False
+    if simulated := _simulated_parameters(plant, parameters, chosen):
+        first = _first_values(plant, logs, parameters, balances)
         try:
-            search.run(_first(plant, logs, parameters, balances), starts)
-        except KeyboardInterrupt:
-            if search.best is None and chosen == "simulation":
-                raise
-            interrupted = True
-        except InputError as error:
+            found_minimum = multi_start(
+                plant, logs, simulated, first, window=window, starts=starts, seed=seed, watch=watch
+            )
+            if isinstance(found_minimum, Diverged):
+                raise InputError(str(found_minimum))
+            search = found_minimum
+        except (InputError, KeyboardInterrupt) as error:
             if chosen == "simulation":
                 raise
-            search, without = None, str(error)
-    best = search.best if search is not None else None
-    settled = search is None or search.settled
-    primary, beside, certainty = _tables(plant, logs, parameters, chosen, search, balances)
-    values = with_values(plant, [e.name for e in primary], [e.value for e in primary])
-    identified = _with_provenance(values, primary, logs)
-    whole = search is None or all(len(piece) == len(piece.log) for piece in search.long)
+            interrupted = isinstance(error, KeyboardInterrupt)
+            no_simulation = "interrupted" if interrupted else str(error)
+
+    by_simulation, covariance = _simulation_estimates(search, logs)
+    by_balances = balance_estimates(parameters, balances) if balances is not None else ()
+    primary, other = (by_simulation, by_balances) if chosen == "simulation" else (by_balances, by_simulation)
+    if chosen == "balances" or covariance is None:
+        sd = np.array([estimate.sd for estimate in primary])
+        covariance = ParameterCovariance(tuple(e.name for e in primary), np.diag(sd**2), "residuals")
+
+    identified = _identified_plant(plant, primary, logs)
     return Identification(
         plant=identified,
         nominal=plant,
         method=chosen,
         estimates=primary,
-        beside=beside,
-        without=without,
-        uncertainty=certainty,
-        fit=best,
+        other_estimates=other,
+        no_simulation=no_simulation,
+        uncertainty=covariance,
+        fit=None if search is None else search.best,
         balances=balances,
-        tried=tuple(search.tried) if search is not None else (),
-        settled=settled,
-        train=_reach(identified, plant, logs),
-        validation=_reach(identified, plant, validate),
-        residual_tests=_residual_tests(best) if best is not None else (),
-        findings=tuple(finding.of(log) for log, each in zip(every, findings, strict=True) for finding in each),
-        window=None if whole or search is None else float(np.median(_lengths(search.long))),
-        interrupted=interrupted,
+        starts=() if search is None else search.starts,
+        starts_agree=search is None or search.agree,
+        train=_free_runs(identified, plant, logs),
+        validation=_free_runs(identified, plant, validate),
+        residual_tests=() if search is None else _residual_tests(search.best),
+        findings=tuple(finding.labelled(log) for log, found in findings for finding in found),
+        window=None if search is None else _window_length(search),
+        interrupted=interrupted or (search is not None and search.interrupted),
         seconds=time.monotonic() - began,
-        fell_back=search is not None and search.lost and search.long is search.short,
+        fell_back=search is not None and search.fell_back,
     )
 
 
-def _reach(after: Plant, before: Plant, logs: Sequence[Log]) -> Reach:
-    return Reach(tuple(replay(after, log) for log in logs), tuple(replay(before, log) for log in logs))
-
-
 def _balances(plant: Plant, logs: Sequence[Log], parameters: Sequence[FreeParameter]) -> BalanceEstimate | None:
-    """What the balances say, in the way that the plant's file asks for; None where there are none."""
+    """The estimate from balances with the settings of the plant's file; None for a system without balances."""
     symbols = [parameter.name for parameter in parameters if parameter.sensor is None]
     if not plant.structure.system.balances or not symbols:
         return None
@@ -156,86 +158,74 @@ def _balances(plant: Plant, logs: Sequence[Log], parameters: Sequence[FreeParame
     )
 
 
-def _first(
+def _simulated_parameters(
+    plant: Plant, parameters: tuple[FreeParameter, ...], method: Method
+) -> tuple[FreeParameter, ...]:
+    """Parameters to fit by simulation. A rod with prescribed motion, for one, shows nothing of its friction."""
+    if method == "simulation":
+        return parameters
+    if not plant.estimation.beside:
+        return ()
+    needed = needed_to_simulate(plant.structure.equations)
+    return tuple(parameter for parameter in parameters if parameter.name in needed or parameter.sensor is not None)
+
+
+def _first_values(
     plant: Plant, logs: Sequence[Log], parameters: Sequence[FreeParameter], balances: BalanceEstimate | None
 ) -> dict[str, float]:
-    """Where the simulation's fit begins: the balances, in their weak form unless the plant's file has another."""
+    """Start values of the simulation fit from the balances, in weak form unless they are the plant's own method."""
     if balances is not None and plant.estimation.method == "balances":
         return {name: found.value for name, found in balances.parameters.items()}
     return first_estimate(plant, logs, [parameter.name for parameter in parameters])
 
 
-def _shown(plant: Plant, parameters: tuple[FreeParameter, ...]) -> tuple[FreeParameter, ...]:
-    """Parameters that the simulation depends on: a rod that is moved from outside says nothing of its friction."""
-    needed = needed_to_simulate(plant.structure.equations)
-    return tuple(parameter for parameter in parameters if parameter.name in needed or parameter.sensor is not None)
+def _simulation_estimates(
+    search: SearchResult | None, logs: Sequence[Log]
+) -> tuple[tuple[Estimate, ...], ParameterCovariance | None]:
+    """Estimates of the simulation fit with their covariance."""
+    if search is None:
+        return (), None
+    best = search.best
+    covariance = parameter_covariance(best, search.spread)
+    pairs = zip(best.parameters, best.values, strict=True)
+    sizes = np.array([parameter.reference_size(float(value), logs) for parameter, value in pairs])
+    sure = search.agree and (best.weighted or best.noise_ratio < DOUBTFUL)
+    return estimates(best, covariance, sizes, sure=sure), covariance
 
 
-def _tables(
-    plant: Plant,
-    logs: Sequence[Log],
-    parameters: Sequence[FreeParameter],
-    chosen: str,
-    search: Search | None,
-    balances: BalanceEstimate | None,
-) -> tuple[tuple[Estimate, ...], tuple[Estimate, ...], Uncertainty]:
-    """Estimates by the chosen method, those by the other one, and the uncertainty of the chosen."""
-    by_fit: tuple[Estimate, ...] = ()
-    best = search.best if search is not None else None
-    if search is not None and best is not None:
-        of_fit = uncertainty(best, search.spread)
-        pairs = zip(best.parameters, best.values, strict=True)
-        sizes = np.array([size_of(plant, p, float(value), logs) for p, value in pairs])
-        by_fit = estimates(best, of_fit, sizes, sure=search.settled and (best.weighted or best.noise_ratio < DOUBTED))
-    by_balance = balance_estimates(parameters, balances) if balances is not None else ()
-    if chosen == "simulation":
-        assert best is not None
-        return by_fit, by_balance, of_fit
-    sd = np.array([estimate.sd for estimate in by_balance])
-    return by_balance, by_fit, Uncertainty(tuple(e.name for e in by_balance), np.diag(sd**2), "residuals")
-
-
-def _lengths(windows: Sequence[Window]) -> list[float]:
-    return [len(window) * window.log.sample_time for window in windows]
-
-
-def size_of(plant: Plant, parameter: FreeParameter, value: float, logs: Sequence[Log]) -> float:
-    """Against what a standard deviation is called small: the value, or what matters where zero is a fair value."""
-    sensor = parameter.sensor
-    if sensor is None:
-        return abs(value)
-    word, channel = sensor
-    if word == "bias":
-        return max(abs(value), 0.1 * float(np.std(logs[0][channel])) if channel in logs[0].channels else abs(value))
-    return max(abs(value), logs[0].sample_time) if word in ("delay", "filter") else abs(value)
-
-
-def _with_provenance(plant: Plant, table: Sequence[Estimate], logs: Sequence[Log]) -> Plant:
-    """The same plant, its new numbers marked as identified."""
+def _identified_plant(plant: Plant, table: Sequence[Estimate], logs: Sequence[Log]) -> Plant:
+    """The plant with the estimated values, marked as identified."""
     files = ", ".join(log.name for log in logs if log.path is not None)
     note = f"identified from {files}" if files else "identified"
+    plant = with_values(plant, [e.name for e in table], [e.value for e in table])
     changed = dict(plant.parameters)
-    for estimate in table:
-        if estimate.name in changed:
-            changed[estimate.name] = replace(
-                changed[estimate.name], source="identified", sd=estimate.sd, note=note, written=""
-            )
+    for e in table:
+        if e.name in changed:
+            changed[e.name] = replace(changed[e.name], source="identified", sd=e.sd, note=note, written="")
     return replace(plant, parameters=changed)
 
 
+def _free_runs(after: Plant, before: Plant, logs: Sequence[Log]) -> FreeRuns:
+    return FreeRuns(tuple(replay(after, log) for log in logs), tuple(replay(before, log) for log in logs))
+
+
+def _window_length(search: SearchResult) -> float | None:
+    """Median length of the windows [s]; None if each is a whole log."""
+    if all(len(window) == len(window.log) for window in search.windows):
+        return None
+    return float(np.median([len(window) * window.log.sample_time for window in search.windows]))
+
+
 def _residual_tests(best: Fit) -> tuple[Correlation, ...]:
-    """Tests of the longest window's whitened residual against itself, the drive, the direction and the position."""
-    run = max(best.point.runs, key=lambda run: len(run.window))
-    white = run.whitening(run.residual[:, :, None], run.errors)[:, :, 0]
-    plant = best.plant
-    rows = slice(run.window.first, run.window.last + 1)
-    system = plant.structure.system
+    """Tests of the longest window's whitened residual against itself, the input, the direction and the position."""
+    run = max(best.iterate.runs, key=lambda run: len(run.window))
+    white = run.whitening.whiten(run.residual[:, :, None], run.errors)[:, :, 0]
+    system, equations = best.plant.structure.system, best.plant.structure.equations
     drive = system.drives[system.inputs[0]]
-    against = {drive: run.window.log[drive][rows]}
-    index = plant.structure.equations.index
-    for state in plant.structure.equations.states:
+    against = {drive: run.window.log[drive][run.window.first : run.window.last + 1]}
+    for state in equations.states:
         if state.name == "v":
-            against["sign(v)"] = np.sign(run.states[:, index("v")])
+            against["sign(v)"] = np.sign(run.states[:, equations.index("v")])
         if state.name == "x":
-            against["x"] = run.states[:, index("x")]
-    return correlations(white, run.measurement.channels, against)
+            against["x"] = run.states[:, equations.index("x")]
+    return correlations(white, run.measured.channels, against)

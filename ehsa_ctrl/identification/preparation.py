@@ -1,4 +1,4 @@
-"""What is done to a log before it is used, each step only when asked for, and recorded."""
+"""Preparation of a log before it is used: only on request, and recorded step by step."""
 
 from __future__ import annotations
 
@@ -14,21 +14,23 @@ from ..core.errors import InputError, choices
 from ..core.log import CHANNELS, Log
 from ..plant.plant import Plant
 from ..simulation.engine import simulate
-from .record import SHORTEST
-from .replay import replay
-from .window import sensor_sd
+from .comparison import replay
+from .initial_state import sensor_sd
+from .plant_log import SHORTEST
 
 #: A channel is at rest while it stays within this many standard deviations of its first samples' median.
 REST_BAND = 5.0
 #: The shortest rest that gives a zero [s].
 SHORTEST_REST = 0.1
-#: Longest delay that alignment looks for [s], and the weakest correlation of rates that it trusts.
-LONGEST_DELAY, WEAKEST = 0.25, 0.6
+#: Longest delay that alignment looks for [s], and the least correlation of rates that it accepts.
+LONGEST_DELAY, LEAST_CORRELATION = 0.25, 0.6
+#: Resampling makes at most this many samples.
+MOST_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True)
 class Step:
-    """One thing that was done to a log: its kind, a sentence, and its figures in SI units."""
+    """One step of a preparation: its kind, a sentence, and its figures in SI units."""
 
     kind: str
     words: str
@@ -48,10 +50,10 @@ class Preparation:
     Attributes
     ----------
     from_, to: the segment to keep, s of the log's own time.
-    zero: channels (pressures, force, position, speed) whose mean at rest is set to what the plant has at rest.
-    rest: (from, to) of that rest, s; found before the first motion if not given.
-    resample: rate to bring all channels to, Hz.
-    align: output channels that are moved in time by their delay against the replay.
+    zero: channels (pressures, force, position, speed) whose mean at rest is shifted to the plant's rest value.
+    rest: (from, to) of that rest, s; by default the rest before the first motion.
+    resample: new sampling rate of all channels, Hz.
+    align: output channels that are shifted in time by their delay against the replay.
     """
 
     from_: float | None = None
@@ -62,13 +64,13 @@ class Preparation:
     align: tuple[str, ...] = ()
 
     def apply(self, log: Log, plant: Plant) -> tuple[Log, tuple[Step, ...]]:
-        """The prepared log and what was done, in this order: resample, zero, align, segment; how it was read first.
+        """The prepared log and its steps: notes of reading it, then resample, zero, align, segment in this order.
 
         The rest that gives the zeros may lie before the segment; delays are those of the segment.
 
         Raises
         ------
-        InputError: a channel that is not there or can't be treated so, no rest, a segment that holds too little.
+        InputError: a missing or unsuitable channel, no rest, a segment that is too short.
         """
         steps = [Step("read", note) for note in log.notes]
         if self.resample is not None:
@@ -90,29 +92,28 @@ class Preparation:
 
 
 def resample(log: Log, plant: Plant, rate: float) -> tuple[Log, Step]:
-    """Bring all channels to a uniform `rate` [Hz]; also the remedy for time that jitters.
+    """Resample all channels to a uniform `rate` [Hz]; also the remedy for jitter of the time.
 
-    A drive that is held over each sample is averaged over the new ones, so that its integral stays what it was. Other
-    channels are interpolated by cubics; on the way down a zero-phase low-pass first takes away what the new rate can't
-    show.
+    A zero-order-held input is averaged over the new samples, which preserves its integral. Other channels are
+    interpolated by cubics, downwards after a zero-phase anti-aliasing filter.
 
-    Raises InputError for a rate that is no positive number or leaves fewer than SHORTEST samples.
+    Raises InputError for a rate that is not positive or leaves fewer than SHORTEST samples.
     """
     if not (np.isfinite(rate) and rate > 0.0):
         raise InputError(f"resample to {rate:g} Hz: the rate must be a number greater than 0")
     usual = float(np.median(np.diff(log.time)))
     count = int(np.floor((log.time[-1] - log.time[0]) * rate * (1 + 1e-9))) + 1
-    if not SHORTEST <= count <= 10_000_000:
-        raise InputError(f"resample to {rate:g} Hz: leaves {count} samples; expected {SHORTEST} to 10000000")
+    if not SHORTEST <= count <= MOST_SAMPLES:
+        raise InputError(f"resample to {rate:g} Hz: leaves {count} samples; expected {SHORTEST} to {MOST_SAMPLES}")
     time = log.time[0] + np.arange(count) / rate
     system = plant.structure.system
     held = set(system.drives.values()) if system.hold == "zero_order" else set()
-    channels = {}
-    for name, values in log.channels.items():
-        if name in held:
-            channels[name] = _averaged(log.time, values, time, usual)
-        else:
-            channels[name] = _interpolated(log.time, values, time, usual, rate)
+    channels = {
+        name: _averaged(log.time, values, time, usual)
+        if name in held
+        else _interpolated(log.time, values, time, usual, rate)
+        for name, values in log.channels.items()
+    }
     before = None if log.before is None else resample(log.before, plant, rate)[0]
     words = f"resampled from {1 / usual:.4g} to {rate:g} Hz, {count} samples"
     figures = {"rate": rate, "rate_before": 1 / usual, "samples": count}
@@ -120,7 +121,7 @@ def resample(log: Log, plant: Plant, rate: float) -> tuple[Log, Step]:
 
 
 def _averaged(time: np.ndarray, held: np.ndarray, new: np.ndarray, usual: float) -> np.ndarray:
-    """Means over the new samples of values that are each held until the next old sample."""
+    """Means of a zero-order-held signal over the new samples."""
     edges = np.append(time, time[-1] + usual)
     integral = np.concatenate([[0.0], np.cumsum(held * np.diff(edges))])
     ends = np.minimum(np.append(new, new[-1] + new[1] - new[0]), edges[-1])
@@ -130,24 +131,20 @@ def _averaged(time: np.ndarray, held: np.ndarray, new: np.ndarray, usual: float)
 def _interpolated(time: np.ndarray, values: np.ndarray, new: np.ndarray, usual: float, rate: float) -> np.ndarray:
     if rate * usual < 0.95:
         even = time[0] + usual * np.arange(int(np.floor((time[-1] - time[0]) / usual * (1 + 1e-9))) + 1)
-        signal = values if np.allclose(time, _padded(even, time), atol=1e-3 * usual) else np.interp(even, time, values)
-        # Four fifths of the new half rate; run forth and back, order 4 counts twice.
+        if even.size != time.size or not np.allclose(time, even, atol=1e-3 * usual):
+            values = np.interp(even, time, values)
+        # Four fifths of the new Nyquist frequency; forward and backward filtering doubles the order.
         low_pass = butter(4, 0.8 * rate * usual, output="sos")
-        values, time = sosfiltfilt(low_pass, signal, padlen=min(len(signal) - 1, int(10 / (rate * usual)))), even
+        values, time = sosfiltfilt(low_pass, values, padlen=min(len(values) - 1, int(10 / (rate * usual)))), even
     return CubicSpline(time, values)(np.minimum(new, time[-1]))
-
-
-def _padded(even: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """The even grid where it has as many samples as `time`, else something that is nowhere near it."""
-    return even if even.size == time.size else np.full_like(time, np.inf)
 
 
 def zero(
     log: Log, plant: Plant, channels: tuple[str, ...], rest: tuple[float, float] | None = None
 ) -> tuple[Log, list[Step]]:
-    """Shift channels so that their mean at rest is what the plant has at rest: P_0, x_0, no speed, the load's force.
+    """Shift channels so that their mean at rest is the plant's rest value: P_0, x_0, no speed, the load's force.
 
-    Raises InputError for a drive or an unknown channel, and where no rest is given or found.
+    Raises InputError for an input or an unknown channel, and where no rest is given or found.
     """
     targets = _rest_values(plant)
     for channel in channels:
@@ -182,7 +179,7 @@ def zero(
 
 
 def _rest_values(plant: Plant) -> dict[str, float]:
-    """What each output channel, and the load cell, shows at the plant's rest."""
+    """Value of each output channel, and of the load cell, at the plant's rest."""
     index = plant.structure.equations.index
     values = {channel: float(plant.rest[index(state)]) for channel, state in plant.structure.system.outputs.items()}
     if plant.structure.system.cell is not None:
@@ -191,7 +188,7 @@ def _rest_values(plant: Plant) -> dict[str, float]:
 
 
 def find_rest(log: Log, plant: Plant) -> tuple[float, float]:
-    """From and to [s] of the rest at the log's beginning: outputs constant, drives too, within their noise.
+    """Beginning and end [s] of the rest at the log's beginning: inputs and outputs constant within their noise.
 
     Raises InputError if it is shorter than SHORTEST_REST.
     """
@@ -205,7 +202,7 @@ def find_rest(log: Log, plant: Plant) -> tuple[float, float]:
         quiet &= np.abs(log[channel] - level) <= REST_BAND * sd
     moving = np.flatnonzero(~quiet)
     count = int(moving[0]) if moving.size else len(log)
-    # The motion begins before it stands out of the noise.
+    # The motion begins before it exceeds the noise.
     count -= max(count // 20, 1) if moving.size else 0
     if count * log.sample_time < SHORTEST_REST or count < 5:
         raise InputError(
@@ -218,10 +215,10 @@ def find_rest(log: Log, plant: Plant) -> tuple[float, float]:
 def align(
     log: Log, plant: Plant, channel: str, from_: float | None = None, to: float | None = None
 ) -> tuple[Log, Step]:
-    """Move a channel in time by its delay against the replay: where their rates correlate best, to a part of a sample.
+    """Shift a channel in time by its delay against the replay, the maximum of the correlation of their rates.
 
-    The delay is found between `from_` and `to`; the whole channel is moved. Samples at the ends that would have to come
-    from outside the log hold the last value there is.
+    The delay, a fraction of samples too, is taken between `from_` and `to`; the whole channel is shifted. At the end of
+    the log the last value is held.
 
     Raises InputError for a channel that is no output or not in the log.
     """
@@ -232,25 +229,26 @@ def align(
         )
     run = replay(plant, log.segment(from_, to, shortest=SHORTEST))
     dt = log.sample_time
-    why, delay, strength = run.stopped, 0.0, 0.0
+    why, delay, correlation = run.stopped, 0.0, 0.0
     if not why:
         measured, simulated, middle = run.log[channel], run.simulated[channel], len(run.log) // 2
-        delay, strength = delay_of(measured, simulated, dt)
+        delay, correlation = delay_of(measured, simulated, dt)
         halves = [delay_of(measured[part], simulated[part], dt) for part in (slice(middle), slice(middle, None))]
         apart = abs(halves[0][0] - halves[1][0])
-        if strength < WEAKEST:
-            why = f"its rate and the replay's correlate by {strength:.2f} only, {WEAKEST:g} is needed"
-        elif min(weak for _, weak in halves) >= WEAKEST and apart > max(2 * dt, abs(delay)):
+        if correlation < LEAST_CORRELATION:
+            why = f"its rate and the replay's correlate by {correlation:.2f} only, {LEAST_CORRELATION:g} is needed"
+        elif min(each for _, each in halves) >= LEAST_CORRELATION and apart > max(2 * dt, abs(delay)):
             why = (
                 f"the log's halves give {1e3 * halves[0][0]:.3g} and {1e3 * halves[1][0]:.3g} ms: its peak is too broad"
             )
-    figures = {"channel": channel, "delay": None if why else delay, "correlation": strength}
+    figures = {"channel": channel, "delay": None if why else delay, "correlation": correlation}
     if why:
         return log, Step("align", f"{channel}: not aligned, {why}", figures)
     moved = dict(log.channels)
     moved[channel] = CubicSpline(log.time, log[channel])(np.clip(log.time + delay, log.time[0], log.time[-1]))
     words = (
-        f"{channel}: moved by its delay against the replay, {1e3 * delay:.3g} ms (correlation of rates {strength:.3f})"
+        f"{channel}: moved by its delay against the replay, {1e3 * delay:.3g} ms "
+        f"(correlation of rates {correlation:.3f})"
     )
     return replace(log, channels=moved), Step("align", words, figures)
 
@@ -258,10 +256,7 @@ def align(
 def delay_of(
     measured: np.ndarray, simulated: np.ndarray, dt: float, *, longest: float = LONGEST_DELAY
 ) -> tuple[float, float]:
-    """How much later `measured` (N,) is than `simulated` [s], and the correlation of their rates at that shift.
-
-    It is looked for up to `longest` [s].
-    """
+    """Delay [s] of `measured` (N,) against `simulated`, up to `longest`, and the correlation of their rates there."""
     a, b = np.diff(measured), np.diff(simulated)
     a, b = a - np.mean(a), b - np.mean(b)
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
@@ -272,7 +267,7 @@ def delay_of(
     near = np.abs(lags) <= max(int(longest / dt), 2)
     product, lags = product[near], lags[near]
     best = int(np.argmax(product))
-    # A parabola through the peak; over some samples where the peak is that broad, because it is noisy then.
+    # A parabola through the peak; a broad peak is noisy, so that more samples are used.
     half = 1
     while (
         half < min(best, product.size - 1 - best)
@@ -283,8 +278,8 @@ def delay_of(
         return float(lags[best] * dt), 0.0
     curve, slope, _ = np.polyfit(np.arange(-half, half + 1), product[best - half : best + half + 1], 2)
     shift = -0.5 * slope / curve if curve < 0 else 0.0
-    # Noise on the measured channel lowers the correlation, whatever the delay.
+    # Noise of the measured channel lowers the correlation at every delay.
     noise = np.median(np.abs(np.diff(measured, 2))) / 0.6745 / np.sqrt(6.0)
     power = float(np.dot(a, a))
-    kept = max(1.0 - 2.0 * a.size * noise**2 / power, 0.05) if power > 0.0 else 1.0
-    return float((lags[best] + shift) * dt), min(float(product[best] / np.sqrt(kept)), 1.0)
+    signal = max(1.0 - 2.0 * a.size * noise**2 / power, 0.05) if power > 0.0 else 1.0
+    return float((lags[best] + shift) * dt), min(float(product[best] / np.sqrt(signal)), 1.0)

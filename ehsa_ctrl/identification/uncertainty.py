@@ -1,4 +1,4 @@
-"""How well a log determines each parameter: covariance, intervals, verdicts, and which parameters trade places."""
+"""How well a log determines each parameter: covariance, intervals, verdicts, correlated parameters."""
 
 from __future__ import annotations
 
@@ -11,25 +11,34 @@ import numpy as np
 from scipy import stats
 
 from .balances import BalanceEstimate
-from .estimator import Fit
-from .free import FreeParameter
+from .gauss_newton import Fit
+from .parameters import FreeParameter
 
 Verdict = Literal["well determined", "poorly determined", "not identifiable from this log"]
 
-#: Relative standard deviation up to which a parameter is called well, and poorly, determined.
+#: Relative standard deviation up to which a parameter is well, and poorly, determined.
 WELL, POOR = 0.10, 0.50
-#: Correlation from which two parameters are said to trade places.
+#: Correlation from which two parameters trade off against each other.
 TRADES = 0.9
-#: An eigenvalue of the scaled information below this share of the largest is a direction that the log doesn't show.
+#: An eigenvalue of the scaled information below this share of the largest is a direction that the log does not show.
 NULL = 1e-12
+#: A component of a null direction above this makes a parameter part of it.
+NULL_COMPONENT = 0.05
+#: Excess of the worst tenth of a second from which it probably holds more than noise, in standard deviations of its
+#: sum. By chance one in about ten logs of 20 s reaches it, which costs a second look and no more.
+SLIP_DEVIATIONS = 3.8
+#: Residuals within this many standard deviations of the noise's size are consistent with it.
+CONSISTENT = 6.0
+#: Half width of a 95 % interval in standard deviations.
+QUANTILE = float(stats.norm.ppf(0.975))
 
 
 @dataclass(frozen=True)
 class Estimate:
     """One estimated parameter.
 
-    value, sd in `unit`; sd is infinite where the log shows nothing. interval: 95 %. verdict in words; trades: names of
-    parameters with which it changes places, strongest first. at_bound: "lower", "upper" or "".
+    value, sd in `unit`; sd is infinite where the log shows nothing. start: value before. interval: 95 %. verdict in
+    words. trades: names of parameters that it trades off against, strongest first. at_bound: "lower", "upper" or "".
     """
 
     name: str
@@ -37,11 +46,14 @@ class Estimate:
     start: float
     value: float
     sd: float
-    interval: tuple[float, float]
     verdict: Verdict
-    trades: tuple[str, ...]
-    at_bound: str
-    prior_sd: float | None
+    trades: tuple[str, ...] = ()
+    at_bound: str = ""
+    prior_sd: float | None = None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        return self.value - QUANTILE * self.sd, self.value + QUANTILE * self.sd
 
     @property
     def identifiable(self) -> bool:
@@ -54,11 +66,11 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Uncertainty:
-    """Covariance (k, k) in the order of `names`, and where it comes from.
+class ParameterCovariance:
+    """Covariance (k, k) in the order of `names`, and its origin.
 
-    source: "noise" if the residuals are what the sensors' noise makes them, "residuals" if they are larger or hang
-    together, so that the spread of half-second pieces of the gradient is used instead.
+    source: "noise" if the residuals agree with the sensors' noise; "residuals" if they are larger or correlated, so
+    that the spread of half-second pieces of the gradient is used instead.
     """
 
     names: tuple[str, ...]
@@ -80,98 +92,70 @@ class Uncertainty:
         return out
 
 
-def consistent(fit: Fit, deviations: float = 6.0) -> bool:
-    """Whether residuals are as small as the noise allows: both costs within so many standard deviations of 1.
-
-    Never if the residuals themselves had to be the weights.
-    """
+def within_noise(fit: Fit, deviations: float = CONSISTENT) -> bool:
+    """Whether both costs are within so many standard deviations of pure noise; never if residuals were the weights."""
     return not fit.weighted and fit.noise_ratio < 1.0 + deviations * math.sqrt(2.0 / max(fit.residuals, 1))
 
 
-#: A tenth of a second that fits worse than this many standard deviations of its sum probably holds more than noise:
-#: by chance one in some ten logs of 20 s gets there, which costs a second look and no more.
-SPOTTED = 3.8
+def parameter_covariance(fit: Fit, spread: np.ndarray | None = None) -> ParameterCovariance:
+    """Covariance of an estimate; `spread` (k, k), of starts that did not agree, is added.
 
-
-def spotless(fit: Fit) -> bool:
-    """Whether no short piece of the logs fits plainly worse than noise makes it."""
-    return fit.weighted or fit.worst_block[0] < SPOTTED
-
-
-def uncertainty(fit: Fit, spread: np.ndarray | None = None) -> Uncertainty:
-    """Covariance of an estimate; `spread` (k, k) is added: of starts that did not agree.
-
-    With residuals that are noise: the inverse of the information. Otherwise the sandwich of H. White, Econometrica
-    50(1), 1982, with the gradient's half-second pieces as independent draws, at least as large as the former scaled
-    by the noise ratio. A direction that the log doesn't show gets an infinite variance.
+    For residuals that are noise: the inverse of the information. Otherwise the sandwich estimator of H. White,
+    Econometrica 50(1), 1982, with half-second pieces of the gradient as independent draws, at least as large as the
+    former scaled by the noise ratio. A direction that the log does not show gets an infinite variance.
     """
     names = tuple(parameter.name for parameter in fit.parameters)
     inverse, null = invert(fit.information)
     source: Literal["noise", "residuals"] = "noise"
     covariance = inverse
-    if not consistent(fit) or not spotless(fit):
+    if not within_noise(fit) or not (fit.weighted or fit.worst_block[0] < SLIP_DEVIATIONS):
         source = "residuals"
-        scaled = inverse * max(fit.noise_ratio, 1.0)
+        covariance = scaled = inverse * max(fit.noise_ratio, 1.0)
         blocks = len(fit.scores)
-        covariance = scaled
         if blocks > 2 * len(names):
             meat = fit.scores.T @ fit.scores * blocks / (blocks - len(names))
             covariance = inverse @ meat @ inverse
-            # Never surer than white residuals of that size would make it.
+            # Never smaller than for white residuals of that size.
             ratio = np.sqrt(np.maximum(np.diag(scaled) / np.maximum(np.diag(covariance), 1e-300), 1.0))
             covariance = covariance * np.outer(ratio, ratio)
     covariance = covariance.copy() if spread is None else covariance + spread
     covariance[null, null] = np.inf
-    return Uncertainty(names, covariance, source)
+    return ParameterCovariance(names, covariance, source)
 
 
-def estimates(fit: Fit, found: Uncertainty, sizes: np.ndarray, *, sure: bool = True) -> tuple[Estimate, ...]:
-    """A verdict for each parameter; sizes (k,): against what a standard deviation is small or large.
+def estimates(fit: Fit, found: ParameterCovariance, sizes: np.ndarray, *, sure: bool = True) -> tuple[Estimate, ...]:
+    """A verdict for each parameter; sizes (k,): what a standard deviation is compared with.
 
-    sure: that the minimum is the right one. If not, nothing is called well determined, however flat or steep it is.
+    sure: that the minimum is the global one. If not, nothing is well determined, whatever its curvature.
     """
     out = []
-    correlation = found.correlation
-    null = _null_vectors(fit.information)
-    quantile = float(stats.norm.ppf(0.975))
+    correlation, null = found.correlation, _null_directions(fit.information)
     for i, (parameter, value, sd, size) in enumerate(zip(fit.parameters, fit.values, found.sd, sizes, strict=True)):
         at_bound = _at_bound(parameter, float(value), float(sd))
-        verdict: Verdict
+        verdict: Verdict = "well determined"
         if not math.isfinite(sd) or sd > POOR * size:
             verdict = "not identifiable from this log"
-        elif not sure or sd > WELL * size or (at_bound and not _natural(parameter, at_bound)):
+        elif not sure or sd > WELL * size or (at_bound and not _natural_bound(parameter, at_bound)):
             verdict = "poorly determined"
-        else:
-            verdict = "well determined"
         if math.isfinite(sd):
-            order = np.argsort(-np.abs(correlation[i]))
-            trades = tuple(found.names[j] for j in order if j != i and abs(correlation[i, j]) > TRADES)
+            trades = [j for j in np.argsort(-np.abs(correlation[i])) if abs(correlation[i, j]) > TRADES]
         else:
-            shared = np.any((np.abs(null[i]) > 0.05) & (np.abs(null) > 0.05), axis=1) if null.size else np.zeros(0)
-            trades = tuple(found.names[j] for j in range(len(found.names)) if j != i and null.size and shared[j])
+            shared = np.any((np.abs(null[i]) > NULL_COMPONENT) & (np.abs(null) > NULL_COMPONENT), axis=1)
+            trades = list(np.flatnonzero(shared))
         out.append(
             Estimate(
-                name=parameter.name,
-                unit=parameter.unit,
-                start=parameter.value,
-                value=float(value),
-                sd=float(sd),
-                interval=(float(value - quantile * sd), float(value + quantile * sd)),
-                verdict=verdict,
-                trades=trades,
-                at_bound=at_bound,
-                prior_sd=parameter.prior_sd,
+                parameter.name, parameter.unit, parameter.value, float(value), float(sd), verdict,
+                tuple(found.names[j] for j in trades if j != i), at_bound, parameter.prior_sd,
             )
-        )
+        )  # fmt: skip
     return tuple(out)
 
 
 def balance_estimates(parameters: Sequence[FreeParameter], found: BalanceEstimate) -> tuple[Estimate, ...]:
-    """The same table for an estimate from balances: what they did not determine keeps its value, without a deviation.
+    """The same table for the estimates from balances; an undetermined parameter keeps its value with infinite sd.
 
-    How parameters trade places is not known there: each balance is solved by itself.
+    Each balance is solved by itself, so that correlations between parameters are not known.
     """
-    quantile = float(stats.norm.ppf(0.975))
     out = []
     for parameter in parameters:
         if parameter.sensor is not None:
@@ -181,25 +165,12 @@ def balance_estimates(parameters: Sequence[FreeParameter], found: BalanceEstimat
         verdict: Verdict = "not identifiable from this log"
         if known is not None and sd <= POOR * abs(value):
             verdict = "well determined" if sd <= WELL * abs(value) else "poorly determined"
-        out.append(
-            Estimate(
-                name=parameter.name,
-                unit=parameter.unit,
-                start=parameter.value,
-                value=value,
-                sd=sd,
-                interval=(value - quantile * sd, value + quantile * sd),
-                verdict=verdict,
-                trades=(),
-                at_bound="",
-                prior_sd=None,
-            )
-        )
+        out.append(Estimate(parameter.name, parameter.unit, parameter.value, value, sd, verdict))
     return tuple(out)
 
 
-def _natural(parameter: FreeParameter, at_bound: str) -> bool:
-    """A delay or a filter of zero is an answer, a mass at the end of what was allowed is none."""
+def _natural_bound(parameter: FreeParameter, at_bound: str) -> bool:
+    """Whether the bound is a possible answer: a delay or filter of zero is, a mass at the end of its range is not."""
     return parameter.sensor is not None and parameter.sensor[0] in ("delay", "filter") and at_bound == "lower"
 
 
@@ -210,26 +181,26 @@ def _at_bound(parameter: FreeParameter, value: float, sd: float) -> str:
     return "upper" if parameter.upper - value <= near else ""
 
 
-def _scaled(information: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Eigenvalues and vectors of the information with unit diagonal, and the scale that was taken out."""
+def _scaled(information: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Eigenvalues and vectors of the information with unit diagonal, which of them are null, and the scale."""
     size = np.sqrt(np.maximum(np.diag(information), 0.0))
     safe = np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(information / np.outer(safe, safe))
-    return values, vectors, safe
+    return values, vectors, values < NULL * max(values[-1], 1e-300), safe
 
 
-def _null_vectors(information: np.ndarray) -> np.ndarray:
-    """(k, directions): what the log doesn't show, in scaled parameters."""
-    values, vectors, _ = _scaled(information)
-    return vectors[:, values < NULL * max(values[-1], 1e-300)] if values.size else vectors
+def _null_directions(information: np.ndarray) -> np.ndarray:
+    """(k, directions): what the log does not show, in scaled parameters."""
+    if not information.size:
+        return information
+    _, vectors, null, _ = _scaled(information)
+    return np.asarray(vectors[:, null])
 
 
 def invert(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse over the directions that the log shows, and which parameters (k,) the others touch."""
+    """Inverse over the directions that the log shows, and which parameters (k,) are part of a null direction."""
     if not information.size:
         return information, np.zeros(0, dtype=bool)
-    values, vectors, size = _scaled(information)
-    shown = values >= NULL * max(values[-1], 1e-300)
-    inverse = (vectors[:, shown] / values[shown]) @ vectors[:, shown].T / np.outer(size, size)
-    null = np.any(np.abs(vectors[:, ~shown]) > 0.05, axis=1)
-    return inverse, null
+    values, vectors, hidden, size = _scaled(information)
+    inverse = (vectors[:, ~hidden] / values[~hidden]) @ vectors[:, ~hidden].T / np.outer(size, size)
+    return inverse, np.any(np.abs(vectors[:, hidden]) > NULL_COMPONENT, axis=1)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..core.errors import InputError
-from ..identification.checks import Finding
+from ..identification.checks import LogFinding
+from ..identification.comparison import GOOD, POOR, Comparison, fit_words, quality
 from ..identification.preparation import Step
-from ..identification.replay import GOOD, POOR, Replay, fit_words, quality
 from .document import Picture, embedded, merged_versions, write_document
 from .figures import replay_figure
 from .grounds import assumed_of, hashes
@@ -22,7 +22,7 @@ from .number import number
 class Replayed:
     """One model's free run, as the page shows it."""
 
-    replay: Replay
+    replay: Comparison
 
     @property
     def name(self) -> str:
@@ -54,11 +54,11 @@ class Replayed:
 
 
 def write_comparison_page(
-    replays: Sequence[Replay],
+    replays: Sequence[Comparison],
     folder: Path,
     *,
     command: str,
-    findings: Iterable[Finding] = (),
+    findings: Iterable[LogFinding] = (),
     untold: Iterable[str] = (),
     steps: Iterable[Step] = (),
 ) -> Path:
@@ -101,7 +101,7 @@ def write_comparison_page(
     )
 
 
-def _pictures(replays: Sequence[Replay], models: Sequence[Replayed]) -> list[Picture]:
+def _pictures(replays: Sequence[Comparison], models: Sequence[Replayed]) -> list[Picture]:
     words = " ".join(f"{model.name}: {model.sentence}" for model in models)
     kinds = (
         ("All of the log", False, "Free runs, driven by the logged drive and nothing else."),

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..core.text import join_words
-from ..identification.assumed import Drift, Refit
 from ..identification.identification import Identification
+from ..identification.refits import AssumptionRefit, EstimateSensitivity
 from ..plant.file import both
 from .grounds import written
 from .number import NOTHING, number
@@ -22,10 +22,10 @@ class DriftTable:
     """A column for each end of each assumed parameter's range, a row for each identified one."""
 
     identification: Identification
-    drifts: Sequence[Drift]
+    drifts: Sequence[EstimateSensitivity]
 
     @property
-    def _ends(self) -> list[tuple[Drift, Refit]]:
+    def _ends(self) -> list[tuple[EstimateSensitivity, AssumptionRefit]]:
         return [(drift, end) for drift in self.drifts for end in drift.ends]
 
     @property
@@ -67,13 +67,13 @@ def _moved(value: float, estimate: float) -> str:
     return "0 %" if abs(share) < 0.005 else f"{share:+.2g} %" if abs(share) < 99.5 else f"{share:+.0f} %"
 
 
-def _sentence(found: Identification, drift: Drift) -> tuple[str, bool | None]:
+def _sentence(found: Identification, drift: EstimateSensitivity) -> tuple[str, bool | None]:
     name = both(drift.parameter.name)
     possible = [end for end in drift.ends if not end.excluded]
     ends = [written(drift.parameter, end.value) for end in drift.ends if end.excluded]
     if not possible:
         return f"{name}: the log speaks against both ends of its believed range; freed, it can be estimated.", None
-    worst: tuple[float, str, Refit] | None = None
+    worst: tuple[float, str, AssumptionRefit] | None = None
     for end in possible:
         for estimate in found.estimates:
             size = abs(end.values[estimate.name] / estimate.value - 1.0) if estimate.value else 0.0

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from ..core.errors import InputError
 from ..core.text import join_words
-from ..identification.assumed import Drift
+from ..identification.comparison import GOOD, POOR
 from ..identification.identification import Identification
-from ..identification.replay import GOOD, POOR
+from ..identification.refits import EstimateSensitivity
 from ..identification.uncertainty import Estimate
 from ..plant.file import both
 from .channel import shown
@@ -36,7 +36,7 @@ class Section:
 
     identification: Identification
     anchor: str
-    tried: Sequence[Drift] | None = None
+    tried: Sequence[EstimateSensitivity] | None = None
 
     @property
     def drifts(self) -> DriftTable | None:
@@ -109,7 +109,7 @@ class Section:
     @property
     def beside(self) -> list[tuple[str, str, str, str, str]]:
         """Name, this estimate, that of the other method, unit, and the difference in standard deviations of both."""
-        other = {estimate.name: estimate for estimate in self.identification.beside}
+        other = {estimate.name: estimate for estimate in self.identification.other_estimates}
         rows = []
         for estimate in self.identification.estimates:
             if estimate.name in other:
@@ -164,7 +164,7 @@ class Section:
         if found.fit is not None:
             length = "whole logs in free run" if found.window is None else f"windows of {number(found.window)} s"
             facts.append((f"simulation{beside}", length))
-            tried = ", ".join(f"{start}: {number(cost)}" for start, cost in found.tried)
+            tried = ", ".join(f"{start}: {number(cost)}" for start, cost in found.starts)
             facts.append(("starts tried, with their cost", tried))
             facts.append(("residuals", f"{found.fit.residuals}, {number(found.fit.reduced_cost)} times the weights"))
         facts.append(("time", f"{number(found.seconds)} s"))
@@ -176,7 +176,7 @@ def write_identification_page(
     folder: Path,
     *,
     command: str,
-    drifts: Sequence[Sequence[Drift]] = (),
+    drifts: Sequence[Sequence[EstimateSensitivity]] = (),
 ) -> Path:
     """Write `report.html` to the folder and return its path; the same identifications give the same bytes.
 
@@ -184,14 +184,14 @@ def write_identification_page(
     ----------
     identifications: one, or several models of the same logs, the simplest first.
     command: the command line that made them, for the page's end.
-    drifts: of each what `identification.assumed.over_assumed` says; left out where that was not asked for.
+    drifts: of each what `identification.refits.assumption_sensitivities` says; left out where that was not asked for.
 
     Raises InputError if there is none.
     """
     if not identifications:
         raise InputError("there is no identification to report; identify at least one plant")
     names = anchors(f"model-{found.plant.model}" for found in identifications)
-    tried: list[Sequence[Drift] | None] = [*drifts] if drifts else [None] * len(identifications)
+    tried: list[Sequence[EstimateSensitivity] | None] = [*drifts] if drifts else [None] * len(identifications)
     sections = [Section(*parts) for parts in zip(identifications, names, tried, strict=True)]
     findings = dict.fromkeys(finding for found in identifications for finding in found.findings)
     return write_document(

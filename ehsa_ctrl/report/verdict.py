@@ -6,9 +6,9 @@ import math
 from typing import Literal, NamedTuple
 
 from ..core.text import join_words
+from ..identification.comparison import quality
 from ..identification.identification import Identification
-from ..identification.replay import quality
-from ..identification.window import sensor_sd
+from ..identification.initial_state import sensor_sd
 from ..plant.file import both
 from .kinds._result import FITS, Sentence, worst_of
 from .number import number
@@ -31,7 +31,7 @@ class Verdict(NamedTuple):
 
 def verdict(identification: Identification) -> Verdict:
     """How many parameters are determined, what the fit became, whether residuals are noise; in this order."""
-    doubts = tuple((f"{sentence[0].upper()}{sentence[1:]}.", False) for sentence in identification.doubts)
+    doubts = tuple((f"{sentence[0].upper()}{sentence[1:]}.", False) for sentence in identification.search_warnings)
     sentences = (_determined(identification), *doubts, _reached(identification), _left(identification))
     if identification.interrupted:
         interrupted = ("The search was interrupted: this is the best that it had, not the minimum.", False)
@@ -90,7 +90,7 @@ def _left(identification: Identification) -> tuple[str, bool | None]:
     """Whether residuals of the simulation are noise."""
     fit = identification.fit
     if fit is None:
-        why = identification.without.rstrip(".")
+        why = identification.no_simulation.rstrip(".")
         return f"Residuals of a simulation were not tested{f': {why}' if why else ''}.", False if why else None
     tests = identification.residual_tests
     failed = [test for test in tests if not test.passed]

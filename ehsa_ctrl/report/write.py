@@ -11,8 +11,8 @@ from ..core.files import FORCE_ARGUMENT
 from ..core.result_folder import ResultFolder
 from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import Diagnosis
+from ..identification.comparison import Comparison
 from ..identification.identification import Identification
-from ..identification.replay import Replay
 from ..scenario.result import ScenarioResult
 from .comparison_page import write_comparison_page
 from .diagnosis_page import FILE, write_diagnosis_page
@@ -44,7 +44,7 @@ def _replays(found: Sequence[Any], folder: Path) -> Path:
 PAGES: dict[type, tuple[str, Callable[[Sequence[Any], Path], Path], bool]] = {
     ScenarioResult: ("report.html", _runs, True),
     Identification: ("report.html", _identifications, True),
-    Replay: ("report.html", _replays, True),
+    Comparison: ("report.html", _replays, True),
     Diagnosis: (FILE, _diagnosis, False),
     Change: (FILE, _change, False),
 }

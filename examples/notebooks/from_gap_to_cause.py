@@ -28,7 +28,7 @@ import pandas as pd
 
 import ehsa_ctrl as e
 from ehsa_ctrl.diagnosis.signals import gap, noise_of, scored, signal_noise
-from ehsa_ctrl.identification.sliding import sliding_linear
+from ehsa_ctrl.identification.plant_toml import sliding_linear
 from ehsa_ctrl.plant.motion_current import motion_current
 from ehsa_ctrl.report.figures import candidates_figure, shrinkage_figure, unknown_inputs_figure, where_figure
 from ehsa_ctrl.report.style import BLUE, GREEN, GREY, RC, VERMILION

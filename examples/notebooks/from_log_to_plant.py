@@ -27,7 +27,7 @@ import numpy as np
 import pandas as pd
 
 import ehsa_ctrl as e
-from ehsa_ctrl.identification.sliding import sliding_linear
+from ehsa_ctrl.identification.plant_toml import sliding_linear
 from ehsa_ctrl.report.figures import correlation_figure, parameters_figure, residuals_figure
 from ehsa_ctrl.report.style import BLACK, BLUE, GREEN, PURPLE, RC, VERMILION
 

@@ -8,7 +8,7 @@ import pytest
 
 from ehsa_ctrl.cli.progress import compiling
 from ehsa_ctrl.core import compiled
-from ehsa_ctrl.identification.replay import fit_cell
+from ehsa_ctrl.identification.comparison import fit_cell
 from ehsa_ctrl.plant.structure import Structure
 
 

@@ -10,7 +10,7 @@ from ehsa_ctrl import InputError, load_plant, read_plant_log
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
 from ehsa_ctrl.diagnosis.signals import gap, scored, signal_noise
-from ehsa_ctrl.identification.replay import replay
+from ehsa_ctrl.identification.comparison import replay
 
 
 def labelled(folder, name):

@@ -128,7 +128,9 @@ def test_time_in_s_that_is_mapped_as_ms_is_named(bench):
 
     (finding,) = check_log(short, mapped)
 
-    assert finding.kind == "time_unit" and 'probably in s already: write t = { column = "Zeit" }' in str(finding)
+    assert finding.kind == "time_unit" and 'probably in s already: write t = { column = "Zeit", scale = 1 }' in str(
+        finding
+    )
 
 
 @pytest.mark.parametrize("channel", ["current", "speed", "position"])

@@ -7,10 +7,10 @@ import pytest
 
 from ehsa_ctrl import simulate
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.identification.drives import acting_drive, undo_sensor
-from ehsa_ctrl.identification.measured import measure
-from ehsa_ctrl.identification.residual import run_window
-from ehsa_ctrl.identification.window import cut
+from ehsa_ctrl.identification.balance_signals import balance_signals
+from ehsa_ctrl.identification.logged_inputs import acting_drive, undo_sensor
+from ehsa_ctrl.identification.residuals import simulate_window
+from ehsa_ctrl.identification.shooting import shooting_windows
 from ehsa_ctrl.plant.plant import Sensor
 from ehsa_ctrl.simulation.sensors import shown
 
@@ -61,7 +61,7 @@ def test_the_estimator_drives_a_plant_with_dead_time_as_the_engine_does(truth, n
     log = noise_log.segment(0.0, 2.0)
     run = simulate(plant, log["current"])
 
-    found = run_window(plant, cut(plant, log, None)[0], plant.rest, ["J_M"], tolerance=1e-9)
+    found = simulate_window(plant, shooting_windows(plant, log, None)[0], plant.rest, ["J_M"], tolerance=1e-9)
 
     column = plant.structure.equations.index
     for channel, state in plant.structure.system.outputs.items():
@@ -75,6 +75,6 @@ def test_the_balances_see_the_current_when_it_acts(truth):
     plant = truth.with_effects("drive_delay", T_d=0.008)
     log = Log(0.004 * np.arange(400), {"current": CURRENT, "speed": np.zeros(400)})
 
-    prompt, late = (measure(rig, log, "weak", 100.0).values["current"] for rig in (truth, plant))
+    prompt, late = (balance_signals(rig, log, "weak", 100.0).values["current"] for rig in (truth, plant))
 
     np.testing.assert_allclose(late[3:], prompt[1:-2], atol=1e-12)

@@ -8,13 +8,13 @@ import pytest
 from scipy import stats
 
 from ehsa_ctrl import InputError, design_experiment, excitation, forecast, load_plant, read_log, record, simulate
-from ehsa_ctrl.identification.admissible import LimitUse, shares, variations
-from ehsa_ctrl.identification.estimator import fit
-from ehsa_ctrl.identification.free import free_parameters
-from ehsa_ctrl.identification.rehearsal import rehearse
-from ehsa_ctrl.identification.search import Search, rank
-from ehsa_ctrl.identification.shapes import PACES, joined, single_shapes
-from ehsa_ctrl.identification.window import cut
+from ehsa_ctrl.identification.gauss_newton import fit
+from ehsa_ctrl.identification.input_limits import LimitUse, limit_shares, variations
+from ehsa_ctrl.identification.input_search import InputSearch, rank
+from ehsa_ctrl.identification.input_shapes import PACES, joined, single_shapes
+from ehsa_ctrl.identification.parameters import free_parameters
+from ehsa_ctrl.identification.predicted_accuracy import check_accuracy
+from ehsa_ctrl.identification.shooting import shooting_windows
 from ehsa_ctrl.simulation.limits import reached
 
 
@@ -42,7 +42,7 @@ def test_a_stroke_is_said_as_the_distance_from_the_middle():
 def test_the_limits_are_kept_on_the_plant_and_its_variations(plant, proposal):
     """The proposed current leaves the margin on the believed plant, and the plain limits on every variation."""
     run = simulate(plant, proposal.current)
-    used = shares(plant, reached(plant, run.current, run.states, run.extremes))
+    used = limit_shares(plant, reached(plant, run.current, run.states, run.extremes))
 
     assert not proposal.centre and run.exceeded == ()
     assert max(used.values()) <= 1 - proposal.margin + 1e-3
@@ -67,18 +67,18 @@ def test_all_parameters_of_the_paper_are_determined(proposal):
 
     assert len(relative) == 11 and max(relative.values()) < 0.05
     assert max(relative.values()) <= proposal.calibration * proposal.chosen.score
-    assert proposal.calibration == max(1.0, proposal.rehearsal.ratio)
+    assert proposal.calibration == max(1.0, proposal.check.ratio)
     assert proposal.undetermined == {}
     assert [c.rank for c in proposal.candidates] == sorted(c.rank for c in proposal.candidates)
 
 
 def test_a_rehearsal_tells_a_promise_that_holds_from_one_that_does_not(plant, proposal):
     """The same logs fail a promise of a third of the sd."""
-    assert proposal.rehearsal.passed and 0.6 < proposal.rehearsal.ratio < 1.4
+    assert proposal.check.passed and 0.6 < proposal.check.ratio < 1.4
     boast = replace(
         proposal.forecast, fit=replace(proposal.forecast.fit, information=9 * proposal.forecast.fit.information)
     )
-    found = rehearse(boast, free_parameters(plant), proposal.current, logs=2, jobs=2)
+    found = check_accuracy(boast, free_parameters(plant), proposal.current, logs=2, jobs=2)
 
     assert not found.passed and found.ratio > 1.8
     assert "more than promised" in str(found)
@@ -88,7 +88,7 @@ def test_what_is_promised_is_what_the_rehearsals_showed(plant, proposal):
     """Errors 1.2 times the linear theory's make every sd 1.2 times as large; smaller errors change nothing."""
     own = proposal.chosen.forecast
     larger, smaller = (
-        replace(proposal, rehearsals={0: replace(proposal.rehearsal, ratio=ratio)}, chosen=proposal.candidates[0])
+        replace(proposal, checks={0: replace(proposal.check, ratio=ratio)}, chosen=proposal.candidates[0])
         for ratio in (1.2, 0.8)
     )
 
@@ -101,12 +101,12 @@ def test_what_is_promised_is_what_the_rehearsals_showed(plant, proposal):
 @pytest.mark.slow
 def test_the_amplitude_that_is_found_is_a_minimum(plant):
     """Over the screening time no amplitude of a fine grid tells ten per cent more than the best that was tried."""
-    search = Search(plant, free_parameters(plant), 8.0, None, "worst", 0.15, 0.3, 0, 0, 1, None)
+    search = InputSearch(plant, free_parameters(plant), 8.0, None, "worst", 0.15, 0.3, 0, 0, 1, None)
     shape = next(single_shapes("sine", 0, 1))
-    trials = search._screen(shape)
+    trials = search.screen(shape, plant)
 
     amplitudes = np.linspace(0.3, 1.0, 15) * max(trial.amplitude for trial in trials)
-    runs = (search._forecast(search._run(search.short, shape.current(search.short, a))) for a in amplitudes)
+    runs = (search._accuracy(search._run(search.short, shape.current(search.short, a))) for a in amplitudes)
     grid = [rank(here.fit.information, here.sizes, "worst") for here in runs if here is not None]
 
     assert min(trial.rank for trial in trials)[0] == 0 and len(trials) > 3
@@ -122,7 +122,7 @@ def test_the_promised_sd_comes_out(proposal):
 
     def estimate(seed):
         log, _ = record(plant, proposal.time, proposal.current, seed=seed)
-        return fit(plant, cut(plant, log, None), parameters, drive_errors=True).values
+        return fit(plant, shooting_windows(plant, log, None), parameters, drive_errors=True).values
 
     with ThreadPoolExecutor(2) as pool:
         values = np.array(list(pool.map(estimate, range(100, 132))))
@@ -207,7 +207,7 @@ def test_shares_count_from_rest(plant):
     """Pressures from P_0 = 20 bar: 10 bar is half of the way down, 115 bar half of the way up."""
     limited = replace(plant, limits={name: plant.limits[name] for name in ("pressure_min", "pressure_max", "stroke")})
 
-    assert shares(limited, {"pressure_min": 10e5, "pressure_max": 115e5, "stroke": 0.05}) == {
+    assert limit_shares(limited, {"pressure_min": 10e5, "pressure_max": 115e5, "stroke": 0.05}) == {
         "pressure_min": pytest.approx(0.5),
         "pressure_max": pytest.approx(0.5),
         "stroke": pytest.approx(0.25),

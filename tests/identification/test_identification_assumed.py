@@ -6,8 +6,8 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.identification.assumed import over_assumed
 from ehsa_ctrl.identification.identify import identify
+from ehsa_ctrl.identification.refits import assumption_sensitivities
 from ehsa_ctrl.report.identification_page import write_identification_page
 
 
@@ -28,7 +28,7 @@ def found():
 
 @pytest.fixture(scope="module")
 def drifts(found):
-    return over_assumed(found)
+    return assumption_sensitivities(found)
 
 
 def test_only_what_is_assumed_and_has_a_range_is_tried(drifts):
@@ -67,4 +67,4 @@ def test_the_page_shows_by_how_much_each_moves(found, drifts, tmp_path):
 def test_balances_have_no_simulation_to_fit_again(found):
     """Said in a sentence."""
     with pytest.raises(InputError, match="not by balances"):
-        over_assumed(dataclasses.replace(found, fit=None))
+        assumption_sensitivities(dataclasses.replace(found, fit=None))

@@ -3,7 +3,7 @@
 import pytest
 
 from ehsa_ctrl import InputError
-from ehsa_ctrl.identification.profile import profile
+from ehsa_ctrl.identification.refits import profile
 
 
 @pytest.mark.slow

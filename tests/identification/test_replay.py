@@ -7,7 +7,7 @@ import pytest
 
 from ehsa_ctrl import InputError, excitation, fit_percent, load_plant, read_plant_log, record, replay, simulate
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.identification.replay import fit_words
+from ehsa_ctrl.identification.comparison import fit_words
 
 
 @pytest.fixture(scope="module")

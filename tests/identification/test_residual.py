@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl import simulate
-from ehsa_ctrl.identification.free import with_values
-from ehsa_ctrl.identification.residual import run_window
-from ehsa_ctrl.identification.window import cut, estimate_states
+from ehsa_ctrl.identification.initial_state import estimate_states
+from ehsa_ctrl.identification.parameters import with_values
+from ehsa_ctrl.identification.residuals import simulate_window
+from ehsa_ctrl.identification.shooting import shooting_windows
 
 STEP = {
     "J_M": 1e-8,
@@ -27,12 +28,12 @@ def test_derivatives_by_symbols_and_sensors(truth, noise_log, name):
     By a delay it is the slope between samples, which is rough where the rod starts within one: twelve per cent.
     """
     plant = with_values(truth, ["delay.position", "scale.speed", "filter.speed"], [0.003, 1.1, 0.005])
-    window = cut(plant, noise_log, 1.0)[3]
-    base = run_window(plant, window, window.start, [name], tolerance=1e-11)
+    window = shooting_windows(plant, noise_log, 1.0)[3]
+    base = simulate_window(plant, window, window.start, [name], tolerance=1e-11)
     word = getattr(plant.sensors[name.split(".")[1]], name.split(".")[0]) if "." in name else plant[name]
 
     moved = [
-        run_window(with_values(plant, [name], [word + s * STEP[name]]), window, window.start, [], tolerance=1e-11)
+        simulate_window(with_values(plant, [name], [word + s * STEP[name]]), window, window.start, [], tolerance=1e-11)
         for s in (1, -1)
     ]
 
@@ -44,7 +45,7 @@ def test_derivatives_by_symbols_and_sensors(truth, noise_log, name):
 
 def test_windows_cover_a_log_and_begin_where_motion_is_plain(truth, noise_log):
     """Neighbours share a sample, none is lost, and each start is near the true state."""
-    windows = cut(truth, noise_log, 0.4)
+    windows = shooting_windows(truth, noise_log, 0.4)
     run = simulate(truth, noise_log["current"])
 
     assert windows[0].first == 0 and windows[-1].last == len(noise_log) - 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from ehsa_ctrl.identification.whiteness import LEVEL, band, correlations
+from ehsa_ctrl.identification.residual_tests import LEVEL, band, correlations
 
 N = 1000
 

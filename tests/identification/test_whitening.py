@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ehsa_ctrl.identification.whitening import accumulate, filter_gains, input_errors, whiten
+from ehsa_ctrl.identification.innovations import filter_gains, propagate_sensitivities, smooth_input_errors, whiten
 
 N, STATES, COLUMN = 40, 3, np.array([0, 2])
 SCALE, SD, INPUT_SD = np.array([1.5, 1.0]), np.array([0.3, 0.2]), 0.7
@@ -49,14 +49,14 @@ def test_whitened_squares_are_those_of_the_dense_covariance(chain):
     assert 2 * np.sum(np.log(spread)) == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-9)
 
 
-def test_input_errors_are_the_conditional_mean(chain):
+def test_smooth_input_errors_are_the_conditional_mean(chain):
     """The backward sweep gives q G' C^-1 e."""
     e = np.random.default_rng(6).standard_normal((N, COLUMN.size, 1))
     expected = INPUT_SD**2 * response(chain).T @ np.linalg.solve(covariance(chain), e.ravel())
 
     gains, spread = filter_gains(*chain, COLUMN, SCALE, SD, INPUT_SD)
     white = whiten(*chain, COLUMN, SCALE, gains, spread, e, np.zeros(N))[:, :, 0]
-    found = input_errors(*chain, COLUMN, SCALE, gains, spread, white, INPUT_SD)
+    found = smooth_input_errors(*chain, COLUMN, SCALE, gains, spread, white, INPUT_SD)
 
     assert found[:-1] == pytest.approx(expected, rel=1e-8, abs=1e-12)
     assert found[-1] == 0.0
@@ -83,12 +83,12 @@ def test_without_noise_on_the_input_it_divides_by_the_sensors_noise(chain):
     assert np.array_equal(white[:, :, 0], e[:, :, 0] / SD)
 
 
-def test_accumulated_derivatives_are_products(chain):
+def test_propagate_sensitivitiesd_derivatives_are_products(chain):
     """By the initial state the product of the transitions, by a parameter the sum of what each sample adds."""
     by_state = chain[0]
     by_parameter = np.random.default_rng(9).standard_normal((N - 1, STATES, 2))
 
-    found = accumulate(by_state, by_parameter, np.eye(STATES)[:, :1])
+    found = propagate_sensitivities(by_state, by_parameter, np.eye(STATES)[:, :1])
 
     state, parameter = np.eye(STATES)[:, :1], np.zeros((STATES, 2))
     for s in range(N - 1):

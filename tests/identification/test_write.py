@@ -9,7 +9,7 @@ import ehsa_ctrl
 from ehsa_ctrl import InputError
 from ehsa_ctrl.core.catalogue import plants
 from ehsa_ctrl.core.parameter import Parameter
-from ehsa_ctrl.identification.write import plant_toml, write_plant
+from ehsa_ctrl.identification.plant_toml import plant_toml, write_plant
 from ehsa_ctrl.physics.effects import EFFECTS
 
 TEXT = plants["ehsa"].read_text()

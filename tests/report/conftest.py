@@ -9,7 +9,7 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.cli.output import to_json
 from ehsa_ctrl.core.definition import validate
-from ehsa_ctrl.identification.identification import Reach
+from ehsa_ctrl.identification.identification import FreeRuns
 from ehsa_ctrl.identification.identify import identify
 from ehsa_ctrl.report.grounds import grounds
 from ehsa_ctrl.scenario.definition import Scenario, ScenarioFile
@@ -99,19 +99,19 @@ def vague(fitting):
     names = (endless.name, bound.name, "bias.position", sure.name)
     rows = (
         dataclasses.replace(
-            endless, sd=np.inf, interval=(-np.inf, np.inf), verdict="not identifiable from this log", trades=("V_10",)
+            endless, sd=np.inf, verdict="not identifiable from this log", trades=("V_10",)
         ),
         dataclasses.replace(
-            bound, sd=0.2 * bound.value, interval=(0.6 * bound.value, 1.4 * bound.value),
+            bound, sd=0.2 * bound.value,
             verdict="poorly determined", at_bound="lower", trades=("bias.position",), prior_sd=0.1 * bound.value,
         ),
         dataclasses.replace(
-            bias, name="bias.position", unit="m", value=0.0, start=0.0, sd=1e-5, interval=(-2e-5, 2e-5)
+            bias, name="bias.position", unit="m", value=0.0, start=0.0, sd=1e-5
         ),
         sure,
     )  # fmt: skip
     unsure = dataclasses.replace(fitting.uncertainty, names=names, covariance=covariance)
-    return dataclasses.replace(fitting, estimates=rows, uncertainty=unsure, validation=Reach((), ()))
+    return dataclasses.replace(fitting, estimates=rows, uncertainty=unsure, validation=FreeRuns((), ()))
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgb
 
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.identification.identification import Reach
+from ehsa_ctrl.identification.identification import FreeRuns
 from ehsa_ctrl.identification.uncertainty import Uncertainty
 from ehsa_ctrl.report.channel import liveliest, shown
 from ehsa_ctrl.report.figures import (
@@ -103,7 +103,7 @@ def test_another_log_is_asked_for_by_its_number(fitting):
     """The second of two logs; one that is not there is refused."""
     reach = fitting.validation
     twice = dataclasses.replace(
-        fitting, validation=Reach(reach.after + fitting.train.after, reach.before + fitting.train.before)
+        fitting, validation=FreeRuns(reach.after + fitting.train.after, reach.before + fitting.train.before)
     )
 
     assert "noise" in identification_figure(twice, 1).get_suptitle()
@@ -115,7 +115,7 @@ def test_a_run_that_drifts_away_does_not_flatten_the_others(fitting):
     """A position that is a metre off before leaves its panel; what was measured still fills a third of it."""
     (before,) = fitting.validation.before
     far = dataclasses.replace(before, simulated=dict(before.simulated) | {"position": np.full(len(before.log), 1.0)})
-    drifted = dataclasses.replace(fitting, validation=Reach(fitting.validation.after, (far,)))
+    drifted = dataclasses.replace(fitting, validation=FreeRuns(fitting.validation.after, (far,)))
     wholes, _ = columns(identification_figure(drifted))
 
     assert np.ptp(1e3 * before.log["position"]) > 0.3 * np.ptp(wholes["position"].get_ylim())
@@ -128,7 +128,9 @@ def test_a_run_that_ended_early_has_no_fit(fitting):
     ended = dataclasses.replace(
         after, simulated=cut, stopped="it ended", fit_percent=dict.fromkeys(after.fit_percent, np.nan)
     )
-    figure = identification_figure(dataclasses.replace(fitting, validation=Reach((ended,), fitting.validation.before)))
+    figure = identification_figure(
+        dataclasses.replace(fitting, validation=FreeRuns((ended,), fitting.validation.before))
+    )
     _, details = columns(figure)
 
     assert details["speed"].texts[0].get_text().endswith("after –")

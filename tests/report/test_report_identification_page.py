@@ -8,8 +8,8 @@ import pytest
 
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.text import join_words
-from ehsa_ctrl.identification.checks import Finding
-from ehsa_ctrl.identification.identification import Reach
+from ehsa_ctrl.identification.checks import LogFinding
+from ehsa_ctrl.identification.identification import FreeRuns
 from ehsa_ctrl.identification.preparation import Step
 from ehsa_ctrl.report.comparison_page import write_comparison_page
 from ehsa_ctrl.report.identification_page import write_identification_page
@@ -21,7 +21,7 @@ from .reading import Page, loads_nothing
 pytestmark = pytest.mark.slow
 
 COMMAND = 'ehsa-ctrl identify "my <log>.csv"'
-WARNING = Finding("dead", "p1", "warning", "my <log>.csv: p1 stands still; look at its sensor")
+WARNING = LogFinding("dead", "p1", "warning", "my <log>.csv: p1 stands still; look at its sensor")
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +185,7 @@ def test_the_other_method_stands_beside(identified, fitting):
     page = Page(identified)
     tables = [rows[1:] for rows in page.tables if rows[0][:3] == ["name", "by simulation", "by balances"]]
     rows = {row[0]: row for row in tables[1]}
-    other = {e.name: e for e in fitting.beside}
+    other = {e.name: e for e in fitting.other_estimates}
     (closing,) = [rows[1:] for rows in page.tables[len(page.tables) // 2 :] if rows[0][:2] == ["balance", "residual"]]
 
     assert set(rows) == {e.name for e in fitting.estimates} & set(other)
@@ -203,15 +203,15 @@ def test_the_end_says_what_the_numbers_rest_on(identified, fitting):
 
     assert {row[1] for row in page.table("plant", "name", "value")} >= {"K_T"}
     assert "steps.csv" in words and COMMAND in words and WARNING.sentence in words
-    assert f"{fitting.tried[0][0]}: {number(fitting.tried[0][1])}" in words
+    assert f"{fitting.starts[0][0]}: {number(fitting.starts[0][1])}" in words
     assert fitting.provenance["numpy"] in words
 
 
 def test_a_verdict_is_bad_where_something_is(fitting, failing, vague):
     """All well with the right model; not with one that can't fit, that knows too little, or that was interrupted."""
-    worse = dataclasses.replace(fitting, validation=Reach(fitting.validation.before, fitting.validation.after))
+    worse = dataclasses.replace(fitting, validation=FreeRuns(fitting.validation.before, fitting.validation.after))
     ended = dataclasses.replace(fitting.validation.after[0], stopped="the rod left its stroke.")
-    early = dataclasses.replace(fitting, validation=Reach((ended,), fitting.validation.before))
+    early = dataclasses.replace(fitting, validation=FreeRuns((ended,), fitting.validation.before))
     untested = dataclasses.replace(fitting, fit=None, residual_tests=())
 
     assert False not in (verdict(fitting).state, verdict(untested).state)
@@ -219,12 +219,14 @@ def test_a_verdict_is_bad_where_something_is(fitting, failing, vague):
     assert verdict(dataclasses.replace(fitting, interrupted=True)).state is False
     assert "fell" in verdict(worse).sentences[1][0]
     assert verdict(early).sentences[1][0].endswith("the simulation ended early: the rod left its stroke.")
-    assert verdict(dataclasses.replace(untested, without="the start is too far off")).state is False
+    assert verdict(dataclasses.replace(untested, no_simulation="the start is too far off")).state is False
 
 
 def test_balances_say_how_well_they_close(fitting):
     """Where the estimate is theirs, each balance's error is part of the verdict."""
-    by_balances = dataclasses.replace(fitting, method="balances", estimates=fitting.beside, beside=fitting.estimates)
+    by_balances = dataclasses.replace(
+        fitting, method="balances", estimates=fitting.other_estimates, other_estimates=fitting.estimates
+    )
     words = verdict(by_balances).sentences[0][0]
 
     for fit in fitting.balances.balances:

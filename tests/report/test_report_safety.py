@@ -8,7 +8,7 @@ from urllib.parse import unquote
 import pytest
 
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.identification.checks import Finding
+from ehsa_ctrl.identification.checks import LogFinding
 from ehsa_ctrl.report.comparison_page import write_comparison_page
 from ehsa_ctrl.report.diagnosis_page import write_diagnosis_page
 from ehsa_ctrl.report.document import image
@@ -129,7 +129,7 @@ def test_words_of_a_result_in_python_stay_words(gentle, fitting, tmp_path):
     )
     found = diagnosis("effect")
     found = dataclasses.replace(found, log=dataclasses.replace(found.log, path=Path(words)))
-    finding = Finding("dead", words, "warning", words)
+    finding = LogFinding("dead", words, "warning", words)
     fitted = dataclasses.replace(fitting, train=reach, plant=plant, findings=(finding,))
 
     for written in (

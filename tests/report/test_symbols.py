@@ -7,7 +7,7 @@ from ehsa_ctrl import load_plant
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.diagnosis import Cause, Diagnosis, Estimated
-from ehsa_ctrl.identification.free import free_parameters
+from ehsa_ctrl.identification.parameters import free_parameters
 from ehsa_ctrl.report.diagnosis_rows import facts
 from ehsa_ctrl.report.kinds import diagnosis
 from ehsa_ctrl.scenario.sensitivity import Influence

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...core.plotting import draw
-from ...identification.experiment import Experiment
+from ...identification.experiment import ExperimentDesign
 from ...identification.uncertainty import POOR, WELL
 from ...plant.file import both
 from ..number import number
@@ -22,7 +22,7 @@ SMALLEST = 1e-3
 
 
 @draw.register
-def experiment_figure(experiment: Experiment) -> Figure:
+def experiment_figure(experiment: ExperimentDesign) -> Figure:
     """Current [A], speed [rpm], pressures [bar] and position [mm] over time [s], and the expected sd [%] of each
     parameter: bars for the believed plant, ticks for the worst of its variations."""
     run = experiment.run

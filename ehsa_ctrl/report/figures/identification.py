@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from ...core.errors import InputError
 from ...core.plotting import draw
+from ...identification.comparison import Comparison
 from ...identification.identification import Identification
-from ...identification.replay import Replay
 from ..channel import liveliest, shown
 from ..number import number
 from ..style import BLUE, ROLES, style
@@ -89,7 +89,7 @@ def identification_figure(identification: Identification, index: int = 0) -> Fig
     return figure
 
 
-def _signals(channel: str, before: Replay, after: Replay) -> dict[str, np.ndarray]:
+def _signals(channel: str, before: Comparison, after: Comparison) -> dict[str, np.ndarray]:
     """What was measured and simulated of a channel, (N,) each, in the shown unit."""
     scale = shown(channel).scale
     found = {"measured": np.asarray(after.log[channel]) / scale}

@@ -9,12 +9,12 @@ from matplotlib.figure import Figure
 
 from ...core.errors import InputError
 from ...core.plotting import draw
-from ...identification.replay import Replay
+from ...identification.comparison import Comparison
 from ..channel import liveliest, shown
 from .overlay import overlay_figure
 
 
-def replay_figure(replays: Sequence[Replay], *, detail: bool = False) -> Figure:
+def replay_figure(replays: Sequence[Comparison], *, detail: bool = False) -> Figure:
     """The drives, and each output of the log with what every replay made of it, over the log's time.
 
     Parameters
@@ -43,5 +43,5 @@ def replay_figure(replays: Sequence[Replay], *, detail: bool = False) -> Figure:
 
 
 @draw.register
-def _(replay: Replay) -> Figure:
+def _(replay: Comparison) -> Figure:
     return replay_figure([replay])

@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ...core.errors import InputError
 from ...identification.identification import Identification
-from ...identification.whiteness import LEVEL, Correlation
+from ...identification.residual_tests import LEVEL, Correlation
 from ..channel import shown
 from ..style import BLUE, GREY, VERMILION, WIDTH, style
 from ._layout import GAP, sheet, stack

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...identification.replay import fit_words, quality
+from ...identification.comparison import fit_words, quality
 from ._result import DOUBT, FITS, Drawing, Kind, Result, Sentence, fit_table, settings_of, written
 
 

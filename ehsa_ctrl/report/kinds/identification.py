@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.text import join_words, unique_names
-from ...identification.replay import fit_words, quality
+from ...identification.comparison import fit_words, quality
 from ...plant.file import both
 from ..number import uncertain, unit
 from ._result import DOUBT, FITS, Drawing, Kind, Result, Sentence, Table, fit_table, percent, settings_of, written

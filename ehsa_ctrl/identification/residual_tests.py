@@ -1,15 +1,16 @@
-"""Is anything left in the residuals that a better model could have explained?
+"""Correlation tests of whitened residuals: is anything left that a better model could explain?
 
-A right model leaves residuals that don't know of each other, nor of the drive, the direction of motion or the
-position. As in L. Ljung, "System Identification: Theory for the User", 2nd ed., section 16.6, on whitened residuals,
-with friction's own regressors beside the input.
+The residuals of a right model are uncorrelated with their own past, with the input, the direction of motion and the
+position. Source: L. Ljung, "System Identification: Theory for the User", 2nd ed., section 16.6, with the regressors of
+friction beside the input.
 
-Lags are not independent: against sign(v), which keeps its value for many samples, all of them say nearly the same. All
-tests of a run are judged together: one of them fails for one right model in a hundred.
+Lags are not independent: sign(v) keeps its value for many samples, so that all of its lags show nearly the same. The
+bands hold for all tests of a run together: one of 100 right models fails one of them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -22,9 +23,9 @@ LAGS, LEVEL = 25, 0.99
 
 @dataclass(frozen=True)
 class Correlation:
-    """Correlation of one channel's residual with something at lags 0 (1 for itself) to LAGS.
+    """Correlation of one channel's residual with a signal at lags 0 (1 for itself) to LAGS.
 
-    values (lags,). band: within it a right model stays at all lags, in all tests of the run, for 99 of 100 logs.
+    values (lags,). band: limit that a right model exceeds at no lag and in no test of the run, for 99 of 100 logs.
     """
 
     channel: str
@@ -48,33 +49,34 @@ class Correlation:
 
 
 def correlations(
-    white: np.ndarray, channels: tuple[str, ...], against: dict[str, np.ndarray]
+    white: np.ndarray, channels: tuple[str, ...], against: Mapping[str, np.ndarray]
 ) -> tuple[Correlation, ...]:
     """Residual tests of a run.
 
-    white (N, m): whitened residual; channels: its columns; against: name -> (N,) what the residual must not know of.
+    white (N, m): whitened residual with the columns `channels`; against: name -> (N,) signal that the residual has to
+    be uncorrelated with.
     """
     samples = white.shape[0]
     lags = min(LAGS, samples // 4)
     moving = {name: values for name, values in against.items() if np.std(values) > 0.0}
     alarm = (1.0 - LEVEL) / (len(channels) * (1 + len(moving)))
     size = np.sqrt(samples)
-    alone = band(0.0, lags, alarm) / size
+    own_band = band(0.0, lags, alarm) / size
     bands = {name: band(_correlate(values, values, 1)[1], lags + 1, alarm) / size for name, values in moving.items()}
     out = []
-    for column, channel in enumerate(channels):
-        out.append(Correlation(channel, "itself", _correlate(white[:, column], white[:, column], lags)[1:], alone))
+    for residual, channel in zip(white.T, channels, strict=True):
+        out.append(Correlation(channel, "itself", _correlate(residual, residual, lags)[1:], own_band))
         for name, values in moving.items():
-            out.append(Correlation(channel, name, _correlate(white[:, column], values, lags), bands[name]))
+            out.append(Correlation(channel, name, _correlate(residual, values, lags), bands[name]))
     return tuple(out)
 
 
 @cache
 def band(neighbours: float, lags: int, alarm: float) -> float:
-    """The level that the largest size of `lags` standard normal numbers passes with probability `alarm`, at most.
+    """Level that the largest magnitude of `lags` standard normal numbers exceeds with probability `alarm` at most.
 
-    neighbours: correlation of each with the next. By the bound P(any) <= sum P(each) - sum P(each and the next) of
-    K. J. Worsley, Biometrika 69(2), 1982; where they are independent it is nearly Bonferroni's.
+    neighbours: correlation of each number with the next. By the bound P(any) <= sum P(each) - sum P(each and the next)
+    of K. J. Worsley, Biometrika 69(2), 1982; for independent numbers it is nearly Bonferroni's.
     """
     rho = float(np.clip(abs(neighbours), 0.0, 1.0 - 1e-9))
     pair = stats.multivariate_normal(cov=[[1.0, rho], [rho, 1.0]])

@@ -1,4 +1,4 @@
-"""Inputs to choose from: the excitations of the bench at several paces, alone or one after the other."""
+"""Candidate inputs: the excitations of the bench at several time scales, alone or one after the other."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from ..core.errors import InputError, choices
 from ..simulation.excitation import EXCITATIONS
 
-#: At which multiples of its own pace (its frequencies) an excitation is tried, and whether it depends on a seed. A
-#: slow sine is a train of slow reversals, which is where friction shows.
+#: Multiples of its own frequencies at which an excitation is tried. A slow sine is a train of slow reversals, which
+#: show friction.
 PACES: dict[str, tuple[float, ...]] = {
     "noise": (1.0, 0.5, 2.0),
     "multisine": (1.0, 0.5),
@@ -20,12 +20,13 @@ PACES: dict[str, tuple[float, ...]] = {
     "chirp": (1.0, 0.5),
     "ramp": (1.0,),
 }
+#: Excitations that depend on a seed.
 RANDOM = ("noise", "multisine")
 
 
 @dataclass(frozen=True)
-class Part:
-    """One excitation over a share of the time, with a peak that is `size` times the amplitude of the whole."""
+class InputPart:
+    """One excitation over a share of the time, with a peak of `size` times the amplitude of the whole."""
 
     kind: str
     pace: float = 1.0
@@ -45,13 +46,13 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Shape:
+class InputShape:
     """Parts one after the other."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[InputPart, ...]
 
     def current(self, time: np.ndarray, amplitude: float) -> np.ndarray:
-        """Current (N,) [A] over time (N,) [s]; a lone part of pace 1 is the excitation of its name and seed."""
+        """Current (N,) [A] over time (N,) [s]; a single part of pace 1 is the excitation of its name and seed."""
         edges = np.round(np.cumsum([0.0, *(part.share for part in self.parts)]) * time.size).astype(int)
         pieces = []
         for part, first, last in zip(self.parts, edges[:-1], edges[1:], strict=True):
@@ -71,22 +72,24 @@ class Shape:
         return ", then ".join(f"{part}, {part.size * amplitude:.3g} A" for part in self.parts)
 
 
-def single_shapes(kind: str, seed: int, seeds: int) -> Iterator[Shape]:
+def single_shapes(kind: str, seed: int, seeds: int) -> Iterator[InputShape]:
     """Shapes of one part: of one kind, or of all for "best". Raises InputError for an unknown kind."""
     if kind != "best" and kind not in PACES:
         raise InputError(f"no kind {kind!r} of input; {choices(kind, ['best', *PACES])}")
     for name in PACES if kind == "best" else (kind,):
         for pace in PACES[name]:
             for draw in range(seeds if name in RANDOM else 1):
-                yield Shape((Part(name, pace, seed + draw),))
+                yield InputShape((InputPart(name, pace, seed + draw),))
 
 
-def joined(first: Shape, first_amplitude: float, second: Shape, second_amplitude: float) -> tuple[Shape, float]:
-    """Half of the time the one, half the other, each with its own amplitude; the shape and its amplitude."""
+def joined(
+    first: InputShape, first_amplitude: float, second: InputShape, second_amplitude: float
+) -> tuple[InputShape, float]:
+    """One shape for half of the time, then the other, each with its own amplitude: the shape and its amplitude."""
     amplitude = max(first_amplitude, second_amplitude)
     halves = (
         replace(part, share=0.5 * part.share, size=part.size * own / amplitude)
         for shape, own in ((first, first_amplitude), (second, second_amplitude))
         for part in shape.parts
     )
-    return Shape(tuple(halves)), amplitude
+    return InputShape(tuple(halves)), amplitude

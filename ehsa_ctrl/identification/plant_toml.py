@@ -1,9 +1,10 @@
-"""A plant that was changed as a TOML: the file it came from, with the numbers and the structure that are new."""
+"""An identified plant as a TOML: its file with the changed numbers and structure; its linear set while sliding."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +20,19 @@ from ..plant.plant import SENSOR_WORDS, Plant, Sensor
 
 
 def plant_toml(plants: Sequence[Plant]) -> str:
-    """The text of a plant's TOML with the numbers and structures of one or more of its models.
+    """The TOML of a plant with the numbers and structures of one or more of its models.
 
-    Order, comments, units and everything that was not identified or set stay as they are in the file that the plants
-    were read from. A number that both models share goes to the model that identified it, so that the other one keeps
-    what it had. Symbols of effects and friction laws that the file lacks go to the model that has them; what a model no
-    longer has is left out. A sensor's number carries the provenance that `Sensor.stated` gives it under its name
-    ("p1 bias").
+    Order, comments, units and everything that was not identified or set remain as in the file that the plants were
+    loaded from. A number that both models share is written to the model that identified it, so that the other one
+    keeps its value. Symbols of effects and friction laws that the file lacks are added to the model that has them;
+    symbols that a model no longer has are removed. A sensor's number has the provenance of the entry of
+    `Sensor.stated` with its name ("p1 bias").
 
     Parameters
     ----------
     plants: models of one file, with changed values, friction laws, chamber form, effects or sensors.
 
-    Raises InputError for plants without a file, or of different files.
+    Raises InputError for plants without a file, or from different files.
     """
     paths = {plant.path for plant in plants}
     path = next(iter(paths), None)
@@ -62,15 +63,15 @@ def plant_toml(plants: Sequence[Plant]) -> str:
 def write_plant(path: str | Path, *plants: Plant, force: bool = False) -> Path:
     """Write `plant_toml` to a file and return its path.
 
-    force: replace a file that is there. Raises InputError as `plant_toml` does, for a file that is there without
-    `force`, and for a path that can't be written.
+    force: replace an existing file. Raises InputError as `plant_toml`, for an existing file without `force`, and for a
+    path that can't be written.
     """
     refuse_existing(Path(path), force=force, how=FORCE_ARGUMENT)
     return write_text(path, plant_toml(plants))
 
 
 def _put_structure(document: Any, before: Plant, plant: Plant) -> None:
-    """Write the words of a model's structure that have changed, and leave out the symbols that it no longer has."""
+    """Write the changed entries of a model's structure, and remove the symbols that it no longer has."""
     table, old, new = document[plant.model], before.structure, plant.structure
     for word in ("shaft_friction", "rod_friction", "chambers"):
         if getattr(new, word) != getattr(old, word):
@@ -96,7 +97,7 @@ def _put_structure(document: Any, before: Plant, plant: Plant) -> None:
 
 
 def _sensor_number(sensor: Sensor, word: str) -> Parameter:
-    """One number of a sensor, as it is stated if it is."""
+    """One number of a sensor, with its stated provenance if it has one."""
     value = getattr(sensor, word)
     for stated in sensor.stated:
         if stated.name == f"{sensor.channel} {word}" and stated.value == value:
@@ -105,7 +106,7 @@ def _sensor_number(sensor: Sensor, word: str) -> Parameter:
 
 
 def _table(document: Any, *keys: str) -> Any:
-    """The table at `keys`, made where it is missing."""
+    """The table at `keys`, created if it is missing."""
     table = document
     for key in keys:
         if key not in table:
@@ -115,7 +116,7 @@ def _table(document: Any, *keys: str) -> Any:
 
 
 def _put(table: Any, key: str, parameter: Parameter) -> None:
-    """Write one number, in the unit that the file uses for it."""
+    """Write one number in the unit that the file uses for it."""
     old = table.get(key)
     unit = str(old["unit"]) if old is not None else parameter.unit
     scale = factor(unit, parameter.unit)
@@ -135,10 +136,38 @@ def _put(table: Any, key: str, parameter: Parameter) -> None:
 
 
 def _rounded(value: float, sd: float | None) -> float:
-    """A value with the digits that a thousandth of its deviation leaves, at least six; "never" is infinite."""
+    """A value with digits down to a thousandth of its deviation, at least six; infinity ("never") is unchanged."""
     digits = 6
     if not math.isfinite(value):
         return value
     if sd is not None and math.isfinite(sd) and sd > 0.0 and value != 0.0:
         digits = max(digits, math.ceil(math.log10(abs(value) / sd)) + 3)
     return float(f"{value:.{min(digits, 15)}g}")
+
+
+def sliding_linear(plant: Plant) -> Plant:
+    """The linear model of the same file, with the numbers that it shares with a nonlinear `plant`.
+
+    A linear model fitted to a rig with dry friction takes the friction for damping, and a controller designed on it is
+    too aggressive where the rig slides (README, tour). Viscous friction, inertia, mass, volumes and leakage of the
+    nonlinear set make the linear model that is valid between two standstills. V is the mean of V_10 and V_20. Changed
+    numbers are marked as derived.
+
+    Raises InputError for a plant without a file, or whose file has no linear model.
+    """
+    if plant.path is None or plant.model != "nonlinear":
+        raise InputError("the linear set that goes with a plant needs its nonlinear model, loaded from a file")
+    linear = load_plant(plant.path, model="linear")
+    shared = {name: plant.parameters[name] for name in linear.parameters if name in plant.parameters}
+    if {"V_10", "V_20"} <= set(plant.parameters) and "V" in linear.parameters:
+        mean = 0.5 * (plant["V_10"] + plant["V_20"])
+        shared["V"] = Parameter("V", mean, "m3", plant.parameters["V_10"].source)
+    changed = dict(linear.parameters)
+    for name, parameter in shared.items():
+        old = linear.parameters[name]
+        if parameter.value == old.value:
+            continue
+        source = "derived" if parameter.source == "identified" else parameter.source
+        note = "the nonlinear set's, while it slides" if source == "derived" else parameter.note
+        changed[name] = replace(old, value=parameter.value, source=source, sd=None, note=note, written="")
+    return replace(linear, parameters=changed)

@@ -1,4 +1,4 @@
-"""What is estimated: parameters of the plant and of its sensors, with bounds and priors."""
+"""The parameters to estimate, of the plant and of its sensors, with their bounds and priors."""
 
 from __future__ import annotations
 
@@ -10,21 +10,24 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError, choices
+from ..core.log import Log
 from ..core.unit import parse
 from ..plant.file import both, symbol_of
 from ..plant.plant import SENSOR_WORDS, Plant
 
-#: A mass, volume or inertia may come out as small as this share of what it was believed to be.
+#: Lower bound of a mass, volume or inertia, as a share of its nominal value.
 SMALLEST = 0.2
+#: Physical ranges of a sensor's numbers [1, s, s]; a bias has none.
+SENSOR_RANGES = {"scale": (0.0, math.inf), "delay": (0.0, 0.5), "filter": (0.0, 0.5)}
 
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """One number to be estimated.
+    """One number to estimate.
 
     name: a symbol of the plant (J_M), or bias.CHANNEL, scale.CHANNEL, delay.CHANNEL, filter.CHANNEL of a sensor.
-    value: where the plant believes it to be; unit: SI.
-    lower, upper: it stays between them. prior_sd: how strongly it is held at `value`; None: not at all.
+    value: nominal value; unit: SI. lower, upper: bounds. prior_sd: standard deviation of a prior around `value`; None
+    without a prior.
     """
 
     name: str
@@ -40,6 +43,15 @@ class FreeParameter:
         word, dot, channel = self.name.partition(".")
         return (word, channel) if dot else None
 
+    def reference_size(self, value: float, logs: Sequence[Log]) -> float:
+        """What a standard deviation is compared with: the value, or a size of the log where zero is a valid value."""
+        if self.sensor is None:
+            return abs(value)
+        word, channel = self.sensor
+        if word == "bias" and channel in logs[0].channels:
+            return max(abs(value), 0.1 * float(np.std(logs[0][channel])))
+        return max(abs(value), logs[0].sample_time) if word in ("delay", "filter") else abs(value)
+
 
 def free_parameters(
     plant: Plant,
@@ -49,18 +61,18 @@ def free_parameters(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     priors: Mapping[str, float | None] | None = None,
 ) -> tuple[FreeParameter, ...]:
-    """The plant's free parameters, more, or fewer.
+    """The plant's free parameters with additions and exceptions.
 
     Parameters
     ----------
-    free: names to estimate besides `plant.free`; load.stiffness and its like are understood.
+    free: names to estimate besides `plant.free`, in either form (K_S or load.stiffness).
     fix: names of these to leave alone.
     bounds: name -> (lower, upper), SI units, instead of the bounds in the plant's file.
     priors: name -> standard deviation around the plant's value, SI units; None takes the plant's own sd.
 
     Raises
     ------
-    InputError: an unknown name, a bound on the wrong side, a prior without sd, or nothing left to estimate.
+    InputError: an unknown name, bounds that exclude the value, a prior without sd, or nothing left to estimate.
     """
     bounds, priors = dict(bounds or {}), dict(priors or {})
     names = list(dict.fromkeys([*plant.free, *(symbol_of(name) for name in free)]))
@@ -70,18 +82,14 @@ def free_parameters(
             raise InputError(f"{asked}: is nothing that can be estimated of {plant.name}; {choices(asked, known)}")
     for name in fix:
         if symbol_of(name) not in names:
-            raise InputError(
-                f"{name}: can't be fixed, it is not free; free are {', '.join(map(both, names)) or 'none'}"
-            )
+            raise InputError(f"{name}: can't be fixed, it is not free; {_free_list(names)}")
         names.remove(symbol_of(name))
     for name in (*bounds, *priors):
         if symbol_of(name) not in names:
-            raise InputError(
-                f"{name}: has a bound or a prior but is not free; free are {', '.join(map(both, names)) or 'none'}"
-            )
+            raise InputError(f"{name}: has a bound or a prior but is not free; {_free_list(names)}")
     if plant.structure.delay in names:
         raise InputError(
-            f"{plant.structure.delay}: has no derivative to be estimated by; a dead time of the drive is the same as "
+            f"{plant.structure.delay}: has no derivative to be estimated by; a dead time of the drive is equivalent to "
             f"delays of all sensors, so set it with --set and free delay.CHANNEL instead"
         )
     if not names:
@@ -90,12 +98,16 @@ def free_parameters(
             "nothing free; say which with --free"
         )
     limits = {symbol_of(name): pair for name, pair in bounds.items()}
-    held = {symbol_of(name): sd for name, sd in priors.items()}
-    return tuple(_parameter(plant, name, limits.get(name), name in held, held.get(name)) for name in names)
+    sds = {symbol_of(name): sd for name, sd in priors.items()}
+    return tuple(_parameter(plant, name, limits.get(name), name in sds, sds.get(name)) for name in names)
+
+
+def _free_list(names: Sequence[str]) -> str:
+    return f"free are {', '.join(map(both, names)) or 'none'}"
 
 
 def known_names(plant: Plant) -> tuple[str, ...]:
-    """Everything that can be estimated of a plant: its symbols, then the words of its sensors."""
+    """Everything that can be estimated of a plant: its symbols, then the numbers of its sensors."""
     channels = [c for c in plant.structure.system.outputs if c in plant.sensors]
     return (
         *plant.structure.equations.parameter_names,
@@ -104,7 +116,7 @@ def known_names(plant: Plant) -> tuple[str, ...]:
 
 
 def read_quantity(plant: Plant, name: str, text: str) -> float:
-    """Read "1.1", "50 N/mm" or "2 ms" as a value of `name` in SI units. Raises InputError naming it."""
+    """Read "1.1", "50 N/mm" or "2 ms" as a value of `name` in SI units. Raises InputError with the name."""
     try:
         return float(text)
     except ValueError:
@@ -116,7 +128,7 @@ def read_quantity(plant: Plant, name: str, text: str) -> float:
 
 
 def with_values(plant: Plant, names: Sequence[str], values: Sequence[float] | np.ndarray) -> Plant:
-    """The plant with other values of symbols and sensors, by name. Raises InputError for an impossible one."""
+    """The plant with other values of symbols and sensors, by name. Raises InputError for an invalid value."""
     symbols = {name: float(v) for name, v in zip(names, values, strict=True) if "." not in name}
     sensors = dict(plant.sensors)
     for name, value in zip(names, values, strict=True):
@@ -135,22 +147,21 @@ def _unit(plant: Plant, name: str) -> str:
 
 
 def _parameter(
-    plant: Plant, name: str, bounds: tuple[float, float] | None, held: bool, sd: float | None
+    plant: Plant, name: str, bounds: tuple[float, float] | None, has_prior: bool, sd: float | None
 ) -> FreeParameter:
     unit = _unit(plant, name)
     word, dot, channel = name.partition(".")
     own_sd: float | None = None
     if dot:
         value = float(getattr(plant.sensors[channel], word))
-        ranges = {"scale": (0.0, math.inf), "delay": (0.0, 0.5), "filter": (0.0, 0.5)}
-        lower, upper = ranges.get(word, (-math.inf, math.inf))
+        lower, upper = SENSOR_RANGES.get(word, (-math.inf, math.inf))
     else:
         parameter = plant.parameters[name]
         kind = next(kind for kind in plant.structure.equations.parameters if kind.name == name)
         value, own_sd = parameter.value, parameter.sd
         lower, upper = max(parameter.lower, kind.lower), min(parameter.upper, kind.upper)
         if kind.lower_open and lower <= kind.lower:
-            # Not at the forbidden end itself: without mass the equations are stiff beyond all measure.
+            # Not the excluded bound itself: as a mass goes to zero the equations become arbitrarily stiff.
             lower = kind.lower + SMALLEST * abs(value - kind.lower)
         lower, upper = min(lower, value), max(upper, value)
     if bounds is not None:
@@ -159,10 +170,11 @@ def _parameter(
             raise InputError(
                 f"{name}: bounds {lower:g} to {upper:g} {unit} must be in order and hold the start, {value:g}"
             )
-    if held and sd is None:
-        sd = own_sd
-        if sd is None:
-            raise InputError(f"{name}: its prior needs a standard deviation, the plant's file has none; give {name}=SD")
-    if held and not (sd is not None and math.isfinite(sd) and sd > 0.0):
+    if not has_prior:
+        return FreeParameter(name, value, unit, lower, upper)
+    sd = own_sd if sd is None else sd
+    if sd is None:
+        raise InputError(f"{name}: its prior needs a standard deviation, the plant's file has none; give {name}=SD")
+    if not (math.isfinite(sd) and sd > 0.0):
         raise InputError(f"{name}: the prior's standard deviation is {sd}; it must be greater than 0")
-    return FreeParameter(name, value, unit, lower, upper, sd if held else None)
+    return FreeParameter(name, value, unit, lower, upper, sd)

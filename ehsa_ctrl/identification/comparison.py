@@ -1,4 +1,4 @@
-"""A log replayed: the plant simulated freely with the log's drive, held against what was measured."""
+"""Free run of a plant with the inputs of a log, compared with the measurement."""
 
 from __future__ import annotations
 
@@ -17,18 +17,23 @@ from ..plant.plant import Plant
 from ..simulation.engine import LARGEST
 from ..simulation.sensors import shown
 from ..simulation.trajectory import Trajectory, versions
-from .start import Start, drive, find_start
+from .initial_state import InitialState, find_initial_state
+from .logged_inputs import simulate_log
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
+#: Fit [%] from which a channel is good, and below which it is poor: what is left of the signal is at most a tenth of
+#: its standard deviation, or more than three tenths.
+GOOD, POOR = 90.0, 70.0
+
 
 def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
     """100 (1 - ||y - yhat|| / ||y - mean(y)||): 100 is exact, 0 no better than the mean; nan for a constant y.
 
-    measured y, simulated yhat: (N,), same unit. Source: the fit of L. Ljung, "System Identification: Theory for the
-    User", 2nd ed., as its toolbox computes it.
+    measured y, simulated yhat: (N,), same unit. Source: L. Ljung, "System Identification: Theory for the User",
+    2nd ed., as its toolbox computes the fit.
 
     Raises InputError for vectors of different lengths, empty ones, and values that are not finite.
     """
@@ -40,7 +45,7 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
         raise InputError("measured and simulated must be finite numbers at every sample")
     size = max(float(np.max(np.abs(measured))), float(np.max(np.abs(simulated))))
     if size > LARGEST:
-        # Their squares would not be.
+        # Their squares would overflow.
         measured, simulated = measured / size, simulated / size
     spread = float(np.linalg.norm(measured - np.mean(measured)))
     # The mean of equal numbers differs from them in the last digit.
@@ -49,25 +54,44 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
     return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
 
 
+def quality(percent: float) -> Literal["good", "fair", "poor"]:
+    """A fit in percent as a word, by GOOD and POOR."""
+    return "good" if percent >= GOOD else "fair" if percent >= POOR else "poor"
+
+
+def fit_words(fits: Mapping[str, float]) -> str:
+    """Channels by the quality of their fit, the worst first: "poor in p1 and p2; good in speed"; "" for none."""
+    known = {channel: quality(fit) for channel, fit in fits.items() if not math.isnan(fit)}
+    groups = {word: [channel for channel in known if known[channel] == word] for word in ("poor", "fair", "good")}
+    return "; ".join(f"{word} in {join_words(channels)}" for word, channels in groups.items() if channels)
+
+
+def fit_cell(percent: float) -> str:
+    """A fit in percent for a table, at most 10 characters."""
+    if math.isnan(percent):
+        return "-"
+    return f"{percent:.2f}" if abs(percent) < 1e6 else f"{percent:.2e}"
+
+
 @dataclass(frozen=True)
-class Replay(TextResult):
-    """A free run beside the log that drove it.
+class Comparison(TextResult):
+    """A free run and the log that drove it.
 
     Attributes
     ----------
-    plant: as it was believed.
-    log: what was measured.
+    plant: the simulated one.
+    log: the measurement.
     start: the state at the first sample and how it was found.
-    trajectory: the run; None if it could not even begin.
-    simulated: channel -> (N,) what its sensor would have shown, without noise and converter steps; nan after the run
-        has ended. Channels that the log lacks are there too.
-    fit_percent: channel of the log -> fit; nan if the channel is constant or the run ended early.
-    stopped: why the run ended before the log did, in a sentence; empty for a run that was finished.
+    trajectory: the run; None if it could not start.
+    simulated: channel -> (N,) sensor output without noise and converter steps; nan after the end of a run that stopped
+        early. Includes channels that the log lacks.
+    fit_percent: channel of the log -> fit; nan if the channel is constant or the run stopped early.
+    stopped: why the run ended before the log did, in a sentence; empty for a complete run.
     """
 
     plant: Plant
     log: Log
-    start: Start
+    start: InitialState
     trajectory: Trajectory | None
     simulated: Mapping[str, np.ndarray]
     fit_percent: Mapping[str, float]
@@ -81,7 +105,7 @@ class Replay(TextResult):
         return self.log[channel] - self.simulated[channel]
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a sample: t, the drives, and each output as measured and as simulated."""
+        """One row a sample: t, the inputs, and each output as measured and as simulated."""
         import pandas
 
         columns = {"t": self.log.time}
@@ -93,7 +117,7 @@ class Replay(TextResult):
         return pandas.DataFrame(columns)
 
     def plot(self) -> Figure:
-        """Drives, and each output measured and simulated, over the log's time."""
+        """Inputs, and each output measured and simulated, over the log's time."""
         return draw(self)
 
     def __str__(self) -> str:
@@ -112,65 +136,42 @@ class Replay(TextResult):
     __repr__ = __str__
 
 
-#: From this fit [%] on a channel is called good, below the other one poor, and fair between: what is left of the signal
-#: is at most a tenth of its own scatter, or more than three tenths.
-GOOD, POOR = 90.0, 70.0
-
-
-def quality(percent: float) -> Literal["good", "fair", "poor"]:
-    """A fit in percent as a word, by GOOD and POOR."""
-    return "good" if percent >= GOOD else "fair" if percent >= POOR else "poor"
-
-
-def fit_words(fits: Mapping[str, float]) -> str:
-    """Channels by the quality of their fit, the worst first: "poor in p1 and p2; good in speed"; "" for none."""
-    known = {channel: quality(fit) for channel, fit in fits.items() if not math.isnan(fit)}
-    groups = {word: [channel for channel in known if known[channel] == word] for word in ("poor", "fair", "good")}
-    return "; ".join(f"{word} in {join_words(channels)}" for word, channels in groups.items() if channels)
-
-
-def fit_cell(percent: float) -> str:
-    """A fit in percent as a table has it, in at most 10 characters: a run far off has fits of many digits."""
-    if math.isnan(percent):
-        return "-"
-    return f"{percent:.2f}" if abs(percent) < 1e6 else f"{percent:.2e}"
-
-
-def replay(plant: Plant, log: Log, *, before: Log | None = None) -> Replay:
-    """Simulate the plant freely with the drive of a log.
+def replay(plant: Plant, log: Log, *, before: Log | None = None) -> Comparison:
+    """Simulate the plant in free run with the inputs of a log and compare with its outputs.
 
     Parameters
     ----------
-    log: its channels that drive the plant have to be there.
+    log: has the channels of the plant's inputs.
     before: what was recorded up to the log's first sample; by default what the log was cut from (`Log.segment`). It
-        gives the state in which a log that begins in motion starts, see `find_start`.
+        gives the initial state of a log that begins in motion, see `find_initial_state`.
 
     Returns
     -------
-    Replay. A run that leaves the range of the equations is no error: `stopped` says so and its fits are nan.
+    Comparison. A run that leaves the range of the equations is not an error: `stopped` gives the reason and its fits
+    are nan.
 
     Raises
     ------
-    InputError: a drive is missing in the log, or its sample time is not one to simulate with.
+    InputError: the log lacks an input, or has a sample time that can't be simulated with.
     """
     system = plant.structure.system
     for channel in system.drives.values():
         log[channel]
-    start = find_start(plant, log, before if before is not None else log.before)
+    start = find_initial_state(plant, log, before if before is not None else log.before)
     measured = [channel for channel in system.outputs if channel in log.channels]
+    no_fit = dict.fromkeys(measured, float("nan"))
     try:
-        run = drive(plant, log, start.state)
+        run = simulate_log(plant, log, start.state)
     except SimulationError as error:
         nothing = {channel: np.full(len(log), np.nan) for channel in system.outputs}
-        return Replay(plant, log, start, None, nothing, dict.fromkeys(measured, float("nan")), str(error))
-    simulated = {channel: _simulated(plant, channel, run, len(log)) for channel in system.outputs}
-    ended = bool(run.stopped)
-    fits = {c: float("nan") if ended else fit_percent(log[c], simulated[c]) for c in measured}
-    return Replay(plant, log, start, run, simulated, fits, run.stopped)
+        return Comparison(plant, log, start, None, nothing, no_fit, str(error))
+    simulated = {channel: _sensor_output(plant, channel, run, len(log)) for channel in system.outputs}
+    fits = no_fit if run.stopped else {c: fit_percent(log[c], simulated[c]) for c in measured}
+    return Comparison(plant, log, start, run, simulated, fits, run.stopped)
 
 
-def _simulated(plant: Plant, channel: str, run: Trajectory, samples: int) -> np.ndarray:
-    """What the channel's sensor makes of the run (samples,), without its noise and steps."""
+def _sensor_output(plant: Plant, channel: str, run: Trajectory, samples: int) -> np.ndarray:
+    """The channel's sensor output (samples,) along a run, without noise and converter steps."""
     values = np.full(samples, np.nan)
     true = run[plant.structure.system.outputs[channel]]
     sensor = plant.sensors.get(channel)

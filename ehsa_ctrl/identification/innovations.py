@@ -1,27 +1,68 @@
-"""Residuals that are white when the model is right, although the logged current is not the current that acted.
+"""Innovations filter: residuals that are white for a right model although the logged input is noisy.
 
-The current that a log holds differs from the one that turned the motor by the noise of its measurement. The rod's
-position integrates that difference, so that after some seconds the simulation misses it by more than the position
-sensor's noise, and neighbouring samples miss it alike. Ordinary least squares takes this for information. Along a
-simulated run the response to errors of the input is known (`simulation.sensitivity.transitions`); a Kalman filter on
-these deviations turns measured minus simulated, and every derivative of it, into uncorrelated numbers of variance
-one. Without noise on the input it divides by the sensors' noise and nothing else, which is (13) with weights.
+The logged current differs from the current that drove the motor by measurement noise. The rod's position integrates
+this difference, so that after some seconds the simulation misses the position by more than its sensor's noise, with
+strongly correlated errors. Ordinary least squares would count these as information. The linearised response to input
+errors along a run is known (`simulation.sensitivity.transitions`), and a Kalman filter on these deviations turns
+measured minus simulated, and each of its derivatives, into uncorrelated numbers of unit variance. Without input noise
+it only divides by the sensors' noise, which is eq. (13) with weights.
 
-Source: the innovations form of the likelihood, as in L. Ljung, "System Identification: Theory for the User", 2nd ed.,
-section 7.4, here for the linearised error dynamics; measurements are taken one at a time, which is the same for
-independent sensors.
+Source: innovations form of the likelihood, L. Ljung, "System Identification: Theory for the User", 2nd ed., section
+7.4, for the linearised error dynamics. Independent sensors allow to process the measurements one at a time.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..core.compiled import cached_njit
+from ..simulation.sensitivity import Transitions
+
+
+@dataclass(frozen=True)
+class InnovationsFilter:
+    """The filter along one run, a fixed linear operator on sequences of measurements.
+
+    by_state (N-1, n, n), by_input (N-1, n): transitions of the run. column (m,): state that a channel measures, scale
+    (m,): its gain. gains (N, m, n), spread (N, m): filter gains and standard deviations of the innovations. input_sd:
+    noise of the logged input.
+    """
+
+    by_state: np.ndarray
+    by_input: np.ndarray
+    column: np.ndarray
+    scale: np.ndarray
+    gains: np.ndarray
+    spread: np.ndarray
+    input_sd: float
+
+    @classmethod
+    def along(
+        cls, run: Transitions, column: np.ndarray, scale: np.ndarray, sd: np.ndarray, input_sd: float
+    ) -> InnovationsFilter:
+        """The filter for channels (m,) with noise sd (m,) and an input with noise input_sd."""
+        by_state, by_input = np.ascontiguousarray(run.by_state), np.ascontiguousarray(run.by_input)
+        gains, spread = filter_gains(by_state, by_input, column, scale, sd, input_sd)
+        return cls(by_state, by_input, column, scale, gains, spread, input_sd)
+
+    def whiten(self, values: np.ndarray, errors: np.ndarray) -> np.ndarray:
+        """(N, m, q) measurements to (N, m, q) standard deviations; errors (N,): input errors that the run includes."""
+        return whiten(
+            self.by_state, self.by_input, self.column, self.scale, self.gains, self.spread, values, errors
+        )  # fmt: skip
+
+    def input_errors(self, white: np.ndarray) -> np.ndarray:
+        """Most probable input errors (N,), given the whitened residual (N, m)."""
+        return smooth_input_errors(
+            self.by_state, self.by_input, self.column, self.scale, self.gains, self.spread, white, self.input_sd
+        )
 
 
 @cached_njit(nogil=True)
-def accumulate(by_state: np.ndarray, by_parameter: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """Derivatives of the states along a run, (N, n, q + k): by q directions of the initial state, by k parameters.
+def propagate_sensitivities(by_state: np.ndarray, by_parameter: np.ndarray, begin: np.ndarray) -> np.ndarray:
+    """Derivatives of the states along a run (N, n, q + k), by q directions of the initial state and k parameters.
 
     by_state (N-1, n, n), by_parameter (N-1, n, k), begin (n, q).
     """
@@ -47,8 +88,8 @@ def filter_gains(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gains (N, channels, n) and innovation standard deviations (N, channels) of the filter along a run.
 
-    column (channels,): the state that a channel measures, scale (channels,): its gain, sd (channels,): its noise.
-    The initial deviation is taken as known: it has derivatives of its own.
+    column (channels,): state that a channel measures, scale (channels,): its gain, sd (channels,): its noise. The
+    initial state is treated as known, because it is estimated by its own derivatives.
     """
     samples, n, channels = by_state.shape[0] + 1, by_state.shape[1], column.size
     gains = np.zeros((samples, channels, n))
@@ -97,10 +138,10 @@ def whiten(
     values: np.ndarray,
     errors: np.ndarray,
 ) -> np.ndarray:
-    """Filter sequences of measurements (N, channels, q), each by itself: (N, channels, q) in standard deviations.
+    """Innovations (N, channels, q), in standard deviations, of q independent sequences of measurements.
 
-    errors (N,): what the run has already taken for errors of the input; they are expected to be zero, so that the
-    first sequence, the residual, is expected to deviate by as much. Other sequences are derivatives.
+    errors (N,): input errors that the run already includes. Their expected value is zero, so that the first sequence,
+    the residual, is expected to deviate by their effect. The other sequences are derivatives.
     """
     samples, channels, q = values.shape
     n = by_state.shape[1]
@@ -130,7 +171,7 @@ def whiten(
 
 
 @cached_njit(nogil=True)
-def input_errors(
+def smooth_input_errors(
     by_state: np.ndarray,
     by_input: np.ndarray,
     column: np.ndarray,
@@ -140,9 +181,9 @@ def input_errors(
     white: np.ndarray,
     input_sd: float,
 ) -> np.ndarray:
-    """The most probable errors (N,) of the input, given the whitened residual (N, channels) of the whole run.
+    """Most probable input errors (N,), given the whitened residual (N, channels) of the whole run.
 
-    The filter's sweep backwards: the disturbance smoother of S. J. Koopman, Biometrika 80(1), 1993.
+    Backward pass of the filter: the disturbance smoother of S. J. Koopman, Biometrika 80(1), 1993.
     """
     samples, channels = white.shape
     n = by_state.shape[1]

@@ -1,0 +1,409 @@
+"""Multi-start search for the minimum of the cost: short windows first, then the logs, until two starts agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..core.log import Log
+from ..plant.plant import Plant
+from .gauss_newton import INTERRUPTED, Diverged, Fit, Iterate, Progress, fit
+from .initial_state import sensor_sd
+from .parameters import FreeParameter
+from .shooting import ShootingWindow, shooting_windows
+from .uncertainty import SLIP_DEVIATIONS, parameter_covariance, within_noise
+
+#: Length of the windows of the first stage [s]: some events of sticking, not many.
+SHORT = 0.4
+#: Relative standard deviation of the priors that hold the parameters near their start in that stage.
+LOOSE = 0.3
+#: Largest number of random starts of the first stage, their relative spread, and how many in a row may gain nothing.
+WINDOW_DRAWS, WINDOW_SPREAD, PATIENCE = 10, 0.15, 3
+#: Two ends whose costs differ by less than this (squared standard deviations) are the same minimum.
+SAME_COST = 10.0
+#: Ends agree if all parameters are within this many standard deviations of the best; minimum number of such ends.
+SAME_DEVIATIONS, LEAST_ENDS = 3.0, 3
+#: Residuals within this many standard deviations of the noise's size are acceptable as noise.
+ACCEPTABLE = 3.0
+#: If no two starts agree: number of further starts around the best end, and their spread in standard deviations.
+NEAR_DRAWS, NEAR_DEVIATIONS = 4, 12.0
+#: Spread of random starts around the best end otherwise, in standard deviations.
+FAR_DEVIATIONS = 30.0
+#: Largest number of missed slips to repair, and the samples on either side in which input errors are changed.
+REPAIRS, REPAIR_SAMPLES = 4, 20
+#: Input errors that are tried there, in standard deviations.
+REPAIR_ERRORS = (0.0, 1.5, -1.5, 3.0, -3.0)
+#: Residuals of short windows above this multiple of the noise's variance are model error, which no parameters remove.
+#: The channels are then weighted by their residuals instead of their noise, and the logged input is taken as exact.
+MISFIT = 3.0
+#: Above this multiple the logs could not be followed in free run; short windows may be.
+NOT_FOLLOWED = 1.5
+#: Number of window-stage results from which the fallback to short windows starts.
+FALLBACK_STARTS = 3
+#: Two fits weighted by residuals agree if the residuals' sizes differ by less than this, relative.
+SAME_SIZE = 0.01
+#: Number of reweighting iterations.
+REWEIGHTINGS = 4
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """The outcome of a multi-start search.
+
+    best: lowest minimum. windows: those of its cost. starts: (name, noise ratio or residual size) of each start.
+    agree: two starts reached the same minimum. spread (k, k): mean square distance of acceptable other ends from the
+    best, zero if two have the same cost. fell_back: short windows were fitted, because no start could follow the logs.
+    """
+
+    best: Fit
+    windows: tuple[ShootingWindow, ...]
+    starts: tuple[tuple[str, float], ...]
+    agree: bool
+    spread: np.ndarray
+    fell_back: bool
+    interrupted: bool
+
+
+class _WindowEnd(NamedTuple):
+    """Result of the window stage: cost per residual, name of the start, parameter values."""
+
+    cost: float
+    name: str
+    values: np.ndarray
+
+
+def multi_start(
+    plant: Plant,
+    logs: Sequence[Log],
+    parameters: tuple[FreeParameter, ...],
+    first: Mapping[str, float],
+    *,
+    window: float | None = None,
+    starts: int = 6,
+    seed: int = 0,
+    watch: Callable[[Progress], None] | None = None,
+) -> SearchResult | Diverged:
+    """Fit from several starts until two of them reach the same lowest minimum.
+
+    One start that fits as well as noise allows is not enough: with stick-slip, minima that miss a slip here and there
+    leave residuals hardly larger than the noise, with parameters ten deviations off.
+
+    Parameters
+    ----------
+    first: estimates from the balances, by name; with the plant's own values they are the first two starts.
+    window: length of the windows of the cost, s; None: each log in free run.
+    starts: largest number of starts; seed: of the random ones.
+    watch: is called after each step of a fit.
+
+    Returns
+    -------
+    SearchResult, or Diverged if the plant can't be simulated along the logs from any start. Ctrl-C before the first
+    complete step of the last stage raises KeyboardInterrupt; later it ends the search with the best so far.
+    """
+    search = _Search(plant, logs, parameters, window, seed, watch)
+    interrupted = False
+    try:
+        failed = search.run(first, starts)
+    except KeyboardInterrupt:
+        if search.best is None:
+            raise
+        failed, interrupted = None, True
+    if failed is not None:
+        return failed
+    best = search.lowest
+    return SearchResult(
+        best, tuple(search.windows), tuple(search.starts), search.agree, search.spread(), search.fell_back, interrupted
+    )
+
+
+class _Search:
+    """State of one search: ends of the starts so far and the best of them."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        logs: Sequence[Log],
+        parameters: tuple[FreeParameter, ...],
+        window: float | None,
+        seed: int,
+        watch: Callable[[Progress], None] | None,
+    ) -> None:
+        self.plant, self.parameters, self.watch = plant, parameters, watch
+        self.short = [piece for log in logs for piece in shooting_windows(plant, log, SHORT)]
+        self.windows = [piece for log in logs for piece in shooting_windows(plant, log, window)]
+        self.random = np.random.default_rng(seed)
+        self.lower = np.array([parameter.lower for parameter in parameters])
+        self.upper = np.array([parameter.upper for parameter in parameters])
+        self.best: Fit | None = None
+        self.best_size = np.inf
+        self.ends: list[Fit] = []
+        self.starts: list[tuple[str, float]] = []
+        self.agree = self.fell_back = False
+
+    @property
+    def lowest(self) -> Fit:
+        assert self.best is not None, "a start has reached its end"
+        return self.best
+
+    def run(self, first: Mapping[str, float], starts: int) -> Diverged | None:
+        """All stages; Diverged if no start could be simulated."""
+        nominal = np.array([parameter.value for parameter in self.parameters])
+        balances = np.array([first.get(parameter.name, parameter.value) for parameter in self.parameters])
+        ends = self._window_stage({"balances": balances, "plant": nominal} if first else {"plant": nominal})
+        if isinstance(ends, Diverged):
+            return ends
+        # One start with a bad fit is a bad start as long as another one fits; otherwise the model is wrong.
+        fitting = [end for end in ends if end.cost <= MISFIT]
+        if not fitting:
+            return self._weight_by_residuals(ends, min(starts, 2))
+        diverged: Diverged | None = None
+        lost = False
+        ordered = min(len(fitting), 2)
+        for number in range(starts):
+            # The two best of the window stage; more of them would mostly lead to the same end.
+            name, values = f"draw {number - ordered + 1}", fitting[0].values
+            if number < ordered:
+                name, values = fitting[number].name, fitting[number].values
+            else:
+                values = self._draw(values)
+            failed = self._fit_from(name, values)
+            if failed is not None:
+                diverged = failed
+                continue
+            lost = number + 1 >= ordered and self.lowest.noise_ratio > MISFIT
+            if lost or (within_noise(self.lowest) and self._agreeing_ends() > 1):
+                break
+        if self.best is None:
+            return diverged
+        self.agree = self._agreeing_ends() > 1
+        if not self.agree and not lost and within_noise(self.best):
+            self._search_near_best()
+        if not lost:
+            self._continue_from(self.best.iterate, "best")
+            self._repair_missed_slips()
+        if self.best.noise_ratio > NOT_FOLLOWED:
+            self._fall_back([end.values for end in fitting[:FALLBACK_STARTS]], lost)
+        return None
+
+    # Short windows
+
+    def _window_stage(self, candidates: Mapping[str, np.ndarray]) -> list[_WindowEnd] | Diverged:
+        """Each candidate fitted over short windows, the best first.
+
+        Windows have wrong minima too, but a fit to them is cheap and its cost shows it: while none is as small as
+        noise, values between the candidates are drawn, until some in a row gain nothing.
+        """
+        ends: list[_WindowEnd] = []
+        best: Fit | None = None
+        diverged: Diverged | None = None
+        named, first = list(candidates.items()), np.array(list(candidates.values()))
+        without_gain, fine = 0, False
+        for number in range(len(named) + WINDOW_DRAWS):
+            if number < len(named):
+                name, values = named[number]
+            else:
+                share = self.random.random(first.shape[1])
+                away = np.exp(WINDOW_SPREAD * self.random.standard_normal(first.shape[1]))
+                name = f"window draw {number - len(named) + 1}"
+                values = away * (share * first[0] + (1.0 - share) * first[-1])
+            found = self._fit_short(name, values, self.short)
+            if isinstance(found, Diverged):
+                diverged = found
+                continue
+            lowest = best.reduced_cost if best is not None else np.inf
+            without_gain = 0 if found.reduced_cost < 0.995 * lowest else without_gain + 1
+            ends.append(_WindowEnd(found.reduced_cost, name, found.values))
+            best = found if found.reduced_cost < lowest else best
+            fine = fine or within_noise(found, 1.0)
+            if number + 1 >= len(named) and (fine or without_gain >= PATIENCE):
+                break
+        if best is None:
+            assert diverged is not None
+            return diverged
+        ends.sort(key=lambda end: end.cost)
+        if best.reduced_cost <= MISFIT:
+            ends[:0] = self._without_missed_slips(best)
+        return ends
+
+    def _without_missed_slips(self, best: Fit) -> list[_WindowEnd]:
+        """The best start again over the windows that fit: one with a missed slip biases the parameters."""
+        excess = [size for size, _ in best.worst_blocks]
+        windows = [w for w, size in zip(self.short, excess, strict=True) if size < 2.0 * SLIP_DEVIATIONS]
+        if len(windows) == len(self.short) or 2 * len(windows) < len(self.short):
+            return []
+        name = "without misses"
+        found = self._fit_short(name, best.values, windows)
+        return [] if isinstance(found, Diverged) else [_WindowEnd(found.reduced_cost, name, found.values)]
+
+    def _fit_short(self, name: str, values: np.ndarray, windows: Sequence[ShootingWindow]) -> Fit | Diverged:
+        """Fit over short windows with a loose prior around the start values."""
+        held = [
+            replace(parameter, value=float(value), prior_sd=parameter.prior_sd or LOOSE * abs(value) or None)
+            for parameter, value in zip(self.parameters, np.clip(values, self.lower, self.upper), strict=True)
+        ]
+        return fit(
+            self.plant, windows, held, stage=f"{name}, windows of {SHORT:g} s", steps=15, enough=1e-2,
+            drive_errors=False, watch=self.watch,
+        )  # fmt: skip
+
+    # The logs as they are
+
+    def _fit_log(self, **how: Any) -> Fit | Diverged:
+        """Fit over the windows of the cost and keep the result if it is the lowest; also when interrupted."""
+        found = fit(self.plant, self.windows, self.parameters, watch=self.watch, interruptible=True, **how)
+        if not isinstance(found, Diverged):
+            if self.best is None or found.objective <= self.best.objective:
+                self.best = found
+            if found.stopped == INTERRUPTED:
+                raise KeyboardInterrupt
+        return found
+
+    def _fit_from(self, name: str, values: np.ndarray) -> Diverged | None:
+        """One start over the logs, to its end."""
+        found = self._fit_log(start=values, stage=name, steps=25, enough=1e-4)
+        if isinstance(found, Diverged):
+            return found
+        self.starts.append((name, found.noise_ratio))
+        self.ends.append(found)
+        return None
+
+    def _continue_from(self, begin: Iterate, stage: str) -> None:
+        """From an iterate to the minimum that it leads to."""
+        self._fit_log(begin=begin, stage=stage)
+
+    def _search_near_best(self) -> None:
+        """Starts around the best end, where none from afar reached it: do they lead back to it, or lower?"""
+        for number in range(NEAR_DRAWS):
+            values = self._draw(self.lowest.values, NEAR_DEVIATIONS)
+            if self._fit_from(f"near {number + 1}", values) is None and self._agreeing_ends() > 1:
+                self.agree = True
+                return
+
+    def _repair_missed_slips(self) -> None:
+        """Where a short piece fits clearly worse than noise, look for a slip that the simulation misses.
+
+        The derivatives of a rod that sticks don't show what would break it away. Other input errors just before may:
+        none, or all somewhat larger or smaller.
+        """
+        for attempt in range(REPAIRS):
+            best = self.lowest
+            size, run, at = best.worst_block
+            sd = best.iterate.runs[run].measured.input_sd
+            if size < SLIP_DEVIATIONS or sd == 0.0:
+                return
+            for error in REPAIR_ERRORS:
+                errors = [each.copy() for each in best.iterate.errors]
+                errors[run][max(at - REPAIR_SAMPLES, 0) : at + REPAIR_SAMPLES] = error * sd
+                self._continue_from(replace(best.iterate, errors=tuple(errors), runs=()), f"mending {attempt + 1}")
+                if self.lowest.objective < best.objective - SAME_COST:
+                    break
+            else:
+                return
+
+    def _draw(self, near: np.ndarray, deviations: float = FAR_DEVIATIONS) -> np.ndarray:
+        """Random values around the best end; around `near` while there is none that fits."""
+        if self.best is None or self.best.noise_ratio > MISFIT:
+            values, spread = near, np.full(near.size, LOOSE / 3.0)
+        else:
+            values, sd = self.best.values, parameter_covariance(self.best).sd
+            size = np.maximum(np.abs(values), 1e-300)
+            spread = np.clip(deviations * np.where(np.isfinite(sd), sd, size) / size, 1e-3 * deviations, LOOSE)
+        return np.clip(values * np.exp(spread * self.random.standard_normal(values.size)), self.lower, self.upper)
+
+    # Agreement of ends
+
+    def _agreeing_ends(self) -> int:
+        """Number of ends in the same minimum as the lowest one.
+
+        With stick-slip a minimum splits into many that differ by a slip. Then it is enough, after LEAST_ENDS starts,
+        that all acceptable ends have the same parameters; ends that fit worse are not candidates.
+        """
+        low, acceptable = self._lowest_ends(), self._acceptable_ends()
+        if low > 1 or len(self.ends) < LEAST_ENDS or not acceptable:
+            return low
+        sd = parameter_covariance(self.lowest).sd
+        known = np.isfinite(sd) & (sd > 0.0)
+        limit, best = SAME_DEVIATIONS * sd[known], self.lowest.values
+        same = all(np.all(np.abs(end.values - best)[known] <= limit) for end in acceptable)
+        return len(self.ends) if same else low
+
+    def _acceptable_ends(self) -> list[Fit]:
+        """Ends whose residuals could be noise."""
+        return [end for end in self.ends if within_noise(end, ACCEPTABLE)]
+
+    def _lowest_ends(self) -> int:
+        """Number of ends with the cost of the lowest one."""
+        lowest = min(end.objective for end in self.ends)
+        return sum(end.objective < lowest + SAME_COST for end in self.ends)
+
+    def spread(self) -> np.ndarray:
+        """Mean square distance (k, k) of other plausible ends from the best, where no two have the same cost."""
+        best = self.lowest
+        level = NOT_FOLLOWED * max(best.noise_ratio, 1.0)
+        others = self._acceptable_ends() if self.agree else [end for end in self.ends if end.noise_ratio < level]
+        away = [end.values - best.values for end in others if np.any(end.values != best.values)]
+        if not away or self._lowest_ends() > 1:
+            return np.zeros((best.values.size, best.values.size))
+        return np.asarray(np.mean([np.outer(step, step) for step in away], axis=0))
+
+    # Models that do not fit, and logs that can't be followed
+
+    def _weight_by_residuals(self, ends: Sequence[_WindowEnd], starts: int) -> Diverged | None:
+        """Minimise the product of the channels' residual variances, from the first starts that can be simulated.
+
+        The weights are the residuals of the iteration before: maximum likelihood with an unknown variance for each
+        channel, whatever its cause.
+        """
+        channels = [c for c in self.plant.structure.system.outputs if c in self.windows[0].log.channels]
+        signals = {c: max(float(np.std(self.windows[0].log[c])), 1e-300) for c in channels}
+        diverged: Diverged | None = None
+        for _, name, values in ends:
+            if len(self.starts) == starts:
+                break
+            weights = signals
+            for number in range(REWEIGHTINGS):
+                found = fit(
+                    self.plant, self.windows, self.parameters, start=values, stage=f"{name}, weights {number + 1}",
+                    steps=12, enough=1e-3, drive_errors=False, weights=weights, watch=self.watch,
+                )  # fmt: skip
+                if isinstance(found, Diverged):
+                    diverged = found
+                    break
+                values, weights = found.values, _residual_rms(found)
+                size = float(np.exp(np.mean(np.log(list(weights.values())))))
+                if self.best is None or size < self.best_size:
+                    self.best, self.best_size = found, size
+            else:
+                self.starts.append((name, self.best_size))
+        sizes = sorted(size for _, size in self.starts)
+        self.agree = len(sizes) == 1 or (len(sizes) > 1 and sizes[1] < (1.0 + SAME_SIZE) * sizes[0])
+        return diverged if self.best is None else None
+
+    def _fall_back(self, candidates: Sequence[np.ndarray], lost: bool) -> None:
+        """Fit short windows instead of the logs, which no start could follow; kept if they fit better."""
+        ends = []
+        for number, values in enumerate(candidates):
+            stage = f"windows of {SHORT:g} s, {number + 1}"
+            found = fit(
+                self.plant, self.short, self.parameters, start=values, stage=stage, enough=1e-4, watch=self.watch
+            )
+            if not isinstance(found, Diverged):
+                self.starts.append((stage, found.noise_ratio))
+                ends.append(found)
+        best = min(ends, key=lambda end: end.objective, default=self.lowest)
+        if best.noise_ratio < self.lowest.noise_ratio:
+            self.best, self.windows, self.ends, self.fell_back = best, self.short, ends, lost
+            self.agree = self._agreeing_ends() > 1
+
+
+def _residual_rms(found: Fit) -> dict[str, float]:
+    """RMS of each channel's residual, in its own unit, but not less than its noise."""
+    rms = {}
+    for c, channel in enumerate(found.iterate.runs[0].measured.channels):
+        residual = np.concatenate([run.residual[:, c] for run in found.iterate.runs])
+        noise = sensor_sd(found.plant, found.iterate.runs[0].window.log, channel)
+        rms[channel] = max(float(np.sqrt(np.mean(residual**2))), noise)
+    return rms

@@ -1,0 +1,115 @@
+"""Reading a measured log for a plant: its inputs, its outputs, and what missing channels leave undetermined."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from ..core.errors import InputError
+from ..core.log import Log
+from ..core.log_reader import read_log
+from ..plant.plant import Plant
+
+#: A log needs at least this many samples.
+SHORTEST = 25
+
+#: What can't be determined without the channel that shows a state.
+MISSING_STATE = {
+    "omega": "what the shaft does: motor friction and inertia can't be told from the torque constant",
+    "P_1": "the pressure in chamber 1: what the rod feels can't be told from what the motor gives",
+    "P_2": "the pressure in chamber 2: what the rod feels can't be told from what the motor gives",
+    "v": "the rod's speed",
+    "x": "where the rod is: leakage, load spring and end stops can't be told apart",
+}
+MISSING_FORCE = "the force on the rod: the load can't be told from the rod's friction"
+
+#: No logger samples faster than this share of the plant's sample time; more than SLOWEST times it is no time in s.
+FASTEST, SLOWEST = 1.0 / 300.0, 100.0
+
+
+def read_plant_log(
+    path: str | Path,
+    plant: Plant,
+    *,
+    shortest: int = SHORTEST,
+    uniform: bool = True,
+    span: tuple[float | None, float | None] = (None, None),
+) -> Log:
+    """Read a log of this plant through the plant's [log] table.
+
+    The channels of the plant's inputs and at least one of its outputs are required; absent others are listed in
+    `missing` of the log. span: rows outside these times [s] are ignored, so that a gap or a bad value there does no
+    harm.
+
+    Raises
+    ------
+    InputError: as `read_log`; no output at all; a sample time that only another unit of time explains.
+    """
+    system = plant.structure.system
+    wanted = [*system.outputs, *(["force"] if system.cell else [])]
+    drives = list(system.drives.values())
+    log = read_log(path, drives, columns=plant.log, shortest=shortest, uniform=uniform, wanted=wanted, span=span)
+    missing = tuple(channel for channel in wanted if channel not in log.channels)
+    if not any(channel in log.channels for channel in system.outputs):
+        unread = "".join(f"; {note.partition(': ')[2]}" for note in log.notes if "[log]" in note)
+        raise InputError(
+            f"{path}: has none of the channels {', '.join(system.outputs)} that show what {plant.name} did; name their "
+            f"columns so, or map them in the plant's [log] table{unread}"
+        )
+    wrong = wrong_time_unit(log, plant)
+    if wrong:
+        raise InputError(wrong)
+    return replace(log, missing=missing)
+
+
+def column_of(plant: Plant, channel: str) -> str:
+    """The column of a log that holds a channel."""
+    return plant.log[channel].column if channel in plant.log else channel
+
+
+def log_table_entry(plant: Plant, channel: str, scale: float = 1.0, *, source: str = "", digits: int = 7) -> str:
+    """The line of the plant's [log] table that reads `channel` from the column of `source`, by default its own.
+
+    scale multiplies the mapping of that column; a negative one inverts its offset too.
+    """
+    source = source or channel
+    at = plant.log.get(source)
+    factor, offset = (at.scale, at.offset) if at is not None else (1.0, 0.0)
+    words = [f'column = "{column_of(plant, source)}"']
+    if (factor, scale) != (1.0, 1.0):
+        words.append(f"scale = {factor * scale:.{digits}g}")
+    if offset:
+        words.append(f"offset = {offset if scale > 0.0 else -offset:.{digits}g}")
+    return f"{channel} = {{ {', '.join(words)} }}"
+
+
+def wrong_time_unit(log: Log, plant: Plant) -> str:
+    """A sentence if the sample time rules out time in s, else empty. Minutes are found by `wrong_sample_time`."""
+    ratio = log.sample_time / plant.sample_time
+    if FASTEST <= ratio < SLOWEST:
+        return ""
+    mapped = plant.log["t"].scale if "t" in plant.log else 1.0
+    steps = f"{log.sample_time:g} s, {ratio:.3g} times"
+    if ratio < FASTEST:
+        steps = f"{log.sample_time:.3g} s, 1/{1 / ratio:.3g} of"
+        unit, scale = ("s already", 1.0 / mapped) if mapped < 1.0 else ("h", 3600.0)
+    else:
+        unit, scale = ("ms", 1e-3) if ratio < 1e5 else ("us", 1e-6)
+    return (
+        f"{log.path or 'the log'}: column {column_of(plant, 't')!r} has steps of {steps} the sample time of "
+        f"{plant.name}; it is probably in {unit}: write {log_table_entry(plant, 't', scale)} in the plant's [log] table"
+    )
+
+
+def missing_information(log: Log, plant: Plant) -> dict[str, str]:
+    """Missing channel -> a sentence on what this log can't determine without it."""
+    outputs = plant.structure.system.outputs
+    missing = dict.fromkeys([*(name for name in outputs if name not in log.channels), *log.missing])
+    shown = {outputs[channel] for channel in outputs if channel in log.channels}
+    found = {}
+    for channel in missing:
+        # A speed without a channel is the slope of the position.
+        if outputs.get(channel) != "v" or "x" not in shown:
+            what = MISSING_STATE.get(outputs.get(channel, ""), f"what {channel} shows")
+            found[channel] = f"without {channel} the log does not tell {MISSING_FORCE if channel == 'force' else what}"
+    return found
