@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgb
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.identification.identification import FreeRuns
-from ehsa_ctrl.identification.uncertainty import Uncertainty
+from ehsa_ctrl.identification.uncertainty import ParameterCovariance
 from ehsa_ctrl.report.channel import liveliest, shown
 from ehsa_ctrl.report.figures import (
     correlation_figure,
@@ -251,7 +251,7 @@ def test_the_correlation_with_itself_begins_at_a_lag_of_one(failing):
     ("make", "changes", "words"),
     [
         (parameters_figure, {"estimates": ()}, "without parameters"),
-        (correlation_figure, {"uncertainty": Uncertainty((), np.zeros((0, 0)), "noise")}, "without parameters"),
+        (correlation_figure, {"uncertainty": ParameterCovariance((), np.zeros((0, 0)), "noise")}, "without parameters"),
         (residuals_figure, {"residual_tests": ()}, "without residual tests"),
     ],
 )
