@@ -22,14 +22,14 @@ WIDTH, SLOPE_GAIN = 7, 0.35
 
 
 @dataclass(frozen=True)
-class BalanceSignals:
+class MeasuredSignals:
     """Signals (N,) by the names that the balances use, and where each contact clearly slides (N,) bool."""
 
     values: dict[str, np.ndarray]
     slides: dict[str, np.ndarray]
 
 
-def balance_signals(plant: Plant, log: Log, method: Method, cutoff: float) -> BalanceSignals:
+def balance_signals(plant: Plant, log: Log, method: Method, cutoff: float) -> MeasuredSignals:
     """All signals of a log that a balance may need; those that can't be measured or derived are absent.
 
     Sensors are undone (filter, delay, bias, scale), and the input acts after its dead time. A speed without a channel
@@ -80,7 +80,7 @@ def balance_signals(plant: Plant, log: Log, method: Method, cutoff: float) -> Ba
             speed = values[contact.velocity] if filtered else savgol_filter(values[contact.velocity], width, 2)
             values[contact.direction] = np.sign(speed)
             slides[contact.name] = np.abs(speed) > SLIDING * noise[contact.velocity]
-    return BalanceSignals(values, slides)
+    return MeasuredSignals(values, slides)
 
 
 def _noise(values: np.ndarray) -> float:

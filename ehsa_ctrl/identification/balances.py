@@ -30,7 +30,7 @@ from ..core.text import TextResult
 from ..plant.arrays import array_evaluator, needs
 from ..plant.plant import Plant
 from ..plant.system import Balance, ParameterKind
-from .balance_signals import BalanceSignals, Method, balance_signals
+from .balance_signals import MeasuredSignals, Method, balance_signals
 
 if TYPE_CHECKING:
     import pandas
@@ -256,7 +256,7 @@ def _rows(
     balance: Balance,
     residuals: Sequence[str],
     free: Sequence[str],
-    signals: BalanceSignals,
+    signals: MeasuredSignals,
     operator: _Operator,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """A balance on one record: X (n, k), y (n,) with residual = y + X values, and the size of its term (n,).
