@@ -237,9 +237,7 @@ class Expressions:
             return CExpression(f"{MATH[function][0]}({', '.join(map(self._double, given))})", DOUBLE)
         known = "".join(f", {name}" for name in sorted(signature.name for signature in self.functions.values()))
         return self.source.fail(
-            node,
-            f"the call `{ast.unparse(node)}`",
-            f"min, max, abs of a float, int, float, a function of math{known}",
+            node, f"the call `{ast.unparse(node)}`", f"min, max, abs of a float, int, float, a function of math{known}"
         )
 
     def _extreme(self, node: ast.Call, helper: str) -> CExpression:

@@ -31,7 +31,7 @@ class SpeedLoop(Definition):
     """[speed]: the inner loop, PI on the shaft's speed."""
 
     crossover: RadianPerSecond = Field(
-        description="gain crossover frequency of this loop alone; three to five times that of the position loop",
+        description="gain crossover frequency of this loop alone; three to five times that of the position loop"
     )
     phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
 
@@ -50,8 +50,7 @@ class PositionLoop(Definition):
     )
     speed_limit: RadianPerSecond = Field(description="largest shaft speed reference")
     velocity_feedforward: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=1.0,
-        description="share of the planned velocity that is fed forward",
+        default=1.0, description="share of the planned velocity that is fed forward"
     )
 
 

@@ -30,12 +30,10 @@ class Weights(Definition):
         default=None, description="error of the pressure difference; left out, it has no weight"
     )
     current_rate: AmperePerSecond | None = Field(
-        default=None,
-        description="rate of change of the current; left out, it has no weight",
+        default=None, description="rate of change of the current; left out, it has no weight"
     )
     integral: Annotated[float, In("m s")] | None = Field(
-        default=None,
-        description='integral of the position error, only with offset_free = "integral"',
+        default=None, description='integral of the position error, only with offset_free = "integral"'
     )
 
     @model_validator(mode="after")

@@ -24,8 +24,7 @@ class SolverOptions(Definition):
 
     name: str = Field(default="daqp", description="daqp or osqp")
     iteration_limit: Annotated[int, Field(ge=1)] = Field(
-        default=200,
-        description="iterations per sample, in those of an active-set method",
+        default=200, description="iterations per sample, in those of an active-set method"
     )
     deadline: Second | None = Field(
         default=None,
@@ -45,8 +44,7 @@ class MpcFile(StateFeedbackFile):
 
     kind: Literal["mpc"] = Field(description="type of feedback law")
     horizon: Annotated[int, Field(ge=2, le=500)] = Field(
-        default=20,
-        description="prediction horizon in samples; long enough for the hydraulic mode to decay",
+        default=20, description="prediction horizon in samples; long enough for the hydraulic mode to decay"
     )
     limits: Limits = Field(default=Limits(), description="constraints on speed, pressure, stroke and current rate")
     solver: SolverOptions = Field(default=SolverOptions(), description="solver of the quadratic programme")

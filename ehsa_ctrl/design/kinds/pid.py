@@ -75,8 +75,7 @@ class PidGains(Definition):
     """[gains]: given gains instead of a design, all of them positive; terms that are left out are zero."""
 
     form: Literal["parallel", "standard", "series"] = Field(
-        default="parallel",
-        description="parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d",
+        default="parallel", description="parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d"
     )
     k_p: AmperePerMetre | None = Field(default=None, description="proportional gain of the parallel form")
     k_i: Annotated[float, In("A/(m s)")] | None = Field(default=None, description="integral gain of the parallel form")
@@ -125,8 +124,7 @@ class PidDesign(Definition):
         description="corner frequency of the integral action over the crossover; small values cost little phase",
     )
     filter_ratio: Annotated[float, Field(gt=1, le=1e6)] = Field(
-        default=10.0,
-        description="corner frequency of the derivative filter over the crossover",
+        default=10.0, description="corner frequency of the derivative filter over the crossover"
     )
 
 
@@ -166,8 +164,7 @@ class PidLoopFile(ControllerFile):
     """Keys of every PID controller."""
 
     reference_weight: Weight = Field(
-        default=1.0,
-        description="b, setpoint weight of the proportional part; below 1 reduces overshoot",
+        default=1.0, description="b, setpoint weight of the proportional part; below 1 reduces overshoot"
     )
     derivative_reference_weight: Weight = Field(default=0.0, description="c, setpoint weight of the derivative part")
     anti_windup: Literal["back_calculation", "conditional", "none"] = Field(
@@ -224,8 +221,7 @@ class PidFile(PidLoopFile):
 
     kind: Literal["pid"] = Field(description="type of feedback law")
     design: PidDesign | None = Field(
-        default=None,
-        description="crossover and phase margin; exactly one of [design], [tuning] and [gains]",
+        default=None, description="crossover and phase margin; exactly one of [design], [tuning] and [gains]"
     )
     tuning: Tuning | None = Field(
         default=None, description="optimised gains; exactly one of [design], [tuning] and [gains]"

@@ -59,15 +59,14 @@ class Schedule(Definition):
     """[schedule]: the scheduling variable, and the points between which the gains are interpolated."""
 
     variable: Literal["position", "level", "load"] = Field(
-        description="scheduling variable: position, level (mean pressure) or load (measured force)",
+        description="scheduling variable: position, level (mean pressure) or load (measured force)"
     )
     filter_time: Second = Field(default=0.05, description="time constant of the variable's low-pass filter")
     nominal: str | None = Field(
-        default=None,
-        description="value of the variable at which margins are evaluated; left out, the middle point",
+        default=None, description="value of the variable at which margins are evaluated; left out, the middle point"
     )
     points: Annotated[tuple[SchedulePoint, ...], Field(min_length=2), Array] = Field(
-        description="two or more, in ascending order",
+        description="two or more, in ascending order"
     )
 
     @model_validator(mode="after")
@@ -96,12 +95,10 @@ class ScheduledFile(PidLoopFile):
     kind: Literal["scheduled_pid"] = Field(description="type of feedback law")
     schedule: Schedule = Field(description="gain schedule")
     design: PidDesign | None = Field(
-        default=None,
-        description="crossover and phase margin; this or [tuning] where points have no gains of their own",
+        default=None, description="crossover and phase margin; this or [tuning] where points have no gains of their own"
     )
     tuning: Tuning | None = Field(
-        default=None,
-        description="optimised gains; this or [design] where points have no gains of their own",
+        default=None, description="optimised gains; this or [design] where points have no gains of their own"
     )
 
     @model_validator(mode="after")

@@ -54,8 +54,7 @@ class Feedforward(Definition):
         description="current against friction at the start of a motion, at least `coulomb`; left out, `coulomb`",
     )
     stribeck: Annotated[float, In("m/s")] = Field(
-        default=0.01,
-        description="velocity over which the friction current falls from static to coulomb",
+        default=0.01, description="velocity over which the friction current falls from static to coulomb"
     )
     load: Annotated[float, In("A/N")] = Field(
         default=0.0,

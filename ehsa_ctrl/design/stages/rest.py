@@ -120,8 +120,7 @@ class Rest(Definition):
 
     band: Metre = Field(description="position error within which a resting rod is left alone")
     release: Metre | None = Field(
-        default=None,
-        description="position error at which control resumes; left out, 1.5 times the band",
+        default=None, description="position error at which control resumes; left out, 1.5 times the band"
     )
     speed: RadianPerSecond = Field(default=1.2, description="shaft speed below which the rod counts as at rest")
     filter_time: Second = Field(default=0.02, description="time constant of the filter on error and speed")

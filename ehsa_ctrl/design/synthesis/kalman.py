@@ -28,8 +28,7 @@ class Observer(Definition):
     # 20 um of noise, and the converter's steps of 10 um.
     position: Metre = Field(default=20.2e-6, description="noise of the position sensor")
     current: Ampere = Field(
-        default=0.1,
-        description="white process noise of the motor current; larger trusts the model less",
+        default=0.1, description="white process noise of the motor current; larger trusts the model less"
     )
     friction: Ampere = Field(default=0.3, description="random walk of the friction disturbance in one second")
     load: Newton = Field(default=100.0, description="random walk of the load force in one second")

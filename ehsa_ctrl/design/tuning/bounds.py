@@ -39,8 +39,7 @@ class Tuning(Definition):
         "a step response",
     )
     response: Literal["load", "reference"] = Field(
-        default="load",
-        description="step of the load (a current added at the plant's input) or of the reference",
+        default="load", description="step of the load (a current added at the plant's input) or of the reference"
     )
     terms: Literal["P", "PI", "PD", "PID"] = Field(default="PID", description="terms of the controller")
     Ms: Annotated[float, Field(gt=1, allow_inf_nan=False)] | None = Field(
@@ -49,8 +48,7 @@ class Tuning(Definition):
     Mt: Annotated[float, Field(gt=1)] | None = Field(default=1.4, description="largest complementary sensitivity |T|")
     disk_margin: Annotated[float, Field(gt=0, lt=2)] | None = Field(default=0.7, description="least disk margin")
     noise_gain: Annotated[float, In("A/m")] | None = Field(
-        default=1e4,
-        description="largest RMS current per RMS of white position noise",
+        default=1e4, description="largest RMS current per RMS of white position noise"
     )
     crossover: RadianPerSecond | None = Field(default=None, description="least gain crossover frequency")
     lag: Annotated[int, Field(ge=0)] = Field(default=0, description="samples of delay between measurement and current")
