@@ -24,10 +24,10 @@ from rich.console import Console
 from rich.table import Table
 
 import ehsa_ctrl
-from ehsa_ctrl.design.mpc import Mpc
-from ehsa_ctrl.design.mpc_problem import Condensed, condense, motion_ahead
 from ehsa_ctrl.design.qp import QP_SOLVERS, QpSolver
 from ehsa_ctrl.design.qp.osqp import Osqp
+from ehsa_ctrl.design.state_space.mpc import Mpc
+from ehsa_ctrl.design.state_space.mpc_problem import Condensed, condense, motion_ahead
 from ehsa_ctrl.simulation.closed_loop import run_closed_loop
 from ehsa_ctrl.simulation.sensors import Sensors
 

@@ -14,7 +14,7 @@ from ..core.errors import InputError, choices
 from ..core.files import read_toml
 from ..design.kinds import CONTROLLER_KINDS
 from ..design.load import read_controller
-from ..design.tuning.specification import leaves
+from ..design.specification import leaves
 from ..physics.effects import EFFECTS
 from ..plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_SYMBOLS
 from ..plant.load import load_plant, models_of

@@ -68,9 +68,8 @@ def command(
     from ..core.catalogue import is_shipped
     from ..core.files import read_toml, refuse_existing, write_text
     from ..core.result_folder import ResultFolder
-    from ..design.tuning.bounds import Tuning
-    from ..design.tuning.requirements import design, keys_for
-    from ..design.tuning.specification import begin, leaves, put
+    from ..design.specification import begin, design, keys_for, leaves, put
+    from ..design.tuning.constraints import Tuning
     from ..plant.linear import three_state
     from ..plant.load import load_plant
     from ..scenario.rescaling import rescaling_to
@@ -172,7 +171,7 @@ def frozen(found: Any) -> Any:
     from dataclasses import replace
 
     from ..design.kinds.pid import Pid
-    from ..design.tuning.specification import ALTERNATIVES
+    from ..design.specification import ALTERNATIVES
 
     law = found.controller.law
     if not isinstance(law, Pid):

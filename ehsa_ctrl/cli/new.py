@@ -76,7 +76,7 @@ def controller(
     ehsa-ctrl new controller strong --kind mpc --plant rig
     """
     from ..core.catalogue import controllers as catalogue
-    from ..design.tuning.specification import begin
+    from ..design.specification import begin
     from .definitions import controller_commands, controller_toml
 
     if kind is not None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from ..core.catalogue import shipped
 from ..core.unit import factor, parse
-from ..design.synthesis.kalman import Observer
+from ..design.state_space.kalman import Observer
 from ..plant.load import has_setting, load_plant, models_of, with_settings
 from ..plant.motion_current import motion_current
 from ..plant.plant import Plant

@@ -12,7 +12,7 @@ from ehsa_ctrl.design.analysis.closed_loop import step_response
 from ehsa_ctrl.design.analysis.loop import analyse_loop
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.load import build_controller
-from ehsa_ctrl.design.tuning.specification import begin, leaves, resolve, value
+from ehsa_ctrl.design.specification import begin, leaves, resolve, value
 
 CLASSIC = ("design", "ehsa", "--kind", "pid", "--bandwidth", "35 rad/s", "--phase-margin", "60 deg")
 

@@ -3,7 +3,7 @@
 import pytest
 
 from ehsa_ctrl import three_state
-from ehsa_ctrl.design.synthesis.model import design_model
+from ehsa_ctrl.design.state_space.model import design_model
 
 
 @pytest.fixture

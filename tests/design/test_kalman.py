@@ -7,9 +7,9 @@ import pytest
 from ehsa_ctrl import InputError, three_state
 from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.design.analysis.sampled import sampled_plant
-from ehsa_ctrl.design.synthesis.kalman import Observer, design_kalman
-from ehsa_ctrl.design.synthesis.model import design_model
-from ehsa_ctrl.design.synthesis.regulator import solve_target
+from ehsa_ctrl.design.state_space.kalman import Observer, design_kalman
+from ehsa_ctrl.design.state_space.model import design_model
+from ehsa_ctrl.design.state_space.regulator import solve_target
 
 T = 0.004
 

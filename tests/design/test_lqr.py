@@ -13,10 +13,10 @@ from ehsa_ctrl.design.analysis.closed_loop import closed_loop, linear_law
 from ehsa_ctrl.design.analysis.loop import analyse_loop
 from ehsa_ctrl.design.analysis.sampled import sampled_plant
 from ehsa_ctrl.design.load import read_controller
-from ehsa_ctrl.design.state_feedback import StateFeedback
-from ehsa_ctrl.design.synthesis.kalman import Observer, design_kalman
-from ehsa_ctrl.design.synthesis.model import design_model
-from ehsa_ctrl.design.synthesis.regulator import Cost, design_regulator, solve_target, weight_matrix
+from ehsa_ctrl.design.state_space.kalman import Observer, design_kalman
+from ehsa_ctrl.design.state_space.model import design_model
+from ehsa_ctrl.design.state_space.regulator import Cost, design_regulator, solve_target, weight_matrix
+from ehsa_ctrl.design.state_space.state_feedback import StateFeedback
 
 T = 0.004
 

@@ -8,9 +8,9 @@ import pytest
 from linear_loop import MPC, load, run, still
 
 from ehsa_ctrl import InputError, run_closed_loop
-from ehsa_ctrl.design.mpc_problem import Limits, MpcProblem, condense, motion_ahead
-from ehsa_ctrl.design.mpc_statement import MpcStatement
 from ehsa_ctrl.design.qp import FAILED, INFEASIBLE, LIMIT, NO_BOUND, QP_SOLVERS, SOLVED, QpSolution
+from ehsa_ctrl.design.state_space.mpc_problem import Limits, MpcProblem, condense, motion_ahead
+from ehsa_ctrl.design.state_space.mpc_statement import MpcStatement
 
 T = 0.004
 
@@ -131,8 +131,8 @@ def test_osqp_agrees(mpc):
 def test_scaled_and_unscaled_states_give_one_plan(system, mpc):
     """Units of the states are the solver's business: a model in SI units gives the same currents."""
     from ehsa_ctrl.design.kinds.lqr import Weights, cost_of
-    from ehsa_ctrl.design.synthesis.model import design_model
-    from ehsa_ctrl.design.synthesis.regulator import design_regulator, solve_target
+    from ehsa_ctrl.design.state_space.model import design_model
+    from ehsa_ctrl.design.state_space.regulator import design_regulator, solve_target
 
     model = design_model(system, T, scaled=False)
     cost = cost_of(model, Weights(position="0.5 mm"))

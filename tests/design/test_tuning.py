@@ -7,8 +7,7 @@ import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.design.kinds.pid import Gains
 from ehsa_ctrl.design.kinds.scheduled import operating_point
-from ehsa_ctrl.design.tuning.bounds import BANDS, POINTS, Tuning, band_peaks
-from ehsa_ctrl.design.tuning.loop import PidLoop, SampledPlant, position_plant
+from ehsa_ctrl.design.tuning.constraints import BANDS, POINTS, PidLoop, SampledPlant, Tuning, band_peaks, position_plant
 from ehsa_ctrl.design.tuning.tune import tune
 
 T_S = 0.004

@@ -8,7 +8,7 @@ from ehsa_ctrl import InputError, load_controller, load_plant, three_state
 from ehsa_ctrl.core.catalogue import controllers, plants
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.load import read_controller
-from ehsa_ctrl.design.tuning.specification import leaves
+from ehsa_ctrl.design.specification import leaves
 from ehsa_ctrl.scenario.plant_data import check_controller_limits, ratings
 from ehsa_ctrl.scenario.rescaling import rescaling_to
 from ehsa_ctrl.scenario.run import check_definition, prepare

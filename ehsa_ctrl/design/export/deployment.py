@@ -21,12 +21,12 @@ from ...core.errors import InputError
 from ...core.files import FORCE_ARGUMENT
 from ...core.result_folder import ResultFolder
 from ..controller import Law, SampledController
-from ..mpc import Mpc, solve_qp
 from ..stages.feedforward import feedforward
 from ..stages.pipeline import S_FEED, S_LAW, S_PLAN, S_REST, STAGES, pipeline
 from ..stages.rest import rest
 from ..stages.supervision import supervise
 from ..stages.trajectory import plan
+from ..state_space.mpc import Mpc, solve_qp
 from .embedded import EmbeddedMpc, EmbeddedOsqp, exact_solver, replay_beside_exact, tuned_solver
 from .expressions import CSignature
 from .program import Program, setting_names

@@ -16,10 +16,10 @@ import numpy as np
 
 from ...core.errors import InputError
 from ..controller import SampledController
-from ..mpc import EMBEDDED_HEAD, EMBEDDED_USES, Mpc, mpc_law
 from ..qp import QP_SOLVERS, SOLVED, QpSolution, QpSolver
 from ..qp.osqp import ITERATIONS, Osqp, osqp_workspace
 from ..stages.pipeline import M_LAW
+from ..state_space.mpc import EMBEDDED_HEAD, EMBEDDED_USES, Mpc, mpc_law
 
 #: Step sizes that are tried on the problems of a run.
 STEP_SIZES = (0.01, 0.03, 0.1, 0.3)

@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...core.definition import Ampere, Definition, In, Metre, RadianPerSecond
-from ..state_feedback import StateFeedback
-from ..synthesis.kalman import Observer, Pascal, design_kalman
-from ..synthesis.model import DesignModel, design_model
-from ..synthesis.regulator import Cost, design_regulator, solve_target, weight_matrix
+from ..state_space.kalman import Observer, Pascal, design_kalman
+from ..state_space.model import DesignModel, design_model
+from ..state_space.regulator import Cost, design_regulator, solve_target, weight_matrix
+from ..state_space.state_feedback import StateFeedback
 from ._kind import ControllerFile, ControllerKind
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from pydantic import Field, field_validator, model_validator
 
 from ...core.definition import Definition, Second
 from ...core.errors import InputError, choices
-from ..mpc import Mpc
-from ..mpc_problem import Limits, MpcProblem
 from ..qp import QP_SOLVERS
-from ..state_feedback import StateFeedback
+from ..state_space.mpc import Mpc
+from ..state_space.mpc_problem import Limits, MpcProblem
+from ..state_space.state_feedback import StateFeedback
 from ._kind import ControllerKind
 from .lqr import StateFeedbackFile, cost_of, design_state_feedback
 

@@ -23,8 +23,7 @@ from pydantic import AfterValidator, Field, model_validator
 from ...core.controller_interface import INPUTS, MEASURED
 from ...core.definition import Definition, In, Radian, RadianPerSecond, Second
 from ...core.errors import InputError
-from ..tuning.bounds import Tuning
-from ..tuning.loop import position_plant
+from ..tuning.constraints import Tuning, position_plant
 from ._kind import ControllerFile, ControllerKind
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 from ...core.definition import Array, Definition, In, Second
 from ...core.errors import InputError
 from ...core.unit import parse
-from ..tuning.bounds import Tuning
+from ..tuning.constraints import Tuning
 from ._kind import ControllerKind
 from .pid import Gains, Pid, PidDesign, PidGains, PidLoopFile, designed_gains, pid_law
 

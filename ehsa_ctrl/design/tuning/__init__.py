@@ -1,1 +1,1 @@
-"""From a specification to gains."""
+"""Automatic tuning of PID gains."""

@@ -13,8 +13,7 @@ from itertools import product
 import numpy as np
 
 from ..kinds.pid import Gains
-from .bounds import LEAST, LoopConstraints, Tuning
-from .loop import PidLoop, SampledPlant
+from .constraints import LEAST, LoopConstraints, PidLoop, SampledPlant, Tuning
 
 #: Starts of the local search, and rounding by which a bound may be violated.
 STARTS, TOLERANCE = 3, 1e-6

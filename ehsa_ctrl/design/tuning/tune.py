@@ -22,8 +22,7 @@ from ...core.errors import InputError
 from ..analysis.loop import LoopAnalysis, analyse_loop
 from ..controller import SampledController
 from ..kinds.pid import Gains, Pid
-from .bounds import LEAST, Tuning
-from .loop import position_plant
+from .constraints import LEAST, Tuning, position_plant
 from .search import TOLERANCE, GainSearch
 
 if TYPE_CHECKING:

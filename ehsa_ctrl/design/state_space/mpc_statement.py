@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .mpc_problem import MpcProblem
-from .synthesis.regulator import MOTION
+from .regulator import MOTION
 
 
 class MpcStatement:

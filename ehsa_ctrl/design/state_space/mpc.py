@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..qp import QP_SOLVERS, SOLVED, QpSolver
 from .mpc_problem import Condensed, MpcProblem, condense, motion_ahead
-from .qp import QP_SOLVERS, SOLVED, QpSolver
 from .state_feedback import StateFeedback, estimate, predict, regulator_current, target_current
 
 if TYPE_CHECKING:
@@ -80,8 +80,8 @@ def prepare(
 @cache
 def _compiled() -> Any:
     """Functions that run each sample beside the solver, compiled; the first compilation takes some 10 s."""
-    from ..core.compiled import load_compiled
-    from .stages.pipeline import HEAD, source_text
+    from ...core.compiled import load_compiled
+    from ..stages.pipeline import HEAD, source_text
 
     functions = (target_current, regulator_current, estimate, predict, motion_ahead, prepare)
     text = [HEAD, *(f'@cached_njit(error_model="numpy")\n{source_text(function)}' for function in functions)]

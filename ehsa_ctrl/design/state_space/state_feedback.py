@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.controller_interface import INPUTS, MEASURED
-from .synthesis.kalman import Kalman
-from .synthesis.model import DesignModel
-from .synthesis.regulator import MOTION, Regulator, Target
+from ...core.controller_interface import INPUTS, MEASURED
+from .kalman import Kalman
+from .model import DesignModel
+from .regulator import MOTION, Regulator, Target
 
 if TYPE_CHECKING:
     import control

@@ -24,11 +24,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from ..core.definition import Definition, In, Metre, RadianPerSecond
-from .qp import NO_BOUND
-from .synthesis.kalman import Pascal
-from .synthesis.model import DesignModel
-from .synthesis.regulator import MOTION, Cost, Regulator, Target
+from ...core.definition import Definition, In, Metre, RadianPerSecond
+from ..qp import NO_BOUND
+from .kalman import Pascal
+from .model import DesignModel
+from .regulator import MOTION, Cost, Regulator, Target
 
 #: Position error [m] that scales the penalty of soft limits, about a full stroke. The penalty must outweigh what
 #: violating a limit would gain, else a feasible limit is violated.

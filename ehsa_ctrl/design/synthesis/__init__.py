@@ -1,1 +1,0 @@
-"""State-space design: the sampled design model, Kalman filter, regulator, target."""
