@@ -16,7 +16,7 @@ ALLOWED = {
     "design": {"core"},
     "identification": {"simulation", "plant", "physics", "core"},
     "scenario": {"design", "simulation", "plant", "physics", "core"},
-    "diagnosis": {"identification", "simulation", "plant", "physics", "core"},
+    "diagnosis": {"scenario", "identification", "simulation", "plant", "physics", "core"},
     "report": {"scenario", "diagnosis", "identification", "design", "simulation", "plant", "physics", "core"},
 }
 

@@ -10,6 +10,7 @@ import typer
 from ..core.errors import InputError
 from .complete import plants
 from .options import Json
+from .output import say, to_json
 
 
 def command(
@@ -24,13 +25,12 @@ def command(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Validate plants, controllers and scenarios: units, ranges, names, what refers to what; design the controllers.
+    """Validate plants, controllers and scenarios: units, ranges, names, references; design the controllers.
 
     Examples: ehsa-ctrl check · ehsa-ctrl check scenarios/my_step.toml
     """
     from ..core import catalogue
     from ..scenario.run import check_definition
-    from .output import say
 
     if files:
         todo = [(path.stem, path) for path in files]
@@ -47,8 +47,6 @@ def command(
         except InputError as error:
             mistakes[name] = str(error)
     if as_json:
-        from .output import to_json
-
         print(to_json({"checked": [name for name, _ in todo], "mistakes": mistakes}))
     else:
         for name, _ in todo:

@@ -117,7 +117,7 @@ def controller_toml(base: str, name: str, *, plant: str | None = None) -> str:
         f"{', '.join(word for word in CONTROLLER_KINDS if word != kind.name)}.",
         "It is designed on the linear model of the plant that it is used with. Positive current and position extend "
         "the rod.",
-        *([f"Limits, sample time and scales are those of the plant {plant}."] if plant is not None else []),
+        *([f"Limits, sample time and scales are for the plant {plant}."] if plant is not None else []),
         *_indented(controller_commands(name, plant)),
         QUANTITIES,
         HOW,

@@ -2,46 +2,73 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..core.errors import InputError
-from .complete import controller_kinds, controllers, plants
-from .options import Force, Json, Out, Settings, read_pairs
+from .complete import controller_kinds, controllers
+from .options import PlantArgument, Settings, read_pairs
+from .output import OutputOptions, provenance
+
+if TYPE_CHECKING:
+    from ..design.specification import ControllerDesign
+
+
+@dataclass(frozen=True)
+class FigureOptions:
+    """Figures that the designed loop must reach."""
+
+    bandwidth: Annotated[
+        str, typer.Option(help="'30 rad/s': crossover of a pid or cascade, else bandwidth from reference to position.")
+    ] = ""
+    phase_margin: Annotated[str, typer.Option(help="'60 deg'; makes a pid a classic design.")] = ""
+    Ms: Annotated[str, typer.Option("--Ms", help="Largest sensitivity |S|, 1.5.")] = ""
+    Mt: Annotated[str, typer.Option("--Mt", help="Largest complementary sensitivity |T|, 1.3.")] = ""
+    disk_margin: Annotated[str, typer.Option(help="Least disk margin, 0.7.")] = ""
+    noise_gain: Annotated[str, typer.Option(help="Most current per position noise, '8000 A/m'.")] = ""
+
+
+@dataclass(frozen=True)
+class KeyOptions:
+    """Keys of the TOML, by options."""
+
+    weight: Annotated[
+        list[str], typer.Option(metavar="KEY=VALUE", help="Of \\[weights]: position='0.5 mm'. Repeatable.")
+    ] = field(default_factory=list)
+    limit: Annotated[
+        list[str], typer.Option(metavar="KEY=VALUE", help="Of \\[limits]: pressure='150 bar'. Repeatable.")
+    ] = field(default_factory=list)
+    spec: Annotated[
+        list[str], typer.Option(metavar="KEY=VALUE", help="Any key of the TOML: tuning.minimise=IE. Repeatable.")
+    ] = field(default_factory=list)
+    current_limit: Annotated[str, typer.Option(help="Largest current, '6 A'.")] = ""
+    sample_time: Annotated[str, typer.Option(help="Sample time of the loop, '4 ms'.")] = ""
+
+    def dotted(self) -> dict[str, str]:
+        """Dotted key -> text. Raises InputError as `read_pairs`."""
+        found = {f"weights.{key}": text for key, text in read_pairs(self.weight, "--weight").items()}
+        found |= {f"limits.{key}": text for key, text in read_pairs(self.limit, "--limit").items()}
+        found |= read_pairs(self.spec, "--spec")
+        return found | {word: text for word in ("current_limit", "sample_time") if (text := getattr(self, word))}
 
 
 def command(
-    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.", autocompletion=plants)],
+    plant: PlantArgument,
     kind: Annotated[
         str,
         typer.Option(
             help="pid, cascade, scheduled_pid, lqr, mpc: what `kind` may be in a TOML.", autocompletion=controller_kinds
         ),
     ],
-    output: Annotated[
+    figure_options: FigureOptions,
+    key_options: KeyOptions,
+    output: OutputOptions,
+    file: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE.toml", help="The controller; printed without it.")
     ] = None,
-    bandwidth: Annotated[
-        str, typer.Option(help="'30 rad/s': crossover of a pid or cascade; of others how far x follows.")
-    ] = "",
-    phase_margin: Annotated[str, typer.Option(help="'60 deg'; makes a pid a classic design.")] = "",
-    Ms: Annotated[str, typer.Option("--Ms", help="Largest sensitivity |S|, 1.5.")] = "",
-    Mt: Annotated[str, typer.Option("--Mt", help="Largest complementary sensitivity |T|, 1.3.")] = "",
-    disk_margin: Annotated[str, typer.Option(help="Least disk margin, 0.7.")] = "",
-    noise_gain: Annotated[str, typer.Option(help="Most current per position noise, '8000 A/m'.")] = "",
-    weight: Annotated[
-        list[str], typer.Option(metavar="KEY=VALUE", help="Of \\[weights]: position='0.5 mm'. Repeatable.")
-    ] = [],  # noqa: B006 - typer reads the default, nobody changes it
-    limit: Annotated[
-        list[str], typer.Option(metavar="KEY=VALUE", help="Of \\[limits]: pressure='150 bar'. Repeatable.")
-    ] = [],  # noqa: B006
-    spec: Annotated[
-        list[str], typer.Option(metavar="KEY=VALUE", help="Any key of the TOML: tuning.minimise=IE. Repeatable.")
-    ] = [],  # noqa: B006
-    current_limit: Annotated[str, typer.Option(help="Largest current, '6 A'.")] = "",
-    sample_time: Annotated[str, typer.Option(help="Of the loop, '4 ms'.")] = "",
     title: Annotated[str, typer.Option(help="What the controller is for.")] = "",
     base: Annotated[
         str | None,
@@ -50,12 +77,9 @@ def command(
         ),
     ] = None,
     freeze: Annotated[
-        bool, typer.Option("--freeze", help="Write a pid's gains instead of what they were designed from.")
+        bool, typer.Option("--freeze", help="Write a pid's gains instead of the specification they were designed from.")
     ] = False,
-    settings: Settings = [],  # noqa: B006
-    as_json: Json = False,
-    out: Out = None,
-    force: Force = False,
+    settings: Settings = [],
 ) -> None:
     """Design a controller on the plant's linear model and write its TOML, with what it reached as comments.
 
@@ -67,109 +91,88 @@ def command(
     """
     from ..core.catalogue import is_shipped
     from ..core.files import read_toml, refuse_existing, write_text
-    from ..core.result_folder import ResultFolder
+    from ..design.analysis.closed_loop import step_response
     from ..design.specification import begin, design, keys_for, leaves, put
     from ..design.tuning.constraints import Tuning
     from ..plant.linear import three_state
-    from ..plant.load import load_plant
     from ..scenario.rescaling import rescaling_to
-    from .output import rests_on, to_json, warn_implausible
+    from .inputs import load_model
 
-    if output is not None and output.suffix != ".toml":
-        raise InputError(f"-o {output}: expected a file that ends in .toml")
-    if output is not None:
-        refuse_existing(output, force=force)
-    place = None
-    if out is not None:
-        place = ResultFolder(out, "design", force).check(
-            "design.json", "report.html", figures=["loop", "nyquist", "step"]
-        )
+    if file is not None:
+        if file.suffix != ".toml":
+            raise InputError(f"-o {file}: expected a file that ends in .toml")
+        refuse_existing(file, force=output.force)
+    output.check("design", "design.json", "report.html", figures=["loop", "nyquist", "step"])
     chosen, begun = begin(kind, base)
     content = read_toml(begun)
-    given = {
-        "bandwidth": bandwidth,
-        "phase_margin": phase_margin,
-        "Ms": Ms,
-        "Mt": Mt,
-        "disk_margin": disk_margin,
-        "noise_gain": noise_gain,
-    }
-    figures = {word: text for word, text in given.items() if text}
-    asked = {f"weights.{key}": text for key, text in read_pairs(weight, "--weight").items()}
-    asked |= {f"limits.{key}": text for key, text in read_pairs(limit, "--limit").items()}
-    asked |= read_pairs(spec, "--spec")
-    asked |= {key: text for key, text in {"current_limit": current_limit, "sample_time": sample_time}.items() if text}
-    name = output.stem if output is not None else f"{kind}_designed"
+    figures = {word: text for word, text in vars(figure_options).items() if text}
+    asked = key_options.dotted()
     content["title"] = title or f"{kind} designed for {plant}"
     content.pop("note", None)
     pairs = read_pairs(settings)
-    loaded = load_plant(plant, model="linear", settings=pairs)
-    warn_implausible([loaded])
+    loaded = load_model(plant, "linear", pairs)
     system = three_state(loaded)
     own: dict[str, Any] = {}
-    begins: dict[str, str] = {}
-    left: list[str] = []
-    # A controller of the user's own was chosen for who knows which plant.
+    defaults: dict[str, str] = {}
+    unscaled: list[str] = []
+    # The numbers of a shipped controller are for the shipped EHSA; the plant of a user's own is not known.
     if is_shipped("controllers", begun):
-        to_plant = rescaling_to(plant, pairs)
-        own, left = to_plant.changes(content, leaves(chosen.file)), to_plant.unknown(content)
+        rescaling = rescaling_to(plant, pairs)
+        own, unscaled = rescaling.changes(content, leaves(chosen.file)), rescaling.unknown(content)
         content = put(content, chosen, {key: str(value) for key, value in own.items()})
-        # A [tuning] that the options begin has a default of its own.
+        # A [tuning] that the options add has a default of its own.
         tuning = put(content, chosen, {**keys_for(chosen, figures)[0], **asked}).get("tuning", {})
         usual = f"{Tuning().noise_gain:g} A/m"
-        if tuning and "noise_gain" not in tuning and to_plant.scale("tuning.noise_gain", usual) != usual:
-            own["tuning.noise_gain"] = begins["tuning.noise_gain"] = to_plant.scale("tuning.noise_gain", usual)
-    found = design(name, chosen, content, system, figures=figures, asked=begins | asked)
+        if tuning and "noise_gain" not in tuning and rescaling.scale("tuning.noise_gain", usual) != usual:
+            own["tuning.noise_gain"] = defaults["tuning.noise_gain"] = rescaling.scale("tuning.noise_gain", usual)
+    name = file.stem if file is not None else f"{kind}_designed"
+    found = design(name, chosen, content, system, figures=figures, asked=defaults | asked)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
-    words += [f"{key} = {text} believed" for key, text in pairs.items()]
-    comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'nothing in particular'}."]
+    words += [f"{key} = {text}" for key, text in pairs.items()]
+    comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'default specification'}."]
     if own:
-        said = ", ".join(f"{key} {value}" for key, value in own.items() if key not in asked)
-        comments.append(f"Begun as {begun.stem}, whose numbers are for the shipped EHSA; for this plant: {said}.")
-    if left:
-        comments.append(f"As in {begun.stem}, because {plant} states nothing of it: {', '.join(left)}.")
-    comments.append("On its linear model:")
-    text = (frozen(found) if freeze else found).toml(comments)
+        scaled = ", ".join(f"{key} {value}" for key, value in own.items() if key not in asked)
+        comments.append(f"Begun as {begun.stem}, whose numbers are for the shipped EHSA; for this plant: {scaled}.")
+    if unscaled:
+        comments.append(f"As in {begun.stem}, because {plant} does not state their scale: {', '.join(unscaled)}.")
+    text = (_with_gains(found) if freeze else found).toml([*comments, "On its linear model:"])
     result: dict[str, Any] = {
         "plant": plant,
         "kind": kind,
         "settings": pairs,
         "asked": {**figures, **asked},
         "from_plant": own,
-        "controller": str(output) if output is not None else None,
+        "controller": str(file) if file is not None else None,
         "definition": found.content,
         "law": str(found.controller.law),
         "loop": found.loop.to_dict(),
     }
-    if output is not None:
-        write_text(output, text)
-    if place is not None:
-        from ..design.analysis.closed_loop import step_response
-        from ..report.figures import loop_figure, nyquist_figure, save, step_figure
-        from ..report.result_page import write_result_page
-
-        steps = step_response(system, found.controller)
+    if file is not None:
+        write_text(file, text)
+    steps = step_response(system, found.controller) if output.out is not None else None
+    if steps is not None:
         result |= {"overshoot": steps.overshoot, "settling_time": steps.settling_time}
-        result["rests_on"] = rests_on([loaded], [output])
-        with place.draft() as draft:
-            (draft / "design.json").write_text(to_json(result) + "\n")
-            save(loop_figure(found.loop), draft / "loop")
-            save(nyquist_figure(found.loop), draft / "nyquist")
-            save(step_figure(steps), draft / "step")
-            write_result_page(draft, "design.json")
-    if as_json:
-        print(to_json(result))
-        return
-    print(text.rstrip() if output is None else f"{found.controller}\n{found.loop}")
-    for written in (output, out):
-        if written is not None:
-            print(f"written to {written}")
+        result["rests_on"] = provenance([loaded], [file])
+
+    def write_files(draft: Path) -> None:
+        from ..report.figures import loop_figure, nyquist_figure, save, step_figure
+
+        assert steps is not None
+        save(loop_figure(found.loop), draft / "loop")
+        save(nyquist_figure(found.loop), draft / "nyquist")
+        save(step_figure(steps), draft / "step")
+
+    def print_result() -> None:
+        if file is None:
+            print(text.rstrip())
+        else:
+            print(f"{found.controller}\n{found.loop}\nwritten to {file}")
+
+    output.deliver("design", "design.json", result, print_result, files=write_files)
 
 
-def frozen(found: Any) -> Any:
-    """The same with its gains in the file. Raises InputError for a law that has none to write."""
-    from dataclasses import replace
-
+def _with_gains(found: ControllerDesign) -> ControllerDesign:
+    """The design with its gains in the file. Raises InputError for a law that has none to write."""
     from ..design.kinds.pid import Pid
     from ..design.specification import ALTERNATIVES
 

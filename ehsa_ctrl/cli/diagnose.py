@@ -2,88 +2,123 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .complete import controllers, models, plants, scenarios
-from .options import (
-    Align,
-    First,
-    Force,
-    Json,
-    Last,
-    Out,
-    Resample,
-    Rest,
-    Settings,
-    Zero,
-    read_pairs,
-    read_preparation,
-)
+from ..core.errors import InputError
+from .complete import controllers, models, scenarios
+from .options import LogOptions, PlantOption, Settings, read_pairs
+from .output import OutputOptions, command_line, provenance, to_json, warn
 
 if TYPE_CHECKING:
     from ..core.log import Log
     from ..diagnosis.changed import Change
+    from ..diagnosis.closed_loop import LoopComparison
     from ..diagnosis.diagnosis import Diagnosis
     from ..diagnosis.next_experiment import Experiment
     from ..identification.preparation import Preparation
     from ..plant.plant import Plant
-    from .closed_loop import Closed
+    from ..scenario.run import PreparedScenario
+
+#: Figures that a diagnosis has or may have.
+FIGURES = ("signals", "where", "unknown_inputs", "candidates", "shrinkage")
+
+
+@dataclass(frozen=True)
+class SingleLogOptions:
+    """Options for the diagnosis of one log."""
+
+    validate: Annotated[
+        Path | None, typer.Option(help="A second log to hold out; by default the last third of the log.")
+    ] = None
+    before: Annotated[
+        Path | None, typer.Option(help="An earlier log of the same rig: find what changed since then.")
+    ] = None
+    scenario: Annotated[
+        str | None,
+        typer.Option(help="Run this scenario on the nominal and on the improved plant.", autocompletion=scenarios),
+    ] = None
+    controller: Annotated[
+        str | None, typer.Option(help="Controller instead of the scenario's own.", autocompletion=controllers)
+    ] = None
+    replay: Annotated[
+        bool, typer.Option("--replay", help="The log was recorded under that loop: compute the closed-loop gap.")
+    ] = False
+
+    def check(self, logs: int, preparation: LogOptions) -> None:
+        """Raises InputError for options that do not go together."""
+        for word in ("validate", "before", "scenario"):
+            if getattr(self, word) is not None and logs > 1:
+                raise InputError(f"--{word} goes with one log, not with {logs}; diagnose them one by one")
+        if self.validate is not None and self.before is not None:
+            raise InputError("--validate and --before don't go together: the last third of each log is held out")
+        for option, given in (("--replay", self.replay), ("--controller", self.controller is not None)):
+            if given and self.scenario is None:
+                raise InputError(f"{option} needs a scenario; name it with --scenario")
+        if self.replay and (preparation.start is not None or preparation.stop is not None):
+            raise InputError(
+                "--replay compares the log with the scenario from its first second; leave --from and --to out"
+            )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The diagnosis of a log with all that its files show.
+
+    change: where an earlier log was given. closed: where a scenario was given. steps: preparation of the logs, as JSON.
+    files: the logs.
+    """
+
+    found: Diagnosis
+    steps: Sequence[dict[str, Any]]
+    files: Sequence[Path | None]
+    change: Change | None = None
+    closed: LoopComparison | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        more = {"closed_loop": self.closed.to_dict()} if self.closed is not None else {}
+        return {**(self.change or self.found).to_dict(), **more, "preparation": self.steps}
+
+    def stored(self) -> dict[str, Any]:
+        """Content of diagnosis.json."""
+        plant = self.found.plant if self.change is None else self.change.before.plant
+        return {
+            **(self.change or self.found).to_dict(),
+            "preparation": self.steps,
+            "rests_on": provenance([plant], [file for file in self.files if file is not None]),
+        }
 
 
 def command(
     logs: Annotated[list[Path], typer.Argument(help="Measured logs: CSV, Parquet or MAT.")],
-    plant: Annotated[
-        str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.", autocompletion=plants)
-    ],
-    model: Annotated[
-        str, typer.Option(help="linear or nonlinear: which of its models is believed.", autocompletion=models)
-    ] = "nonlinear",
-    validate: Annotated[
-        Path | None, typer.Option(help="A second log to hold out; else the last third of the log is.")
-    ] = None,
-    before: Annotated[
-        Path | None, typer.Option(help="An earlier log of the same rig: say what changed since then.")
-    ] = None,
-    scenario: Annotated[
-        str | None,
-        typer.Option(help="Run this scenario on the believed and on the improved plant.", autocompletion=scenarios),
-    ] = None,
-    controller: Annotated[
-        str | None, typer.Option(help="With this one instead of the scenario's own.", autocompletion=controllers)
-    ] = None,
-    replay: Annotated[
-        bool, typer.Option("--replay", help="The log was recorded under that loop: state the closed-loop gap.")
-    ] = False,
-    settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
-    threshold: Annotated[float, typer.Option(help="A gap of a signal from which on it matters.")] = 0.03,
-    start: First = None,
-    stop: Last = None,
-    zero: Zero = "",
-    rest: Rest = "",
-    resample: Resample = None,
-    align: Align = "",
+    plant: PlantOption,
+    single: SingleLogOptions,
+    preparation: LogOptions,
+    output: OutputOptions,
+    model: Annotated[str, typer.Option(help="linear or nonlinear: the nominal model.", autocompletion=models)] = (
+        "nonlinear"
+    ),
+    settings: Settings = [],
+    threshold: Annotated[float, typer.Option(help="Smallest gap of a signal that matters.")] = 0.03,
     jobs: Annotated[int | None, typer.Option(help="Cores or workers to use; all by default.")] = None,
     backend: Annotated[
         str, typer.Option(help="For several logs: loky or threading on this machine; dask or ray on a cluster.")
     ] = "loky",
     address: Annotated[
-        str | None, typer.Option(help="Of the cluster's scheduler; without one a cluster is started here.")
+        str | None, typer.Option(help="Address of the cluster's scheduler; without one a cluster is started here.")
     ] = None,
     unchecked: Annotated[bool, typer.Option("--unchecked", help="Go on with a log that looks plainly wrong.")] = False,
-    as_json: Json = False,
-    out: Out = None,
-    force: Force = False,
 ) -> None:
-    """Say where the gap between a log and the believed plant lies, which effect causes it, and how far it shrinks.
+    """Find where the gap between a log and the nominal plant lies, which effect causes it, and how far it shrinks.
 
-    Several logs get a folder each and a summary; interrupt that and call it again: it goes on where it was.
+    Several logs get a folder each and a summary; after an interruption the same call continues.
 
     --from and --to are for the log, or each of several; a log of --validate or --before is used whole. A channel whose
-    zero or delay is put right beforehand can't be found to have a wrong one.
+    zero or delay is corrected beforehand can't be found to have a wrong one.
 
     Examples: ehsa-ctrl diagnose log.csv --plant ehsa --out results/diagnosis · ehsa-ctrl diagnose log.csv --plant
     my/rig.toml --validate other.csv --set load.stiffness=50e3 --threshold 0.05 · ehsa-ctrl diagnose logs/*.csv --plant
@@ -91,63 +126,46 @@ def command(
     p1,p2 · ehsa-ctrl diagnose today.csv --before last_year.csv --plant ehsa · ehsa-ctrl diagnose
     log.csv --plant ehsa --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3
     """
-    from ..core.errors import InputError
-    from ..core.result_folder import ResultFolder
-    from ..plant.load import load_plant, models_of
-    from .output import to_json, warn_implausible
-    from .prepared import sentences
+    from ..plant.plant import models_of
+    from .inputs import load_model, preparation_sentences
 
-    if model not in ("linear", "nonlinear"):
-        raise InputError(f"--model {model!r}: expected linear or nonlinear")
-    one_alone = {"--validate": validate, "--before": before, "--scenario": scenario}
-    for option, given in one_alone.items():
-        if given is not None and len(logs) > 1:
-            raise InputError(f"{option} goes with one log, not with {len(logs)}; diagnose them one by one")
-    if validate is not None and before is not None:
-        raise InputError("--validate and --before don't go together: the last third of each log is held out")
-    for option, asked in (("--replay", replay), ("--controller", controller is not None)):
-        if asked and scenario is None:
-            raise InputError(f"{option} needs a scenario; name it with --scenario")
-    if replay and (start is not None or stop is not None):
-        raise InputError("--replay holds the log against the scenario from its first second; leave --from and --to out")
-    preparation = read_preparation(start, stop, zero, rest, resample, align)
-    nominal = load_plant(plant, model=model, settings=read_pairs(settings))  # type: ignore[arg-type]
-    warn_implausible([nominal])
+    single.check(len(logs), preparation)
+    how = preparation.preparation()
+    nominal = load_model(plant, model, read_pairs(settings))
     if len(logs) > 1:
         from .diagnose_batch import diagnose_batch
 
         diagnose_batch(
-            nominal, logs, preparation, threshold=threshold, jobs=-1 if jobs is None else jobs, backend=backend,
-            address=address, check=not unchecked, out=out, force=force, as_json=as_json, write=_write,
+            nominal, logs, how, output, threshold=threshold, jobs=-1 if jobs is None else jobs, backend=backend,
+            address=address, check=not unchecked,
         )  # fmt: skip
         return
-    place = None
-    if out is not None:
-        place = ResultFolder(out, "diagnose", force).check(
-            *names_of(nominal, before is not None, scenario is not None),
-            figures=[*FIGURES, *(["closed_loop"] if scenario is not None else [])],
-        )
-    found, change, closed, steps = _found(
-        nominal, logs[0], validate, before, scenario, controller, preparation, replay=replay, threshold=threshold,
-        jobs=jobs, check=not unchecked,
+    closed_figure = ["closed_loop"] if single.scenario is not None else []
+    output.check(
+        "diagnose",
+        *file_names(nominal, before=single.before is not None, closed=single.scenario is not None),
+        figures=[*FIGURES, *closed_figure],
+    )
+    outcome = _diagnose(nominal, logs[0], single, how, threshold=threshold, jobs=jobs, check=not unchecked)
+    found, out = outcome.found, output.out
+    improved = _improved(out, found) if out is not None else None
+
+    def print_result() -> None:
+        for sentence in preparation_sentences(outcome.steps, reading=False):
+            print(sentence)
+        print(found if outcome.change is None else outcome.change)
+        if outcome.closed is not None:
+            _print_closed(outcome.closed)
+
+    output.deliver(
+        "diagnose", "diagnosis.json", outcome.to_dict(), print_result, stored=outcome.stored(),
+        files=lambda draft: write_files(draft, outcome), page=False,
+        then=f"; use the corrected plant as --plant {improved}" if improved else "",
     )  # fmt: skip
-    if place is not None:
-        with place.draft() as draft:
-            _write(draft, found, change, closed, (logs[0], validate, before), steps)
-    if as_json:
-        more = {"closed_loop": closed.to_dict()} if closed is not None else {}
-        print(to_json({**(found if change is None else change).to_dict(), **more, "preparation": steps}))
+    if output.as_json:
         return
-    for sentence in sentences(steps, read=False):
-        print(sentence)
-    print(found if change is None else change)
-    if closed is not None:
-        _print_closed(closed)
-    if out is not None:
-        improved = _improved(out, found)
-        print(f"written to {out}" + (f"; use the corrected plant as --plant {improved}" if improved else ""))
-        if improved and found.plant.model == "nonlinear" and "linear" in models_of(improved):
-            print("  its linear set is as it was; `identify --linear sliding` on it writes one that follows")
+    if improved and found.plant.model == "nonlinear" and "linear" in models_of(improved):
+        print("  its linear set is as it was; `identify --linear sliding` on it writes one that follows")
     for line in next_lines(found.experiment, out):
         print(line)
 
@@ -158,44 +176,38 @@ def _improved(out: Path, found: Diagnosis) -> Path | None:
     return out / f"{found.plant.name}_improved.toml" if there else None
 
 
-def _found(
+def _diagnose(
     nominal: Plant,
     log: Path,
-    validate: Path | None,
-    before: Path | None,
-    scenario: str | None,
-    controller: str | None,
-    preparation: Preparation,
+    single: SingleLogOptions,
+    how: Preparation,
     *,
-    replay: bool,
     threshold: float,
     jobs: int | None,
     check: bool,
-) -> tuple[Diagnosis, Change | None, Closed | None, list[dict[str, Any]]]:
-    """The diagnosis of one log, what changed since an earlier one, what that does to a closed loop, and what was done
-    to the logs."""
+) -> Outcome:
+    """Read and diagnose one log, compare it with an earlier one, and run the scenario, as the options ask."""
     from ..diagnosis.changed import what_changed
+    from ..diagnosis.closed_loop import check_replay, compare_loops
     from ..diagnosis.diagnose import diagnose
-    from ..identification.plant_log import missing_information
-    from .closed_loop import case_of, check_replay, close
-    from .output import warn
-    from .prepared import read_prepared, whole
+    from ..identification.record import untold
+    from .inputs import read_prepared, whole
     from .progress import compiling, counting
 
     steps: list[dict[str, Any]] = []
 
-    def ready(path: Path, how: Preparation) -> Log:
+    def read(path: Path, how: Preparation) -> Log:
         with compiling():
-            read = read_prepared(path, nominal, how)
-        steps.extend(read.cautioned())
-        return read.log
+            prepared = read_prepared(path, nominal, how)
+        steps.extend(prepared.diagnosis_step_dicts())
+        return prepared.log
 
-    measured = ready(log, preparation)
-    second = ready(validate, whole(preparation)) if validate is not None else None
-    earlier = ready(before, whole(preparation)) if before is not None else None
-    # What is wrong with the scenario is said before the long work and not after it.
-    case = case_of(scenario, controller, nominal) if scenario is not None else None
-    if case is not None and replay:
+    measured = read(log, how)
+    second = read(single.validate, whole(how)) if single.validate is not None else None
+    earlier = read(single.before, whole(how)) if single.before is not None else None
+    # Mistakes in the scenario are reported before the long work.
+    case = prepare_case(single.scenario, single.controller, nominal) if single.scenario is not None else None
+    if case is not None and single.replay:
         check_replay(case, nominal, measured)
     missing = missing_information(measured, nominal)
     if "force" in missing:
@@ -210,23 +222,51 @@ def _found(
                 nominal, measured, validate=second, threshold=threshold, jobs=jobs, watch=watch, check=check
             )
         words = ("believed", "improved") if change is None else ("before", "after")
-        closed = close(case, found, replay=replay, words=words) if case is not None else None
+        closed = compare_loops(case, found, replay=single.replay, words=words) if case is not None else None
     for sentence in dict.fromkeys([*(change.before.findings if change is not None else ()), *found.findings]):
         warn(sentence)
-    return found, change, closed, steps
+    return Outcome(found, steps, (log, single.validate, single.before), change, closed)
 
 
-def _print_closed(closed: Closed) -> None:
-    """The table of the closed loop, with what is to be said of it."""
+def prepare_case(scenario: str, controller: str | None, plant: Plant) -> PreparedScenario:
+    """The scenario with its controller designed on this plant's linear set; warns if it names another plant.
+
+    Raises InputError as `prepare` does, and for a scenario of another system.
+    """
+    from ..core.catalogue import plants
+    from ..plant.plant import load_plant
+    from ..scenario.definition import load_scenario
+    from ..scenario.run import prepare
+
+    loaded = load_scenario(scenario)
+    named = load_plant(plants.find(loaded.definition.plant, beside=loaded.path))
+    if named.structure.system_name != plant.structure.system_name:
+        raise InputError(
+            f"scenario {loaded.name} is for {named.name} ({named.structure.system_name}), the log of {plant.name} "
+            f"({plant.structure.system_name}); give a scenario of that system"
+        )
+    if named.path is not None and plant.path is not None and named.path.resolve() != plant.path.resolve():
+        warn(f"scenario {loaded.name} names plant {named.path}; here it is run on {plant.path}")
+    return prepare(loaded, controller=controller, plant=plant.path)
+
+
+def _print_closed(closed: LoopComparison) -> None:
+    """Print the metrics and closed-loop gaps of each plant, and their failures."""
     from rich.console import Console
+    from rich.table import Table
 
-    from ..report.closed_loop import OTHER
-    from .closed_loop import table
-    from .output import warn
+    from ..report.closed_loop import OTHER, closed_table
 
     console = Console(highlight=False)
     console.print(f"\n{closed.scenario} with {closed.controller}:")
-    console.print(table(closed))
+    head, rows = closed_table(closed.to_dict())
+    table = Table("", box=None, pad_edge=False)
+    for word in head:
+        table.add_column(word, justify="right")
+    table.add_column("unit")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
     for word, reasons in closed.failures.items():
         console.print(f"{word} plant: " + ("keeps the limits" if not reasons else "; ".join(reasons)), markup=False)
     if len(closed.metrics) == 1:
@@ -238,11 +278,7 @@ def _print_closed(closed: Closed) -> None:
         )
 
 
-#: Figures that a diagnosis has or may have.
-FIGURES = ("signals", "where", "unknown_inputs", "candidates", "shrinkage")
-
-
-def names_of(plant: Plant, before: bool = False, closed: bool = False) -> list[str]:
+def file_names(plant: Plant, *, before: bool = False, closed: bool = False) -> list[str]:
     """Files that a diagnosis has or may have beside its figures, the main one first."""
     from ..diagnosis.next_experiment import FILE
     from ..report.diagnosis_page import FILE as PAGE
@@ -253,7 +289,7 @@ def names_of(plant: Plant, before: bool = False, closed: bool = False) -> list[s
 
 
 def next_lines(experiment: Experiment | None, out: Path | None) -> list[str]:
-    """What to call for the proposed experiment on the virtual bench."""
+    """The command that runs the proposed experiment on the virtual bench."""
     from ..diagnosis.next_experiment import FILE
 
     if experiment is None:
@@ -265,35 +301,18 @@ def next_lines(experiment: Experiment | None, out: Path | None) -> list[str]:
     return ["next experiment on the virtual bench", f"  {experiment.command}"]
 
 
-def _write(
-    out: Path,
-    found: Diagnosis,
-    change: Change | None = None,
-    closed: Closed | None = None,
-    files: Sequence[Path | None] = (),
-    steps: Sequence[Mapping[str, Any]] = (),
-) -> None:
-    """JSON, the improved plant, a table of causes and one of signals, figures and page.
-
-    files: logs that hashes are given of; those of the diagnosis alone by default. steps: what was done to them.
-    """
+def write_files(out: Path, outcome: Outcome) -> None:
+    """The improved plant, tables of causes and signals, figures and page: all but diagnosis.json."""
     from ..diagnosis.next_experiment import FILE
     from ..identification.plant_toml import write_plant
     from ..report.diagnosis_page import diagnosis_figures, write_diagnosis_page
     from ..report.diagnosis_signals import signals_table
     from ..report.figures import closed_figure, save
-    from .output import command_line, rests_on, to_json
-    from .prepared import sentences
+    from .inputs import preparation_sentences
 
+    found, change, closed = outcome.found, outcome.change, outcome.closed
     if found.experiment is not None:
         found.experiment.write(out / FILE)
-    read = [file for file in files or (found.log.path,) if file is not None]
-    answer = {
-        **(found if change is None else change).to_dict(),
-        "preparation": list(steps),
-        "rests_on": rests_on([found.plant if change is None else change.before.plant], read),
-    }
-    (out / "diagnosis.json").write_text(to_json(answer) + "\n")
     if change is not None:
         (out / "before.json").write_text(to_json(change.before.to_dict()) + "\n")
         write_plant(out / f"{change.rig.name}_before.toml", change.rig)
@@ -303,8 +322,7 @@ def _write(
     signals_table(found).to_csv(out / "signals.csv", index=False, float_format="%.7g")
     if found.effects:
         found.to_pandas().to_csv(out / "causes.csv", index=False)
-    drawn = diagnosis_figures(found)
-    for name, (_, figure) in drawn.items():
+    for name, (_, figure) in diagnosis_figures(found).items():
         save(figure, out / name)
     loop_figure = None
     if closed is not None:
@@ -318,6 +336,6 @@ def _write(
         change=change,
         closed=closed.to_dict() if closed is not None else None,
         closed_loop=loop_figure,
-        files=read,
-        steps=sentences(steps),
+        files=[file for file in outcome.files if file is not None],
+        steps=preparation_sentences(outcome.steps),
     )

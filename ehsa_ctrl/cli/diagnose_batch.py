@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from ..core.errors import InputError
+from .diagnose import FIGURES, Outcome, file_names, write_files
+from .output import OutputOptions, provenance, to_json
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from ..core.log import Log
     from ..diagnosis.batch import Batch
     from ..diagnosis.diagnosis import Diagnosis
@@ -23,23 +24,19 @@ if TYPE_CHECKING:
 def diagnose_batch(
     nominal: Plant,
     logs: Sequence[Path],
-    preparation: Preparation,
+    how: Preparation,
+    output: OutputOptions,
     *,
     threshold: float,
     jobs: int,
     backend: str,
     address: str | None,
     check: bool,
-    out: Path | None,
-    force: bool,
-    as_json: bool,
-    write: Callable[..., None],
 ) -> None:
-    """Diagnose the logs, write OUT/NAME for each as it comes and OUT/summary.csv and .json at the end, print a table.
+    """Diagnose the logs, write OUT/NAME for each as it is done and OUT/summary.csv and .json at the end, print a table.
 
-    write: puts the files of one diagnosis into a folder; is given the folder, the diagnosis and, as `steps`, what was
-        done to its log. A log that can't be read is a row that says so; one that can't be prepared as asked ends it all
-        before any work.
+    A log that can't be read is a row with its error; one that can't be prepared as asked ends the command before any
+    work.
 
     Raises InputError: a log given twice, an output folder of other diagnoses, a log that can't be prepared so. Exits
     2 if no log could be diagnosed.
@@ -47,50 +44,43 @@ def diagnose_batch(
     from ..core.result_folder import ResultFolder
     from ..core.text import folder_names
     from ..diagnosis.batch import diagnose_many
-    from .diagnose import FIGURES, names_of
-    from .output import rests_on, to_json
     from .progress import compiling, counting
 
     files = [log.resolve() for log in logs]
     twice = next((log for log, file in zip(logs, files, strict=True) if files.count(file) > 1), None)
     if twice is not None:
         raise InputError(f"{twice}: is given twice; give it once")
+    out, anew = output.out, output.force
     folders = dict(zip(map(str, logs), folder_names(logs), strict=True))
-    place, file = None, None
-    if out is not None:
-        file = out / "diagnoses.jsonl"
-        # What was written of the logs so far is replaced as they are continued.
-        place = ResultFolder(out, "diagnose_batch", force=True).check("summary.json", "summary.csv", "report.html")
-        if force or not file.exists():
-            for folder in folders.values():
-                ResultFolder(out / folder, "diagnose", force).check(*names_of(nominal), figures=FIGURES)
+    # The summary of the logs so far is replaced as they are continued.
+    output = replace(output, force=True)
+    output.check("diagnose_batch", "summary.json", "summary.csv", "report.html")
+    record = out / "diagnoses.jsonl" if out is not None else None
+    if out is not None and record is not None and (anew or not record.exists()):
+        for folder in folders.values():
+            ResultFolder(out / folder, "diagnose", anew).check(*file_names(nominal), figures=FIGURES)
 
     with compiling():
-        ready, steps = _prepared(nominal, logs, preparation)
+        ready, steps = _prepare(nominal, logs, how)
 
     def keep(name: str, found: Diagnosis) -> None:
         if out is not None:
+            outcome = Outcome(found, steps[name], [found.log.path])
             with ResultFolder(out / folders[name], "diagnose", force=True).draft() as draft:
-                write(draft, found, steps=steps[name])
+                (draft / "diagnosis.json").write_text(to_json(outcome.stored()) + "\n")
+                write_files(draft, outcome)
 
     with compiling(), counting() as watch:
         batch = diagnose_many(
-            nominal, ready, threshold=threshold, check=check, jobs=jobs, backend=backend, address=address, file=file,
-            anew=force, watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
+            nominal, ready, threshold=threshold, check=check, jobs=jobs, backend=backend, address=address, file=record,
+            anew=anew, watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
         )  # fmt: skip
     done = [step for name in map(str, logs) for step in steps.get(name, ())]
-    summary = {**batch.to_dict(), "preparation": done, "rests_on": rests_on([nominal], logs)}
-    if place is not None:
-        from ..report.result_page import write_result_page
-
-        with place.draft() as draft:
-            (draft / "summary.json").write_text(to_json(summary) + "\n")
-            batch.to_pandas().to_csv(draft / "summary.csv", float_format="%.7g")
-            write_result_page(draft, "summary.json")
-    if as_json:
-        print(to_json(summary))
-    else:
-        _print(batch, out)
+    summary = {**batch.to_dict(), "preparation": done, "rests_on": provenance([nominal], logs)}
+    output.deliver(
+        "diagnose_batch", "summary.json", summary, lambda: _print(batch, out), then=None,
+        files=lambda draft: batch.to_pandas().to_csv(draft / "summary.csv", float_format="%.7g"),
+    )  # fmt: skip
     if batch.interrupted:
         kept = f"what was done is kept in {out}, and the same call goes on from there" if out is not None else ""
         raise KeyboardInterrupt(kept)
@@ -98,11 +88,11 @@ def diagnose_batch(
         raise typer.Exit(2)
 
 
-def _prepared(
+def _prepare(
     nominal: Plant, logs: Sequence[Path], how: Preparation
 ) -> tuple[list[Path | Log], dict[str, list[dict[str, Any]]]]:
-    """The logs as they are used, and what was done to each; one that can't be read is left as a path."""
-    from .prepared import prepared, read_raw
+    """The prepared logs and the preparation of each; a log that can't be read stays a path."""
+    from .inputs import prepare, read_raw
 
     ready: list[Path | Log] = []
     steps: dict[str, list[dict[str, Any]]] = {}
@@ -113,30 +103,19 @@ def _prepared(
             ready.append(path)
             continue
         try:
-            read = prepared(raw, nominal, how)
+            prepared = prepare(raw, nominal, how)
         except InputError as error:
             where = "" if str(error).startswith(str(path)) else f"{path}: "
             raise InputError(f"{where}{error}") from None
-        ready.append(read.log)
-        steps[str(path)] = read.cautioned()
+        ready.append(prepared.log)
+        steps[str(path)] = prepared.diagnosis_step_dicts()
     return ready, steps
 
 
 def _print(batch: Batch, out: Path | None) -> None:
     from rich.console import Console
-    from rich.text import Text
-
-    console = Console(highlight=False)
-    console.print(_table(batch))
-    console.print("gap, after: of all signals, on held-out data, as believed and with the causes")
-    for row in batch.failed:
-        console.print(Text(row.error, "red"))
-    words = ", ".join(f"{count} {word}" for word, count in batch.counts.items())
-    console.print(f"{len(batch.rows)} logs: {words}" + (f"; written to {out}" if out is not None else ""))
-
-
-def _table(batch: Batch) -> Table:
     from rich.table import Table
+    from rich.text import Text
 
     from ..core.text import unique_names
 
@@ -152,4 +131,10 @@ def _table(batch: Batch) -> Table:
         numbers = (f"{row.probability:.2f}" if row.cause else "", f"{100 * row.gap_before:.3g}")
         after = f"{100 * row.gap_after:.3g}" if row.verdict != "no_gap" else ""
         table.add_row(name, row.verdict, " or ".join(row.set), row.place, *numbers, after, f"{row.seconds:.0f}")
-    return table
+    console = Console(highlight=False)
+    console.print(table)
+    console.print("gap, after: of all signals, on held-out data, of the nominal plant and with the causes")
+    for row in batch.failed:
+        console.print(Text(row.error, "red"))
+    words = ", ".join(f"{count} {word}" for word, count in batch.counts.items())
+    console.print(f"{len(batch.rows)} logs: {words}" + (f"; written to {out}" if out is not None else ""))

@@ -7,23 +7,23 @@ from typing import Annotated
 
 import typer
 
-from ..core.errors import InputError
-from .options import Force, Json, Settings, read_pairs
+from .options import Force, Json, Model, PlantArgument, Settings, read_pairs
+from .output import to_json
 
 
 def command(
-    plant: Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.")],
+    plant: PlantArgument,
     out: Annotated[Path, typer.Option("--out", metavar="PATH", help="File ending in .fmu, or a folder for PLANT.fmu.")],
-    model: Annotated[str, typer.Option(help="linear or nonlinear.")] = "nonlinear",
-    settings: Settings = [],  # noqa: B006 - typer reads the default, nobody changes it
+    model: Model = "nonlinear",
+    settings: Settings = [],
     as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Write a plant as an FMU (FMI 2.0, co-simulation) for Simulink, Modelica tools, FMPy and the like.
 
-    Inputs are current (A) and F_D (N, force from outside on the rod), outputs speed, p1, p2, velocity, position, force
-    and whether shaft and rod stick: true signals, no sensors. Each symbol of the plant is a parameter that can be set
-    before the run. The tool's steps may have any length; inputs are held over each, and sticking is exact inside.
+    Inputs are current (A) and F_D (N, external force on the rod), outputs speed, p1, p2, velocity, position, force
+    and whether shaft and rod stick: true signals, no sensors. Each parameter of the plant can be set before the run.
+    The tool's steps may have any length; inputs are held over each, and sticking is exact inside.
 
     The plant's files and its engine's equations are inside, Python is not: where the FMU runs there must be Python with
     ehsa_ctrl, on 64-bit Windows or Linux. On Linux start a tool that is not Python with LD_PRELOAD=libpython3.X.so.
@@ -32,16 +32,12 @@ def command(
     Examples: ehsa-ctrl fmu ehsa --out rig.fmu · ehsa-ctrl fmu my/rig.toml --set load.stiffness=50e3 --out deploy
     """
     from ..core.result_folder import ResultFolder
-    from ..plant.load import load_plant
     from ..simulation.fmu.export import export_fmu
     from ..simulation.fmu.variables import variables_of
-    from .output import to_json, warn_implausible
+    from .inputs import load_model
 
-    if model not in ("linear", "nonlinear"):
-        raise InputError(f"--model {model!r}: expected linear or nonlinear")
     pairs = read_pairs(settings)
-    loaded = load_plant(plant, model=model, settings=pairs)  # type: ignore[arg-type]
-    warn_implausible([loaded])
+    loaded = load_model(plant, model, pairs)
     path = out
     if out.suffix == ".fmu":
         export_fmu(loaded, out, force=force)
@@ -67,7 +63,8 @@ def command(
         print(to_json(result))
         return
     for word, kinds in (("inputs", ("input",)), ("outputs", ("output", "flag")), ("parameters", ("parameter",))):
-        named = [f"{v.name} ({v.unit})" if v.unit and word != "parameters" else v.name for v in variables]
-        kept = [name for name, v in zip(named, variables, strict=True) if v.kind in kinds]
-        print(f"{word:<10} {', '.join(kept)}")
+        named = [
+            f"{v.name} ({v.unit})" if v.unit and word != "parameters" else v.name for v in variables if v.kind in kinds
+        ]
+        print(f"{word:<10} {', '.join(named)}")
     print(f"written to {path}; try it with\n  fmpy simulate {path} --show-plot")

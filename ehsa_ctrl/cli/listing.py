@@ -1,4 +1,4 @@
-"""`ehsa-ctrl list`: what there is."""
+"""`ehsa-ctrl list`: names and titles of definitions, effects and friction laws."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import typer
 from ..core.errors import InputError, choices
 from .complete import kinds_of_list
 from .options import Json
+from .output import to_json
 
 KINDS = ("plants", "controllers", "scenarios", "effects", "friction")
 
@@ -28,8 +29,6 @@ def command(
         raise InputError(f"list {kind!r}: no such kind; {choices(kind, KINDS)}")
     found = {name: _entries(name) for name in ([kind] if kind else KINDS)}
     if as_json:
-        from .output import to_json
-
         print(to_json(found))
         return
     from rich.console import Console

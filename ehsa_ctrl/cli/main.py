@@ -32,6 +32,7 @@ from . import (
     run,
     simulate,
 )
+from .options import expand_groups
 from .output import say
 
 EPILOG = """\
@@ -73,21 +74,14 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("run")(run.command)
-app.command("montecarlo")(montecarlo.command)
-app.command("simulate")(simulate.command)
-app.command("analyse")(analyse.command)
-app.command("design")(design.command)
-app.command("excite")(excite.command)
-app.command("compare")(compare.command)
-app.command("identify")(identify.command)
-app.command("diagnose")(diagnose.command)
-app.command("export")(export.command)
-app.command("fmu")(fmu.command)
+COMMANDS = {
+    "run": run, "montecarlo": montecarlo, "simulate": simulate, "analyse": analyse, "design": design, "excite": excite,
+    "compare": compare, "identify": identify, "diagnose": diagnose, "export": export, "fmu": fmu, "report": report,
+    "list": listing, "check": check,
+}  # fmt: skip
+for name, module in COMMANDS.items():
+    app.command(name)(expand_groups(module.command))
 app.add_typer(new.app, name="new")
-app.command("report")(report.command)
-app.command("list")(listing.command)
-app.command("check")(check.command)
 
 
 def main() -> None:

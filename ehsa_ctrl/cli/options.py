@@ -1,25 +1,33 @@
-"""Options that several commands share, and how their values are read."""
+"""Options that several commands share: their types, groups of them, and how their values are read."""
 
 from __future__ import annotations
 
+import inspect
 import re
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
 from ..core.errors import InputError
-from .complete import symbols
+from .complete import models, plants, several_controllers, symbols
 
 if TYPE_CHECKING:
     from ..identification.preparation import Preparation
 
+PlantArgument = Annotated[str, typer.Argument(help="Name of a plant, or the path of its TOML.", autocompletion=plants)]
+PlantOption = Annotated[
+    str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.", autocompletion=plants)
+]
+Model = Annotated[str, typer.Option(help="linear or nonlinear.", autocompletion=models)]
 Settings = Annotated[
     list[str],
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
-        help="Believe another value in this run: K_T=1.1, load.stiffness=50e3, M='20 kg'. Repeatable.",
+        help="Use another value in this run: K_T=1.1, load.stiffness=50e3, M='20 kg'. Repeatable.",
         autocompletion=symbols,
     ),
 ]
@@ -27,11 +35,11 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write the result's files to this folder.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace a result that is already in the folder.")]
 
-#: What the options do with the channels that they name, for who gives more than names.
-ZEROED = "each is shifted to what the plant has at rest (P_0, x_0), and --rest 0:0.5 says where that rest is"
+#: What an option does with the channels that it names, for values that are not names alone.
+ZEROED = "each is shifted to its value at rest (P_0, x_0), and --rest 0:0.5 says where that rest is"
 ALIGNED = "each is moved by its delay against the simulation"
 
-#: A pair for each option that takes them, as a message shows it.
+#: Example of a pair, by option.
 EXAMPLES = {
     "--set": "K_T=1.1",
     "--weight": "position='1 mm'",
@@ -40,32 +48,100 @@ EXAMPLES = {
 }
 
 
-First = Annotated[float | None, typer.Option("--from", metavar="S", help="First second to use.")]
-Last = Annotated[float | None, typer.Option("--to", metavar="S", help="Last second to use.")]
-Zero = Annotated[str, typer.Option(metavar="p1,p2", help="Set these channels' zero from the rest.")]
-Rest = Annotated[str, typer.Option(metavar="S:S", help="That rest, e.g. 0:0.5; else it is looked for.")]
-Resample = Annotated[float | None, typer.Option(metavar="HZ", help="Bring the logs to this rate.")]
-Align = Annotated[str, typer.Option(metavar="CHANNELS", help="Move these channels by their delay.")]
+@dataclass(frozen=True)
+class LogOptions:
+    """How logs are cut and prepared."""
+
+    start: Annotated[float | None, typer.Option("--from", metavar="S", help="First second to use.")] = None
+    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last second to use.")] = None
+    zero: Annotated[str, typer.Option(metavar="p1,p2", help="Set these channels' zero from the rest.")] = ""
+    rest: Annotated[str, typer.Option(metavar="S:S", help="That rest, e.g. 0:0.5; else it is looked for.")] = ""
+    resample: Annotated[float | None, typer.Option(metavar="HZ", help="Resample the logs to this rate.")] = None
+    align: Annotated[str, typer.Option(metavar="CHANNELS", help="Move these channels by their delay.")] = ""
+
+    def preparation(self) -> Preparation:
+        """Raises InputError for a rest that is not two times and for what can't be a channel."""
+        from ..identification.preparation import Preparation
+
+        channels = _channels(self.zero, "--zero", ZEROED), _channels(self.align, "--align", ALIGNED)
+        return Preparation(self.start, self.stop, channels[0], _read_rest(self.rest), self.resample, channels[1])
 
 
-def names(text: str) -> tuple[str, ...]:
+@dataclass(frozen=True)
+class RunOptions:
+    """Which controllers, plant and design model a scenario is run with."""
+
+    controller: Annotated[
+        str | None,
+        typer.Option(help="Run these instead, names or files separated by commas.", autocompletion=several_controllers),
+    ] = None
+    plant: Annotated[
+        str | None, typer.Option(help="Check on this plant instead of the scenario's.", autocompletion=plants)
+    ] = None
+    design: Annotated[
+        str | None,
+        typer.Option(
+            help="Design on this plant's linear set; by default on that of the plant checked.", autocompletion=plants
+        ),
+    ] = None
+    settings: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Use another value of the plant that is checked on, in this run: K_T=1.1, load.stiffness=50e3. "
+            "A load acts in the linear prediction too; the design stays on the linear set as its file has it. "
+            "Repeatable.",
+            autocompletion=symbols,
+        ),
+    ] = field(default_factory=list)
+
+    def controllers(self) -> list[str | None]:
+        """Names of --controller; [None] for the scenario's own. Raises InputError for a text without a name."""
+        if self.controller is None:
+            return [None]
+        if not (names := split_names(self.controller)):
+            raise InputError(f"--controller {self.controller!r}: names no controller")
+        return list(names)
+
+
+def expand_groups(command: Callable[..., None]) -> Callable[..., None]:
+    """The command for typer, with an option for each field of a parameter that is a dataclass of defaults."""
+    parameters: list[inspect.Parameter] = []
+    groups: dict[str, Any] = {}
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        group = parameter.annotation
+        if not is_dataclass(group):
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+            continue
+        groups[parameter.name] = group
+        hints = get_type_hints(group, include_extras=True)
+        for option in fields(group):
+            default = option.default if option.default_factory is MISSING else option.default_factory()
+            parameters.append(
+                inspect.Parameter(
+                    option.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hints[option.name]
+                )
+            )
+
+    def expanded(**values: Any) -> None:
+        for name, group in groups.items():
+            values[name] = group(**{option.name: values.pop(option.name) for option in fields(group)})
+        command(**values)
+
+    expanded.__doc__ = command.__doc__
+    expanded.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    expanded.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return expanded
+
+
+def split_names(text: str) -> tuple[str, ...]:
     """Turn "p1, p2" into ("p1", "p2")."""
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
-def read_preparation(
-    first: float | None, last: float | None, zero: str, rest: str, resample: float | None, align: str
-) -> Preparation:
-    """What the six options above ask for. Raises InputError for a rest that is not two times."""
-    from ..identification.preparation import Preparation
-
-    channels = (_channels(zero, "--zero", ZEROED), _channels(align, "--align", ALIGNED))
-    return Preparation(first, last, channels[0], _read_rest(rest), resample, channels[1])
-
-
 def _channels(text: str, option: str, does: str) -> tuple[str, ...]:
-    """Names of channels. Raises InputError for what can't be one."""
-    found = names(text)
+    found = split_names(text)
     for name in found:
         if not re.fullmatch(r"[A-Za-z]\w*", name):
             raise InputError(
@@ -76,7 +152,7 @@ def _channels(text: str, option: str, does: str) -> tuple[str, ...]:
 
 
 def _read_rest(text: str) -> tuple[float, float] | None:
-    """Turn "0:0.5" into (0.0, 0.5); None for nothing."""
+    """Turn "0:0.5" into (0.0, 0.5); None for an empty text."""
     if not text:
         return None
     first, _, last = text.partition(":")
@@ -98,3 +174,10 @@ def read_pairs(settings: list[str], option: str = "--set") -> dict[str, str]:
             raise InputError(f"{option} {key} is given twice; give it once")
         pairs[key] = value.strip()
     return pairs
+
+
+def check_word(option: str, value: str, *words: str) -> None:
+    """Raise InputError for a value of an option that is not one of these words."""
+    if value not in words:
+        listed = f"{', '.join(words[:-1])} or {words[-1]}" if len(words) > 2 else " or ".join(words)
+        raise InputError(f"{option} {value!r}: expected {listed}")

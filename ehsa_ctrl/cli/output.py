@@ -1,16 +1,82 @@
-"""What commands say: JSON on standard output, sentences on standard error, and what a result rests on."""
+"""Where a command's result goes: files in a folder, JSON or text on standard output, remarks on standard error."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .options import Force, Json, Out
+
 if TYPE_CHECKING:
     from ..plant.plant import Plant
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """The options --json, --out and --force."""
+
+    as_json: Json = False
+    out: Out = None
+    force: Force = False
+
+    def check(self, command: str, *names: str, figures: Iterable[str] = (), keep: bool = False) -> None:
+        """Refuse before the work a folder that can't take the result.
+
+        names: its files, the main one first. figures: names of its figures. keep: as of ResultFolder.
+
+        Raises InputError as ResultFolder.check.
+        """
+        from ..core.result_folder import ResultFolder
+
+        if self.out is not None:
+            ResultFolder(self.out, command, self.force, keep).check(*names, figures=figures)
+
+    def deliver(
+        self,
+        command: str,
+        file: str,
+        result: Mapping[str, Any],
+        text: Callable[[], None],
+        *,
+        stored: Mapping[str, Any] | None = None,
+        files: Callable[[Path], None] = lambda draft: None,
+        page: bool = True,
+        then: str | None = "",
+        keep: bool = False,
+    ) -> None:
+        """Write the files of a result, then print it.
+
+        Parameters
+        ----------
+        command: owner of the files in the folder. file: name of the JSON file.
+        result: content of --json, and of the file unless that is `stored`.
+        text: prints the result for a person. then: follows "written to DIR"; None where `text` has printed that.
+        files: writes the other files into the folder it is given, before the JSON.
+        page: whether report.html is made from the JSON. keep: as of ResultFolder.
+        """
+        from ..core.result_folder import ResultFolder
+
+        if self.out is not None:
+            with ResultFolder(self.out, command, self.force, keep).draft() as draft:
+                files(draft)
+                (draft / file).write_text(to_json(result if stored is None else stored) + "\n")
+                if page:
+                    from ..report.result_page import write_result_page
+
+                    write_result_page(draft, file)
+        if self.as_json:
+            print(to_json(result))
+            return
+        text()
+        if self.out is not None and then is not None:
+            print(f"written to {self.out}{then}")
 
 
 def plain(value: Any) -> Any:
@@ -30,45 +96,45 @@ def plain(value: Any) -> Any:
     return value
 
 
-def rests_on(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:
-    """What a result's JSON says under `rests_on`: assumed parameters, hashes of files, the command line."""
+def to_json(value: Any) -> str:
+    return json.dumps(plain(value), indent=2)
+
+
+def provenance(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:
+    """Content of `rests_on` in a result's JSON: assumed parameters, hashes of files, the command line."""
     from ..report.grounds import grounds
 
     return {**grounds(plants, files), "command": command_line()}
 
 
-def command_line() -> str:
-    """The call as it can be repeated in a shell: arguments with spaces in quotes."""
-    import shlex
-    import sys
+def assumed_names(plant: Plant) -> list[str]:
+    """Parameters whose value is only assumed."""
+    return [name for name, p in plant.parameters.items() if p.source == "assumed"]
 
+
+def command_line() -> str:
+    """The call as it can be repeated in a shell."""
     return shlex.join(["ehsa-ctrl", *sys.argv[1:]])
 
 
-def to_json(value: Any) -> str:
-    return json.dumps(plain(value), indent=2)
-
-
 def warn_implausible(plants: Iterable[Plant]) -> None:
-    """Say which values were set outside the range in which a plant's file believes them."""
+    """Warn of values outside the plausible range of a plant's file."""
     for sentence in dict.fromkeys(sentence for plant in plants for sentence in plant.implausible):
         warn(sentence)
 
 
 def say(sentence: str, *, who: str = "ehsa-ctrl:") -> None:
-    """What is wrong, on standard error; one line, whatever the argument or the file name that it quotes."""
-    import sys
-
+    """Print an error on standard error, in one line whatever it quotes."""
     # Where standard error can't be written to, the exit status has to do.
     with suppress(OSError):
         print(who, " ".join(sentence.splitlines()), file=sys.stderr, flush=True)
 
 
 def note(sentence: str) -> None:
-    """Something that was assumed and is probably right, on standard error."""
+    """Print a probably correct assumption on standard error."""
     say(sentence, who="ehsa-ctrl: note:")
 
 
 def warn(sentence: str) -> None:
-    """A warning on standard error; the command goes on."""
+    """Print a warning on standard error; the command goes on."""
     say(sentence, who="ehsa-ctrl: warning:")

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from .options import Force, Json
+from .output import to_json, warn
 
 
 def command(
@@ -26,7 +27,6 @@ def command(
     """
     from ..core.result_folder import ResultFolder
     from ..report.result_page import FILE, results_in, write_overview
-    from .output import to_json, warn
 
     place = out or folder
     sections, wrong = results_in(folder, place)

@@ -1,18 +1,19 @@
-"""`ehsa-ctrl run`: the main job."""
+"""`ehsa-ctrl run`: design, check on the nonlinear plant, limits and baselines of scenarios."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..core.errors import InputError, SimulationError
-from .complete import plants, several_controllers, symbols
 from .complete import scenarios as scenario_names
-from .options import Force, Json, read_pairs
+from .options import Force, Json, RunOptions, read_pairs
+from .output import OutputOptions, command_line, provenance, warn_implausible
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -20,39 +21,18 @@ if TYPE_CHECKING:
     from ..core.result_folder import ResultFolder
     from ..scenario.result import ScenarioResult
 
-#: How the name of a figure of an old baseline ends.
+#: End of the name of a figure of an old baseline.
 OLD = "-old-baseline"
+#: How a verdict is printed.
+VERDICTS = {"pass": ("passed", "bold green"), "fail": ("FAILED", "bold red"), "untested": ("untested", "bold yellow")}
 
 
 def command(
+    run: RunOptions,
     scenarios: Annotated[
         list[str] | None,
         typer.Argument(help="Names or TOML files; by default all of them.", autocompletion=scenario_names),
     ] = None,
-    controller: Annotated[
-        str | None,
-        typer.Option(help="Run these instead, names or files separated by commas.", autocompletion=several_controllers),
-    ] = None,
-    plant: Annotated[
-        str | None, typer.Option(help="Check on this plant instead of the scenario's.", autocompletion=plants)
-    ] = None,
-    design: Annotated[
-        str | None,
-        typer.Option(
-            help="Design on this plant's linear set; by default on that of the plant checked.", autocompletion=plants
-        ),
-    ] = None,
-    settings: Annotated[
-        list[str],
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Believe another value of the plant that is checked on, in this run: K_T=1.1, load.stiffness=50e3. "
-            "A load acts in the linear prediction too; the design stays on the linear set as its file has it. "
-            "Repeatable.",
-            autocompletion=symbols,
-        ),
-    ] = [],  # noqa: B006 - typer reads the default, nobody changes it
     jobs: Annotated[int, typer.Option(help="Processes to use.", min=1)] = 1,
     out: Annotated[
         Path | None,
@@ -73,12 +53,12 @@ def command(
         bool | None,
         typer.Option(
             "--assumed/--no-assumed",
-            help="Also run with each assumed parameter at both ends of its believed range, for the page. By default "
+            help="Also run with each assumed parameter at both ends of its plausible range, for the page. By default "
             "where that is quick: with a compiled controller.",
         ),
     ] = None,
 ) -> None:
-    """Design on the identified linear model, check on the nonlinear plant, judge the scenario's limits and baseline.
+    """Design on the identified linear model, check on the nonlinear plant against the scenario's limits and baseline.
 
     Examples: ehsa-ctrl run · ehsa-ctrl run steps_spring --out results/steps ·
     ehsa-ctrl run my/scenario.toml --controller pid_position,my/pid.toml · ehsa-ctrl run --plant results/rig.toml ·
@@ -86,24 +66,17 @@ def command(
     ehsa-ctrl run --update-baselines --reason "softer spring in the rig"
     """
     from ..core.catalogue import scenarios as catalogue
-    from ..core.result_folder import ResultFolder
-    from .output import rests_on, to_json, warn
     from .progress import compiling
 
-    if update_baselines and (plant or design or settings):
+    if update_baselines and (run.plant or run.design or run.settings):
         raise InputError(
             "--update-baselines records the scenario's own plant; leave --plant and --design out, and --set"
         )
     if update_baselines and not reason.strip() and not sys.stdin.isatty():
         raise InputError("--update-baselines changes what counts as right: say why with --reason TEXT")
-
-    changes = read_pairs(settings)
+    pairs = read_pairs(run.settings)
     names = scenarios or _all(catalogue.folders)
-    chosen: list[str | None] = [None]
-    if controller is not None:
-        chosen = [name.strip() for name in controller.split(",") if name.strip()]
-        if not chosen:
-            raise InputError(f"--controller {controller!r}: names no controller")
+    chosen = run.controllers()
     for name in names:
         catalogue.find(name)
     for kind, given in (("scenario", names), ("controller", [name for name in chosen if name])):
@@ -112,40 +85,41 @@ def command(
         if twice:
             raise InputError(f"{kind} {twice[0]!r} is given twice; files of the result are named by it")
     out = out or _next_results(force)
-    pairs = [_pair(name, other) for name in names for other in chosen]
-    stems = ["-".join(pair) for pair in pairs]
-    place = ResultFolder(out, "run", force).check(
-        "results.json", "report.html", *(f"{stem}.csv" for stem in stems),
-        figures=[*stems, *(f"loop-{name}" for _, name in pairs)],
+    todo = [(name, other) for name in names for other in chosen]
+    stems = [_names_of(*pair) for pair in todo]
+    runs = ["-".join(pair) for pair in stems]
+    output = OutputOptions(as_json, out, force)
+    output.check(
+        "run", "results.json", "report.html", *(f"{stem}.csv" for stem in runs),
+        figures=[*runs, *(f"loop-{name}" for _, name in stems)],
     )  # fmt: skip
     if update_baselines:
-        _old_baselines(out).check(figures=[f"{stem}{OLD}" for stem in stems])
-    todo = [(name, other) for name in names for other in chosen]
+        _old_baselines(out).check(figures=[f"{stem}{OLD}" for stem in runs])
+    options = {"plant": run.plant, "design": run.design, "assumed": assumed, "settings": pairs}
     try:
         with compiling():
-            results = list(_run_all(todo, plant, design, jobs, assumed, changes))
+            results = list(_run_all(todo, jobs, options))
     except KeyboardInterrupt:
         raise KeyboardInterrupt("results are written when all scenarios are done; nothing is kept") from None
-    for sentence in dict.fromkeys(sentence for result in results for sentence in result.plant.implausible):
-        warn(sentence)
+    warn_implausible(result.plant for result in results)
     if update_baselines:
         results = _update(results, reason, out, quiet=as_json)
     failed = [result for result in results if not result.passed]
-    with place.draft() as draft:
-        summary = {
-            "passed": not failed,
-            "scenarios": [result.to_dict() for result in results],
-            "files": _write_files(results, draft),
-            "rests_on": rests_on(
-                [run.trajectory.plant for result in results for run in (result.nonlinear, result.linear)],
-                [file for result in results for file in result.files],
-            ),
-        }
-        (draft / "results.json").write_text(to_json(summary) + "\n")
-    if as_json:
-        print(to_json(summary))
-    else:
-        _print(results, out)
+    summary: dict[str, Any] = {
+        "passed": not failed,
+        "scenarios": [result.to_dict() for result in results],
+        "files": [],
+        "rests_on": provenance(
+            [each.trajectory.plant for result in results for each in (result.nonlinear, result.linear)],
+            [file for result in results for file in result.files],
+        ),
+    }
+
+    def write_files(draft: Path) -> None:
+        summary["files"] = _write_files(results, draft)
+
+    print_result = partial(_print, results, out)
+    output.deliver("run", "results.json", summary, print_result, files=write_files, page=False, then=None)
     if failed:
         raise typer.Exit(1)
 
@@ -158,30 +132,24 @@ def _all(folders: tuple[Path, ...]) -> list[str]:
     return names
 
 
-def _one(
-    name: str,
-    controller: str | None,
-    plant: str | None,
-    design: str | None,
-    assumed: bool | None,
-    settings: dict[str, str],
-) -> ScenarioResult:
+def _names_of(scenario: str, controller: str | None) -> tuple[str, str]:
+    """Names of scenario and controller before the run."""
+    from ..scenario.definition import load_scenario
+
+    loaded = load_scenario(scenario)
+    return loaded.name, Path(controller or loaded.definition.controller).stem
+
+
+def _run_one(name: str, controller: str | None, options: Mapping[str, Any]) -> ScenarioResult:
     from ..scenario.run import run
 
     try:
-        return run(name, controller=controller, plant=plant, design=design, assumed=assumed, settings=settings)
+        return run(name, controller=controller, **options)
     except SimulationError as error:
         raise SimulationError(f"scenario {name}: {error}") from None
 
 
-def _run_all(
-    todo: list[tuple[str, str | None]],
-    plant: str | None,
-    design: str | None,
-    jobs: int,
-    assumed: bool | None,
-    settings: dict[str, str],
-) -> Iterator[ScenarioResult]:
+def _run_all(todo: list[tuple[str, str | None]], jobs: int, options: Mapping[str, Any]) -> Iterator[ScenarioResult]:
     """Run every pair of scenario and controller, with a bar on standard error where that is a terminal."""
     from joblib import Parallel, delayed
     from rich.console import Console
@@ -191,19 +159,16 @@ def _run_all(
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("scenarios", total=len(todo))
-        if jobs == 1 or len(todo) == 1:
-            results = (_one(name, controller, plant, design, assumed, settings) for name, controller in todo)
-        else:
-            results = Parallel(n_jobs=jobs, return_as="generator")(
-                delayed(_one)(*pair, plant, design, assumed, settings) for pair in todo
-            )
+        # With one job joblib runs in this process, one after the other.
+        jobs = min(jobs, len(todo))
+        results = Parallel(n_jobs=jobs, return_as="generator")(delayed(_run_one)(*pair, options) for pair in todo)
         for result in results:
             progress.update(task, advance=1, description=result.scenario.name)
             yield result
 
 
 def _next_results(force: bool) -> Path:
-    """The folder for who names none: nothing that is there is replaced unasked, and nobody is refused."""
+    """The default folder: results, or the first of results-2, results-3 ... without a result."""
     folder, number = Path("results"), 1
     while not force and (folder / "results.json").exists():
         number += 1
@@ -212,27 +177,19 @@ def _next_results(force: bool) -> Path:
 
 
 def _stem(result: ScenarioResult) -> str:
-    """How the files of a run are called."""
+    """File name of a run without its ending."""
     return f"{result.scenario.name}-{result.controller.name}"
 
 
-def _pair(scenario: str, controller: str | None) -> tuple[str, str]:
-    """The names of scenario and controller before the run."""
-    from ..scenario.definition import load_scenario
-
-    loaded = load_scenario(scenario)
-    return loaded.name, Path(controller or loaded.definition.controller).stem
-
-
 def _old_baselines(out: Path) -> ResultFolder:
-    """Figures of baselines that are about to change; they are looked at before the result is written."""
+    """Place of the figures of baselines that are about to change, which are written before the result."""
     from ..core.result_folder import ResultFolder
 
     return ResultFolder(out, "baselines", force=True, keep=True)
 
 
 def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: bool) -> list[ScenarioResult]:
-    """Show what has changed, ask why unless that was said, and record it."""
+    """Print the changes, ask for a reason unless there is one, and record the new baselines."""
     from ..report.figures import save
     from ..scenario.baseline import baseline_changes, update_baseline
 
@@ -255,7 +212,6 @@ def _write_files(results: list[ScenarioResult], folder: Path) -> list[str]:
     """Time series, figures and page; returns the names of the files."""
     from ..report.figures import loop_figure, save
     from ..report.page import write_page
-    from .output import command_line
 
     drawings = []
     for result in results:
@@ -273,14 +229,6 @@ def _write_files(results: list[ScenarioResult], folder: Path) -> list[str]:
     return ["report.html", *drawn_of]
 
 
-#: What the table on the terminal shows; the page has all metrics.
-SHOWN = (
-    "RiseTime", "SettlingTime", "SettlingRatio", "Overshoot", "SteadyStateError", "MaxError", "RMSError",
-    "HuntingAmplitude", "Slips", "SaturationShare", "CurrentRMS", "Energy", "StopTime", "TravelAfterStop",
-)  # fmt: skip
-VERDICTS = {"pass": ("passed", "bold green"), "fail": ("FAILED", "bold red"), "untested": ("untested", "bold yellow")}
-
-
 def _print(results: list[ScenarioResult], out: Path) -> None:
     from rich.console import Console
     from rich.text import Text
@@ -295,7 +243,7 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
             console.print(Text.assemble(name, VERDICTS[result.verdict], f", {result.scenario.title}"))
             for failure in result.failures:
                 console.print(Text(f"  {failure}", "red"))
-        console.print(_alone(group[0]) if len(group) == 1 else _beside(group))
+        console.print(_metrics(group))
         console.print()
     if len(results) > 1:
         console.print(_summary(results))
@@ -309,53 +257,42 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
 
 
 def _summary(results: list[ScenarioResult]) -> Table:
-    """All runs with their verdicts, a line each: what the tables above come to."""
-    from rich.table import Table
+    """All runs with their verdicts, one per line."""
     from rich.text import Text
 
     from ..scenario.result import first_reasons
 
-    table = Table(box=None, pad_edge=False)
-    for heading in ("scenario", "controller", "verdict", "why"):
-        table.add_column(heading)
+    table = _table("scenario", "controller", "verdict", "why")
     for result in results:
         verdict = Text(*VERDICTS[result.verdict])
         table.add_row(result.scenario.name, result.controller.name, verdict, first_reasons(result.failures))
     return table
 
 
-def _alone(result: ScenarioResult) -> Table:
-    """One controller: linear prediction, nonlinear outcome and their gap."""
-    table = _table("linear prediction", "nonlinear plant", "gap")
-    frame = result.table()
-    for name in SHOWN:
-        cells = list(frame.loc[name, ["linear", "nonlinear", "gap"]])
-        if set(cells) != {"-"}:
-            table.add_row(name, *cells, _unit(frame.loc[name, "unit"]))
-    return table
+def _metrics(results: list[ScenarioResult]) -> Table:
+    """Of one controller the linear prediction, the nonlinear outcome and their gap; of several the outcomes."""
+    from ..report.closed_loop import SHOWN
 
-
-def _beside(results: list[ScenarioResult]) -> Table:
-    """Several controllers on one scenario: what each did on the nonlinear plant."""
-    table = _table(*(result.controller.name for result in results))
     frames = [result.table() for result in results]
+    if len(results) == 1:
+        headings, columns = ["linear prediction", "nonlinear plant", "gap"], ["linear", "nonlinear", "gap"]
+    else:
+        headings, columns = [result.controller.name for result in results], ["nonlinear"]
+    table = _table("", *headings, "unit", right=len(headings))
     for name in SHOWN:
-        cells = [frame.loc[name, "nonlinear"] for frame in frames]
+        cells = [frame.loc[name, column] for frame in frames for column in columns]
         if set(cells) != {"-"}:
-            table.add_row(name, *cells, _unit(frames[0].loc[name, "unit"]))
+            unit = frames[0].loc[name, "unit"]
+            table.add_row(name, *cells, "" if unit == "1" else unit)
     return table
 
 
-def _table(*columns: str) -> Table:
+def _table(*headings: str, right: int = 0) -> Table:
+    """A table without lines; the first column is followed by `right` columns of numbers."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
-    table.add_column("")
-    for column in columns:
-        table.add_column(column, justify="right", overflow="fold")
-    table.add_column("unit")
+    for k, heading in enumerate(headings):
+        number = 1 <= k <= right
+        table.add_column(heading, justify="right" if number else "left", overflow="fold" if number else "ellipsis")
     return table
-
-
-def _unit(text: str) -> str:
-    return "" if text == "1" else text

@@ -165,7 +165,7 @@ def test_a_wrong_mapping_is_one_sentence(run, log, tmp_path, line, says):
         (("log.csv", "--from", "9"), "the log runs from 0 to 4 s"),
         (("log.csv", "--zero", "p3"), "no zero of 'p3'"),
         (("log.csv", "--zero", "p1=0"), "--zero 'p1=0': 'p1=0' is no name of a channel; expected names separated"),
-        (("log.csv", "--zero", "p1 p2"), "as in --zero p1,p2: each is shifted to what the plant has at rest"),
+        (("log.csv", "--zero", "p1 p2"), "as in --zero p1,p2: each is shifted to its value at rest"),
         (("log.csv", "--zero", "0:0.5"), "and --rest 0:0.5 says where that rest is"),
         (("log.csv", "--align", "speed=3"), "as in --align p1,p2: each is moved by its delay"),
         (("log.csv", "--rest", "abc"), "--rest 'abc': expected two times"),

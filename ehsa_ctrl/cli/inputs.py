@@ -1,0 +1,150 @@
+"""Plants and logs as commands read them: with --set, --model and the preparation of logs, and with remarks printed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.log import CHANNELS
+from ..core.text import unique_names
+from ..identification.record import read_plant_log
+from ..plant.plant import knows, load_plant, models_of
+from .options import check_word
+from .output import note, warn, warn_implausible
+
+if TYPE_CHECKING:
+    from ..core.log import Log
+    from ..identification.preparation import Preparation, Step
+    from ..plant.plant import Plant
+
+#: Sample intervals that differ by this share are uneven.
+UNEVEN = 1e-3
+
+
+def load_model(plant: str, model: str, settings: Mapping[str, str]) -> Plant:
+    """One model of a plant with --set; warns of implausible values. Raises InputError as load_plant does."""
+    check_word("--model", model, "linear", "nonlinear")
+    loaded = load_plant(plant, model=model, settings=settings)  # type: ignore[arg-type]
+    warn_implausible([loaded])
+    return loaded
+
+
+def load_models(plant: str, model: str, settings: Mapping[str, str]) -> list[Plant]:
+    """The models asked for; with "both", a setting applies to those models that have the parameter.
+
+    Raises InputError as load_plant does, and for a setting that no model knows.
+    """
+    check_word("--model", model, "linear", "nonlinear", "both")
+    if model != "both":
+        return [load_model(plant, model, settings)]
+    nominal = [load_plant(plant, model=word) for word in models_of(plant)]
+    for key in settings:
+        if not any(knows(each, key) for each in nominal):
+            load_plant(plant, model=nominal[-1].model, settings={key: settings[key]})
+    loaded = [
+        load_plant(plant, model=each.model, settings={key: settings[key] for key in settings if knows(each, key)})
+        for each in nominal
+    ]
+    warn_implausible(loaded)
+    return loaded
+
+
+@dataclass(frozen=True)
+class PreparedLog:
+    """A log as read, as used, and the steps between."""
+
+    raw: Log
+    log: Log
+    steps: tuple[Step, ...]
+
+    def step_dicts(self) -> list[dict[str, Any]]:
+        """Content of `preparation` in a result's JSON."""
+        return [{"log": str(self.raw.path), **step.to_dict()} for step in self.steps]
+
+    def diagnosis_step_dicts(self) -> list[dict[str, Any]]:
+        """`step_dicts` with a caution about resampling, which is printed as a warning too."""
+        caution = self._caution()
+        if not caution:
+            return self.step_dicts()
+        warn(caution)
+        return [*self.step_dicts(), {"log": str(self.raw.path), "kind": "caution", "words": caution}]
+
+    def _caution(self) -> str:
+        """Size of the gap that resampling makes, in a sentence; empty where it did nothing."""
+        rates = [step.figures["rate"] / step.figures["rate_before"] for step in self.steps if step.kind == "resample"]
+        steps = np.diff(self.raw.time)
+        uneven = float(np.ptp(steps)) > UNEVEN * float(np.median(steps))
+        if not rates or (abs(rates[0] - 1.0) < 1e-6 and not uneven):
+            return ""
+        size = "3 to 10 % where the drive changes at every sample" if uneven else "1 to 5 %"
+        return (
+            f"{self.raw.path}: resampling makes a gap of its own, of about {size}, because it blurs the drive's steps "
+            "and colours the sensors' noise; don't believe a cause of that size, or set --threshold above it"
+        )
+
+
+def read_prepared(path: Path, plant: Plant, how: Preparation, *, notes: bool = True) -> PreparedLog:
+    """Read and prepare one log; `notes` prints the assumptions made in reading it.
+
+    Raises InputError as `read_plant_log` and `Preparation.apply` do.
+    """
+    if str(path) in CHANNELS and not path.exists():
+        raise InputError(f"{path}: no such log; channels are separated by commas without blanks, as in --zero p1,p2")
+    return prepare(read_raw(path, plant, how), plant, how, notes=notes)
+
+
+def read_raw(path: Path, plant: Plant, how: Preparation) -> Log:
+    """Read a log; where it is faulty as a whole, only the rows between --from and --to. Raises as `read_plant_log`."""
+    uniform = how.resample is None
+    try:
+        return read_plant_log(path, plant, uniform=uniform)
+    except InputError:
+        if how.from_ is None and how.to is None:
+            raise
+        return read_plant_log(path, plant, uniform=uniform, span=(how.from_, how.to))
+
+
+def prepare(raw: Log, plant: Plant, how: Preparation, *, notes: bool = True) -> PreparedLog:
+    """Prepare a log that was read; as `read_prepared`."""
+    if notes:
+        print_notes(raw)
+    ready, steps = how.apply(raw, plant)
+    return PreparedLog(raw, replace(ready, path=raw.path, missing=raw.missing), steps)
+
+
+def whole(how: Preparation) -> Preparation:
+    """The preparation without --from and --to, for a log that these do not refer to."""
+    return replace(how, from_=None, to=None)
+
+
+def print_notes(log: Log) -> None:
+    """Print the assumptions made in reading a log on standard error."""
+    for sentence in log.notes:
+        note(sentence)
+
+
+def preparation_sentences(steps: Iterable[Mapping[str, Any]], *, reading: bool = True) -> list[str]:
+    """The preparation of each log in words; without `reading` only what standard error did not have."""
+    steps = list(steps)
+    lines = []
+    for name, step in zip(unique_names([step["log"] for step in steps]), steps, strict=True):
+        if step["kind"] not in ("read", "caution"):
+            lines.append(f"{name}: {step['words']}")
+        elif reading:
+            lines.append(str(step["words"]))
+    return lines
+
+
+def fit_table(title: str, columns: Sequence[str], rows: Mapping[str, Sequence[float]]) -> str:
+    """Fit in percent, a row for each entry of `rows` and a column for each model."""
+    from ..identification.replay import fit_cell
+
+    width = max(len(title), *map(len, rows), 10) + 1
+    lines = [f"{title:<{width}}" + "".join(f"{column:>12}" for column in columns)]
+    lines += [f"{name:<{width}}" + "".join(f"{fit_cell(value):>12}" for value in rows[name]) for name in rows]
+    return "\n".join(lines)
