@@ -160,7 +160,7 @@ def _quantities(option: str, text: str, unit: str) -> list[float]:
 
 def _known(name: str, plant: Plant, settings: dict[str, str]) -> Known:
     """Friction and noise for a review, from the nonlinear set where the file has one."""
-    from ..plant.plant import load_plant, models_of
+    from ..plant.load import load_plant, models_of
     from ..scenario.plant_data import known_of
 
     if "nonlinear" not in models_of(name):

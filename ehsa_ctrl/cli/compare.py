@@ -15,7 +15,7 @@ from .output import OutputOptions, assumed_names, command_line, provenance, warn
 if TYPE_CHECKING:
     import pandas
 
-    from ..identification.replay import Replay
+    from ..identification.comparison import Comparison
 
 
 def command(
@@ -33,9 +33,9 @@ def command(
     Examples: ehsa-ctrl compare log.csv --plant ehsa · ehsa-ctrl compare log.csv --plant my/rig.toml --model nonlinear
     --set load.stiffness=50e3 --from 2 --to 12 --zero p1,p2 --out results/compare
     """
-    from ..identification.checks import check_log, refuse
-    from ..identification.record import untold
-    from ..identification.replay import fit_words, replay
+    from ..identification.checks import check_log, raise_on_error
+    from ..identification.comparison import fit_words, replay
+    from ..identification.plant_log import missing_information
     from .inputs import fit_table, load_models, read_prepared
     from .progress import compiling
 
@@ -48,7 +48,7 @@ def command(
         read = read_prepared(log, last, how)
         ready, steps = read.log, read.steps
         findings = check_log(ready, last)
-        refuse(ready, (finding for finding in findings if finding.kind == "time_unit"))
+        raise_on_error(ready, (finding for finding in findings if finding.kind == "time_unit"))
         replays = [replay(each, ready) for each in plants]
     for finding in findings:
         warn(str(finding))
@@ -57,7 +57,7 @@ def command(
     for run in replays:
         if run.stopped:
             warn(f"{run.plant.model} model: {run.stopped}; no fit is given")
-    missing = untold(read.raw, last)
+    missing = missing_information(read.raw, last)
     result: dict[str, Any] = {
         "log": log,
         "plant": plant,
@@ -101,7 +101,7 @@ def command(
     output.deliver("compare", "comparison.json", result, print_result, files=write_files, page=False)
 
 
-def _run_dict(run: Replay) -> dict[str, Any]:
+def _run_dict(run: Comparison) -> dict[str, Any]:
     states = [state.name for state in run.plant.structure.equations.states]
     return {
         "fit_percent": run.fit_percent,
@@ -110,7 +110,7 @@ def _run_dict(run: Replay) -> dict[str, Any]:
     }
 
 
-def _time_series(replays: list[Replay]) -> pandas.DataFrame:
+def _time_series(replays: list[Comparison]) -> pandas.DataFrame:
     """Measured channels, and a column for each simulated channel of each model, as position_linear."""
     first = replays[0].plant.model
     frame = replays[0].to_pandas().rename(columns=lambda name: name.replace("_simulated", f"_{first}"))

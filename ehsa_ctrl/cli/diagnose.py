@@ -126,7 +126,7 @@ def command(
     p1,p2 · ehsa-ctrl diagnose today.csv --before last_year.csv --plant ehsa · ehsa-ctrl diagnose
     log.csv --plant ehsa --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3
     """
-    from ..plant.plant import models_of
+    from ..plant.load import models_of
     from .inputs import load_model, preparation_sentences
 
     single.check(len(logs), preparation)
@@ -190,7 +190,7 @@ def _diagnose(
     from ..diagnosis.changed import what_changed
     from ..diagnosis.closed_loop import check_replay, compare_loops
     from ..diagnosis.diagnose import diagnose
-    from ..identification.record import untold
+    from ..identification.plant_log import missing_information
     from .inputs import read_prepared, whole
     from .progress import compiling, counting
 
@@ -234,7 +234,7 @@ def prepare_case(scenario: str, controller: str | None, plant: Plant) -> Prepare
     Raises InputError as `prepare` does, and for a scenario of another system.
     """
     from ..core.catalogue import plants
-    from ..plant.plant import load_plant
+    from ..plant.load import load_plant
     from ..scenario.definition import load_scenario
     from ..scenario.run import prepare
 

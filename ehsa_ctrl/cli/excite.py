@@ -90,13 +90,13 @@ def command(
             f"{name} is not determined by this input"
             + (f"; it trades places with {', '.join(trades)}: --fix one of them" if trades else "")
         )
-    if found.rehearsal is not None and not found.rehearsal.passed:
-        warn(str(found.rehearsal))
+    if found.check is not None and not found.check.passed:
+        warn(str(found.check))
     then = "".join(f"\n  {line}" for line in commands)
     output.deliver("excite", "excitation.json", result, print_result, files=write_files, then=f"; then{then}")
 
 
-def next_commands(found: Experiment, plant: str, settings: dict[str, str], out: Path | None) -> list[str]:
+def next_commands(found: ExperimentDesign, plant: str, settings: dict[str, str], out: Path | None) -> list[str]:
     """The next commands: the virtual bench with this current, then identification from its log."""
     folder = out or Path("results/excite")
     set_options = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]

@@ -37,7 +37,7 @@ def command(
     from ..design.export import FILES, export_controller
     from ..design.load import load_controller
     from ..plant.linear import three_state
-    from ..plant.plant import load_plant
+    from ..plant.load import load_plant
     from ..simulation.exercise import exercise_controller
     from .progress import compiling
 

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ..core.log import Log
     from ..identification.identification import Identification
     from ..identification.preparation import Preparation
-    from ..identification.refits import EstimateSensitivity
     from ..plant.plant import Plant
 
 
@@ -58,7 +57,7 @@ class FitOptions:
 
     def arguments(self, plant: Plant) -> dict[str, Any]:
         """Keyword arguments of `identify`. Raises InputError for bounds and priors that can't be read."""
-        from ..identification.free import read_quantity
+        from ..identification.parameters import read_quantity
 
         bounds = {}
         for text in self.bounds:
@@ -113,8 +112,8 @@ def command(
     ehsa-ctrl identify a.csv b.csv --plant my/rig.toml --free K_T --prior K_T=0.05 --fix M ·
     ehsa-ctrl identify log.csv --plant ehsa --model both --set load.stiffness=50e3 --out results/rig
     """
-    from ..identification.assumed import over_assumed
-    from ..plant.plant import models_of
+    from ..identification.refits import assumption_sensitivities
+    from ..plant.load import models_of
     from .inputs import fit_table, load_models
     from .progress import compiling, watching
 
@@ -147,7 +146,7 @@ def command(
             found.append(identification)
             answers.append(answer)
     result = {**answers[-1], "plant": plant, "settings": pairs, "rests_on": provenance(models, [*logs, *validate])}
-    drifts = [over_assumed(each) for each in found] if assumed else []
+    drifts = [assumption_sensitivities(each) for each in found] if assumed else []
     for answer, tried in zip(answers, drifts, strict=False):
         answer["assumed_ranges"] = result["assumed_ranges"] = [drift.to_dict() for drift in tried]
     if len(found) > 1:
@@ -157,8 +156,7 @@ def command(
         warn(finding)
 
     def write_files(draft: Path) -> None:
-        from ..identification.sliding import sliding_linear
-        from ..identification.write import write_plant
+        from ..identification.plant_toml import sliding_linear, write_plant
         from ..report import figures
         from ..report.identification_page import write_identification_page
 
@@ -215,8 +213,8 @@ def _identify(
 ) -> tuple[Identification, dict[str, Any]]:
     """Identify one model; the identification and its JSON."""
     from ..identification.identify import identify
-    from ..identification.profile import profile
-    from ..identification.record import untold
+    from ..identification.plant_log import missing_information
+    from ..identification.refits import profile
     from .inputs import read_prepared, whole
 
     steps: list[dict[str, Any]] = []
@@ -225,7 +223,7 @@ def _identify(
     def read(path: Path, how: Preparation) -> Log:
         prepared = read_prepared(path, plant, how, notes=notes)
         steps.extend(prepared.step_dicts())
-        missing.update(untold(prepared.log, plant))
+        missing.update(missing_information(prepared.log, plant))
         return prepared.log
 
     used = [read(path, how) for path in logs]

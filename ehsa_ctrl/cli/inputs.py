@@ -12,8 +12,8 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.log import CHANNELS
 from ..core.text import unique_names
-from ..identification.record import read_plant_log
-from ..plant.plant import knows, load_plant, models_of
+from ..identification.plant_log import read_plant_log
+from ..plant.load import has_setting, load_plant, models_of
 from .options import check_word
 from .output import note, warn, warn_implausible
 
@@ -44,10 +44,10 @@ def load_models(plant: str, model: str, settings: Mapping[str, str]) -> list[Pla
         return [load_model(plant, model, settings)]
     nominal = [load_plant(plant, model=word) for word in models_of(plant)]
     for key in settings:
-        if not any(knows(each, key) for each in nominal):
+        if not any(has_setting(each, key) for each in nominal):
             load_plant(plant, model=nominal[-1].model, settings={key: settings[key]})
     loaded = [
-        load_plant(plant, model=each.model, settings={key: settings[key] for key in settings if knows(each, key)})
+        load_plant(plant, model=each.model, settings={key: settings[key] for key in settings if has_setting(each, key)})
         for each in nominal
     ]
     warn_implausible(loaded)
@@ -142,7 +142,7 @@ def preparation_sentences(steps: Iterable[Mapping[str, Any]], *, reading: bool =
 
 def fit_table(title: str, columns: Sequence[str], rows: Mapping[str, Sequence[float]]) -> str:
     """Fit in percent, a row for each entry of `rows` and a column for each model."""
-    from ..identification.replay import fit_cell
+    from ..identification.comparison import fit_cell
 
     width = max(len(title), *map(len, rows), 10) + 1
     lines = [f"{title:<{width}}" + "".join(f"{column:>12}" for column in columns)]

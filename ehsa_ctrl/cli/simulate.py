@@ -39,7 +39,7 @@ def command(
     Examples: ehsa-ctrl simulate ehsa --excitation steps --out results/steps ·
     ehsa-ctrl simulate ehsa --input current.csv --set load.stiffness=50e3 --out results/loaded
     """
-    from ..core.log import read_log
+    from ..core.log_reader import read_log
     from ..simulation.bench import record
     from ..simulation.excitation import excitation as make
     from .inputs import load_model, print_notes
