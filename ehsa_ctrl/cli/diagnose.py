@@ -66,7 +66,7 @@ class SingleLogOptions:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class DiagnosisOutcome:
     """The diagnosis of a log with all that its files show.
 
     change: where an earlier log was given. closed: where a scenario was given. steps: preparation of the logs, as JSON.
@@ -185,7 +185,7 @@ def _diagnose(
     threshold: float,
     jobs: int | None,
     check: bool,
-) -> Outcome:
+) -> DiagnosisOutcome:
     """Read and diagnose one log, compare it with an earlier one, and run the scenario, as the options ask."""
     from ..diagnosis.changed import what_changed
     from ..diagnosis.closed_loop import check_replay, compare_loops
@@ -225,7 +225,7 @@ def _diagnose(
         closed = compare_loops(case, found, replay=single.replay, words=words) if case is not None else None
     for sentence in dict.fromkeys([*(change.before.findings if change is not None else ()), *found.findings]):
         warn(sentence)
-    return Outcome(found, steps, (log, single.validate, single.before), change, closed)
+    return DiagnosisOutcome(found, steps, (log, single.validate, single.before), change, closed)
 
 
 def prepare_case(scenario: str, controller: str | None, plant: Plant) -> PreparedScenario:
@@ -301,7 +301,7 @@ def next_lines(experiment: Experiment | None, out: Path | None) -> list[str]:
     return ["next experiment on the virtual bench", f"  {experiment.command}"]
 
 
-def write_files(out: Path, outcome: Outcome) -> None:
+def write_files(out: Path, outcome: DiagnosisOutcome) -> None:
     """The improved plant, tables of causes and signals, figures and page: all but diagnosis.json."""
     from ..diagnosis.next_experiment import FILE
     from ..identification.plant_toml import write_plant

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ..core.errors import InputError
-from .diagnose import FIGURES, Outcome, file_names, write_files
+from .diagnose import FIGURES, DiagnosisOutcome, file_names, write_files
 from .output import OutputOptions, provenance, to_json
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def diagnose_batch(
 
     def keep(name: str, found: Diagnosis) -> None:
         if out is not None:
-            outcome = Outcome(found, steps[name], [found.log.path])
+            outcome = DiagnosisOutcome(found, steps[name], [found.log.path])
             with ResultFolder(out / folders[name], "diagnose", force=True).draft() as draft:
                 (draft / "diagnosis.json").write_text(to_json(outcome.stored()) + "\n")
                 write_files(draft, outcome)

@@ -55,7 +55,7 @@ def load_models(plant: str, model: str, settings: Mapping[str, str]) -> list[Pla
 
 
 @dataclass(frozen=True)
-class PreparedLog:
+class LogWithSteps:
     """A log as read, as used, and the steps between."""
 
     raw: Log
@@ -88,7 +88,7 @@ class PreparedLog:
         )
 
 
-def read_prepared(path: Path, plant: Plant, how: Preparation, *, notes: bool = True) -> PreparedLog:
+def read_prepared(path: Path, plant: Plant, how: Preparation, *, notes: bool = True) -> LogWithSteps:
     """Read and prepare one log; `notes` prints the assumptions made in reading it.
 
     Raises InputError as `read_plant_log` and `Preparation.apply` do.
@@ -109,12 +109,12 @@ def read_raw(path: Path, plant: Plant, how: Preparation) -> Log:
         return read_plant_log(path, plant, uniform=uniform, span=(how.from_, how.to))
 
 
-def prepare(raw: Log, plant: Plant, how: Preparation, *, notes: bool = True) -> PreparedLog:
+def prepare(raw: Log, plant: Plant, how: Preparation, *, notes: bool = True) -> LogWithSteps:
     """Prepare a log that was read; as `read_prepared`."""
     if notes:
         print_notes(raw)
     ready, steps = how.apply(raw, plant)
-    return PreparedLog(raw, replace(ready, path=raw.path, missing=raw.missing), steps)
+    return LogWithSteps(raw, replace(ready, path=raw.path, missing=raw.missing), steps)
 
 
 def whole(how: Preparation) -> Preparation:
