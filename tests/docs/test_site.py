@@ -185,6 +185,17 @@ def test_the_effect_that_is_shown_is_neutral():
     assert function(-854.3, -1.0, 2e6, 1e6, size.typical) == pytest.approx(-854.3 - 1.5e6 * size.typical)
 
 
+def test_the_friction_law_that_is_shown_is_one():
+    """It takes the symbols of friction laws and opposes the motion."""
+    (text,) = (text for _, title, text in blocks("python") if title.startswith("friction/"))
+    names = {}
+
+    exec(compile(text, "friction", "exec"), names)
+
+    assert names["law"].symbols == ("A", "B")
+    assert names["law"].effort(-1.0, -0.5, 800.0, 100.0) == -825.0
+
+
 @pytest.mark.slow
 def test_definitions_that_are_shown_are_valid(tmp_path, monkeypatch, capsys):
     """Every TOML with a file name passes `ehsa-ctrl check`, including the parts on other pages."""
