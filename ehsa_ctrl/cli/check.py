@@ -30,7 +30,7 @@ def command(
     Examples: ehsa-ctrl check · ehsa-ctrl check scenarios/my_step.toml
     """
     from ..core import catalogue
-    from ..scenario.run import check_definition
+    from ..scenario.prepare import check_definition
 
     if files:
         todo = [(path.stem, path) for path in files]

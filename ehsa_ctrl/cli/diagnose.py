@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..diagnosis.next_experiment import Experiment
     from ..identification.preparation import Preparation
     from ..plant.plant import Plant
-    from ..scenario.run import PreparedScenario
+    from ..scenario.prepare import PreparedScenario
 
 #: Figures that a diagnosis has or may have.
 FIGURES = ("signals", "where", "unknown_inputs", "candidates", "shrinkage")
@@ -236,7 +236,7 @@ def prepare_case(scenario: str, controller: str | None, plant: Plant) -> Prepare
     from ..core.catalogue import plants
     from ..plant.load import load_plant
     from ..scenario.definition import load_scenario
-    from ..scenario.run import prepare
+    from ..scenario.prepare import prepare
 
     loaded = load_scenario(scenario)
     named = load_plant(plants.find(loaded.definition.plant, beside=loaded.path))

@@ -19,7 +19,7 @@ from .signals import gap, scored, signal_noise
 if TYPE_CHECKING:
     from ..core.log import Log
     from ..plant.plant import Plant
-    from ..scenario.run import PreparedScenario
+    from ..scenario.prepare import PreparedScenario
     from ..simulation.closed_loop import ClosedLoop
     from .diagnosis import Diagnosis
 

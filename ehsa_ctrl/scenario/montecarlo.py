@@ -27,8 +27,8 @@ from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .definition import Scenario
 from .metrics import METRICS
+from .prepare import PreparedScenario, prepare
 from .result import failures_of
-from .run import PreparedScenario, prepare
 from .sensitivity import Influence, influences
 from .uncertainty import ParameterUncertainty, uncertainty_of
 

@@ -18,7 +18,7 @@ from .result import failures_of
 
 if TYPE_CHECKING:
     from .montecarlo import Outcome
-    from .run import PreparedScenario
+    from .prepare import PreparedScenario
 
 #: With fewer passing or failing runs the two-sample test says nothing; the rank correlation with the margin is used.
 FEWEST = 5

@@ -4,7 +4,7 @@ import pytest
 
 import ehsa_ctrl as e
 from ehsa_ctrl.core import catalogue
-from ehsa_ctrl.scenario.run import check_definition
+from ehsa_ctrl.scenario.prepare import check_definition
 from ehsa_ctrl.simulation.fmu.export import identifier
 
 STROKE = 'stroke = { value = 200, unit = "mm", source = "datasheet", note = "Table 1; x = 0 in its middle" }'

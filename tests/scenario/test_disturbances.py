@@ -5,7 +5,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.scenario.disturbances import SupervisionSettings, faults_of
-from ehsa_ctrl.scenario.run import prepare
+from ehsa_ctrl.scenario.prepare import prepare
 
 POSITION = 3
 

@@ -10,8 +10,8 @@ from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.load import read_controller
 from ehsa_ctrl.design.specification import leaves
 from ehsa_ctrl.scenario.plant_data import check_controller_limits, ratings
+from ehsa_ctrl.scenario.prepare import check_definition, prepare
 from ehsa_ctrl.scenario.rescaling import rescaling_to
-from ehsa_ctrl.scenario.run import check_definition, prepare
 
 EHSA = plants["ehsa"].read_text()
 #: Half the stroke, a third of the current, twice the samples.

@@ -196,7 +196,7 @@ def test_the_sensors_noise_is_among_what_is_assumed():
 def test_check_designs_the_controller_and_reads_what_is_uncertain(project, tmp_path):
     """A controller that can't be designed, a wrong spread and a broken baseline are found by `check`."""
     from ehsa_ctrl.core.catalogue import controllers
-    from ehsa_ctrl.scenario.run import check_definition
+    from ehsa_ctrl.scenario.prepare import check_definition
 
     assert check_definition(project()) == "scenario"
     with pytest.raises(InputError, match=r"short\.toml: \[spread\] K_T"):

@@ -6,7 +6,8 @@ import pytest
 
 from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.scenario.definition import Scenario, ScenarioFile
-from ehsa_ctrl.scenario.run import prepare, run
+from ehsa_ctrl.scenario.prepare import prepare
+from ehsa_ctrl.scenario.run import run
 from ehsa_ctrl.scenario.sensitivity import assumption_sensitivity
 
 STEP = {
@@ -82,7 +83,7 @@ def test_by_default_nothing_more_is_run():
 def test_a_run_that_can_not_be_made_is_a_failure_and_no_crash(monkeypatch):
     """An end where the plant does not run counts as not kept, with the reason."""
     from ehsa_ctrl.core.errors import SimulationError
-    from ehsa_ctrl.scenario.run import PreparedScenario
+    from ehsa_ctrl.scenario.prepare import PreparedScenario
 
     case = prepare(scenario())
     whole = PreparedScenario.simulate

@@ -1,0 +1,216 @@
+"""Prepare scenarios: load the files, design the controller, simulate on a plant, check limits; validate definitions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.catalogue import controllers, plants
+from ..core.controller_interface import MEASURED, Controller
+from ..core.errors import InputError
+from ..core.files import read_toml
+from ..design.controller import SampledController
+from ..design.load import load_controller, read_controller
+from ..plant.file import key_of, symbol_of
+from ..plant.linear import three_state
+from ..plant.load import has_setting, load_plant, with_settings
+from ..plant.plant import Model, Plant
+from ..simulation.closed_loop import ClosedLoop, run_closed_loop
+from ..simulation.sensors import Sensors
+from .baseline import baseline_files, read_baseline
+from .definition import Scenario, load_scenario
+from .disturbances import faults_of
+from .metrics import loop_metrics
+from .plant_data import check_controller_limits
+from .result import LimitCheck
+from .uncertainty import uncertainty_of
+
+if TYPE_CHECKING:
+    import control
+
+#: Most samples of a scenario, more than an hour at 250 Hz; a longer one has a wrong time unit.
+MOST_SAMPLES = 1_000_000
+
+
+@dataclass(frozen=True)
+class PreparedScenario:
+    """A scenario with its plants and its designed controller, ready to run.
+
+    Attributes
+    ----------
+    model: linear model on which the controller was designed.
+    linear, nonlinear: plants with the scenario's settings, for the prediction and the check.
+    files: from which all this was read. settings: set for this run, in addition to the scenario's own.
+    """
+
+    scenario: Scenario
+    controller: Controller
+    model: control.StateSpace
+    linear: Plant
+    nonlinear: Plant
+    files: tuple[Path, ...] = ()
+    settings: Mapping[str, str | float] = field(default_factory=dict)
+
+    def simulate(self, plant: Plant, seed: int | None = None) -> ClosedLoop:
+        """Simulate the scenario on a plant, with the scenario's seed of the sensor noise or another one.
+
+        Raises SimulationError for a run that stops although no limit of the plant was exceeded.
+        """
+        definition = self.scenario.definition
+        dt = self.controller.sample_time
+        time = dt * np.arange(int(round(definition.duration / dt)) + 1)
+        force = np.zeros(time.size)
+        for step in definition.disturbance:
+            force[(time >= step.start - 1e-9) & (time < step.start + step.duration - 1e-9)] += step.force
+        settings = definition.sensors
+        changed = {channel: replace(plant.sensors[channel], **settings.changes(channel)) for channel in MEASURED}
+        measured = replace(plant, sensors={**plant.sensors, **changed})
+        loop = run_closed_loop(
+            plant,
+            self.controller,
+            definition.reference.signal(time),
+            force=force,
+            sensors=Sensors.of(measured, seed=settings.seed if seed is None else seed, noise=settings.noise),
+            lag=settings.lag,
+            faults=faults_of(definition.fault),
+            raise_on_failure=False,
+        )
+        loop.trajectory.explained()
+        return loop
+
+    def metrics(self, loop: ClosedLoop, wanted: tuple[str, ...] | None = None) -> dict[str, float]:
+        """All of METRICS for a run; with `wanted`, the slow ones only if they are among these."""
+        definition = self.scenario.definition
+        return loop_metrics(
+            loop,
+            jumps=[at for at in definition.reference.jumps() if at < definition.duration],
+            holds=definition.holds(),
+            current_limit=float(getattr(self.controller, "current_limit", np.inf)),
+            first_fault=definition.first_fault,
+            lag=definition.sensors.lag,
+            shortest=wanted is None or bool({"ShortestTime", "SettlingRatio"} & {*wanted}),
+        )
+
+    def check_limits(self, metrics: Mapping[str, float]) -> tuple[LimitCheck, ...]:
+        """Check these metrics against the scenario's limits."""
+        limits = self.scenario.definition.limits
+        return tuple(LimitCheck(name, metrics[name], bound.min, bound.max) for name, bound in limits.items())
+
+
+def prepare(
+    scenario: str | Path | Scenario,
+    *,
+    controller: str | Path | Controller | None = None,
+    plant: str | Path | Plant | None = None,
+    design: str | Path | Plant | None = None,
+    settings: Mapping[str, str | float] | None = None,
+) -> PreparedScenario:
+    """Load a scenario and what it refers to and design its controller; arguments and errors as in `run`."""
+    loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    definition, beside = loaded.definition, loaded.path
+    given = dict(settings or {})
+    try:
+        nominal = _given_plant("plant", plant, "nonlinear")
+        base = _given_plant("design", design, "linear")
+        file = (nominal and nominal.path) or plants.find(definition.plant, beside=beside)
+        base = base or load_plant(file, model="linear")
+        nominal = nominal or load_plant(file, model="nonlinear")
+        model = three_state(base)
+        law: Controller
+        controller_file = None
+        if controller is None or isinstance(controller, str | Path):
+            named = controllers.find(controller) if controller else None
+            controller_file = named or controllers.find(definition.controller, beside=beside)
+            check_controller_limits(controller_file, read_controller(controller_file, base.sample_time)[1], nominal)
+            law = load_controller(controller_file, model, sample_time=base.sample_time)
+        elif isinstance(controller, Controller):
+            law = controller
+        else:
+            raise InputError(
+                f"controller is a {type(controller).__name__}; expected a name, a path, or a controller as "
+                "load_controller gives it"
+            )
+        # A scenario may set A_FR, which only the nonlinear set has.
+        shared = {key: value for key, value in definition.all_settings.items() if has_setting(base, key)}
+        linear, nonlinear = with_settings(base, shared), with_settings(nominal, definition.all_settings)
+    except InputError as error:
+        raise InputError(f"{loaded.path or loaded.name}: {error}") from None
+    _check_length(loaded, law)
+    if definition.supervision is not None and isinstance(law, SampledController):
+        law = replace(law, supervision=definition.supervision.for_plant(linear))
+    # The load acts in both runs; the other settings change only the plant that is simulated.
+    loads = {key: value for key, value in given.items() if key_of(symbol_of(key)).startswith("load.")}
+    files = dict.fromkeys(f for f in (loaded.path, controller_file, nominal.path, base.path) if f is not None)
+    return PreparedScenario(
+        loaded, law, model, with_settings(linear, loads), with_settings(nonlinear, given), tuple(files), given
+    )
+
+
+def _given_plant(word: str, plant: str | Path | Plant | None, model: Model) -> Plant | None:
+    """The plant of an argument; None without one. Raises InputError for a loaded plant's other parameter set."""
+    if not isinstance(plant, Plant):
+        return load_plant(plant, model=model) if plant else None
+    if plant.model != model:
+        raise InputError(
+            f"{word} is the {plant.model} model of {plant.name}; expected the {model} one, "
+            f'load_plant("{plant.name}", model="{model}")'
+        )
+    return plant
+
+
+def _check_length(scenario: Scenario, controller: Controller) -> None:
+    """Raise InputError for a run of too many samples, or with a lag as long as the run."""
+    definition, where = scenario.definition, scenario.path or scenario.name
+    samples = definition.duration / controller.sample_time
+    if samples > MOST_SAMPLES:
+        raise InputError(
+            f"{where}: duration = {definition.duration:g} s is {samples:.3g} samples of {controller.name}, whose "
+            f"sample_time is {controller.sample_time:g} s; expected at most {MOST_SAMPLES}"
+        )
+    if definition.sensors.lag >= samples:
+        raise InputError(
+            f"{where}: [sensors] lag = {definition.sensors.lag} samples is as long as the run, of {samples:.4g}; "
+            "give a longer duration or a shorter lag"
+        )
+
+
+def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
+    """Return the kind ("plant", "controller", "scenario") of a valid definition.
+
+    Parameters
+    ----------
+    plant: on whose linear model a controller is designed as a check, and whose limits it must respect; by default the
+        shipped EHSA's model, and no limits.
+
+    Raises InputError, one sentence with file and key, for the first mistake: form, unit, value, a name that does not
+    exist, a controller that can't be designed.
+    """
+    content = read_toml(path)
+    if "system" in content:
+        for model in ("linear", "nonlinear"):
+            if model in content:
+                load_plant(path, model=model)
+        if "linear" not in content and "nonlinear" not in content:
+            raise InputError(f"{path}: has neither a [linear] nor a [nonlinear] model")
+        return "plant"
+    if "kind" in content:
+        loaded = load_plant(plant or "ehsa", model="linear")
+        if plant is not None:
+            check_controller_limits(path, read_controller(path, loaded.sample_time)[1], loaded)
+        load_controller(path, three_state(loaded), sample_time=loaded.sample_time)
+        return "controller"
+    if "why" in content or "reference" in content:
+        scenario = load_scenario(path)
+        case = prepare(scenario)
+        try:
+            uncertainty_of(case.nonlinear, scenario.definition.spread)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        for file in baseline_files(scenario):
+            read_baseline(file)
+        return "scenario"
+    raise InputError(f"{path}: is no plant (system = ...), no controller (kind = ...) and no scenario (why = ...)")
