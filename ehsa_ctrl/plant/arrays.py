@@ -1,4 +1,4 @@
-"""The equations evaluated for whole records at once: numpy arrays in the place of numbers."""
+"""Evaluate the equations for whole records: arrays instead of numbers."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
 def array_evaluator(equations: Equations, wanted: Sequence[str]) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
     """A function of states, inputs, directions, measured names and parameters that returns `wanted` signals by name.
 
-    Values may be arrays of one shape. What the wanted signals don't depend on need not be given. Both sides of a
-    conditional are computed, so that a domain error in the side that is not taken is no error.
+    Values may be arrays of one shape; only those that the wanted signals depend on are needed. Both branches of a
+    conditional are computed, so numerical errors in the branch that is not taken are ignored.
     """
     tape: Tape = build_tape(equations, residuals=True)
     needed = tape.needed(tape.refs[name] for name in wanted)
@@ -58,12 +58,12 @@ def array_evaluator(equations: Equations, wanted: Sequence[str]) -> Callable[[Ma
 
 
 def needed_to_simulate(equations: Equations) -> set[str]:
-    """What any state's rate depends on: friction of a rod that is moved from outside is not among it."""
+    """Names that the rates of the states depend on; friction of a rod with prescribed motion is not among them."""
     return needs(equations, *equations.rates)
 
 
 def needs(equations: Equations, *signals: str) -> set[str]:
-    """Names of states, inputs, measured things and parameters that signals depend on."""
+    """Names of states, inputs, measurements and parameters that signals depend on."""
     tape = build_tape(equations, residuals=True)
     nodes = [tape.nodes[ref] for ref in tape.needed([tape.refs[signal] for signal in signals])]
     return {str(node.value) for node in nodes if node.op in ("input", "parameter")}

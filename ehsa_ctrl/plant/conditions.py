@@ -1,4 +1,4 @@
-"""Operating points: where a plant is linearised, and which load it carries there."""
+"""Operating points of linear models: position, speed, load and bulk modulus."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .plant import Plant
 if TYPE_CHECKING:
     import control
 
-#: How a condition is told: its symbol, the unit shown and that unit in SI.
+#: Symbol of a condition, shown unit, and this unit in SI.
 WORDS = {
     "position": ("x", "mm", 1e-3),
     "velocity": ("v", "mm/s", 1e-3),
@@ -28,16 +28,15 @@ WORDS = {
 
 @dataclass(frozen=True)
 class Condition:
-    """An operating point in SI units; None leaves what the plant has.
+    """An operating point in SI units; None keeps the plant's value.
 
     Attributes
     ----------
     position [m], velocity [m/s]: of the rod; a plant with dry friction is linearised while it slides. Position changes
-        the volumes where the chambers know the stroke, speed the slope of Stribeck friction; the linear set knows
-        neither.
+        stroke-dependent volumes, speed the slope of Stribeck friction; neither affects the linear set.
     stiffness [N/m], mass [kg]: of the load.
-    beta: bulk modulus [Pa], which falls with the pressure level where air is in the oil.
-    named: which of these the label tells.
+    beta: bulk modulus [Pa], which depends on the pressure level where the oil contains air.
+    named: attributes in the label.
     """
 
     position: float = 0.0
@@ -48,7 +47,7 @@ class Condition:
     named: tuple[str, ...] = ()
 
     def model(self, plant: Plant) -> control.StateSpace:
-        """The plant there, as controllers are designed on it: (7) for the linear set, else linearised while it slides.
+        """Design model at this point: (7) for the linear set, else linearised while it slides.
 
         Raises InputError for a value that is physically impossible.
         """
@@ -74,9 +73,9 @@ def conditions(
     masses: Sequence[float] = (),
     betas: Sequence[float] = (),
 ) -> list[Condition]:
-    """Every combination of the given conditions (SI units); an empty one leaves what the plant has.
+    """Every combination of the given conditions (SI units); an empty sequence keeps the plant's value.
 
-    Labels tell a stiffness, mass or modulus that is given, and a position or speed if there are several.
+    Labels contain given stiffnesses, masses and moduli, and positions or speeds if there are several.
 
     Raises InputError without a position or a speed.
     """
@@ -91,7 +90,7 @@ def conditions(
 
 
 def operating_points(plant: Plant, at: Sequence[Condition]) -> dict[str, control.StateSpace]:
-    """Linear models of one plant at each condition, by the condition's label, "nominal" for one without.
+    """Linear models of one plant by the label of the condition, "nominal" for an empty one.
 
     Raises InputError for a value that is physically impossible.
     """

@@ -1,4 +1,4 @@
-"""Plants as they may be: draws from what is known of the parameters' errors."""
+"""Random plants, drawn from the known errors of the parameters."""
 
 from __future__ import annotations
 
@@ -19,22 +19,20 @@ from .plant import Plant
 if TYPE_CHECKING:
     import control
 
-#: How often a draw that falls outside is drawn again before the bounds are called contradictory.
+#: Attempts to draw within the bounds before they are reported as contradictory.
 TRIES = 10_000
 
 
 @dataclass(frozen=True)
 class Covariance:
-    """Covariance (k, k) of the parameters `names` in SI units, as an identification gives it."""
+    """Covariance (k, k) of the parameters `names` in SI units, from an identification."""
 
     names: tuple[str, ...]
     matrix: np.ndarray
 
 
 def read_covariance(path: str | Path) -> Covariance:
-    """Read the covariance out of an identification.json.
-
-    A parameter that the log did not determine has null there: its variance is infinite.
+    """Read the covariance of an identification.json; null, for an undetermined parameter, is an infinite variance.
 
     Raises InputError for a file that is absent or has none.
     """
@@ -62,25 +60,23 @@ def draw(
     unknown: float = 0.0,
     assumed: bool = False,
 ) -> list[Plant]:
-    """Plants (n,) whose parameters are drawn from what is known of their errors; each inside its bounds.
+    """Plants (n,) with parameters drawn from their known errors, each within its bounds.
 
-    A parameter of `covariance` is drawn together with the others there, so that what trades places does so here; one
-    with an sd of its own is normal around its value. The others keep their values, unless `unknown` or `assumed` says
-    otherwise.
+    Parameters of `covariance` are drawn jointly, with their correlation; one with an sd of its own is normal around its
+    value. The others are constant, unless `unknown` or `assumed` includes them.
 
     Parameters
     ----------
-    n: how many. seed: of the generator; the same gives the same plants.
-    within: a normal draw farther than this many standard deviations is drawn again. For a covariance it is the distance
-        in which all its parameters together are measured, scaled so that a share as large as of one parameter stays.
-    covariance: of parameters of this plant; others in it are left out.
+    n: number of plants. seed: of the generator.
+    within: normal draws beyond this many standard deviations are repeated. For a covariance the bound holds for the
+        Mahalanobis distance, at the value that keeps the same share of draws.
+    covariance: of parameters of this plant; others are ignored.
     names: parameters to draw; all by default.
-    unknown: relative standard deviation of what was identified by somebody who did not say how well.
-    assumed: draw what is only assumed, with bounds, evenly between these. The identified numbers rest on it (an inertia
-        is as large as the torque constant makes it), so that such draws are worse than any plant that fits the logs.
+    unknown: relative standard deviation of identified parameters whose file states none.
+    assumed: draw assumed parameters with bounds uniformly between them. The identified parameters depend on these (the
+        inertia on the torque constant), so such draws deviate more than any plant that fits the logs.
 
-    Raises InputError for a name that the plant does not have, for bounds that leave no room, and if nothing is known
-    of any parameter's error.
+    Raises InputError for an unknown name, for bounds without room, and if no error of any parameter is known.
     """
     if n < 1 or within <= 0 or unknown < 0:
         raise InputError(
@@ -115,7 +111,7 @@ def draw(
 
 
 def _spread(plant: Plant, name: str, unknown: float, assumed: bool) -> float:
-    """Standard deviation of a parameter on its own; inf: evenly between its bounds, 0: as it is."""
+    """Standard deviation of a single parameter; inf: uniform between its bounds, 0: constant."""
     parameter = plant.parameters[name]
     if parameter.sd is not None and math.isfinite(parameter.sd):
         return parameter.sd
@@ -126,7 +122,7 @@ def _spread(plant: Plant, name: str, unknown: float, assumed: bool) -> float:
 
 
 def _root(matrix: np.ndarray) -> np.ndarray:
-    """R with R R' = matrix, by the eigenvalues of the correlation: parameters in Pa and kg m2 differ by decades."""
+    """R with R R' = matrix, from the eigenvalues of the correlation, which has no units that differ by decades."""
     sd = np.sqrt(np.diag(matrix))
     size = np.where(sd > 0.0, sd, 1.0)
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
@@ -134,7 +130,7 @@ def _root(matrix: np.ndarray) -> np.ndarray:
 
 
 def _radius(within: float, k: int) -> float:
-    """Distance from the middle inside which as large a share of k normal numbers lies as of one within `within`."""
+    """Radius that contains the same share of k normal variables as `within` does of one."""
     from scipy.stats import chi2
 
     return float(np.sqrt(chi2.ppf(chi2.cdf(within**2, 1), k))) if k else 0.0
@@ -179,7 +175,7 @@ def _values(
 
 
 def plausible_range(plant: Plant, name: str) -> tuple[float, float]:
-    """Least and largest value that a parameter is believed to have, and that is physically possible."""
+    """Smallest and largest value of a parameter that is both plausible and physically possible."""
     parameter = plant.parameters[name]
     (kind,) = [kind for kind in plant.structure.equations.parameters if kind.name == name]
     lower = max(parameter.lower, kind.lower)
@@ -194,7 +190,7 @@ def _inside(plant: Plant, name: str, value: float) -> bool:
 
 
 def difference(plant: Plant, nominal: Plant, *, most: int = 4) -> str:
-    """What differs from the nominal plant, the largest relative change first, at most so many: "M +12 %, J_M -3 %"."""
+    """Differences from the nominal plant, at most `most`, the largest relative change first: "M +12 %, J_M -3 %"."""
     parts = []
     for name, parameter in plant.parameters.items():
         before = nominal[name]
@@ -210,9 +206,9 @@ def difference(plant: Plant, nominal: Plant, *, most: int = 4) -> str:
 def drawn_models(
     plant: Plant, plants: Iterable[Plant], conditions: Sequence[Condition] = (Condition(),)
 ) -> dict[str, control.StateSpace]:
-    """Linear models of a plant at each condition, then of drawn plants, the conditions taken in turn.
+    """Linear models of a plant at each condition, then of drawn plants, each at the next of the conditions.
 
-    Labels say what is different: "K_S (load.stiffness) = 50 kN/m", "draw 7 at beta = 5e+08 Pa: M +12 %, ...".
+    Labels name the difference: "K_S (load.stiffness) = 50 kN/m", "draw 7 at beta = 5e+08 Pa: M +12 %, ...".
     """
     if not conditions:
         raise InputError("conditions is empty; expected at least one, as conditions() gives it")

@@ -1,4 +1,4 @@
-"""The nonlinear plant as `control.NonlinearIOSystem`, so that python-control's own functions run on it.
+"""The nonlinear plant as `control.NonlinearIOSystem`, for python-control's functions.
 
 python-control integrates a smooth right-hand side, so friction is smoothed here: direction = tanh(speed / width).
 A smoothed contact creeps instead of sticking; use the engine (`simulate`) where standstill matters.
@@ -17,7 +17,7 @@ from .plant import Plant
 if TYPE_CHECKING:
     import control
 
-#: Speeds over which friction turns around, shaft [rad/s] and rod [m/s]: the error of a run grows with them.
+#: Speeds over which friction reverses, shaft [rad/s] and rod [m/s]; the error of a simulation grows with them.
 WIDTHS = {"shaft": 0.01, "rod": 1e-5}
 
 
@@ -26,10 +26,10 @@ def to_iosystem(plant: Plant, *, widths: dict[str, float] | None = None) -> cont
 
     Parameters
     ----------
-    widths: speed over which the friction of "shaft" [rad/s] and "rod" [m/s] turns around; WIDTHS by default.
+    widths: speed over which the friction of "shaft" [rad/s] and "rod" [m/s] reverses; WIDTHS by default.
 
-    The system's `params` are the plant's parameters, so that `input_output_response(..., params={"K_T": 1.1})` works.
-    Mind that python-control joins the samples of an input by lines: give a held current as a function of time.
+    The system's `params` are the plant's parameters: `input_output_response(..., params={"K_T": 1.1})`. python-control
+    interpolates inputs linearly: give a current with zero-order hold as a function of time.
     """
     import control
 
@@ -41,7 +41,7 @@ def to_iosystem(plant: Plant, *, widths: dict[str, float] | None = None) -> cont
 
     def update(t: float, x: np.ndarray, u: np.ndarray, params: dict[str, Any]) -> list[float]:
         states = {name: float(value) for name, value in zip(names, x, strict=True)}
-        # Exactly at rest tanh gives 0, which the equations read as stuck for good; the least motion frees it.
+        # At rest tanh gives 0, which means sticking in the equations; a tiny direction lets the contact move.
         directions = {name: tanh(float(x[i]) / wide) or 1e-300 for name, i, wide in contacts}
         inputs = {name: float(value) for name, value in zip(equations.inputs, u, strict=True)}
         found = signals(**{**params, **states, **directions, **inputs})

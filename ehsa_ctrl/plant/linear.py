@@ -1,7 +1,7 @@
 """The paper's linear models as `control.StateSpace`: (6) with four states and (7) with three, each plus position.
 
-The matrices are written out here as the paper prints them; the equations of `systems/ehsa.py` know nothing of it, so
-that `linearise` can be held against this text.
+The matrices are written as in the paper, independently of the equations in `systems/ehsa.py`, as a check of
+`linearise`.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ INPUTS = ("current", "F_D")
 
 
 def _linear_part(plant: Plant) -> tuple[dict[str, float], str]:
-    """Values of the symbols in (6) and (7), and what to add to the model's name.
+    """Values of the symbols in (6) and (7), and an addition to the model's name.
 
-    The linear set of a file may have got dry friction or effects beside (6): what is viscous of it is its linear part.
+    A linear set with dry friction or effects contributes its viscous part.
     """
     structure = plant.structure
     if structure.system_name != "ehsa":
@@ -44,10 +44,10 @@ def _linear_part(plant: Plant) -> tuple[dict[str, float], str]:
 def four_state(plant: Plant) -> control.StateSpace:
     """Equation (6) plus position: states and outputs omega, P_1, P_2, v, x; inputs current and F_D.
 
-    P_1 + P_2 is a mode that no input reaches: use `three_state` for design. A spring K_S and a mass m_L of the load
-    are part of the model, F_D is the force from outside. Deviations from rest, SI units.
+    P_1 + P_2 is an uncontrollable mode: use `three_state` for design. The model includes spring K_S and mass m_L of
+    the load; F_D is the external force. Deviations from rest, SI units.
 
-    Of a linear set that got dry friction or effects its viscous part is taken, and the model's name says so.
+    A linear set with dry friction or effects contributes its viscous part, which the model's name states.
 
     Raises InputError for a nonlinear set, or stroke-dependent volumes.
     """
@@ -75,9 +75,9 @@ def four_state(plant: Plant) -> control.StateSpace:
 def three_state(plant: Plant, *, position: bool = True) -> control.StateSpace:
     """Equation (7): states and outputs omega, dP, v, and x unless position=False; inputs current and F_D.
 
-    Without position the load must have no spring, as in the paper. Deviations from rest, SI units.
+    Without position the load must not have a spring, as in the paper. Deviations from rest, SI units.
 
-    Of a linear set that got dry friction or effects its viscous part is taken, and the model's name says so.
+    A linear set with dry friction or effects contributes its viscous part, which the model's name states.
 
     Raises InputError for a nonlinear set, for stroke-dependent volumes, or for position=False with a spring.
     """

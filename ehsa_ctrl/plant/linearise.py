@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Where a linear model holds: states and inputs by name (SI units) and the sliding directions."""
+    """Operating point: states and inputs by name (SI units), and sliding directions."""
 
     states: Mapping[str, float]
     inputs: Mapping[str, float]
@@ -33,7 +33,7 @@ class OperatingPoint:
 
 @cache
 def _jacobian(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any], list[tuple[int, int]]]:
-    """Plain functions (constants, entries) of the Jacobian by states and inputs, and where the entries stand."""
+    """Functions (constants, entries) of the Jacobian by states and inputs, and row and column of each entry."""
     equations = structure.equations
     tape = build_tape(equations)
     seeds = [*(state.name for state in equations.states), *equations.inputs]
@@ -75,10 +75,10 @@ def operating_point(
 ) -> OperatingPoint:
     """The steady motion at rod speed `velocity` [m/s] through `position` [m], at (P_1 + P_2) / 2 = pressure_level [Pa].
 
-    Speed, pressure difference and current are solved for, so that shaft and rod don't accelerate and the pressures of
-    chamber 1 don't change.
+    Speed, pressure difference and current are the solution for zero acceleration of shaft and rod and constant
+    pressure in chamber 1.
 
-    Raises InputError if the plant sticks at the speed asked for, or if no such motion exists.
+    Raises InputError if the plant sticks at this speed, or if no such motion exists.
     """
     from scipy.optimize import root
 
@@ -135,7 +135,7 @@ def linearise(
 ) -> control.StateSpace:
     """Linear model about a steady motion (see `operating_point`), all states as outputs, inputs current and F_D.
 
-    Where friction is viscous and the volumes are constant it equals (6) whatever the point.
+    With viscous friction and constant volumes it equals (6) at any point.
     """
     import control
 
@@ -157,8 +157,8 @@ def linearise(
 def reduce_to_difference(system: control.StateSpace, plant: Plant) -> control.StateSpace:
     """From states omega, P_1, P_2, v, x to omega, dP, v, x, as (7) does from (6): without the mode of P_1 + P_2.
 
-    Exact where the equations know the pressures only by their difference; with effects that act on one chamber it is
-    the model at constant pressure level.
+    Exact where the equations depend only on the pressure difference; with effects on one chamber it is the model at
+    constant pressure level.
     """
     import control
 

@@ -1,11 +1,11 @@
-"""The current that a motion needs, as a few numbers at the rod: what a feed-forward is made of."""
+"""Coefficients of the current that a rod motion needs, for feed-forward."""
 
 from __future__ import annotations
 
 from ..core.errors import InputError
 from .plant import Plant
 
-#: Unit of each number, as a controller's [feedforward] has it.
+#: Units of the coefficients, as in a controller's [feedforward].
 UNITS = {
     "inertia": "A s2/m", "viscous": "A s/m", "stiffness": "A/m", "preload": "A", "coulomb": "A", "static": "A",
     "load": "A/N", "stribeck": "m/s",
@@ -13,11 +13,11 @@ UNITS = {
 
 
 def motion_current(plant: Plant) -> dict[str, float]:
-    """Numbers of I = inertia a + viscous v + stiffness x + preload + sign(v) (coulomb .. static) for a plant.
+    """Coefficients of I = inertia a + viscous v + stiffness x + preload + sign(v) (coulomb .. static).
 
-    From (9) and (10) with a stiff circuit, v = (D / A) omega: masses, viscous friction and load are reflected to the
-    shaft and divided by K_T; leakage and the oil's compression are left out. Units are those of
-    UNITS; `stribeck` is the speed at which static friction has faded, the smaller of both contacts'.
+    From (9) and (10) with v = (D / A) omega: masses, viscous friction and load are reflected to the shaft and divided
+    by K_T; leakage and compressibility are neglected. Units as in UNITS; `stribeck` is the smaller Stribeck speed of
+    the two contacts.
 
     Raises InputError for a system other than the EHSA.
     """

@@ -126,8 +126,8 @@ class Plant(TextResult):
         unit was probably meant."""
         return tuple(
             (p.far and both(p.name) + p.far.removeprefix(p.name).replace(p.name, key_of(p.name)))
-            or f"{both(p.name)} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the range in "
-            f"which {self.name} believes it"
+            or f"{both(p.name)} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the plausible "
+            f"range of {self.name}"
             for p in self.parameters.values()
             if p.source == "given" and (p.far or not p.lower <= p.value <= p.upper)
         )

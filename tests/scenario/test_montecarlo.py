@@ -58,7 +58,7 @@ def test_a_controller_can_be_handed_over(scenario):
     assert monte_carlo(scenario, runs=3, controller=ready).outcomes == monte_carlo(scenario, runs=3).outcomes
 
 
-def test_what_is_set_is_believed_by_every_run(scenario):
+def test_settings_hold_in_every_run(scenario):
     """The same draws on a plant with a stiffer spring: other errors, and another campaign than without."""
     softer, stiffer = (monte_carlo(scenario, runs=4, settings=set) for set in (None, {"load.stiffness": "80 kN/m"}))
     (run, *_), (other, *_) = softer.outcomes, stiffer.outcomes
@@ -180,7 +180,7 @@ def test_chance_is_shared_among_all_that_were_looked_at():
 
 
 def test_draws_have_the_spread_that_was_asked_for(plant):
-    """Normal with 10 %, cut at three deviations; even between bounds; what the file believes is drawn as well."""
+    """Normal with 10 %, cut at three deviations; uniform between bounds; so are the ranges of the file."""
     uncertainty = uncertainty_of(plant, {"A_FR": "10 %", "load.stiffness": ("0 N/m", "100 kN/m"), "beta": "0"})
     rng = np.random.default_rng(0)
     draws = [uncertainty.draw(rng) for _ in range(4000)]
@@ -228,7 +228,7 @@ def test_a_wrong_spread_is_a_sentence(plant, spread, says):
 
 
 def test_bounds_without_room_are_said():
-    """A believed range far from the value."""
+    """A range far from the value."""
     nowhere = ParameterUncertainty((UncertainParameter("K_T", 1.0, 5.0, 6.0, sd=0.1),))
     with pytest.raises(InputError, match="no draw within the bounds of K_T"):
         nowhere.draw(np.random.default_rng(0))

@@ -179,11 +179,11 @@ def test_a_project_finds_its_own_files_wherever_it_is_run_from(project, tmp_path
 
 
 def test_what_is_set_beyond_belief_is_told(edited):
-    """K_T is believed from 0.87 to 1.6 N m/A."""
+    """The plausible range of K_T is 0.87 to 1.6 N m/A."""
     result = run(edited(add='\n[settings]\nK_T = "1.7 N m/A"\n'))
 
     assert result.to_dict()["warnings"] == [
-        "K_T = 1.7 N m/A lies outside 0.87 to 1.6 N m/A, the range in which ehsa believes it"
+        "K_T = 1.7 N m/A lies outside 0.87 to 1.6 N m/A, the plausible range of ehsa"
     ]
     assert not run("steps_spring").plant.implausible
 

@@ -44,7 +44,7 @@ def test_every_assumed_parameter_with_a_range_is_tried(result):
 
 
 def test_an_end_is_the_same_loop_on_a_plant_set_so(result):
-    """The controller is not designed anew: the run is that of the believed controller on the other plant."""
+    """The controller is not redesigned: the run has the nominal controller on the changed plant."""
     case = prepare(scenario())
     swing = next(s for s in result.sensitivities if s.parameter.name == "K_T")
     loop = case.simulate(case.nonlinear.set(K_T=swing.high.value))
@@ -54,14 +54,14 @@ def test_an_end_is_the_same_loop_on_a_plant_set_so(result):
 
 
 def test_what_a_setting_gave_is_not_assumed():
-    """Who sets a value believes it: it has no range to go through."""
+    """A value set for the run counts as certain: it has no range."""
     case = prepare(scenario(settings={"K_T": "1.1 N m/A"}))
 
     assert "K_T" not in {swing.parameter.name for swing in assumption_sensitivity(case, kept=True)}
 
 
 def test_a_limit_between_both_ends_flips_the_verdict(result):
-    """A limit that is kept as believed and not at an end is said to flip; a far one is not."""
+    """A limit that holds at the nominal value and not at an end flips; a wide one does not."""
     swing = next(s for s in result.sensitivities if s.parameter.name == "K_T")
     nominal = result.metrics["RMSError"][1]
     worst = max(end.metrics["RMSError"] for end in swing.ends)
