@@ -15,18 +15,14 @@ from .candidate_effects import wearing_parameters
 from .hypothesis_model import HypothesisModel, Setting
 from .signals import gap, largest, rod_velocity, scored, signal_noise
 
-#: Parameters that a modeller has slightly wrong, with the largest relative standard deviation that is assumed of each.
-NOMINAL = {
-    "K_T": 0.05, "J_M": 0.1, "A_FM": 0.1, "B_FM": 0.1, "C_FM": 0.15, "K_L": 0.15, "V_10": 0.1, "V_20": 0.1, "V": 0.1,
-    "M": 0.1, "A_FR": 0.1, "B_FR": 0.1, "C_FR": 0.15, "tau_FM": 0.15, "tau_FR": 0.15, "K_S": 0.1,
-}  # fmt: skip
 #: One residual counts as this share of an independent one: errors of neighbouring samples are correlated where a model
 #: is slightly wrong.
 TEMPER = 0.02
-#: The prior deviation of a nominal parameter makes this share of the threshold; step of its derivative.
+#: The prior deviation of a nominal parameter makes this share of the threshold; relative step of its derivative.
 SHARE, STEP = 0.3, 0.02
-#: Relative prior deviation of the parameters of a model without dry friction, which stand for the missing friction.
-LUMPED = 0.3
+#: Relative prior deviation of the parameters of a model without dry friction, which stand for the missing friction;
+#: and the prior below which a parameter is known by itself, such as a torque constant, and stands for nothing else.
+LUMPED, KNOWN = 0.3, 0.1
 #: A nominal parameter is too large by no more than this factor: the engine needs tiny steps for a rod without mass.
 LARGEST_ERROR = 5.0
 #: Residuals are weighted in blocks of this length [s]: a slip that a simulation misses spoils a block, not a sample.
@@ -97,13 +93,13 @@ def nominal_parameters(
     """Nominal parameters of a model, and the derivative of the residual (n,) by one prior deviation of each.
 
     A parameter that alone changes a signal by the threshold is a cause. The prior deviation therefore changes it by
-    SHARE of the threshold, or is the relative one of NOMINAL if that is less.
+    SHARE of the threshold, or is that of the parameter's kind if that is less.
 
-    lumped: the model lacks so much that its parameters stand for more than their names say; all but the torque constant
-    may change by LUMPED of themselves.
+    lumped: the model lacks so much that its parameters stand for more than their names say; their prior deviation is
+    LUMPED.
     """
     plant, dt = model.plant, model.log.sample_time
-    prior = {plant.structure.system.own(name): relative for name, relative in NOMINAL.items()}
+    prior = {kind.name: kind.prior for kind in plant.structure.equations.parameters if kind.prior is not None}
     needed = needed_to_simulate(plant.structure.equations)
     names = [name for name in prior if name in needed and plant[name] != 0.0]
     base, *moved = model.run([{}, *({name: plant[name] * (1.0 + STEP)} for name in names)])
@@ -119,7 +115,7 @@ def nominal_parameters(
             continue
         change = max(largest(gap(signals, scored(run, dt), dict.fromkeys(signals, 0.0))), 1e-9)
         relative = min(prior[name], SHARE * threshold / change * STEP)
-        if lumped and name != "K_T":
+        if lumped and prior[name] >= KNOWN:
             relative = LUMPED
         found[name] = relative * plant[name]
         columns[name] = (scale.residual(model, run) - residual) * (relative / STEP)

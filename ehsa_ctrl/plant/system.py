@@ -24,7 +24,10 @@ class State:
 
 @dataclass(frozen=True)
 class ParameterKind:
-    """A parameter of a system without its value: unit, meaning and physical range."""
+    """A parameter of a system without its value: unit, meaning and physical range.
+
+    prior: relative standard deviation of a typical nominal value; None for one that is not refitted beside an effect.
+    """
 
     name: str
     unit: str
@@ -32,6 +35,7 @@ class ParameterKind:
     lower: float = -1e30
     upper: float = 1e30
     lower_open: bool = False
+    prior: float | None = None
 
 
 @dataclass(frozen=True)

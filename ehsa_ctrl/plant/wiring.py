@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import InputError, choices
 from ..physics.effects import EFFECTS
-from ..physics.friction import SYMBOLS, held
+from ..physics.friction import PRIOR, SYMBOLS, held
 from .system import Balance, ParameterKind, ScalarFunction, State
 
 if TYPE_CHECKING:
@@ -97,7 +97,12 @@ class _Wiring:
                 unit = unit.format(effort=contact.effort_unit, length=contact.length_unit)
                 positive = symbol in ("tau", "sigma_0")
                 kinds[contact.symbol(symbol)] = ParameterKind(
-                    contact.symbol(symbol), unit, f"{meaning}, {contact.name}", 0.0, lower_open=positive
+                    contact.symbol(symbol),
+                    unit,
+                    f"{meaning}, {contact.name}",
+                    0.0,
+                    lower_open=positive,
+                    prior=PRIOR.get(symbol),
                 )
         self.changes: dict[str, list[tuple[str, ScalarFunction]]] = {}
         for name in structure.effects:

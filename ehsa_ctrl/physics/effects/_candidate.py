@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -72,48 +72,49 @@ class CandidateEffect:
         return any(p.shape for p in self.effect.parameters if p.name in self.names)
 
 
-class DiagnosisContext(Protocol):
+@dataclass(frozen=True)
+class DiagnosisContext:
     """What an effect may ask about the nominal plant and the log.
 
     log: the measured log. channels: those of the log that a simulation has too, the load cell among them. drive: the
-    channel of the first input. values: the plant's parameters. switches_law: whether a hypothesis may use another
-    friction law of the rod.
+    channel of the first input. values: the plant's parameters. own_name: symbol in the catalogue -> the plant's name.
+    needed: names on which a simulation depends. bounds: name -> lowest and highest value. effort: the rod's efforts in
+    units of those for which smallest changes are stated. sensors: channel -> nominal setting -> value. switches_law:
+    whether a hypothesis may use another friction law. friction_levels: friction and offset that the balances show of a
+    plant without dry friction, by symbol.
     """
 
-    @property
-    def log(self) -> Log: ...
-
-    @property
-    def channels(self) -> tuple[str, ...]: ...
-
-    @property
-    def drive(self) -> str: ...
-
-    @property
-    def values(self) -> Mapping[str, float]: ...
-
-    @property
-    def switches_law(self) -> bool: ...
+    log: Log
+    channels: tuple[str, ...]
+    drive: str
+    values: Mapping[str, float]
+    own_name: Callable[[str], str]
+    needed: frozenset[str]
+    bounds: Mapping[str, tuple[float, float]]
+    effort: float
+    sensors: Mapping[str, Mapping[str, float]]
+    switches_law: bool
+    friction_levels: Mapping[str, float]
 
     def simulated(self, symbol: str) -> bool:
-        """Whether a simulation depends on a parameter, given by its symbol in the catalogue."""
-        ...
+        """Whether a simulation depends on a parameter."""
+        return self.own_name(symbol) in self.needed
 
     def value(self, symbol: str) -> float:
-        """A parameter by its symbol in the catalogue; 0 where the plant has none."""
-        ...
+        """A parameter; 0 where the plant has none."""
+        return self.values.get(self.own_name(symbol), 0.0)
 
-    def plant_parameter(self, symbol: str, relative: float, smallest: float = 0.0) -> FreeNumber:
-        """A parameter of the plant as a free number; its scale is a share of itself, at least `smallest`."""
-        ...
+    def plant_parameter(
+        self, symbol: str, relative: float, smallest: float = 0.0, scale: float | None = None
+    ) -> FreeNumber:
+        """A parameter of the plant as a free number.
 
-    def sensor(self, channel: str, setting: str) -> float:
-        """The nominal bias or scale of a channel's sensor."""
-        ...
-
-    def friction_levels(self) -> Mapping[str, float]:
-        """Friction and offsets that the balances show where the plant has none, by symbol."""
-        ...
+        Its scale is `scale`, or a share of itself; of a value near zero, which is as uncertain as zero, `smallest`.
+        """
+        name = self.own_name(symbol)
+        value, smallest = self.values[name], smallest * self.effort
+        scale = relative * abs(value) if scale is None else scale
+        return FreeNumber(name, value, smallest if scale < 0.1 * smallest else scale, *self.bounds[name])
 
 
 def measured(context: DiagnosisContext, *channels: str) -> list[np.ndarray]:
@@ -161,11 +162,14 @@ def from_symbols(effect: Effect, context: DiagnosisContext) -> list[CandidateEff
     found = []
     for group in effect.groups or (tuple(symbol for symbol in effect.symbols if context.simulated(symbol)),):
         if group and all(context.simulated(symbol) for symbol in group):
-            free = tuple(context.plant_parameter(symbol, 0.1, effect.symbols[symbol]) for symbol in group)
+            free = tuple(
+                context.plant_parameter(symbol, 0.1, effect.symbols[symbol], effect.wears.get(symbol))
+                for symbol in group
+            )
             starts = starting_points(free, 0.0)
             if effect.from_balances and free[0].nominal == 0.0:
                 # The whole of a missing friction is too far away for derivatives at zero.
-                level = context.friction_levels().get(group[0], 0.0)
+                level = context.friction_levels.get(group[0], 0.0)
                 starts = ((level, *(0.1 * level for _ in group[1:])),) if level else starts
             found.append(CandidateEffect(effect, free, starts))
     return found

@@ -8,7 +8,7 @@ def biases(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """Every sensor; a bias of the position shows only under a load that depends on the position."""
 
     def bias(channel: str, sd: float) -> FreeNumber:
-        return FreeNumber(f"bias.{channel}", context.sensor(channel, "bias"), 0.03 * sd, -20.0 * sd, 20.0 * sd)
+        return FreeNumber(f"bias.{channel}", context.sensors[channel]["bias"], 0.03 * sd, -20.0 * sd, 20.0 * sd)
 
     found = from_sensors(effect, context, bias)
     return [c for c in found if c.channel != "position" or context.value("K_S") != 0.0]
@@ -18,7 +18,7 @@ def scales(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """Every sensor that a simulation has too."""
 
     def scale(channel: str, sd: float) -> FreeNumber:
-        return FreeNumber(f"scale.{channel}", context.sensor(channel, "scale"), 0.02, 0.2, 5.0)
+        return FreeNumber(f"scale.{channel}", context.sensors[channel]["scale"], 0.02, 0.2, 5.0)
 
     return from_sensors(effect, context, scale)
 

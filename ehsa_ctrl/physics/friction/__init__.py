@@ -6,8 +6,8 @@ A user's own go into `friction/` beside her `plants/`, or into a package with an
 import sys
 
 from ...core.registry import Registry
-from ._law import ABSENT, SYMBOLS, FrictionLaw, held
+from ._law import ABSENT, PRIOR, SYMBOLS, FrictionLaw, held
 
 LAWS: Registry[FrictionLaw] = Registry(sys.modules[__name__], "law", FrictionLaw, "friction")
 
-__all__ = ["ABSENT", "LAWS", "SYMBOLS", "FrictionLaw", "held"]
+__all__ = ["ABSENT", "LAWS", "PRIOR", "SYMBOLS", "FrictionLaw", "held"]

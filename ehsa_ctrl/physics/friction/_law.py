@@ -20,6 +20,8 @@ SYMBOLS = {
 
 #: What these are in a contact without the law's part: no friction, bristles too stiff to yield.
 ABSENT = {"A": 0.0, "B": 0.0, "C": 0.0, "sigma_0": 1e8, "sigma_1": 0.0}
+#: Relative standard deviations of typical nominal values.
+PRIOR = {"A": 0.1, "B": 0.1, "C": 0.15, "tau": 0.15}
 
 
 @dataclass(frozen=True)

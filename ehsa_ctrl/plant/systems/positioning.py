@@ -47,7 +47,7 @@ system = System(
         ("x_dot", rod.velocity),
     ),
     parameters=(
-        ParameterKind("M", "kg", "moving mass, the drive's inertia included", 0.0, lower_open=True),
+        ParameterKind("M", "kg", "moving mass, the drive's inertia included", 0.0, lower_open=True, prior=0.1),
         ParameterKind("offset", "N", "constant force against the drive: its bias, or gravity"),
         ParameterKind("x_0", "m", "position at rest"),
     ),
