@@ -1,6 +1,6 @@
 /* The engine of the nonlinear EHSA hand-written in C, as a reference for the speed of the compiled one.
  *
- * Same algorithm as ehsa_ctrl/simulation/kernel.py.j2, decision by decision: Dormand-Prince 5(4) with a restart at every
+ * Same algorithm as ehsa_ctrl/simulation/integrator.py, decision by decision: Dormand-Prince 5(4) with a restart at every
  * input sample, the same control of step length, the same short steps of a contact that creeps, the same mode machine for
  * the two dry contacts and the same search for its events. It is also compiled with -ffast-math, so no floating-point
  * test may meet NaN or infinity.

@@ -41,8 +41,8 @@ from rich.table import Table
 from timing import Row, Run, Timing, measure, ratio
 
 from ehsa_ctrl.plant.structure import NONLINEAR
-from ehsa_ctrl.simulation.compiled import engine
 from ehsa_ctrl.simulation.engine import run_open_loop
+from ehsa_ctrl.simulation.plant_code import plant_code
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)
 
@@ -62,7 +62,7 @@ def ours(case: Case, tol: float) -> Run:
 
 def ours_batch(case: Case, tol: float, parameters: Array, threads: int) -> Run:
     """Runs with varied parameters; gives the states of the first."""
-    kernel = engine(NONLINEAR)
+    code = plant_code(NONLINEAR)
     runs, n = len(parameters), case.current.size
     current, force = np.ascontiguousarray(case.current), np.zeros(n)
     y, mode, carry = np.empty((runs, 5)), np.empty((runs, 2)), np.empty((runs, 11))
@@ -73,7 +73,7 @@ def ours_batch(case: Case, tol: float, parameters: Array, threads: int) -> Run:
         y[rows], mode[rows], carry[rows], extremes[rows] = START, 0.0, 0.0, START
         carry[rows, 0], carry[rows, 1] = DT, np.nan
         run_open_loop(
-            kernel, parameters[rows], y[rows], mode[rows], carry[rows], current, force, case.first_order, DT, tol,
+            code, parameters[rows], y[rows], mode[rows], carry[rows], current, force, case.first_order, DT, tol,
             states[rows], modes[rows], cell[rows], extremes[rows], status=status[rows],
         )  # fmt: skip
 

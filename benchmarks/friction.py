@@ -23,9 +23,9 @@ from ehsa_ctrl.design.analysis.robustness import robust_margins
 from ehsa_ctrl.design.controller import SampledController
 from ehsa_ctrl.plant.draws import draw
 from ehsa_ctrl.scenario.response import hunting, settling_band, step_metrics
+from ehsa_ctrl.simulation.minimum_time import shortest_time
 from ehsa_ctrl.simulation.sensors import Sensors
-from ehsa_ctrl.simulation.shortest import shortest_time
-from ehsa_ctrl.simulation.slip import slip_quantum
+from ehsa_ctrl.simulation.slip_quantum import slip_quantum
 
 DT, HOLD, WAIT = 0.004, 5.0, 1.5
 #: Standard deviation of what Table 2 gives without one, relative.

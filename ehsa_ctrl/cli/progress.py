@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -16,9 +15,8 @@ class _Notice(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         from rich.console import Console
 
-        # A structure's own words are Python; of the plant at hand nobody needs them.
-        text = re.sub(r"for (\w+ )?Structure\(.*\)", "for a plant of this structure", record.getMessage())
-        Console(stderr=True, highlight=False, markup=False).print(text, style="dim", soft_wrap=True)
+        console = Console(stderr=True, highlight=False, markup=False)
+        console.print(record.getMessage(), style="dim", soft_wrap=True)
 
 
 @contextmanager

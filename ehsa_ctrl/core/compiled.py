@@ -14,20 +14,19 @@ import linecache
 import logging
 import os
 import pickle
+import re
 import stat
 import sys
 import tempfile
 import uuid
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import Any
 
 log = logging.getLogger(__name__)
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 #: Bytes of the digest at the beginning of a file.
 DIGEST = hashlib.sha256().digest_size
@@ -91,28 +90,36 @@ def _key(text: str) -> str:
     return hashlib.sha256(f"{versions}\n{text}".encode()).hexdigest()[:20]
 
 
+@contextmanager
+def compile_once(key: str, title: str) -> Iterator[None]:
+    """Several processes may start cold at once (parallel tests, workers): one compiles, the others wait and load.
+
+    Without the lock each would compile, which is slow and no harm.
+    """
+    from filelock import FileLock
+
+    folder = cache_folder()
+    with ExitStack() as stack:
+        if folder is not None:
+            with suppress(OSError, NotImplementedError):
+                stack.enter_context(FileLock(folder / f"{key}.lock", timeout=PATIENCE))
+        if folder is None or not any(folder.glob(f"{key}-*.code")):
+            log.info("compiling %s: once, some seconds, longer on a busy machine", title)
+        yield
+
+
 @cache
 def load_compiled(text: str, title: str) -> ModuleType:
     """The module with this text, whose functions carry `cached_njit`. `title` is for the log alone.
 
     The first call ever for a text compiles what has a signature; later starts load the result.
     """
-    from filelock import FileLock
-
     key = _key(text)
     name = f"ehsa_ctrl_compiled_{key}"
     file = f"<{name}>"
     # Where tracebacks, numba and `cached_njit` look for the source of a function.
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
-    folder = cache_folder()
-    with ExitStack() as stack:
-        if folder is not None:
-            # Several processes may start cold at once (parallel tests, workers): one compiles, the others wait and
-            # load. Without the lock each would compile, which is slow and no harm.
-            with suppress(OSError, NotImplementedError):
-                stack.enter_context(FileLock(folder / f"{key}.lock", timeout=PATIENCE))
-        if folder is None or not any(folder.glob(f"{key}-*.code")):
-            log.info("compiling %s: once, 10 s to a minute, longer on a busy machine", title)
+    with compile_once(key, title):
         module = ModuleType(name)
         # numba looks the module up by its name while it compiles; unregistered, it would compile everything twice.
         sys.modules[name] = module
@@ -124,85 +131,141 @@ def load_compiled(text: str, title: str) -> ModuleType:
     return module
 
 
-def cached_njit(*signature: Any, **options: Any) -> Callable[[Function], Function]:
+@cache
+def load_functions(text: str) -> Mapping[str, int]:
+    """Compile a text for LLVM; returns the address of each function that it defines, internal ones apart.
+
+    The first call ever for a text compiles, which takes some tenths of a second; later starts load the result. The
+    names get the hash of the text, since names are shared by all that numba compiles in a process.
+    """
+    from llvmlite.binding import parse_assembly
+    from numba.core.compiler_lock import global_compiler_lock
+    from numba.core.registry import cpu_target
+
+    key = _key(text)
+    names = re.findall(r"^define double @(\w+)\(", text, re.MULTILINE)
+    codegen = cpu_target.target_context.codegen()
+    place = _Place(f"{key}-llvm", codegen)
+    with global_compiler_lock:
+        library = place.load(codegen.unserialize_library)
+        if library is None:
+            library = codegen.create_library(f"ehsa_ctrl_{key}")
+            library.enable_object_caching()
+            unique = re.sub(rf"@({'|'.join(names)})\(", rf"@\1_{key}(", text)
+            library.add_llvm_module(parse_assembly(unique))
+            library.finalize()
+            place.save(library.serialize_using_object_code())
+        _loaded.append(library)
+        return {name: library.get_pointer_to_function(f"{name}_{key}") for name in names}
+
+
+#: Libraries whose functions are called by address; they live as long as the process.
+_loaded: list[Any] = []
+
+
+def cached_njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """numba.njit with these options, whose machine code is kept on disk.
 
     signature: at most one; it is compiled, or loaded, at once. Without it each combination of types is at its first
-    call. The function must depend on nothing but its module's text.
+    call. The function must depend on nothing but its module's text and other functions of this kind.
     """
     import numba
 
-    def decorate(function: Function) -> Function:
+    def decorate(function: Callable[..., Any]) -> Any:
         dispatcher: Any = numba.njit(**options)(function)
         if dispatcher is function:  # by NUMBA_DISABLE_JIT
             return function
-        dispatcher._cache = _Kept(function)
+        dispatcher._cache = _Cache(function)
         for each in signature:
-            dispatcher.compile(each)
+            with compile_once(dispatcher._cache.stem, f"the {function.__name__.replace('_', ' ')}"):
+                dispatcher.compile(each)
             dispatcher.disable_compile()
         return dispatcher
 
     return decorate
 
 
-class _Kept:
+class _Cache:
     """The machine code of one function on disk, in the shape in which numba's dispatcher asks for a cache."""
 
     cache_path = None
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        code = function.__code__
-        text = "".join(linecache.getlines(code.co_filename, function.__globals__))
-        self.stem = f"{_key(text)}-{function.__name__}-{code.co_firstlineno}" if text else ""
-
-    def _place(self, signature: Any, target: Any) -> tuple[Path | None, Any]:
-        """File of a signature on this processor, and what its content must say of itself."""
-        key = self.stem, signature, target.codegen().magic_tuple()
-        folder = cache_folder() if self.stem else None
-        digits = hashlib.sha256(repr(key).encode()).hexdigest()[:12]
-        return (None if folder is None else folder / f"{self.stem}-{digits}.code"), key
+        text = "".join(_sources(function).values())
+        self.stem = f"{_key(text)}-{function.__name__}-{function.__code__.co_firstlineno}" if text else ""
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The compiled function, None where it is to be compiled."""
         from numba.core.compiler import CompileResult
 
         target.refresh()
-        file, key = self._place(signature, target)
-        if file is None or not file.exists():
-            return None
-        try:
-            content = file.read_bytes()
-            if hashlib.sha256(content[DIGEST:]).digest() != content[:DIGEST]:
-                raise ValueError("damaged")
-            known, parts = pickle.loads(content[DIGEST:])
-            if known != key:
-                raise ValueError("another function")
-            return CompileResult._rebuild(target, *parts)
-        except Exception as error:
-            # Whatever is wrong with it, compiling again mends it.
-            log.warning("%s: can't be loaded (%s); compiling again", file, error)
-            with suppress(OSError):
-                file.unlink()
-            return None
+        place = _Place(self.stem, target.codegen(), signature)
+        return place.load(lambda parts: CompileResult._rebuild(target, *parts))
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep a compiled function; where that is not possible the log says so once, and the program goes on."""
-        from numba.core.serialize import dumps
-
-        file, key = self._place(signature, compiled.target_context)
-        if file is None or compiled.library.has_dynamic_globals:
-            return
-        content = dumps((key, compiled._reduce()))
-        draft = file.with_suffix(f".{uuid.uuid4().hex}.draft")
-        try:
-            draft.write_bytes(hashlib.sha256(content).digest() + content)
-            draft.replace(file)
-        except OSError as error:
-            why = f"compiled code can't be kept there ({error.strerror}); each start compiles again"
-            _warn_once(f"{file.parent}: {why}")
-        finally:
-            with suppress(OSError):
-                draft.unlink(missing_ok=True)
+        if not compiled.library.has_dynamic_globals:
+            _Place(self.stem, compiled.target_context.codegen(), signature).save(compiled._reduce())
 
     def flush(self) -> None:
         """Part of numba's shape of a cache; files are named by what they hold, so that none is out of date."""
+
+
+def _sources(function: Callable[..., Any], found: dict[str, str] | None = None) -> dict[str, str]:
+    """Texts of the function's file and of those whose compiled functions this file uses, by path."""
+    found = {} if found is None else found
+    file = function.__code__.co_filename
+    if file not in found:
+        found[file] = "".join(linecache.getlines(file, function.__globals__))
+        for value in list(function.__globals__.values()):
+            inner: Any = getattr(value, "py_func", None) or getattr(value, "_defn", None)
+            if hasattr(inner, "__code__"):
+                _sources(inner, found)
+    return found
+
+
+class _Place:
+    """The file of one piece of machine code: for this processor, and for one signature of a function."""
+
+    def __init__(self, stem: str, codegen: Any, signature: Any = None) -> None:
+        self.key = stem, signature, codegen.magic_tuple()
+        folder = cache_folder() if stem else None
+        digits = hashlib.sha256(repr(self.key).encode()).hexdigest()[:12]
+        self.file = None if folder is None else folder / f"{stem}-{digits}.code"
+
+    def load(self, rebuild: Callable[[Any], Any]) -> Any:
+        """What `rebuild` makes of the content; None where there is no file, or none that can be trusted."""
+        if self.file is None or not self.file.exists():
+            return None
+        try:
+            content = self.file.read_bytes()
+            if hashlib.sha256(content[DIGEST:]).digest() != content[:DIGEST]:
+                raise ValueError("damaged")
+            known, parts = pickle.loads(content[DIGEST:])
+            if known != self.key:
+                raise ValueError("another function")
+            return rebuild(parts)
+        except Exception as error:
+            # Whatever is wrong with it, compiling again mends it.
+            log.warning("%s: can't be loaded (%s); compiling again", self.file, error)
+            with suppress(OSError):
+                self.file.unlink()
+            return None
+
+    def save(self, parts: Any) -> None:
+        """Write the file as a whole or not at all."""
+        from numba.core.serialize import dumps
+
+        if self.file is None:
+            return
+        content = dumps((self.key, parts))
+        draft = self.file.with_suffix(f".{uuid.uuid4().hex}.draft")
+        try:
+            draft.write_bytes(hashlib.sha256(content).digest() + content)
+            draft.replace(self.file)
+        except OSError as error:
+            why = f"compiled code can't be kept there ({error.strerror}); each start compiles again"
+            _warn_once(f"{self.file.parent}: {why}")
+        finally:
+            with suppress(OSError):
+                draft.unlink(missing_ok=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..plant.plant import Plant
-from ..simulation.compiled import engine
 from ..simulation.engine import initial_carry, initial_modes, run_open_loop, simulate_batch
+from ..simulation.plant_code import plant_code
 from .signals import SIGNALS, scored, signal_noise
 
 #: Flows are injected in steps of at most this length [s]: what half a hydraulic period brings at once opens valves.
@@ -128,7 +128,7 @@ def _simulate_kicked(
     tolerance: float,
 ) -> np.ndarray:
     """Runs (runs, N, n) whose states are moved by `halves` (N, runs, n) in the halves of each sample."""
-    kernel, lines = engine(plant.structure), plant.structure.system.hold == "first_order"
+    code, lines = plant_code(plant.structure), plant.structure.system.hold == "first_order"
     samples, runs, n = halves.shape
     steps = max(int(np.ceil(dt / KICK - 1e-9)), 1)
     fine = np.arange((samples - 1) * steps + 1) / steps
@@ -150,7 +150,7 @@ def _simulate_kicked(
             carry[:, 1] = np.nan
             at = slice(k * steps + step, k * steps + step + 2)
             run_open_loop(
-                kernel, rows, y, modes, carry, driven[at], pushed[at], lines, dt / steps, tolerance, states, chosen,
+                code, rows, y, modes, carry, driven[at], pushed[at], lines, dt / steps, tolerance, states, chosen,
                 cells, extremes, status=status,
             )  # fmt: skip
         out[k + 1] = y

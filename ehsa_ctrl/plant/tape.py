@@ -1,7 +1,7 @@
 """Straight-line form of the equations: every operation once, in order, from inputs and parameters to signals.
 
 The physics stands as small scalar functions (`physics/`). A tape reads their source text, inlines one into the other
-and keeps the operations in a list. From the list come the compiled right-hand side (`simulation/kernel_text.py`) and
+and keeps the operations in a list. From the list come the compiled right-hand side (`simulation/plant_code.py`) and
 the exact derivatives (`tangent.py`); the plain evaluation (`plain.py`) calls the functions themselves.
 
 The dialect that a physics function may use: assignments to local names, one `return` at the end, arithmetic,
@@ -83,15 +83,16 @@ class Tape:
         """Inline a physics function; `arguments` maps its argument names to positions on the tape."""
         return _Inlining(self, function).run(arguments)
 
-    def needed(self, outputs: Iterable[Ref]) -> list[Ref]:
-        """Every operation that `outputs` depend on, in order of evaluation."""
+    def needed(self, outputs: Iterable[Ref], *, stop: Callable[[Node], bool] = lambda node: False) -> list[Ref]:
+        """Every operation that `outputs` depend on, in order of evaluation; not what a node with `stop` depends on."""
         reached: set[Ref] = set()
         pending = list(outputs)
         while pending:
             ref = pending.pop()
             if ref not in reached:
                 reached.add(ref)
-                pending.extend(self.nodes[ref].args)
+                if not stop(self.nodes[ref]):
+                    pending.extend(self.nodes[ref].args)
         return sorted(reached)
 
 

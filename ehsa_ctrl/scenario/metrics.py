@@ -11,7 +11,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.unit import factor, parse
 from ..simulation.closed_loop import ClosedLoop
-from ..simulation.shortest import shortest_time
+from ..simulation.minimum_time import shortest_time
 from .response import hunting, settling_band, step_metrics
 
 #: Hunting is evaluated over this last share of the time after the last change of target.

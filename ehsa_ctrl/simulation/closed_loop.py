@@ -13,9 +13,9 @@ from ..core.controller_interface import MEASURED, REFERENCE, Controller
 from ..core.errors import InputError, SimulationError
 from ..core.text import TextResult
 from ..plant.plant import Plant
-from .compiled import engine
 from .engine import DONE, NO_CURRENT, UNFINISHED, checked_start, initial_carry, initial_modes, why_stopped
 from .faults import Faults
+from .plant_code import plant_code
 from .sensors import Sensors
 from .trajectory import Trajectory
 
@@ -137,7 +137,9 @@ def run_closed_loop(
     memory = controller.initial_memory()
     traced = np.array(list(controller.traces.values()), dtype=np.int64)
     traces = np.full((samples, traced.size), np.nan)
-    kernel = engine(plant.structure, "closed_loop")
+    from .closed_loop_kernel import closed_loop
+
+    code = plant_code(plant.structure)
     step = controller.compiled if compiled is None or compiled else None
     parameters, settings, law = plant.vector, controller.settings(), step or _idle()
 
@@ -145,7 +147,8 @@ def run_closed_loop(
         """Advance by the engine up to sample stop - 1; it comes back now and then, so that an interrupt is seen."""
         status = UNFINISHED
         while status == UNFINISHED:
-            status = kernel.closed_loop(
+            status = closed_loop(
+                *code.arguments,
                 stop,
                 parameters,
                 state,

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from threading import Event
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ..core.errors import InputError, SimulationError
 from ..plant.plant import Plant
-from .compiled import engine
+from .plant_code import PlantCode, plant_code
 from .response import drives_of, is_response
 from .stiffness import stiffest
 from .trajectory import Trajectory
@@ -56,7 +55,7 @@ def initial_carry(plant: Plant, runs: int, sample_time: float) -> np.ndarray:
 
 
 def run_open_loop(
-    kernel: ModuleType,
+    code: PlantCode,
     parameters: np.ndarray,
     states: np.ndarray,
     modes: np.ndarray,
@@ -65,15 +64,17 @@ def run_open_loop(
     status: np.ndarray,
     stop: Event | None = None,
 ) -> None:
-    """Take every run that has not failed through its samples: arguments as of `open_loop` in open_loop.py.j2.
+    """Take every run that has not failed through its samples: arguments as of `open_loop_kernel.open_loop`.
 
     The engine comes back after some tenths of a second at most, so that an interrupt is seen; `stop` ends the runs of
     a thread, where no interrupt arrives.
     """
+    from .open_loop_kernel import open_loop
+
     carry[:, -1] = 0.0
     status[status == DONE] = UNFINISHED
     while (status == UNFINISHED).any() and not (stop is not None and stop.is_set()):
-        kernel.open_loop(parameters, states, modes, carry, *inputs_and_outputs, status)
+        open_loop(*code.arguments, parameters, states, modes, carry, *inputs_and_outputs, status)
 
 
 def checked_input(values: np.ndarray | Sequence[float], name: str, length: int | None = None) -> np.ndarray:
@@ -260,7 +261,7 @@ def _run(
         raise InputError(f"tolerance = {tolerance:g}; expected 1e-13 to 0.1")
     if not 0.0 < dt < 1.0:
         raise InputError(f"sample_time = {dt:g} s; expected more than 0 and less than 1 s")
-    kernel = engine(plant.structure)
+    code = plant_code(plant.structure)
     runs, n = start.shape
     samples = current.size
     states = np.array(start)
@@ -280,7 +281,7 @@ def _run(
 
     def work(part: slice) -> None:
         run_open_loop(
-            kernel,
+            code,
             parameters[part],
             states[part],
             modes[part],

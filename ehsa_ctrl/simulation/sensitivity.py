@@ -16,8 +16,8 @@ import numpy as np
 
 from ..core.errors import InputError, SimulationError, choices
 from ..plant.plant import Plant
-from .compiled import engine
 from .engine import DONE, UNFINISHED, Hold, checked_input, checked_start, initial_carry, initial_modes, why_stopped
+from .plant_code import plant_code
 
 
 @dataclass(frozen=True)
@@ -149,11 +149,14 @@ def _run(
     y = checked_start(plant, start)
     out = np.full((current.size, y.size), np.nan)
     values = np.empty((current.size, y.size, S.shape[1] - 1))
-    kernel = engine(plant.structure, "sensitivity")
+    code = plant_code(plant.structure, sensitivities=True)
+    from .sensitivity_kernel import sensitivity
+
     modes, carry = initial_modes(plant, y), initial_carry(plant, 1, dt)[0]
     extremes, status = np.stack([y, y]), UNFINISHED
     while status == UNFINISHED:
-        status = kernel.sensitivity(
+        status = sensitivity(
+            *code.arguments,
             plant.vector,
             y,
             modes,

@@ -240,7 +240,7 @@ def test_a_function_of_the_package_is_known_by_the_text_of_its_file(tmp_path):
         file.write_text(text)
         names = {}
         exec(compile(text, str(file), "exec"), names)
-        stems.append(compiled._Kept(names["f"]).stem)
+        stems.append(compiled._Cache(names["f"]).stem)
 
     assert all(stem.endswith("-f-2") for stem in stems) and stems[0] != stems[1]
 

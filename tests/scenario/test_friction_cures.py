@@ -7,8 +7,8 @@ import pytest
 
 from ehsa_ctrl import load_controller, load_plant, run_closed_loop, three_state
 from ehsa_ctrl.scenario.response import hunting, settling_band, step_metrics
+from ehsa_ctrl.simulation.minimum_time import shortest_time
 from ehsa_ctrl.simulation.sensors import Sensors
-from ehsa_ctrl.simulation.shortest import shortest_time
 
 DT = 0.004
 CURED = ["pid_friction", "cascade_friction", "lqr_friction"]

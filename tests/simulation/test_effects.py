@@ -13,7 +13,7 @@ from ehsa_ctrl import (
     three_state,
 )
 from ehsa_ctrl.physics.effects import EFFECTS
-from ehsa_ctrl.simulation.compiled import engine
+from ehsa_ctrl.simulation.plant_code import plant_code
 
 #: One structure with all of them: one text to compile, and neutral effects prove that they are neutral together too.
 WIRED = [name for name, effect in EFFECTS.items() if effect.wired and effect.parameters]
@@ -130,7 +130,7 @@ def test_a_dead_time_in_the_loop_is_a_lag(plant, linear):
 def test_derivatives_by_a_dead_time_are_refused_with_a_way_out(plant):
     """The sentence says what does the same."""
     with pytest.raises(InputError, match=r"free delay\.CHANNEL instead"):
-        engine(plant.with_effects("drive_delay").structure, "sensitivity")
+        plant_code(plant.with_effects("drive_delay").structure, sensitivities=True)
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from ehsa_ctrl import (
     three_state,
 )
 from ehsa_ctrl.scenario.run import run
-from ehsa_ctrl.simulation.stepped import SteppedRun
+from ehsa_ctrl.simulation.stepped_run import SteppedRun
 
 
 @pytest.mark.parametrize(

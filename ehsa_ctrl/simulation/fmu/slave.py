@@ -13,7 +13,7 @@ from pythonfmu.enums import Fmi2Status
 
 from ...core.errors import EhsaError, InputError
 from ...core.unit import base_units
-from ..stepped import SteppedRun
+from ..stepped_run import SteppedRun
 from .exported import read_exported
 from .variables import Variable, variables_of
 

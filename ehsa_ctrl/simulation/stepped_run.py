@@ -9,8 +9,8 @@ import numpy as np
 
 from ..core.errors import InputError, SimulationError, shown
 from ..plant.plant import Plant
-from .compiled import engine
 from .engine import DONE, LARGEST, checked_start, initial_carry, initial_modes, run_open_loop, why_stopped
+from .plant_code import plant_code
 
 #: Two instants that are this much of a step apart are the same one: sums of steps round.
 SAME = 1e-9
@@ -38,7 +38,7 @@ class SteppedRun:
             raise InputError(f"tolerance = {tolerance:g}; expected 1e-13 to 0.1")
         first = checked_start(plant, start)
         self.plant, self.tolerance, self.time = plant, tolerance, 0.0
-        self._kernel = engine(plant.structure)
+        self._code = plant_code(plant.structure)
         # The engine looks back over the samples of a run, of which a step has none: the dead time is kept here.
         self._dead_time = 0.0 if plant.structure.delay is None else plant[plant.structure.delay]
         late = {} if plant.structure.delay is None else {plant.structure.delay: 0.0}
@@ -120,7 +120,7 @@ class SteppedRun:
         modes = np.zeros((1, samples, self._modes.size), dtype=np.int8)
         cells, status = np.full((1, samples), np.nan), np.zeros(1, dtype=np.int64)
         run_open_loop(
-            self._kernel,
+            self._code,
             self._parameters,
             self._states,
             self._modes,

@@ -8,8 +8,8 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.plant.structure import Structure
-from ehsa_ctrl.simulation.shortest import shortest_time
-from ehsa_ctrl.simulation.slip import slip_quantum
+from ehsa_ctrl.simulation.minimum_time import shortest_time
+from ehsa_ctrl.simulation.slip_quantum import slip_quantum
 
 
 @pytest.fixture

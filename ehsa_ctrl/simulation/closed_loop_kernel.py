@@ -1,0 +1,124 @@
+"""The compiled sampled closed loop of a plant and a controller; the first arguments are those of PlantCode."""
+
+# Types are numba's: those of the signature, and what follows from them.
+# mypy: ignore-errors
+
+from __future__ import annotations
+
+from math import isfinite, nan
+
+import numpy as np
+from numba import boolean, float64, int64, types
+
+from ..core.compiled import cached_njit
+from ..core.pointers import BYTE_TABLE, TABLE, VECTOR, WORDS, call, pointer
+from .integrator import (
+    CELL,
+    CODE,
+    CONSTANT_COUNT,
+    CONSTANTS,
+    CONTACTS,
+    DONE,
+    MEASURED,
+    NO_CURRENT,
+    STATES,
+    STEPS_PER_CALL,
+    UNFINISHED,
+    advance,
+    dead_time,
+)  # fmt: skip
+
+# What a controller costs, in steps of the plant: an MPC's.
+STEPS_PER_CONTROL = 100
+
+CONTROLLER = types.FunctionType(float64(VECTOR, VECTOR, VECTOR, VECTOR))
+
+
+@cached_njit(
+    int64(
+        *CODE, int64, VECTOR, VECTOR, VECTOR, VECTOR, boolean, CONTROLLER, VECTOR, VECTOR, TABLE, VECTOR, VECTOR,
+        TABLE, VECTOR, VECTOR, TABLE, int64, float64, float64, TABLE, BYTE_TABLE, TABLE, TABLE, TABLE, VECTOR, TABLE,
+        BYTE_TABLE, VECTOR, WORDS, TABLE,
+    ),
+    error_model="numpy",
+    nogil=True,
+)  # fmt: skip
+def closed_loop(
+    functions, shape, scales, stop, p, y, mode, carry, control, controller, settings, memory, reference, force, scale,
+    noise, resolution, delay, weights, lag, dt, tol, states_out, modes_out, true, filtered, measured, asked, extremes,
+    fault, ceiling, traced, traces,
+):  # fmt: skip
+    """A plant under a sampled controller, from the sample at which it is up to stop - 1; or UNFINISHED.
+
+    Each sample the controller gets its row of `reference` and the measured speed, p1, p2, position and force: true
+    values through a first-order filter with these `weights`, settled at the first sample, `delay` samples ago (between
+    samples by a line), times `scale`, plus `noise`, rounded to `resolution`. Its current acts `lag` samples later, no
+    larger than `ceiling`, and is held. With control off, the caller writes `asked` itself between two calls. A reading
+    with `fault` 1 stays at the last value, with 2 it is lost (nan). `traces` keeps the entries `traced` of the
+    controller's memory.
+    """
+    n = shape[STATES]
+    constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(3 * n + 2 * shape[CONTACTS])
+    c = pointer(constants)
+    call(functions[CONSTANTS], pointer(p), c)
+    whole, part = dead_time(shape, p, dt)
+    whole += lag
+    status, spent = DONE, 0
+    for k in range(int(carry[-1]), stop):
+        if spent > STEPS_PER_CALL:
+            status = UNFINISHED
+            break
+        spent += STEPS_PER_CONTROL
+        limit = ceiling[max(k - 1, 0)]
+        acting = asked[k - 1 - whole] if k > whole else 0.0
+        acting = min(max(acting, -limit), limit)
+        if k > 0:
+            # A dead time moves the change of the current into the sample: `before` acts for its first part.
+            before = asked[k - 2 - whole] if k > whole + 1 else 0.0
+            before = min(max(before, -limit), limit)
+            for second in range(0 if part > 0.0 else 1, 2):
+                u = acting if second else before
+                duration = ((1.0 - part) * dt if part > 0.0 else dt) if second else part * dt
+                status, steps = advance(
+                    pointer(functions), pointer(shape), pointer(scales), c, pointer(y), pointer(mode),
+                    pointer(carry), pointer(extremes), pointer(scratch), u, u, force[k - 1], force[k - 1], duration,
+                    tol, c, c, pointer(shape), 0,
+                )  # fmt: skip
+                spent += steps
+                if status != DONE:
+                    break
+            if status != DONE:
+                break
+        for i in range(n):
+            states_out[k, i] = y[i]
+        for i in range(shape[CONTACTS]):
+            modes_out[k, i] = np.int8(mode[i])
+        for i in range(4):
+            column = shape[MEASURED + i]
+            true[k, i] = y[column] if column >= 0 else 0.0
+        true[k, 4] = call(functions[CELL], pointer(y), acting, force[k], pointer(mode), c)
+        for i in range(5):
+            filtered[k, i] = true[k, i]
+            if k > 0 and weights[i, 1] != 1.0:
+                filtered[k, i] = (
+                    weights[i, 0] * filtered[k - 1, i] + weights[i, 1] * true[k, i] + weights[i, 2] * true[k - 1, i]
+                )
+            ago = int(delay[i])
+            late = filtered[max(k - ago, 0), i]
+            late += (delay[i] - ago) * (filtered[max(k - ago - 1, 0), i] - late)
+            measured[k, i] = scale[i] * late + noise[k, i]
+            if resolution[i] > 0.0:
+                measured[k, i] = np.round(measured[k, i] / resolution[i]) * resolution[i]
+            if fault[k, i] == 1 and k > 0:
+                measured[k, i] = measured[k - 1, i]
+            elif fault[k, i] == 2:
+                measured[k, i] = nan
+        if control:
+            asked[k] = controller(reference[k], measured[k], memory, settings)
+            if not isfinite(asked[k]):
+                status = NO_CURRENT
+                break
+            for i in range(traced.size):
+                traces[k, i] = memory[traced[i]]
+        carry[-1] = k + 1
+    return status

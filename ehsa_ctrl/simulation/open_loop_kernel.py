@@ -1,0 +1,110 @@
+"""The compiled loop over the samples of runs with a given input; the first arguments are those of PlantCode."""
+
+# Types are numba's: those of the signature, and what follows from them.
+# mypy: ignore-errors
+
+from __future__ import annotations
+
+import numpy as np
+from numba import boolean, float64, types
+
+from ..core.compiled import cached_njit
+from ..core.pointers import BYTE_CUBE, CUBE, TABLE, VECTOR, WORDS, call, pointer, shifted
+from .integrator import (
+    CELL,
+    CODE,
+    CONSTANT_COUNT,
+    CONSTANTS,
+    CONTACTS,
+    DONE,
+    STATES,
+    STEPS_PER_CALL,
+    UNFINISHED,
+    advance,
+    dead_time,
+)  # fmt: skip
+
+
+@cached_njit(
+    types.void(
+        *CODE,
+        TABLE,
+        TABLE,
+        TABLE,
+        TABLE,
+        VECTOR,
+        VECTOR,
+        boolean,
+        float64,
+        float64,
+        CUBE,
+        BYTE_CUBE,
+        TABLE,
+        CUBE,
+        WORDS,
+    ),
+    error_model="numpy",
+    nogil=True,
+)
+def open_loop(
+    functions, shape, scales, p, y, mode, carry, current, force, first_order, dt, tol,
+    states_out, modes_out, cell_out, extremes, status,
+):  # fmt: skip
+    """All samples of a run for every row of p, y, mode and carry, which are updated to the end of the run.
+
+    Inputs are held over each sample, or joined by lines (first_order). Samples after a failure keep what was in them.
+    Runs that are still UNFINISHED when the call has taken its steps are gone on with by the next call.
+    """
+    n, contacts = shape[STATES], shape[CONTACTS]
+    constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(3 * n + 2 * contacts)
+    c, work, code = pointer(constants), pointer(scratch), pointer(functions)
+    layout, sizes = pointer(shape), pointer(scales)
+    last = carry.shape[1] - 1
+    spent = 0
+    for run in range(p.shape[0]):
+        if status[run] != UNFINISHED:
+            continue
+        if spent > STEPS_PER_CALL:
+            break
+        call(functions[CONSTANTS], shifted(pointer(p), run * p.shape[1]), c)
+        whole, part = dead_time(shape, p[run], dt)
+        state, direction = shifted(pointer(y), run * n), shifted(pointer(mode), run * contacts)
+        memory, worst = shifted(pointer(carry), run * (last + 1)), shifted(pointer(extremes), run * 2 * n)
+        at = int(carry[run, last])
+        for k in range(at, current.size):
+            at = k
+            for i in range(n):
+                states_out[run, k, i] = state[i]
+            for i in range(contacts):
+                modes_out[run, k, i] = np.int8(direction[i])
+            cell_out[run, k] = call(functions[CELL], state, current[k], force[k], direction, c)
+            if k + 1 == current.size:
+                status[run] = DONE
+            if k + 1 == current.size or spent > STEPS_PER_CALL:
+                break
+            end = k + 1 if first_order else k
+            # A late current changes within the sample: from `before`, through `turn` after `part` of it, to `after`.
+            turn, new = current[max(k - whole, 0)], current[max(k + 1 - whole, 0)]
+            middle = force[k]
+            if part > 0.0:
+                old = current[max(k - whole - 1, 0)]
+                before = part * old + (1.0 - part) * turn if first_order else old
+                middle = part * force[end] + (1.0 - part) * force[k]
+                failure, steps = advance(
+                    code, layout, sizes, c, state, direction, memory, worst, work, before,
+                    turn if first_order else before, force[k], middle, part * dt, tol, c, c, layout, 0,
+                )  # fmt: skip
+                spent += steps
+                if failure != DONE:
+                    status[run] = failure
+                    break
+            after = part * turn + (1.0 - part) * new if first_order else turn
+            failure, steps = advance(
+                code, layout, sizes, c, state, direction, memory, worst, work, turn, after, middle, force[end],
+                (1.0 - part) * dt if part > 0.0 else dt, tol, c, c, layout, 0,
+            )  # fmt: skip
+            spent += steps
+            if failure != DONE:
+                status[run] = failure
+                break
+        carry[run, last] = at
