@@ -18,6 +18,9 @@ from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 if TYPE_CHECKING:
     import control
 
+#: Keys of a definition that the controller takes over.
+SHARED = ("sample_time", "current_limit", "trajectory", "feedforward", "rest", "dither")
+
 
 def read_controller(path: Path, sample_time: float | None = None) -> tuple[ControllerKind, ControllerFile]:
     """Read and validate a controller's TOML; sample_time [s] is the default where the file states none.
@@ -61,7 +64,10 @@ def build_controller(
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"), warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
-            controller = _assemble(name, kind, definition, kind.design(name, definition, system))
+            law = kind.design(name, definition, system)
+            controller = SampledController(
+                name, kind.name, law=law, **{key: getattr(definition, key) for key in SHARED}
+            )
             computed = not np.isnan(controller.settings()).any()
     except InputError:
         raise
@@ -73,18 +79,3 @@ def build_controller(
             "its weights, gains, limits and times"
         )
     return controller
-
-
-def _assemble(name: str, kind: ControllerKind, definition: ControllerFile, law: Any) -> SampledController:
-    """The law with the stages of its definition."""
-    return SampledController(
-        name=name,
-        kind=kind.name,
-        sample_time=definition.sample_time,
-        current_limit=definition.current_limit,
-        law=law,
-        trajectory=definition.trajectory,
-        feedforward=definition.feedforward,
-        rest=definition.rest,
-        dither=definition.dither,
-    )

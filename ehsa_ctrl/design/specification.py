@@ -214,7 +214,7 @@ def design(
         whole = _with_bandwidth(name, kind, whole, system, wanted["bandwidth"])
     found = _build(name, kind, whole, system)
     for word, value in wanted.items():
-        got = bandwidth_of(system, found.controller) if word == "bandwidth" else figure(found.loop, word)
+        got = bandwidth_of(system, found.controller) if word == "bandwidth" else found.loop.figure(word)
         unit, which = FIGURES[word]
         if got < value * (1 - 1e-3) if which == "least" else got > value * (1 + 1e-3):
             raise InputError(
@@ -223,11 +223,6 @@ def design(
                 "or ask for less"
             )
     return found
-
-
-def figure(loop: LoopAnalysis, word: str) -> float:
-    """A figure of FIGURES but the bandwidth, of a loop analysis."""
-    return loop.noise_gain["position"] if word == "noise_gain" else float(getattr(loop, word))
 
 
 def bandwidth_of(system: control.StateSpace, controller: SampledController) -> float:

@@ -89,6 +89,10 @@ class LoopAnalysis(TextResult, Margins):
         """Phase [deg] that the disk margin guarantees, lag or lead."""
         return disk_range(self.disk_margin)[2]
 
+    def figure(self, name: str) -> float:
+        """A scalar result by name; noise_gain is that of the position."""
+        return self.noise_gain["position"] if name == "noise_gain" else float(getattr(self, name))
+
     @property
     def sensitivity(self) -> np.ndarray:
         """S = 1 / (1 + L), (n,)."""

@@ -6,7 +6,7 @@ continues from the best few of them. Where no design of the grid is feasible, it
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -38,15 +38,10 @@ class GainSearch:
         return bool(np.min(self.room(gains)) > -1e-4)
 
     def gains(self, theta: np.ndarray) -> Gains:
-        k = np.exp(theta)
-        match self.tuning.terms:
-            case "P":
-                return Gains(k[0])
-            case "PI":
-                return Gains(k[0], k[0] * k[1])
-            case "PD":
-                return Gains(k[0], 0.0, k[0] * k[1], k[2])
-        return Gains(k[0], k[0] * k[1], k[0] * k[2], k[3])
+        values = iter(np.exp(theta))
+        k_p = next(values)
+        k_i = k_p * next(values) if "I" in self.tuning.terms else 0.0
+        return Gains(k_p, k_i, k_p * next(values), next(values)) if "D" in self.tuning.terms else Gains(k_p, k_i)
 
     def theta(self, gains: Gains) -> np.ndarray:
         values = [gains.k_p]
@@ -123,33 +118,40 @@ class GainSearch:
         return spans
 
     def search(self, start: Gains) -> Gains:
-        """Sequential quadratic programming from one start."""
-        from scipy.optimize import minimize
-
+        """The best gains near a start."""
         theta = self.theta(start)
-        with np.errstate(all="ignore"):
-            result = minimize(
-                lambda t: self.objective(self.gains(t)), theta, method="SLSQP", bounds=self.limits(theta),
-                constraints={"type": "ineq", "fun": lambda t: self.room(self.gains(t))},
-                options={"maxiter": 100, "ftol": 1e-9},
-            )  # fmt: skip
-        return self.gains(result.x)
+        found = _minimise(
+            lambda t: self.objective(self.gains(t)), theta, self.limits(theta), lambda t: self.room(self.gains(t))
+        )
+        return self.gains(found)
 
     def nearest_to_feasible(self, start: Gains) -> Gains:
         """Gains with the smallest violation of the worst bound."""
-        from scipy.optimize import minimize
+        theta, slack = self.theta(start), -float(np.min(self.room(start)))
+        found = _minimise(
+            lambda t: t[-1],
+            np.append(theta, slack),
+            [*self.limits(theta), (-0.02, None)],
+            lambda t: self.room(self.gains(t[:-1])) + t[-1],
+        )
+        return max((start, self.gains(found[:-1])), key=lambda gains: float(np.min(self.room(gains))))
 
-        theta = self.theta(start)
-        slack = -float(np.min(self.room(start)))
-        with np.errstate(all="ignore"):
-            result = minimize(
-                lambda t: t[-1], np.append(theta, slack), method="SLSQP",
-                bounds=[*self.limits(theta), (-0.02, None)],
-                constraints={"type": "ineq", "fun": lambda t: self.room(self.gains(t[:-1])) + t[-1]},
-                options={"maxiter": 100, "ftol": 1e-9},
-            )  # fmt: skip
-        found = self.gains(result.x[:-1])
-        return max((start, found), key=lambda gains: float(np.min(self.room(gains))))
+
+def _minimise(
+    objective: Callable[[np.ndarray], float],
+    start: np.ndarray,
+    limits: Sequence[tuple[float, float | None]],
+    room: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:
+    """Minimise subject to room >= 0 by sequential quadratic programming."""
+    from scipy.optimize import minimize
+
+    with np.errstate(all="ignore"):
+        result = minimize(
+            objective, start, method="SLSQP", bounds=limits, constraints={"type": "ineq", "fun": room},
+            options={"maxiter": 100, "ftol": 1e-9},
+        )  # fmt: skip
+    return np.asarray(result.x)
 
 
 def spread(sorted_gains: list[Gains], theta: Callable[[Gains], np.ndarray]) -> list[Gains]:

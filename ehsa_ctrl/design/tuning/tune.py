@@ -125,7 +125,7 @@ def excess(found: Sequence[LoopAnalysis], bounds: Mapping[str, float]) -> dict[s
 
 
 def _worst(found: Sequence[LoopAnalysis], name: str) -> float:
-    values = [one.noise_gain["position"] if name == "noise_gain" else getattr(one, name) for one in found]
+    values = [one.figure(name) for one in found]
     # A missing figure (no crossover, not stable) is the worst possible.
     worst = SMALLEST if name in LEAST else 1.0 / SMALLEST
     values = [worst if np.isnan(value) else float(np.clip(value, SMALLEST, 1.0 / SMALLEST)) for value in values]
