@@ -144,7 +144,7 @@ def reachability(case: ReviewContext) -> Iterator[ReviewFinding]:
     seen = readings(case.system) @ case.system.C * scale[None, :]
     for word, modes, fix in (
         ("controllable", hidden_modes(a, current), "design on a model without the mode, e.g. three_state"),
-        ("observable", hidden_modes(a.T, seen.T), "measure more, or design on a model without the mode"),
+        ("observable", hidden_modes(a.T, seen.T), "add a sensor, or design on a model without the mode"),
     ):
         words = ", ".join(f"{mode if mode.imag else mode.real:.3g} rad/s" for mode in modes)
         verdict: Verdict = "good"
@@ -152,7 +152,7 @@ def reachability(case: ReviewContext) -> Iterator[ReviewFinding]:
             verdict = "fault"
         elif any(abs(mode.real) <= 1e-9 for mode in modes):
             verdict = "warning"
-        yield ReviewFinding(f"model {word}", f"not these modes: {words}" if modes else "every mode", verdict, fix)
+        yield ReviewFinding(f"model {word}", f"not the modes {words}" if modes else "all modes", verdict, fix)
 
 
 def stability(case: ReviewContext) -> Iterator[ReviewFinding]:
@@ -170,7 +170,7 @@ def stability(case: ReviewContext) -> Iterator[ReviewFinding]:
         "controller stable by itself",
         f"largest |pole| {inner:.5f}" + (" (integral action)" if abs(inner - 1.0) < 1e-9 else ""),
         _verdict(inner > 1.0 + 1e-9),
-        "an unstable law runs away where the current is limited: lower the crossover or detune the observer",
+        "an unstable law diverges while the current is limited: lower the crossover or detune the observer",
     )
 
 
@@ -180,19 +180,19 @@ def stability_margins(case: ReviewContext) -> Iterator[ReviewFinding]:
     if not loop.stable:
         return
     fix = "lower the crossover or ask for more phase"
-    yield ReviewFinding("Ms", f"{loop.Ms:.3g}, asked at most {MS:g}", _verdict(loop.Ms > MS), fix)
-    disk = f"{loop.disk_margin:.3g}, asked at least {DISK:g}"
+    yield ReviewFinding("Ms", f"{loop.Ms:.3g}, required at most {MS:g}", _verdict(loop.Ms > MS), fix)
+    disk = f"{loop.disk_margin:.3g}, required at least {DISK:g}"
     yield ReviewFinding("disk margin", disk, _verdict(loop.disk_margin < DISK), fix)
     samples = loop.delay_margin / case.sample_time
     yield ReviewFinding(
         "delay margin",
         f"{1e3 * loop.delay_margin:.3g} ms, {samples:.3g} samples",
         _verdict(samples < 2.0, "fault" if samples < 1.0 else "warning"),
-        "one sample of extra delay is soon there: lower the crossover or sample faster",
+        "one sample of additional delay is common: lower the crossover or sample faster",
     )
     if loop.crossover > 0:
         turn = 2 * np.pi / (loop.crossover * case.sample_time)
-        words = f"{turn:.3g} samples a period of the crossover"
+        words = f"{turn:.3g} samples per period of the crossover"
         yield ReviewFinding("sampling", words, _verdict(turn < SAMPLES), "sample faster")
 
 
@@ -209,7 +209,7 @@ def worst_case(case: ReviewContext) -> Iterator[ReviewFinding]:
             word,
             f"{value:.3g} over {len(robust.loops)} plants, at {robust.worst[key].label}",
             _verdict(bad, "warning" if robust.stable else "fault"),
-            "lower the crossover, or know that parameter better",
+            "lower the crossover, or reduce the uncertainty of that parameter",
         )
 
 
@@ -226,9 +226,9 @@ def state_scaling(case: ReviewContext) -> Iterator[ReviewFinding]:
     computes = model is not None or hasattr(case.feedback, "horizon")
     yield ReviewFinding(
         "state scaling",
-        f"sizes of the states differ by {ratio:.1e} in {of}",
+        f"state magnitudes differ by a factor of {ratio:.1e} in {of}",
         _verdict(computes and ratio > STATE_RATIO),
-        "design in units in which the states are of like size (rad/s, bar, mm)",
+        "design in units that give states of similar magnitude (rad/s, bar, mm)",
     )
 
 
@@ -241,12 +241,14 @@ def steady_state_error(case: ReviewContext) -> Iterator[ReviewFinding]:
     gain = float(closed.C[row] @ np.linalg.solve(np.eye(closed.nstates) - closed.A, closed.B[:, column]))
     yield ReviewFinding(
         "reaches its target",
-        f"{100 * (1 - gain):.3g} % short in the long run" if abs(1 - gain) > 1e-6 else "without error, linearly",
+        f"{100 * (1 - gain):.3g} % steady-state error"
+        if abs(1 - gain) > 1e-6
+        else "no steady-state error in the linear model",
         _verdict(abs(1 - gain) > 1e-3),
         "add integral action, an estimate of the disturbance, or a reference gain",
     )
     static = abs(case.loop.static_compliance)
-    words = f"{1e9 * static:.3g} um for each kN that lasts" if static > 1e-15 else "none"
+    words = f"{1e9 * static:.3g} um per kN of constant load" if static > 1e-15 else "none"
     if case.stiffness > 0:
         words += f", with a spring of {1e-3 * case.stiffness:.4g} kN/m"
     yield ReviewFinding(
@@ -262,7 +264,7 @@ def leakage_creep(case: ReviewContext) -> Iterator[ReviewFinding]:
         return
     per_force = leak / area
     force = case.stiffness * case.known.reach
-    words = f"{1e9 * per_force:.3g} um/s for each kN while the shaft stands"
+    words = f"{1e9 * per_force:.3g} um/s per kN while friction holds the shaft"
     if isfinite(force) and force > 0:
         words += f", {1e6 * per_force * force:.3g} um/s at {1e3 * case.known.reach:.3g} mm against the spring"
     yield ReviewFinding("creep by leakage", words, "good")
@@ -280,9 +282,9 @@ def friction(case: ReviewContext) -> Iterator[ReviewFinding]:
     words = f"{static:.3g} A" + (f" + {spring:.3g} A for the spring" if spring else "")
     yield ReviewFinding(
         "breakaway",
-        f"{words} of {case.current_limit:.3g} A that may be asked",
+        f"{words}, current limit {case.current_limit:.3g} A",
         "fault" if case.current_limit <= MOVES * needed else _verdict(case.current_limit < MOVES_WELL * needed),
-        "raise current_limit, or ask for less reach",
+        "raise current_limit, or reduce the stroke",
     )
     yield _stick_band(case)
     if case.integrates:
@@ -294,21 +296,19 @@ def friction(case: ReviewContext) -> Iterator[ReviewFinding]:
             "limit cycle of the integral",
             words,
             _verdict(isfinite(coulomb) and static > coulomb and not case.rests),
-            "add a [rest] band of some sizes of the smallest slip, or take the integral out",
+            "add a [rest] band of a few times the smallest slip, or remove the integral",
         )
 
 
 def _stick_band(case: ReviewContext) -> ReviewFinding:
     """Errors that friction holds: at once, and for how long."""
     band = case.known.static / case.error_gain if case.error_gain > 0 else inf
-    words = f"an error up to {1e6 * band:.4g} um stands"
+    words = f"errors up to {1e6 * band:.4g} um persist"
     if case.integrates:
         current = np.abs(case.current_of_error(PATIENCE)) * ERROR
         late = np.flatnonzero(current >= case.known.static)
         after = f"{late[0] * case.sample_time:.3g} s" if late.size else f"more than {PATIENCE * case.sample_time:g} s"
-        words += f" until the integral has built up, one of {1e6 * ERROR:g} um for {after}"
-    else:
-        words += " for good"
+        words += f" until the integral has wound up, an error of {1e6 * ERROR:g} um for {after}"
     if isfinite(case.known.slip):
         words += f"; the smallest slip is {1e6 * case.known.slip:.3g} um"
     fix = "add [feedforward] of friction or a [rest] with a knocker"
@@ -324,7 +324,7 @@ def noise(case: ReviewContext) -> Iterator[ReviewFinding]:
         "noise in the current",
         f"{1e3 * case.loop.current_noise:.3g} mA rms" + (f", {100 * share:.2g} % of the limit" if share else ""),
         _verdict(share > NOISE_SHARE),
-        "filter the derivative more, or trust the model more in the observer",
+        "filter the derivative more, or give the observer a smaller process noise",
     )
 
 
@@ -335,7 +335,7 @@ def solver(case: ReviewContext) -> Iterator[ReviewFinding]:
         share = case.known.solver_time / h
         yield ReviewFinding(
             "solver time",
-            f"at most {1e3 * case.known.solver_time:.3g} ms of {1e3 * h:.3g} ms a sample",
+            f"at most {1e3 * case.known.solver_time:.3g} ms of {1e3 * h:.3g} ms per sample",
             _verdict(share > SOLVER_SHARE, "fault" if share > 1.0 else "warning"),
             "shorten the horizon, choose a faster solver or set a deadline",
         )
@@ -347,7 +347,7 @@ def solver(case: ReviewContext) -> Iterator[ReviewFinding]:
         "horizon",
         f"{horizon} samples are {1e3 * horizon * h:.4g} ms, the loop rises in {1e3 * rise:.4g} ms",
         _verdict(bool(horizon * h < rise)),
-        "lengthen the horizon; with a terminal cost it is the limits beyond it that are not seen",
+        "lengthen the horizon: limits are not enforced beyond it",
     )
 
 

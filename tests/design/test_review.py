@@ -28,7 +28,7 @@ def test_a_sound_design_passes(system):
 
     assert found.passed
     assert found["closed loop stable"].verdict == found["Ms"].verdict == found["disk margin"].verdict == "good"
-    assert found["reaches its target"].result == "without error, linearly"
+    assert found["reaches its target"].result == "no steady-state error in the linear model"
 
 
 def test_an_unstable_loop_is_a_fault(system):
@@ -63,7 +63,7 @@ def test_the_stick_band_of_a_gain_is_breakaway_over_gain(system):
     """1.076 A over 400 A/m is 2690 um, for good; a warning, as nothing corrects it."""
     found = review(system, proportional(400.0), known=FRICTION)["stick band"]
 
-    assert "2690 um stands for good" in found.result and "43 um" in found.result
+    assert "errors up to 2690 um persist" in found.result and "43 um" in found.result
     assert found.verdict == "warning"
 
 
@@ -107,7 +107,7 @@ def test_the_creep_is_leakage_over_area(linear, system):
     """v = K_L F / A^2."""
     found = review(system, proportional(100.0))
 
-    assert f"{1e9 * linear['K_L'] / linear['A'] ** 2:.3g} um/s for each kN" in found["creep by leakage"].result
+    assert f"{1e9 * linear['K_L'] / linear['A'] ** 2:.3g} um/s per kN" in found["creep by leakage"].result
 
 
 def test_droop_is_a_warning_without_integral_action(system):
@@ -122,7 +122,7 @@ def test_a_controller_that_does_not_reach_its_target_is_seen(system):
     short = Made(control.ss(law.A, law.B, law.C, law.D * np.array([0.9] + [1.0] * 7), law.dt))
     found = review(system, short)["reaches its target"]
 
-    assert found.verdict == "warning" and "10 % short" in found.result
+    assert found.verdict == "warning" and "10 % steady-state error" in found.result
 
 
 @pytest.mark.parametrize(("horizon", "verdict"), [(5, "warning"), (400, "good")])

@@ -130,8 +130,8 @@ class LoopAnalysis(TextResult, Margins):
             f"  crossover {self.crossover:.4g} rad/s, phase margin {self.phase_margin:.3g} deg, "
             f"gain margin {self.gain_margin:.3g}, delay margin {1e3 * self.delay_margin:.3g} ms\n"
             f"  Ms {self.Ms:.3g}, Mt {self.Mt:.3g}, disk margin {self.disk_margin:.3g} "
-            f"(gain x {low:.2g} to {high:.3g}, phase {self.disk_phase:.3g} deg at once), closed loop stable\n"
-            f"  rod under force: at most {1e9 * self.compliance:.3g} um/kN, lasting "
+            f"(gain x {low:.2g} to {high:.3g}, phase {self.disk_phase:.3g} deg simultaneously), closed loop stable\n"
+            f"  compliance under force: peak {1e9 * self.compliance:.3g} um/kN, static "
             f"{1e9 * self.static_compliance:.3g} um/kN{noise}"
         )
 

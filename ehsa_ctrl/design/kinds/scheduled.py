@@ -103,9 +103,9 @@ class ScheduledFile(PidLoopFile):
 
     @model_validator(mode="after")
     def _one(self) -> ScheduledFile:
-        ways = (self.design is not None) + (self.tuning is not None)
+        methods = (self.design is not None) + (self.tuning is not None)
         needed = any(point.gains is None for point in self.schedule.points)
-        if ways != int(needed):
+        if methods != int(needed):
             raise ValueError(
                 "points without gains need one table, [design] or [tuning]"
                 if needed
@@ -123,7 +123,7 @@ def scheduled_law(
     current_limit, 1 for conditional integration, sample time; then rows of variable, k_p, k_i, k_d, T_f,
     back-calculation rate. memory: the PID's (5), the variable, k_p of the last sample; the PID's settings (10).
     """
-    which, kept, rows = settings[0], settings[1], int(settings[2])
+    which, decay, rows = settings[0], settings[1], int(settings[2])
     if which == 0.0:
         value = measured[3]
     elif which == 1.0:
@@ -131,7 +131,7 @@ def scheduled_law(
     else:
         value = measured[4]
     started = memory[3] != 0.0
-    memory[5] = kept * memory[5] + (1.0 - kept) * value if started else value
+    memory[5] = decay * memory[5] + (1.0 - decay) * value if started else value
     k = 0
     while k < rows - 2 and memory[5] > settings[8 + 6 * (k + 1)]:
         k += 1
@@ -176,8 +176,8 @@ class ScheduledPid:
 
     def settings(self) -> np.ndarray:
         first = self.pids[0]
-        kept = exp(-first.sample_time / self.filter_time) if self.filter_time > 0 else 0.0
-        common = [float(VARIABLES[self.variable][0]), kept, float(len(self.points))]
+        decay = exp(-first.sample_time / self.filter_time) if self.filter_time > 0 else 0.0
+        common = [float(VARIABLES[self.variable][0]), decay, float(len(self.points))]
         common += [first.b, first.c, first.current_limit, float(first.conditional), first.sample_time]
         rows = [
             [value, pid.gains.k_p, pid.gains.k_i, pid.gains.k_d, pid.gains.T_f, 1.0 / pid.T_t]

@@ -27,10 +27,10 @@ def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings:
     settings: inertia [A s2/m], viscous [A s/m], stiffness [A/m], preload, coulomb, static [A], stribeck [m/s], load
     [A/N], coefficient of the force filter. memory: filtered force [N], whether there was a sample.
     """
-    inertia, viscous, stiffness, preload, coulomb, static, stribeck, load, kept = settings
+    inertia, viscous, stiffness, preload, coulomb, static, stribeck, load, decay = settings
     if memory[1] == 0.0:
         memory[0], memory[1] = force, 1.0
-    memory[0] = kept * memory[0] + (1.0 - kept) * force
+    memory[0] = decay * memory[0] + (1.0 - decay) * force
     x, v, a = planned[0], planned[1], planned[2]
     current = load * memory[0] + inertia * a + viscous * v + stiffness * x + preload
     if v != 0.0 and static > 0.0:
@@ -78,6 +78,6 @@ def feedforward_settings(numbers: Feedforward | None, sample_time: float) -> np.
     """Settings of `feedforward`; zeros for None."""
     n = numbers or Feedforward()
     static = n.coulomb if n.static is None else n.static
-    kept = exp(-sample_time / n.force_time) if n.force_time > 0 else 0.0
+    decay = exp(-sample_time / n.force_time) if n.force_time > 0 else 0.0
     friction = [n.coulomb, static, n.stribeck]
-    return np.array([n.inertia, n.viscous, n.stiffness, n.preload, *friction, n.load, kept])
+    return np.array([n.inertia, n.viscous, n.stiffness, n.preload, *friction, n.load, decay])

@@ -50,11 +50,11 @@ def pipeline(
     """Current [A] of one sample; arguments as in core.controller_interface.Controller.step."""
     if supervise(measured, memory[:M_PLAN], settings[:S_PLAN]) == 2.0:
         return 0.0
-    trusted = memory[1:6]
-    plan(reference, trusted[3], memory[M_PLAN:M_FEED], settings[S_PLAN:S_FEED])
+    readings = memory[1:6]
+    plan(reference, readings[3], memory[M_PLAN:M_FEED], settings[S_PLAN:S_FEED])
     planned = memory[M_PLAN : M_PLAN + 3]
-    rest(planned, trusted, memory[M_REST:M_LAW], settings[S_REST:S_LAW])
-    extra = feedforward(planned, trusted[4], memory[M_FEED:M_REST], settings[S_FEED:S_REST])
+    rest(planned, readings, memory[M_REST:M_LAW], settings[S_REST:S_LAW])
+    extra = feedforward(planned, readings[4], memory[M_FEED:M_REST], settings[S_FEED:S_REST])
     extra += memory[M_REST + 1]
     return law(planned, memory[M_REST + 9 : M_REST + 14], memory[M_LAW:], settings[S_LAW:], extra, memory[M_REST])
 

@@ -26,7 +26,7 @@ from ...core.definition import Ampere, Definition, Hertz, Metre, RadianPerSecond
 MEMORY, SETTINGS = 19, 13
 
 
-def rest(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> None:
+def rest(planned: np.ndarray, readings: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> None:
     """One sample: memory[0] becomes 1 while integral action must pause and -1 where it must be reset, memory[1] the
     additional current [A], memory[9:14] the readings for the law.
 
@@ -43,33 +43,33 @@ def rest(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, settings:
         memory[1] = amplitude * sin(memory[7])
         memory[7] = (memory[7] + phase) % (2.0 * pi)
     held = memory[0]
-    hold = decide_hold(planned, trusted, memory, settings)
+    hold = decide_hold(planned, readings, memory, settings)
     memory[0] = hold
     if hold != 1.0:
-        memory[9:14] = trusted
+        memory[9:14] = readings
     elif held == 0.0:
         memory[9:14] = memory[14:19]
         memory[9] = 0.0
 
 
-def decide_hold(planned: np.ndarray, trusted: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
+def decide_hold(planned: np.ndarray, readings: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
     """Next memory[0] of `rest`; updates the filters, the averages and the knocker."""
-    band, release, still, kept = settings[0], settings[1], settings[2], settings[3]
+    band, release, rest_speed, decay = settings[0], settings[1], settings[2], settings[3]
     growth, largest, width, patience, forget = settings[5], settings[6], settings[7], settings[11], settings[12]
     if band == 0.0:
         return 0.0
-    error = planned[0] - trusted[3]
+    error = planned[0] - readings[3]
     if planned[1] != 0.0 or planned[2] != 0.0:
         rested = memory[4] > 0.0
-        memory[2], memory[3], memory[4], memory[5] = error, trusted[0], 0.0, 0.0
-        memory[14:19] = trusted
+        memory[2], memory[3], memory[4], memory[5] = error, readings[0], 0.0, 0.0
+        memory[14:19] = readings
         return -1.0 if forget == 1.0 and rested else 0.0
-    memory[2] = kept * memory[2] + (1.0 - kept) * error
-    memory[3] = kept * memory[3] + (1.0 - kept) * trusted[0]
+    memory[2] = decay * memory[2] + (1.0 - decay) * error
+    memory[3] = decay * memory[3] + (1.0 - decay) * readings[0]
     for i in range(5):
-        memory[14 + i] = kept * memory[14 + i] + (1.0 - kept) * trusted[i]
+        memory[14 + i] = decay * memory[14 + i] + (1.0 - decay) * readings[i]
     memory[4] += 1.0
-    if memory[4] <= patience or abs(memory[3]) >= still:
+    if memory[4] <= patience or abs(memory[3]) >= rest_speed:
         # The rod moves: the next pulse may be lower.
         memory[5], memory[6] = max(memory[5] - 2.0 * growth, 0.0), width
         return 0.0
@@ -157,9 +157,9 @@ def rest_settings(rest: Rest | None, dither: Dither | None, sample_time: float) 
     """Settings of `rest`; zeros switch a part off."""
     numbers = np.zeros(SETTINGS)
     if rest is not None:
-        kept = exp(-sample_time / rest.filter_time) if rest.filter_time > 0 else 0.0
+        decay = exp(-sample_time / rest.filter_time) if rest.filter_time > 0 else 0.0
         release = 1.5 * rest.band if rest.release is None else rest.release
-        numbers[:4] = rest.band, release, rest.speed, kept
+        numbers[:4] = rest.band, release, rest.speed, decay
         numbers[11] = round(rest.patience / sample_time)
         numbers[12] = float(rest.forget)
         if rest.knocker is not None:

@@ -29,7 +29,7 @@ def supervise(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) ->
     sample time; and for speed, p1, p2, position whether a loss counts.
     memory: status, validated readings (5), samples lost (5), discrepancy [m], last position and speed.
     """
-    lost_allowed, x_max, omega_max, p_min, p_max, apart, travel, kept, T_s = settings[:9]
+    lost_allowed, x_max, omega_max, p_min, p_max, max_discrepancy, travel, decay, T_s = settings[:9]
     if memory[0] == 2.0:
         return 2.0
     status = 0.0
@@ -49,8 +49,8 @@ def supervise(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) ->
     # Difference of the measured travel and that of the shaft speed, with slow decay so that leakage and compression of
     # the oil don't accumulate.
     if memory[0] >= 0.0:
-        memory[11] = kept * memory[11] + (x - memory[12]) - 0.5 * travel * T_s * (omega + memory[13])
-    if abs(memory[11]) > apart:
+        memory[11] = decay * memory[11] + (x - memory[12]) - 0.5 * travel * T_s * (omega + memory[13])
+    if abs(memory[11]) > max_discrepancy:
         status = 2.0
     memory[12], memory[13] = x, omega
     memory[0] = status

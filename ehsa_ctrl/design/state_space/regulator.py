@@ -119,7 +119,7 @@ def design_regulator(model: DesignModel, cost: Cost) -> Regulator:
         gains, P, poles = control.dlqr(a, b[:, None], Q, np.array([[R]]), cross[:, None])
     except (np.linalg.LinAlgError, control.ControlArgument) as error:
         raise InputError(
-            f"these weights give no regulator ({error}): a mode that does not decay must be weighed; "
+            f"these weights give no regulator ({error}): a mode that does not decay needs a weight; "
             "give [weights] position"
         ) from None
     if np.max(np.abs(poles)) >= 1.0:

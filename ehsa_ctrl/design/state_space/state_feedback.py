@@ -40,21 +40,21 @@ def estimate(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, hol
     for i in range(n):
         memory[z + i] = memory[predicted + i]
     for j in range(m):
-        surprise = 0.0
+        innovation = 0.0
         for i in range(5):
             if settings[pick + 5 * j + i] != 0.0:
-                surprise += settings[pick + 5 * j + i] * measured[i]
-        if not isfinite(surprise):
+                innovation += settings[pick + 5 * j + i] * measured[i]
+        if not isfinite(innovation):
             continue  # a lost reading corrects nothing; nan would stay in the estimate for ever
         if first:
             for i in range(n):
-                memory[z + i] += settings[start + i * m + j] * surprise
+                memory[z + i] += settings[start + i * m + j] * innovation
             continue
         for i in range(n):
-            surprise -= settings[c + j * n + i] * memory[predicted + i]
+            innovation -= settings[c + j * n + i] * memory[predicted + i]
         for i in range(n):
             if i < free or hold == 0.0:
-                memory[z + i] += settings[g + i * m + j] * surprise
+                memory[z + i] += settings[g + i * m + j] * innovation
     if first:
         memory[0] = 1.0
         y = measured[3] if isfinite(measured[3]) else 0.0
