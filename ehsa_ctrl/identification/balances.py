@@ -105,7 +105,7 @@ class BalanceEstimate(TextResult):
     def __str__(self) -> str:
         lines = [f"{self.plant.name} ({self.plant.model}) from its balances, {self.method}"]
         for p in self.parameters.values():
-            lines.append(f"  {p.name:<8} {p.value:>12.5g} +- {p.sd:<9.2g} {p.unit:<12} believed {p.nominal:.5g}")
+            lines.append(f"  {p.name:<8} {p.value:>12.5g} +- {p.sd:<9.2g} {p.unit:<12} nominal {p.nominal:.5g}")
         lines += [f"  {name:<8} not determined: {why}" for name, why in self.undetermined.items()]
         for fit in self.balances:
             lines.append(
@@ -158,7 +158,7 @@ def estimate_by_balances(
     fits: list[BalanceFit] = []
     # Parameters taken as known in a ratio: others depend on their nominal value, so that no later balance may move it.
     fixed: set[str] = set()
-    undetermined = dict.fromkeys(names, "stands in no balance of what was measured")
+    undetermined = dict.fromkeys(names, "is in no balance of the measured signals")
     current = plant
     for balance, residuals in zip(system.balances, equations.residuals, strict=True):
         if any(balance.without in log.channels for log in logs):

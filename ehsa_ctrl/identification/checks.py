@@ -198,8 +198,8 @@ def _spike(log: Log, channel: str, rows: np.ndarray, clean: np.ndarray, *, drive
     unit = CHANNELS[channel].unit
     return LogFinding(
         "spike", channel, "error" if heavy else "warning",
-        f"{channel} jumps to {log[channel][worst]:.4g} {unit} at {log.time[worst]:g} s and back, where else it goes "
-        f"from {np.min(clean):.4g} to {np.max(clean):.4g} {unit} (samples like this: {rows.size}): put the value "
+        f"{channel} jumps to {log[channel][worst]:.4g} {unit} at {log.time[worst]:g} s and back, where otherwise it "
+        f"goes from {np.min(clean):.4g} to {np.max(clean):.4g} {unit} (samples like this: {rows.size}): put the value "
         "before it there, or leave that part out (from, to)",
     )  # fmt: skip
 
@@ -223,7 +223,7 @@ def _constant_drive(plant: Plant, log: Log, drives: list[str], outputs: list[str
             drive = drives[0]
             yield _error(
                 "drive_constant", drive,
-                f"{drive} is {np.mean(log[drive]):.4g} {CHANNELS[drive].unit} throughout while {channel} turns round "
+                f"{drive} is {np.mean(log[drive]):.4g} {CHANNELS[drive].unit} throughout while {channel} reverses "
                 f"{reversals} times: another column is meant; map the one that drives {plant.name}",
             )  # fmt: skip
             return
@@ -269,8 +269,8 @@ def _held(log: Log, channels: Mapping[str, int]) -> Iterator[LogFinding]:
         held = [channel for channel in channels if channels[channel] == rows]
         yield _warning(
             "held", held[0] if len(held) == 1 else None,
-            f"each value of {join_words(held)} stands in {rows} rows: sampled every "
-            f"{1e3 * rows * log.sample_time:.3g} ms, and up to that late; log at the full rate, or --resample "
+            f"each value of {join_words(held)} is repeated in {rows} rows: sampled every "
+            f"{1e3 * rows * log.sample_time:.3g} ms, and delayed by up to that; log at the full rate, or --resample "
             f"{1.0 / (rows * log.sample_time):.4g}",
         )  # fmt: skip
 
@@ -325,8 +325,8 @@ def _too_little(plant: Plant, log: Log, moving: list[str]) -> Iterator[LogFindin
         yield _warning(
             "no_reversal", channel,
             f"{channel} is {'positive' if high > -low else 'negative'} all the time, up to {max(-low, high):.3g} "
-            f"{unit}: friction of the other direction, and Coulomb friction apart from an offset, can't be told; let "
-            "it move both ways",
+            f"{unit}: friction of the other direction, and Coulomb friction apart from an offset, can't be determined; "
+            "let it move both ways",
         )  # fmt: skip
     ratio = float(np.std(log[channel])) / sd
     if ratio < WEAK:

@@ -184,7 +184,7 @@ class ExperimentDesign(TextResult):
         for use in self.limits:
             yield f"  {use}"
         what = {"worst": "largest relative sd of a parameter", "D": "mean relative axis of the uncertainty"}
-        yield f"candidates: {what[self.criterion]}, with friction as believed or high, whichever is worse"
+        yield f"candidates: {what[self.criterion]}, with nominal or high friction, whichever is worse"
         for number, c in enumerate(self.candidates):
             tried = self.checks.get(number)
             errors = f"; rehearsed, errors {tried.ratio:.2f} sd" if tried is not None else ""
@@ -195,8 +195,8 @@ class ExperimentDesign(TextResult):
             if self.calibration > 1.0:
                 yield f"all expected sd above are {self.calibration:.2f} times those of the linear theory"
         yield (
-            "apply it with the slow loop around the rod on: without it a plant that is a little other than believed "
-            "leaves the stroke" if self.centre else "apply it as it stands, without a loop around the rod"
+            "apply it with the slow loop around the rod on: without it a plant with slightly different parameters "
+            "leaves the stroke" if self.centre else "apply it as it is, without a loop around the rod"
         )  # fmt: skip
 
     def __str__(self) -> str:

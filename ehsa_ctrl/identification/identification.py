@@ -18,7 +18,7 @@ from ..simulation.trajectory import versions
 from .balances import BalanceEstimate
 from .checks import LogFinding
 from .comparison import Comparison, fit_cell, fit_words
-from .gauss_newton import Fit
+from .fit_result import Fit
 from .initial_state import sensor_sd
 from .residual_tests import Correlation
 from .uncertainty import Estimate, ParameterCovariance, within_noise
@@ -153,9 +153,10 @@ class Identification(TextResult):
             count = len(self.starts)
             starts = "the only start does not fit as well as noise allows"
             if count != 1:
-                starts = f"no two of {count} starts came to the same minimum"
+                starts = f"no two of {count} starts reached the same minimum"
             found.append(
-                f"{starts}: a lower one may exist, so that nothing is called well determined; try more with --starts"
+                f"{starts}: a lower one may exist, so that no parameter counts as well determined; try more with "
+                "--starts"
             )
         return tuple(found)
 
@@ -338,8 +339,8 @@ class Identification(TextResult):
         differ = ", ".join(map(both, self.differing))
         yield (
             (f"  {differ} differ: " if differ else "  no parameter differs by more than two deviations: ")
-            + "balances weigh the error of a force at every instant, the simulation what it adds up to; what the model "
-            "lacks goes into other parameters in the one than in the other"
+            + "balances weight the error of a force at every instant, the simulation its accumulated effect; what the "
+            "model lacks changes different parameters in each"
         )
 
     def __str__(self) -> str:

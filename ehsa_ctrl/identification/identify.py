@@ -16,7 +16,7 @@ from ..plant.plant import Plant
 from .balances import BalanceEstimate, estimate_by_balances, first_estimate
 from .checks import check_log, raise_on_error
 from .comparison import replay
-from .gauss_newton import Diverged, Fit, Progress
+from .fit_result import Diverged, Fit, Progress
 from .identification import FreeRuns, Identification
 from .multi_start import SearchResult, multi_start
 from .parameters import FreeParameter, free_parameters, with_values

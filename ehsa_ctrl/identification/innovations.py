@@ -61,24 +61,26 @@ class InnovationsFilter:
 
 
 @cached_njit(nogil=True)
+def _add_product(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
+    """out += a b; for matrices of a few rows a loop is faster than BLAS."""
+    for i in range(a.shape[0]):
+        for j in range(b.shape[1]):
+            for m in range(a.shape[1]):
+                out[i, j] += a[i, m] * b[m, j]
+
+
+@cached_njit(nogil=True)
 def propagate_sensitivities(by_state: np.ndarray, by_parameter: np.ndarray, begin: np.ndarray) -> np.ndarray:
     """Derivatives of the states along a run (N, n, q + k), by q directions of the initial state and k parameters.
 
     by_state (N-1, n, n), by_parameter (N-1, n, k), begin (n, q).
     """
-    samples, n, k = by_parameter.shape[0] + 1, begin.shape[0], by_parameter.shape[2]
-    q = begin.shape[1]
-    out = np.zeros((samples, n, q + k))
-    for i in range(n):
-        for j in range(q):
-            out[0, i, j] = begin[i, j]
-    for s in range(samples - 1):
-        for i in range(n):
-            for j in range(q + k):
-                total = by_parameter[s, i, j - q] if j >= q else 0.0
-                for m in range(n):
-                    total += by_state[s, i, m] * out[s, m, j]
-                out[s + 1, i, j] = total
+    n, q = begin.shape
+    out = np.zeros((by_parameter.shape[0] + 1, n, q + by_parameter.shape[2]))
+    out[0, :, :q] = begin
+    for s in range(by_parameter.shape[0]):
+        out[s + 1, :, q:] = by_parameter[s]
+        _add_product(by_state[s], out[s], out[s + 1])
     return out
 
 
@@ -92,38 +94,22 @@ def filter_gains(
     initial state is treated as known, because it is estimated by its own derivatives.
     """
     samples, n, channels = by_state.shape[0] + 1, by_state.shape[1], column.size
-    gains = np.zeros((samples, channels, n))
-    spread = np.empty((samples, channels))
-    P = np.zeros((n, n))
-    half = np.zeros((n, n))
-    variance = input_sd * input_sd
+    gains, spread = np.zeros((samples, channels, n)), np.empty((samples, channels))
+    P, variance = np.zeros((n, n)), input_sd * input_sd
     for s in range(samples):
         for c in range(channels):
             state, h = column[c], scale[c]
             S = h * h * P[state, state] + sd[c] * sd[c]
             spread[s, c] = np.sqrt(S)
             if variance > 0.0:
-                for i in range(n):
-                    gains[s, c, i] = h * P[i, state] / S
-                for i in range(n):
-                    for j in range(n):
-                        half[i, j] = P[i, j] - gains[s, c, i] * h * P[state, j]
-                for i in range(n):
-                    for j in range(n):
-                        P[i, j] = 0.5 * (half[i, j] + half[j, i])
+                gains[s, c] = h * P[:, state] / S
+                updated = P - np.outer(gains[s, c] * h, P[state])
+                P = 0.5 * (updated + updated.T)
         if s + 1 < samples and variance > 0.0:
-            for i in range(n):
-                for j in range(n):
-                    total = 0.0
-                    for m in range(n):
-                        total += by_state[s, i, m] * P[m, j]
-                    half[i, j] = total
-            for i in range(n):
-                for j in range(n):
-                    total = variance * by_input[s, i] * by_input[s, j]
-                    for m in range(n):
-                        total += half[i, m] * by_state[s, j, m]
-                    P[i, j] = total
+            moved = np.zeros((n, n))
+            _add_product(by_state[s], P, moved)
+            P = np.outer(variance * by_input[s], by_input[s])
+            _add_product(moved, by_state[s].T, P)
     return gains, spread
 
 
@@ -144,29 +130,17 @@ def whiten(
     the residual, is expected to deviate by their effect. The other sequences are derivatives.
     """
     samples, channels, q = values.shape
-    n = by_state.shape[1]
-    out = np.empty((samples, channels, q))
-    estimate = np.zeros((n, q))
-    moved = np.zeros((n, q))
+    out, estimate = np.empty(values.shape), np.zeros((by_state.shape[1], q))
     for s in range(samples):
         for c in range(channels):
-            state, h = column[c], scale[c]
-            for j in range(q):
-                surprise = values[s, c, j] - h * estimate[state, j]
-                out[s, c, j] = surprise / spread[s, c]
-                for i in range(n):
-                    estimate[i, j] += gains[s, c, i] * surprise
+            innovation = values[s, c] - scale[c] * estimate[column[c]]
+            out[s, c] = innovation / spread[s, c]
+            estimate += np.outer(gains[s, c], innovation)
         if s + 1 < samples:
-            for i in range(n):
-                for j in range(q):
-                    total = 0.0
-                    for m in range(n):
-                        total += by_state[s, i, m] * estimate[m, j]
-                    moved[i, j] = total
-            for i in range(n):
-                for j in range(q):
-                    estimate[i, j] = moved[i, j]
-                estimate[i, 0] -= by_input[s, i] * errors[s]
+            moved = np.zeros(estimate.shape)
+            _add_product(by_state[s], estimate, moved)
+            estimate = moved
+            estimate[:, 0] -= by_input[s] * errors[s]
     return out
 
 
@@ -186,27 +160,16 @@ def smooth_input_errors(
     Backward pass of the filter: the disturbance smoother of S. J. Koopman, Biometrika 80(1), 1993.
     """
     samples, channels = white.shape
-    n = by_state.shape[1]
-    out = np.zeros(samples)
-    r = np.zeros(n)
-    back = np.zeros(n)
+    out, r = np.zeros(samples), np.zeros((by_state.shape[1], 1))
     for s in range(samples - 1, -1, -1):
         if s + 1 < samples:
-            total = 0.0
-            for i in range(n):
-                total += by_input[s, i] * r[i]
-            out[s] = input_sd * input_sd * total
-            for j in range(n):
-                total = 0.0
-                for i in range(n):
-                    total += by_state[s, i, j] * r[i]
-                back[j] = total
-            for j in range(n):
-                r[j] = back[j]
+            out[s] = input_sd * input_sd * np.sum(by_input[s] * r[:, 0])
+            back = np.zeros(r.shape)
+            _add_product(by_state[s].T, r, back)
+            r = back
         for c in range(channels - 1, -1, -1):
-            state, h = column[c], scale[c]
             total = white[s, c] / spread[s, c]
-            for i in range(n):
-                total -= gains[s, c, i] * r[i]
-            r[state] += h * total
+            for i in range(r.size):
+                total -= gains[s, c, i] * r[i, 0]
+            r[column[c], 0] += scale[c] * total
     return out

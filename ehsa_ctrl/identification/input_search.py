@@ -286,9 +286,9 @@ class InputSearch:
         why = self._exceeded_by_any(nothing, self.short, len(self.others))
         if why:
             raise InputError(
-                f"{self.plant.name}: {_limit_words(self.plant, why)} is passed without any input by a plant that is a "
-                "little other than believed (less friction does not hold the load); lower the load, or the spread of "
-                "the parameters"
+                f"{self.plant.name}: {_limit_words(self.plant, why)} is passed without any input by a plant with "
+                "slightly different parameters (less friction does not hold the load); lower the load, or the spread "
+                "of the parameters"
             )
 
     def _nothing_moves(self) -> str:

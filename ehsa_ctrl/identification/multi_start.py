@@ -10,7 +10,8 @@ import numpy as np
 
 from ..core.log import Log
 from ..plant.plant import Plant
-from .gauss_newton import INTERRUPTED, Diverged, Fit, Iterate, Progress, fit
+from .fit_result import Diverged, Fit, Iterate, Progress
+from .gauss_newton import INTERRUPTED, fit
 from .initial_state import sensor_sd
 from .parameters import FreeParameter
 from .shooting import ShootingWindow, shooting_windows
@@ -297,7 +298,7 @@ class _Search:
             for error in REPAIR_ERRORS:
                 errors = [each.copy() for each in best.iterate.errors]
                 errors[run][max(at - REPAIR_SAMPLES, 0) : at + REPAIR_SAMPLES] = error * sd
-                self._continue_from(replace(best.iterate, errors=tuple(errors), runs=()), f"mending {attempt + 1}")
+                self._continue_from(replace(best.iterate, errors=tuple(errors), runs=()), f"repair {attempt + 1}")
                 if self.lowest.objective < best.objective - SAME_COST:
                     break
             else:

@@ -15,13 +15,13 @@ SHORTEST = 25
 
 #: What can't be determined without the channel that shows a state.
 MISSING_STATE = {
-    "omega": "what the shaft does: motor friction and inertia can't be told from the torque constant",
-    "P_1": "the pressure in chamber 1: what the rod feels can't be told from what the motor gives",
-    "P_2": "the pressure in chamber 2: what the rod feels can't be told from what the motor gives",
+    "omega": "what the shaft does: motor friction and inertia can't be separated from the torque constant",
+    "P_1": "the pressure in chamber 1: the force on the rod can't be separated from the motor's",
+    "P_2": "the pressure in chamber 2: the force on the rod can't be separated from the motor's",
     "v": "the rod's speed",
-    "x": "where the rod is: leakage, load spring and end stops can't be told apart",
+    "x": "where the rod is: leakage, load spring and end stops can't be distinguished",
 }
-MISSING_FORCE = "the force on the rod: the load can't be told from the rod's friction"
+MISSING_FORCE = "the force on the rod: the load can't be separated from the rod's friction"
 
 #: No logger samples faster than this share of the plant's sample time; more than SLOWEST times it is no time in s.
 FASTEST, SLOWEST = 1.0 / 300.0, 100.0
@@ -111,5 +111,5 @@ def missing_information(log: Log, plant: Plant) -> dict[str, str]:
         # A speed without a channel is the slope of the position.
         if outputs.get(channel) != "v" or "x" not in shown:
             what = MISSING_STATE.get(outputs.get(channel, ""), f"what {channel} shows")
-            found[channel] = f"without {channel} the log does not tell {MISSING_FORCE if channel == 'force' else what}"
+            found[channel] = f"without {channel} the log does not show {MISSING_FORCE if channel == 'force' else what}"
     return found

@@ -18,7 +18,8 @@ from ..plant.plant import Plant
 from ..simulation.bench import record
 from ..simulation.sensors import shown
 from ..simulation.trajectory import Trajectory
-from .gauss_newton import Diverged, Fit, fit
+from .fit_result import Diverged, Fit
+from .gauss_newton import fit
 from .parameters import FreeParameter, free_parameters
 from .shooting import ShootingWindow, shooting_windows
 from .uncertainty import POOR, Estimate, ParameterCovariance, estimates, parameter_covariance
@@ -78,13 +79,13 @@ class PredictedAccuracy(TextResult):
         """Rows: parameter, nominal value, expected sd, relative, `worst` (another relative sd), and remarks."""
         relative = self.relative
         more = "" if worst is None else f" {'at worst':>9}"
-        lines = [f"  {'':<14} {'believed':>11} {'expected sd':>12} {'relative':>9}{more}  unit"]
+        lines = [f"  {'':<14} {'nominal':>11} {'expected sd':>12} {'relative':>9}{more}  unit"]
         for e in self.estimates:
             sd = f"{e.sd:.2g}" if np.isfinite(e.sd) else "-"
             share = f"{percent(relative[e.name]):>9}" + ("" if worst is None else f" {percent(worst[e.name]):>9}")
             words = "" if e.verdict == "well determined" else e.verdict.replace("this log", "this input")
             if relative[e.name] == np.inf and np.isfinite(e.sd):
-                words = "believed to be zero, so that it has no relative sd"
+                words = "nominally zero, so that it has no relative sd"
             if e.trades and words:
                 words += f", trades with {', '.join(map(both, e.trades))}"
             lines.append(f"  {both(e.name):<14} {e.value:>11.5g} {sd:>12} {share}  {e.unit:<10} {words}".rstrip())
@@ -192,9 +193,9 @@ class MonteCarloCheck:
 
     def __str__(self) -> str:
         words = (
-            "as the linear theory has them"
+            "as the linear theory predicts"
             if self.passed
-            else "more than promised by it: the run hangs on events that noise can change"
+            else "more than it predicts: the run depends on events that noise can change"
         )
         return f"{self.logs} rehearsals: errors {self.ratio:.2f} times the expected sd, {words}"
 

@@ -13,7 +13,8 @@ from scipy import stats
 from ..core.errors import InputError
 from ..core.parameter import Parameter
 from ..core.text import TextResult
-from .gauss_newton import Diverged, Fit, fit
+from .fit_result import Diverged, Fit
+from .gauss_newton import fit
 from .identification import Identification
 from .parameters import with_values
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from .balances import BalanceEstimate
-from .gauss_newton import Fit
+from .fit_result import Fit
 from .parameters import FreeParameter
 
 Verdict = Literal["well determined", "poorly determined", "not identifiable from this log"]

@@ -106,7 +106,7 @@ def test_findings_are_warnings_and_what_is_missing_is_said(run, log, tmp_path):
 
     assert status == 0
     assert "warning: speed varies" in err and "probably in rpm" in err
-    assert "warning: without p1 the log does not tell" in err and "without force" not in out + err
+    assert "warning: without p1 the log does not show" in err and "without force" not in out + err
 
 
 def test_somebody_elses_log_is_mapped_by_the_plant(run, log, tmp_path):

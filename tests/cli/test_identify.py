@@ -97,5 +97,5 @@ def test_a_finding_says_of_which_log_it_is(run, tmp_path):
     status, out, err = run("identify", "a/log.csv", "b/log.csv", "--plant", "ehsa", "--starts", 1, "--fix", fixed)
 
     assert status == 0 and "identified from a/log.csv, b/log.csv" in out
-    assert all(f"warning: {folder}/log.csv: without speed the log does not tell" in err for folder in "ab")
+    assert all(f"warning: {folder}/log.csv: without speed the log does not show" in err for folder in "ab")
     assert "without speed" not in out

@@ -1,4 +1,4 @@
-"""Parameters from balances: recovered where the truth is known, and silent where a record does not tell."""
+"""Parameters from balances: recovered where the truth is known, and undetermined where a record does not show them."""
 
 from dataclasses import replace
 
@@ -116,7 +116,7 @@ def test_several_logs_are_one_experiment(plant, log):
 
 
 def test_a_rod_that_never_moves_tells_nothing_of_its_friction(plant):
-    """What a record does not show keeps its believed value and is named with the reason."""
+    """What a record does not show keeps its nominal value and is named with the reason."""
     time, current = ehsa_ctrl.excitation("sine", amplitude=0.5, duration=4, sample_time=0.004)
     log = ehsa_ctrl.record(plant, time, current)[0]
 
@@ -124,13 +124,13 @@ def test_a_rod_that_never_moves_tells_nothing_of_its_friction(plant):
 
     assert set(found.undetermined) == {"A_FR", "B_FR", "A_FM"} and not found.parameters
     assert found.plant["A_FR"] == plant["A_FR"]
-    with pytest.raises(InputError, match="A_FR: stands in no balance"):
+    with pytest.raises(InputError, match="A_FR: is in no balance"):
         found["A_FR"]
     assert first_estimate(plant, log, ["A_FR"]) == {}
 
 
 def test_without_pressures_only_what_the_rest_tells(plant, log):
-    """No pressures, no balance of the actuator: everything stays as it is believed."""
+    """No pressures, no balance of the actuator: everything keeps its nominal value."""
     blind = replace(log, channels={k: v for k, v in log.channels.items() if k not in ("p1", "p2")})
 
     found = estimate_by_balances(plant, blind)

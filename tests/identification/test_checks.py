@@ -35,7 +35,7 @@ def found(log, plant):
 @pytest.mark.parametrize("sensor_noise", [True, False])
 @pytest.mark.parametrize("name", EXCITATIONS)
 def test_a_right_log_raises_no_alarm(plant, name, sensor_noise, stiffness):
-    """All excitations, loaded and not, with noise and without; a ramp truly never turns round."""
+    """All excitations, loaded and not, with noise and without; a ramp indeed never reverses."""
     loaded = plant.set(K_S=stiffness)
     time, current = excitation(name, amplitude=1.5, duration=4.0)
     log, _ = record(loaded, time, current, sensor_noise=sensor_noise)
@@ -273,7 +273,7 @@ def test_a_constant_current_under_a_plant_that_turns_round_is_another_column(ben
         finding = found(changed(log, current=current), plant)["drive_constant", "current"]
 
         assert finding.severity == "error"
-        assert re.search(r"current is [-.0-9]+ A throughout while speed turns round \d+ times", str(finding))
+        assert re.search(r"current is [-.0-9]+ A throughout while speed reverses \d+ times", str(finding))
 
 
 def test_a_step_of_current_is_right_where_the_rod_goes_one_way(plant):
@@ -317,7 +317,7 @@ def test_a_log_without_speed_says_what_it_does_not_tell(bench):
     (finding,) = check_log(replace(log, channels=channels), plant)
 
     assert (finding.kind, finding.channel, finding.severity) == ("missing", "speed", "warning")
-    assert "motor friction and inertia can't be told" in str(finding)
+    assert "motor friction and inertia can't be separated" in str(finding)
 
 
 @pytest.mark.parametrize("channel", ["speed", "p1", "position"])
@@ -359,7 +359,7 @@ def test_rows_that_repeat_each_value_are_named_with_the_rate(bench, channels, ro
     at = np.arange(len(log)) // rows * rows
     (finding,) = check_log(changed(log, **{name: log[name][at] for name in channels}), plant)
 
-    assert finding.kind == "held" and f"stands in {rows} rows: sampled every {4 * rows} ms" in str(finding)
+    assert finding.kind == "held" and f"is repeated in {rows} rows: sampled every {4 * rows} ms" in str(finding)
     assert f"--resample {250 / rows:g}" in str(finding)
 
 

@@ -1,4 +1,4 @@
-"""Design of experiments: limits are kept, and the standard deviations that are promised come out."""
+"""Design of experiments: limits are kept, and predicted standard deviations agree with simulated logs."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -40,7 +40,7 @@ def test_a_stroke_is_said_as_the_distance_from_the_middle():
 
 
 def test_the_limits_are_kept_on_the_plant_and_its_variations(plant, proposal):
-    """The proposed current leaves the margin on the believed plant, and the plain limits on every variation."""
+    """The proposed current leaves the margin on the nominal plant, and the plain limits on every variation."""
     run = simulate(plant, proposal.current)
     used = limit_shares(plant, reached(plant, run.current, run.states, run.extremes))
 
@@ -53,7 +53,7 @@ def test_the_limits_are_kept_on_the_plant_and_its_variations(plant, proposal):
 
 
 def test_the_current_as_a_file_is_what_the_run_had(proposal, tmp_path):
-    """current.csv gives the same trajectory on the believed plant, to within the file's digits."""
+    """current.csv gives the same trajectory on the nominal plant, to within the file's digits."""
     log = read_log(proposal.write(tmp_path / "current.csv"), ["current"])
     run = simulate(proposal.plant, log["current"], sample_time=log.sample_time)
 
@@ -72,8 +72,8 @@ def test_all_parameters_of_the_paper_are_determined(proposal):
     assert [c.rank for c in proposal.candidates] == sorted(c.rank for c in proposal.candidates)
 
 
-def test_a_rehearsal_tells_a_promise_that_holds_from_one_that_does_not(plant, proposal):
-    """The same logs fail a promise of a third of the sd."""
+def test_the_check_fails_a_prediction_that_is_too_small(plant, proposal):
+    """The same logs contradict a third of the predicted sd."""
     assert proposal.check.passed and 0.6 < proposal.check.ratio < 1.4
     boast = replace(
         proposal.forecast, fit=replace(proposal.forecast.fit, information=9 * proposal.forecast.fit.information)
@@ -81,10 +81,10 @@ def test_a_rehearsal_tells_a_promise_that_holds_from_one_that_does_not(plant, pr
     found = check_accuracy(boast, free_parameters(plant), proposal.current, logs=2, jobs=2)
 
     assert not found.passed and found.ratio > 1.8
-    assert "more than promised" in str(found)
+    assert "more than it predicts" in str(found)
 
 
-def test_what_is_promised_is_what_the_rehearsals_showed(plant, proposal):
+def test_the_predicted_sd_is_scaled_by_the_check(plant, proposal):
     """Errors 1.2 times the linear theory's make every sd 1.2 times as large; smaller errors change nothing."""
     own = proposal.chosen.forecast
     larger, smaller = (
@@ -114,8 +114,8 @@ def test_the_amplitude_that_is_found_is_a_minimum(plant):
 
 
 @pytest.mark.slow
-def test_the_promised_sd_comes_out(proposal):
-    """32 logs of the bench, each estimated: squared errors over promised variances are chi-square, pooled and each."""
+def test_the_predicted_sd_agrees_with_simulated_logs(proposal):
+    """32 logs of the bench, each estimated: squared errors over predicted variances are chi-square, pooled and each."""
     plant, names = proposal.plant, [e.name for e in proposal.forecast.estimates]
     parameters = free_parameters(plant)
     truth = np.array([plant[name] for name in names])

@@ -47,7 +47,7 @@ def compared(fitting, failing, tmp_path_factory):
         tmp_path_factory.mktemp("page"),
         command=COMMAND,
         findings=[WARNING],
-        untold=["without p2 the log does not tell V_20"],
+        untold=["without p2 the log does not show V_20"],
         steps=[Step("zero", "p1: zero moved by 0.1 bar")],
     )
     return path.read_text(encoding="utf-8")
@@ -245,7 +245,7 @@ def test_a_comparison_says_how_well_each_model_fits(compared, fitting, failing):
     assert page.table("channel", "linear model", "nonlinear model") == [
         [channel, number(linear[channel]), number(nonlinear[channel])] for channel in nonlinear
     ]
-    for sentence in (WARNING.sentence, "without p2 the log does not tell V_20", "p1: zero moved by 0.1 bar"):
+    for sentence in (WARNING.sentence, "without p2 the log does not show V_20", "p1: zero moved by 0.1 bar"):
         assert sentence in "".join(page.words)
 
 

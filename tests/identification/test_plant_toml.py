@@ -30,7 +30,7 @@ def test_what_was_written_is_what_was_identified(found, tmp_path):
     assert again.free == found.plant.free
 
 
-def test_what_was_believed_for_the_run_is_written_too(tmp_path):
+def test_values_set_for_the_run_are_written_too(tmp_path):
     """A setting is part of what was identified: it goes into the file, in the file's unit and marked as assumed."""
     plant = ehsa_ctrl.load_plant("ehsa", settings={"load.stiffness": 5e4, "A": "15 cm2", "delay.p1": "2 ms"})
 
