@@ -26,9 +26,7 @@ from ..core.text import TextResult
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .definition import Scenario
-from .metrics import METRICS
 from .prepare import PreparedScenario, prepare
-from .result import failures_of
 from .sensitivity import Influence, influences
 from .uncertainty import ParameterUncertainty, uncertainty_of
 
@@ -279,18 +277,13 @@ def _one(case: PreparedScenario, uncertainty: ParameterUncertainty, seed: int, n
     rng = np.random.default_rng([seed, number])
     drawn = uncertainty.draw(rng)
     noise = int(rng.integers(LARGEST_SEED))
-    plant: Plant = case.nonlinear.set(**drawn)
-    definition = case.scenario.definition
     try:
-        loop = case.simulate(plant, noise)
+        found = case.evaluate(case.simulate(case.nonlinear.set(**drawn), noise))
     except SimulationError as error:
         return Outcome(number, False, float("-inf"), noise, drawn, {}, (str(error),))
-    metrics = case.metrics(loop, wanted=tuple(definition.limits))
-    checks = case.check_limits(metrics)
-    failures = failures_of(checks, loop.trajectory, definition.expect_trips)
-    margin = min((check.margin for check in checks), default=float("nan"))
-    kept: Mapping[str, float] = {name: metrics[name] for name in METRICS if np.isfinite(metrics[name])}
-    return Outcome(number, not failures, margin, noise, drawn, kept, failures)
+    margin = min((check.margin for check in found.checks), default=float("nan"))
+    finite = {name: value for name, value in found.metrics.items() if np.isfinite(value)}
+    return Outcome(number, not found.failures, margin, noise, drawn, finite, found.failures)
 
 
 def _campaign_key(case: PreparedScenario, uncertainty: ParameterUncertainty, seed: int) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from .definition import Scenario, load_scenario
 from .disturbances import faults_of
 from .metrics import loop_metrics
 from .plant_data import check_controller_limits
-from .result import LimitCheck
+from .result import LimitCheck, failures_of
 from .uncertainty import uncertainty_of
 
 if TYPE_CHECKING:
@@ -34,6 +34,14 @@ if TYPE_CHECKING:
 
 #: Most samples of a scenario, more than an hour at 250 Hz; a longer one has a wrong time unit.
 MOST_SAMPLES = 1_000_000
+
+
+class Evaluation(NamedTuple):
+    """Metrics of a run in SI units, the scenario's limits on them, and failures in sentences."""
+
+    metrics: dict[str, float]
+    checks: tuple[LimitCheck, ...]
+    failures: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -94,6 +102,13 @@ class PreparedScenario:
             lag=definition.sensors.lag,
             shortest=wanted is None or bool({"ShortestTime", "SettlingRatio"} & {*wanted}),
         )
+
+    def evaluate(self, loop: ClosedLoop) -> Evaluation:
+        """Metrics, limits and failures of a run; slow metrics only if the scenario limits them."""
+        definition = self.scenario.definition
+        metrics = self.metrics(loop, wanted=tuple(definition.limits))
+        checks = self.check_limits(metrics)
+        return Evaluation(metrics, checks, failures_of(checks, loop.trajectory, definition.expect_trips))
 
     def check_limits(self, metrics: Mapping[str, float]) -> tuple[LimitCheck, ...]:
         """Check these metrics against the scenario's limits."""

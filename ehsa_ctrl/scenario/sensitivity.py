@@ -14,7 +14,6 @@ import numpy as np
 from ..core.errors import InputError, SimulationError
 from ..core.parameter import Parameter
 from ..plant.file import both
-from .result import failures_of
 
 if TYPE_CHECKING:
     from .montecarlo import Outcome
@@ -96,13 +95,11 @@ def assumption_sensitivity(case: PreparedScenario, kept: bool) -> tuple[Assumpti
 
 
 def _range_end(case: PreparedScenario, name: str, value: float) -> RangeEnd:
-    definition = case.scenario.definition
     try:
-        loop = case.simulate(case.nonlinear.set(**{name: value}))
+        found = case.evaluate(case.simulate(case.nonlinear.set(**{name: value})))
     except (InputError, SimulationError) as error:
         return RangeEnd(value, {}, (str(error),))
-    metrics = case.metrics(loop, wanted=tuple(definition.limits))
-    return RangeEnd(value, metrics, failures_of(case.check_limits(metrics), loop.trajectory, definition.expect_trips))
+    return RangeEnd(value, found.metrics, found.failures)
 
 
 @dataclass(frozen=True)
