@@ -41,6 +41,7 @@ def diagnose_batch(
     Raises InputError: a log given twice, an output folder of other diagnoses, a log that can't be prepared so. Exits
     2 if no log could be diagnosed.
     """
+    from ..core.parallel import parallel_backend
     from ..core.result_folder import ResultFolder
     from ..core.text import folder_names
     from ..diagnosis.batch import diagnose_many
@@ -70,10 +71,10 @@ def diagnose_batch(
                 (draft / "diagnosis.json").write_text(to_json(outcome.stored()) + "\n")
                 write_files(draft, outcome)
 
-    with compiling(), counting() as watch:
+    with compiling(), counting() as watch, parallel_backend(backend, address):
         batch = diagnose_many(
-            nominal, ready, threshold=threshold, check=check, jobs=jobs, backend=backend, address=address, file=record,
-            anew=anew, watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
+            nominal, ready, threshold=threshold, check=check, jobs=jobs, file=record, anew=anew,
+            watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
         )  # fmt: skip
     done = [step for name in map(str, logs) for step in steps.get(name, ())]
     summary = {**batch.to_dict(), "preparation": done, "rests_on": provenance([nominal], logs)}

@@ -46,6 +46,7 @@ def command(
     · ehsa-ctrl montecarlo my/scenario.toml --identification results/rig/identification.json --backend dask
     --address tcp://head:8786 --jobs -1
     """
+    from ..core.parallel import parallel_backend
     from ..scenario.montecarlo import monte_carlo
     from .progress import compiling, counting
 
@@ -60,10 +61,10 @@ def command(
     output.check("montecarlo", "montecarlo.json", "report.html", figures=stems, keep=True)
     found = []
     for name, stem in zip(chosen, stems, strict=True):
-        with compiling(), counting() as watch:
+        with compiling(), counting() as watch, parallel_backend(backend, address):
             result = monte_carlo(
                 scenario, runs=runs, seed=seed, controller=name, plant=run.plant, design=run.design,
-                settings=pairs, identification=identification, jobs=jobs, backend=backend, address=address,
+                settings=pairs, identification=identification, jobs=jobs,
                 file=out / f"{stem}.jsonl", anew=force,
                 watch=watch and (lambda done, total, stem=stem: watch(stem, done, total)),
             )  # fmt: skip

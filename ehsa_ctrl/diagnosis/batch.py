@@ -17,14 +17,13 @@ from ..core.checkpoint import Checkpoint, open_checkpoint
 from ..core.errors import EhsaError, InputError
 from ..core.files import parse_json
 from ..core.log import Log
-from ..core.parallel import as_done, workers
+from ..core.parallel import as_completed, worker_count
 from ..core.text import unique_names
 from ..identification.plant_log import read_plant_log
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .diagnose import diagnose
 from .diagnosis import Diagnosis
-from .hypothesis_model import HypothesisModel, with_every_effect
 
 if TYPE_CHECKING:
     import pandas
@@ -147,9 +146,7 @@ def diagnose_many(
     *,
     threshold: float = 0.03,
     check: bool = True,
-    jobs: int = 1,
-    backend: str = "loky",
-    address: str | None = None,
+    jobs: int | None = None,
     file: str | Path | None = None,
     anew: bool = False,
     watch: Callable[[int, int], None] | None = None,
@@ -161,8 +158,8 @@ def diagnose_many(
     ----------
     plant, threshold, check: as for `diagnose`, the same for all.
     logs: files, or logs that were read already.
-    jobs, backend, address: see `core.parallel.workers`. Processes by default: a good part of a diagnosis runs within
-        Python's lock.
+    jobs: workers; -1 for all; by default those of joblib's context (`joblib.parallel_config`), else 1. Without a
+        backend in that context: processes, as a good part of a diagnosis holds Python's lock.
     file: where each row is appended as it comes, a JSON line each. A file of the same plant and threshold is
         continued: logs that it has are not diagnosed again unless they have changed; those that failed are.
     watch: called with how many logs are done and how many there will be.
@@ -206,24 +203,22 @@ def diagnose_many(
             todo.append((name, replace(read, label=labels[name]), digest))
     kept.append(_line(row) for row in rows.values() if row.error)
     interrupted = False
+    count = min(worker_count(jobs), max(len(todo), 1))
     try:
-        with workers(backend, jobs, address) as count:
-            if count > 1 and len(todo) > 1:
-                _compile(plant, todo[0][1])
-            work = partial(_one, plant, threshold, check)
-            with closing(as_done(work, todo, count=min(count, max(len(todo), 1)))) as results:
-                for name, found, digest in results:
-                    if isinstance(found, str):
-                        rows[name] = Row(name, error=found, digest=digest)
+        work = partial(_one, plant, threshold, check)
+        with closing(as_completed(work, todo, count=count)) as results:
+            for name, found, digest in results:
+                if isinstance(found, str):
+                    rows[name] = Row(name, error=found, digest=digest)
+                else:
+                    rows[name] = Row.of(name, found, digest)
+                    if keep is None:
+                        diagnoses[name] = found
                     else:
-                        rows[name] = Row.of(name, found, digest)
-                        if keep is None:
-                            diagnoses[name] = found
-                        else:
-                            keep(name, found)
-                    kept.append([_line(rows[name])])
-                    if watch is not None:
-                        watch(len(rows), len(named))
+                        keep(name, found)
+                kept.append([_line(rows[name])])
+                if watch is not None:
+                    watch(len(rows), len(named))
     except KeyboardInterrupt:
         if not any(not row.error for row in rows.values()):
             raise
@@ -242,13 +237,6 @@ def _one(plant: Plant, threshold: float, check: bool, job: tuple[str, Log, str])
     except (ArithmeticError, ValueError, LookupError) as error:
         # One log must not take the others' results with it.
         return name, f"{name}: the diagnosis broke off ({type(error).__name__}: {error})", digest
-
-
-def _compile(plant: Plant, log: Log) -> None:
-    """Have both engines in the cache before several workers ask for them at once."""
-    short = log.segment(log.time[0], log.time[0] + 10 * log.sample_time)
-    for friction in ("stribeck", "lugre") if plant.model == "nonlinear" else ("stribeck",):
-        HypothesisModel(with_every_effect(plant, friction), short).run([{}])
 
 
 def _name(log: str | Path | Log, number: int) -> str:

@@ -20,7 +20,7 @@ from ..core.checkpoint import Checkpoint, open_checkpoint
 from ..core.controller_interface import Controller
 from ..core.errors import InputError, SimulationError
 from ..core.files import parse_json
-from ..core.parallel import in_rounds, workers
+from ..core.parallel import Prefer, in_rounds, worker_count
 from ..core.plotting import draw
 from ..core.text import TextResult
 from ..plant.plant import Plant
@@ -181,9 +181,7 @@ def monte_carlo(
     design: str | Path | Plant | None = None,
     settings: Mapping[str, str | float] | None = None,
     identification: str | Path | None = None,
-    jobs: int = 1,
-    backend: str | None = None,
-    address: str | None = None,
+    jobs: int | None = None,
     file: str | Path | None = None,
     anew: bool = False,
     watch: Callable[[int, int], None] | None = None,
@@ -197,8 +195,9 @@ def monte_carlo(
     ----------
     scenario, controller, plant, design, settings: as for `run`. For the uncertainty see `uncertainty.uncertainty_of`.
     identification: an identification.json, from whose covariance its parameters are drawn.
-    jobs, backend, address: see `core.parallel.workers`; by default threads for a compiled controller, whose
-        simulation releases Python's lock, and processes for one in plain Python.
+    jobs: workers; -1 for all; by default those of joblib's context (`joblib.parallel_config`), else 1. Without a
+        backend in that context: threads for a compiled controller, whose simulation releases Python's lock, and
+        processes for one in plain Python.
     file: to which results are appended; a file of the same campaign is continued.
     anew: start the file again, once the first results are there.
     watch: called with the number of finished runs and the total.
@@ -227,15 +226,15 @@ def monte_carlo(
     done = {outcome.run: outcome for outcome in campaign.results if outcome.run < runs}
     todo = [number for number in range(runs) if number not in done]
     work = partial(_some, case, uncertainty, seed)
-    backend = backend or ("loky" if case.controller.compiled is None else "threading")
+    count = min(worker_count(jobs), max(len(todo) // CHUNK, 1))
+    prefer: Prefer = "processes" if case.controller.compiled is None else "threads"
     interrupted = False
     try:
-        with workers(backend, jobs, address) as count:
-            for part in in_rounds(work, todo, count=min(count, max(len(todo) // CHUNK, 1)), chunk=CHUNK):
-                campaign.append(outcome.to_line() for outcome in part)
-                done |= {outcome.run: outcome for outcome in part}
-                if watch is not None:
-                    watch(len(done), runs)
+        for part in in_rounds(work, todo, count=count, chunk=CHUNK, prefer=prefer):
+            campaign.append(outcome.to_line() for outcome in part)
+            done |= {outcome.run: outcome for outcome in part}
+            if watch is not None:
+                watch(len(done), runs)
     except KeyboardInterrupt:
         if not done:
             raise

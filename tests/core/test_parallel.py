@@ -1,12 +1,15 @@
 """Work handed out to threads or processes: all of it comes back, as soon as it is there, until somebody stops."""
 
+import threading
 import time
 from contextlib import closing
 from math import sqrt
 
+import joblib
 import pytest
 
-from ehsa_ctrl.core.parallel import as_done, workers
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.core.parallel import as_completed, parallel_backend, worker_count
 
 
 @pytest.mark.parametrize("backend", ["threading", "loky"])
@@ -14,8 +17,8 @@ from ehsa_ctrl.core.parallel import as_done, workers
 def test_every_result_comes_once(backend, jobs):
     todo = [float(k) for k in range(20)]
 
-    with workers(backend, jobs) as count:
-        found = list(as_done(sqrt, todo, count=count))
+    with parallel_backend(backend):
+        found = list(as_completed(sqrt, todo, count=jobs))
 
     assert sorted(found) == [sqrt(value) for value in todo]
 
@@ -27,8 +30,7 @@ def test_what_is_short_comes_first():
         time.sleep(seconds)
         return seconds
 
-    with workers("threading", 2) as count:
-        found = list(as_done(wait, [0.5, 0.01, 0.02], count=count))
+    found = list(as_completed(wait, [0.5, 0.01, 0.02], count=2, prefer="threads"))
 
     assert found == [0.01, 0.02, 0.5]
 
@@ -45,6 +47,29 @@ def test_a_stop_ends_the_work(backend):
 
 
 def _interrupted(backend):
-    with workers(backend, 2) as count, closing(as_done(time.sleep, [0.2] * 200, count=count)) as results:
+    with parallel_backend(backend), closing(as_completed(time.sleep, [0.2] * 200, count=2)) as results:
         next(results)
         raise KeyboardInterrupt
+
+
+def test_the_context_of_joblib_is_used():
+    """Workers and backend of a surrounding `parallel_config` hold where nothing else is asked for."""
+    assert worker_count(None) == 1
+    with joblib.parallel_config(backend="threading", n_jobs=3):
+        assert worker_count(None) == 3 and worker_count(2) == 2
+        names = set(as_completed(lambda _: threading.current_thread().name, range(20), count=2))
+
+    assert "MainThread" not in names
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("slurm",), "backend 'slurm' is not known"),
+        (("loky", "tcp://x:1"), "goes with the backend dask or ray"),
+        ((None, "tcp://x:1"), "goes with the backend dask or ray"),
+    ],
+)
+def test_a_backend_that_is_none_is_refused(arguments, says):
+    with pytest.raises(InputError, match=says), parallel_backend(*arguments):
+        pass
