@@ -8,7 +8,7 @@ the eigenvalues of an MPC's own H are a million apart, and OSQP's residuals woul
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -109,8 +109,6 @@ def _problems_of_run(
     controller: SampledController, reference: np.ndarray, measured: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """f and bounds of every sample of a run with this controller, whose law is an MPC."""
-    from dataclasses import replace
-
     recorder = ProblemRecorder(controller.law.qp)  # type: ignore[attr-defined]
     recorded = replace(controller, law=replace(controller.law, external=recorder))  # type: ignore[type-var]
     memory = recorded.initial_memory()
@@ -175,11 +173,9 @@ class EmbeddedMpc:
         law, condensed = self.mpc, self.mpc.condensed
         feedback, own = law.feedback.settings(), list(self._own_matrices.values())
         begins = EMBEDDED_HEAD + feedback.size + np.cumsum([0, *(part.size for part in own[:-1])])
-        rate = law.problem.limits.current_rate
-        change = 0.0 if rate is None else rate * law.feedback.model.sample_time
         behind = law.feedback.initial_memory().size
         sizes = [law.horizon, len(condensed.F), condensed.lower.size, own[0].size, condensed.F.shape[1]]
-        head = [EMBEDDED_HEAD, behind, law.problem.current_limit, change, *sizes, *begins]
+        head = [EMBEDDED_HEAD, behind, law.problem.current_limit, law.largest_change, *sizes, *begins]
         return np.concatenate([np.array(head, dtype=float), feedback, *(part.ravel() for part in own)])
 
     def initial_memory(self) -> np.ndarray:

@@ -77,14 +77,55 @@ def prepare(
     return known, F @ p, lower + shift, upper + shift
 
 
+def apply_plan(
+    reference: np.ndarray, memory: np.ndarray, feedback: np.ndarray, own: np.ndarray,
+    extra: float, known: float, limit: float, change: float, horizon: int, unknowns: int, bounds: int,
+) -> float:  # fmt: skip
+    """Current of a sample after the solver: of the new plan, else bridged within the limits of current and rate.
+
+    own: the MPC's memory from its traces on; own[_REASON] is 0 for a new plan. change: largest change of the current
+    per sample (0: any).
+    """
+    if own[_REASON] == 0.0:
+        share = 0.0
+        for i in range(horizon, unknowns):
+            share = max(share, own[_PLAN + i])
+        own[_SHARE], own[_STATUS], own[_AGE] = share, 1.0 if share > PASSED else 0.0, 0.0
+        wanted = own[_PLAN] + known
+    else:
+        # No warm start from an iterate that is no solution.
+        for i in range(bounds):
+            own[_PLAN + unknowns + i] = 0.0
+        own[_SHARE] = 0.0
+        own[_AGE] += 1.0
+        if own[_AGE] == 1.0:
+            own[_STATUS] = 2.0
+            wanted = own[_PLAN + 1] + known
+        else:
+            own[_STATUS] = 3.0
+            wanted = regulator_current(reference[0], reference[1], reference[2], memory, feedback)
+        if not isfinite(wanted):
+            wanted = -extra
+        bridged = min(max(wanted + extra, -limit), limit)
+        if change > 0.0:
+            bridged = min(max(bridged, own[_GIVEN] - change), own[_GIVEN] + change)
+        wanted = bridged - extra
+    given = min(max(wanted + extra, -limit), limit)
+    own[_GIVEN] = given
+    predict(given - extra, known, memory, feedback)
+    return given
+
+
 @cache
 def _compiled() -> Any:
     """Functions that run each sample beside the solver, compiled; the first compilation takes some 10 s."""
     from ...core.compiled import load_compiled
     from ..stages.pipeline import HEAD, source_text
 
-    functions = (target_current, regulator_current, estimate, predict, motion_ahead, prepare)
-    text = [HEAD, *(f'@cached_njit(error_model="numpy")\n{source_text(function)}' for function in functions)]
+    names = ("PASSED", "_STATUS", "_REASON", "_SHARE", "_GIVEN", "_AGE", "_PLAN")
+    constants = "\n".join(f"{name} = {globals()[name]!r}" for name in names)
+    functions = (target_current, regulator_current, estimate, predict, motion_ahead, prepare, apply_plan)
+    text = [HEAD, constants, *(f'@cached_njit(error_model="numpy")\n{source_text(each)}' for each in functions)]
     return load_compiled("\n\n\n".join(text), "the estimate of an MPC")
 
 
@@ -147,6 +188,11 @@ class Mpc:
         return int(self.feedback.initial_memory().size)
 
     @property
+    def largest_change(self) -> float:
+        """Largest change of the current per sample [A]; 0 for any."""
+        return (self.problem.limits.current_rate or 0.0) * self.feedback.model.sample_time
+
+    @property
     def multipliers(self) -> slice:
         """Places of the multipliers in memory."""
         start = self._behind + _PLAN + len(self.condensed.F)
@@ -195,27 +241,12 @@ class Mpc:
         hold: float,
     ) -> float:
         """One sample, as `state_feedback`. memory: the feedback's, then _STATUS to _AGE, plan and multipliers."""
-        parts = _compiled()
-        own = memory[self._behind :]
+        parts, own, v = _compiled(), memory[self._behind :], len(self.condensed.F)
         begin = perf_counter()
         changing = float(extra), float(own[_GIVEN]), float(hold)
         known, f, lower, upper = parts.prepare(reference, measured, memory, settings, changing, *self._fixed)
-        wanted = self._solve((f, lower, upper), own, begin)
-        if wanted is None:
-            wanted = self._bridge(reference, memory, settings, own, extra)
-        else:
-            wanted += known
-        limit = self.problem.current_limit
-        given = min(max(wanted + extra, -limit), limit)
-        own[_GIVEN] = given
-        parts.predict(given - extra, known, memory, settings)
-        return given
-
-    def _solve(self, problem: tuple[np.ndarray, np.ndarray, np.ndarray], own: np.ndarray, begin: float) -> float | None:
-        """mu of this sample from a new plan, or None; writes plan, multipliers and the traces."""
-        N, v = self.horizon, len(self.condensed.F)
         plan, multipliers = own[_PLAN : _PLAN + v], own[_PLAN + v :]
-        solution = self.qp.solve(*problem, plan, multipliers)
+        solution = self.qp.solve(f, lower, upper, plan, multipliers)
         seconds = perf_counter() - begin
         reason = float(solution.status)
         if reason == SOLVED and not isfinite(solution.x[0]):
@@ -223,36 +254,13 @@ class Mpc:
         if reason == SOLVED and self.deadline is not None and seconds > self.deadline:
             reason = 4.0
         own[_REASON], own[_ITERATIONS], own[_TIME] = reason, solution.iterations, seconds
-        if reason != SOLVED:
-            # No warm start from an iterate that is no solution.
-            multipliers[:] = 0.0
-            own[_SHARE] = 0.0
-            return None
-        plan[:], multipliers[:] = solution.x, solution.y
-        share = max(solution.x[N:].tolist(), default=0.0)
-        own[_SHARE], own[_STATUS], own[_AGE] = share, 1.0 if share > PASSED else 0.0, 0.0
-        return float(solution.x[0])
-
-    def _bridge(
-        self, reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, own: np.ndarray, extra: float
-    ) -> float:
-        """A current for a sample without a solution, within the limits of current and rate."""
-        parts, motion = _compiled(), (reference[0], reference[1], reference[2])
-        own[_AGE] += 1.0
-        if own[_AGE] == 1.0:
-            own[_STATUS] = 2.0
-            wanted = own[_PLAN + 1] + parts.target_current(*motion, memory, settings)
-        else:
-            own[_STATUS] = 3.0
-            wanted = parts.regulator_current(*motion, memory, settings)
-        if not isfinite(wanted):
-            wanted = -extra
-        limit, before = self.problem.current_limit, own[_GIVEN]
-        given = min(max(wanted + extra, -limit), limit)
-        if self.problem.limits.current_rate is not None:
-            change = self.problem.limits.current_rate * self.feedback.model.sample_time
-            given = min(max(given, before - change), before + change)
-        return float(given - extra)
+        if reason == SOLVED:
+            plan[:], multipliers[:] = solution.x, solution.y
+        limits = self.problem.current_limit, self.largest_change
+        sizes = self.horizon, v, multipliers.size
+        return float(
+            parts.apply_plan(reference, memory, settings, own, changing[0], known, *map(float, limits), *sizes)
+        )
 
     def __str__(self) -> str:
         limits = [f"|current| <= {self.problem.current_limit:g} A"]
@@ -325,34 +333,8 @@ def mpc_law(
             for k in range(unknowns):
                 entry += settings[root + i * unknowns + k] * z[k]
             solution[i] = entry
-        share = 0.0
-        for i in range(horizon, unknowns):
-            share = max(share, solution[i])
-        own[_SHARE], own[_STATUS], own[_AGE] = share, 1.0 if share > PASSED else 0.0, 0.0
-        wanted = solution[0] + known
-    else:
-        # No warm start from an iterate that is no solution.
-        for i in range(bounds):
-            multipliers[i] = 0.0
-        own[_SHARE] = 0.0
-        own[_AGE] += 1.0
-        if own[_AGE] == 1.0:
-            own[_STATUS] = 2.0
-            wanted = solution[1] + known
-        else:
-            own[_STATUS] = 3.0
-            wanted = regulator_current(reference[0], reference[1], reference[2], memory, feedback)
-        if not isfinite(wanted):
-            wanted = -extra
-        bridged = min(max(wanted + extra, -limit), limit)
-        if change > 0.0:
-            bridged = min(max(bridged, own[_GIVEN] - change), own[_GIVEN] + change)
-        wanted = bridged - extra
-    given = min(max(wanted + extra, -limit), limit)
-    own[_GIVEN] = given
-    predict(given - extra, known, memory, feedback)
-    return given
+    return apply_plan(reference, memory, feedback, own, extra, known, limit, change, horizon, unknowns, bounds)
 
 
 #: Functions that `mpc_law` calls.
-EMBEDDED_USES = (target_current, regulator_current, estimate, predict, motion_ahead)
+EMBEDDED_USES = (target_current, regulator_current, estimate, predict, motion_ahead, apply_plan)
