@@ -92,13 +92,13 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'ehsa_ctrl' has no attribute {name!r}")
     thing = getattr(importlib.import_module(f"ehsa_ctrl.{_WHERE[name]}"), name)
     if isinstance(thing, types.FunctionType):
-        from .arguments import accepting
+        from .arguments import convert_arguments
 
-        thing = accepting(thing)
+        thing = convert_arguments(thing)
     elif name in _BUILT:
-        from .arguments import checking
+        from .arguments import convert_method_arguments
 
-        checking(thing, _BUILT[name])
+        convert_method_arguments(thing, _BUILT[name])
     # Kept: asked for again, a name is the same thing.
     globals()[name] = thing
     return thing

@@ -1,20 +1,19 @@
-"""What users give to public functions: names and paths where loaded things are expected, a sentence for anything else.
+"""Arguments of the public functions: names and paths are loaded, what does not fit is an InputError of one sentence.
 
-Annotations say what a function takes; here they are read and held against what was given. What can be loaded is loaded:
-a plant, a log, a linear model and a controller may be given by name or path. Only the names of `ehsa_ctrl` itself do
-this; inside the package functions get what their annotations say.
+An argument of a name has one meaning in all public functions, so that one table (ARGUMENTS) says what each accepts; the
+few exceptions are in OVERRIDES. Only the names of `ehsa_ctrl` itself convert: inside the package functions get what
+their annotations say.
 """
 
 from __future__ import annotations
 
-import ast
 import inspect
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import wraps
-from itertools import cycle
 from numbers import Integral, Real
-from typing import Any, ParamSpec, TypeVar, get_args
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -23,45 +22,311 @@ from .core.errors import InputError, shown
 
 P = ParamSpec("P")
 R = TypeVar("R")
+Given = Mapping[str, Any]
 
-#: What a class is to a user, and how one comes by it.
-MEANT = {
-    "Plant": 'a plant: its name, the path of its TOML, or what load_plant("ehsa") gives',
-    "Log": "a log: the path of its file, or what read_plant_log(path, plant) or Log.from_pandas(table) gives",
-    "StateSpace": 'a linear model: a plant\'s name, or what three_state(load_plant("ehsa", model="linear")) gives',
-    "Controller": "a controller: its name, the path of its TOML, or what load_controller(name, system) gives",
-    "Scenario": 'a scenario: its name, the path of its TOML, or what load_scenario("steps_spring") gives',
-    "Identification": "what identify(plant, log) gives",
-    "RobustMargins": "what robust_margins(systems, controller) gives",
-    "Known": "what known_of(plant) gives",
-    "Covariance": "the covariance of an identification",
-    "float": "a finite number in SI units",
-    "int": "a whole number",
-    "bool": "True or False",
-    "str": "a text",
-    "Path": "a path",
-    "None": "None",
-    "np.ndarray": "an array of numbers",
-    "DataFrame": "a table of pandas",
-    "Callable": "a function",
-    "Watch": "a function",
-}
 #: The largest number, in SI units.
 LARGEST = 1e30
-#: What names and paths are loaded to.
-LOADED = ("Plant", "Log", "SampledController", "Scenario")
 #: Functions on the linear set of parameters: a plant that they are given by name is that one.
 LINEAR = ("four_state", "three_state")
-#: Arguments that say how others are to be loaded.
+#: Arguments with which others are loaded.
 FIRST = ("plant", "system")
+LOADED = ("Plant", "Log", "SampledController", "Scenario")
 
 
-def accepting(function: Callable[P, R]) -> Callable[P, R]:
+class MisfitError(Exception):
+    """A value that an argument does not accept; its text replaces the value in the message."""
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """A kind of argument: in words, and how a value is converted.
+
+    convert: (value, arguments given so far) -> converted value; raises MisfitError.
+    """
+
+    expected: str
+    convert: Callable[[Any, Given], Any]
+
+    def __or__(self, other: Kind) -> Kind:
+        """Either of two kinds."""
+
+        def convert(value: Any, given: Given) -> Any:
+            try:
+                return self.convert(value, given)
+            except MisfitError as misfit:
+                try:
+                    return other.convert(value, given)
+                except MisfitError:
+                    raise misfit from None
+
+        return Kind(f"{self.expected}, or {other.expected}", convert)
+
+
+def where(expected: str, fits: Callable[[Any], bool]) -> Kind:
+    """A kind whose values are used as they are."""
+    return Kind(expected, lambda value, given: _checked(value, fits(value)))
+
+
+def _checked(value: Any, fits: bool) -> Any:
+    if not fits:
+        raise MisfitError
+    return value
+
+
+def instance(name: str, expected: str = "") -> Kind:
+    """Instances of a class, told by its name: nothing is imported for that."""
+    return where(expected or f"a {name}", lambda value: _is(value, name))
+
+
+def one_of(*words: str) -> Kind:
+    return where(" or ".join(map(repr, words)), lambda value: isinstance(value, str) and value in words)
+
+
+def dictionary(item: Kind) -> Kind:
+    """Dictionaries of one kind with texts as keys."""
+
+    def convert(value: Any, given: Given) -> Any:
+        if not isinstance(value, Mapping):
+            raise MisfitError
+        found = {}
+        for key, content in value.items():
+            try:
+                found[key] = item.convert(content if isinstance(key, str) else object(), given)
+            except MisfitError:
+                raise MisfitError(f"a dictionary with {shown(content)} under {shown(key)}") from None
+        return found
+
+    return Kind(f"a dictionary that has under each name {item.expected}", convert)
+
+
+def several(item: Kind) -> Kind:
+    """Lists, tuples and the like of one kind; a name or path alone is a list of one."""
+
+    def convert(value: Any, given: Given) -> Any:
+        if isinstance(value, str | os.PathLike):
+            value = [value]
+        if isinstance(value, Mapping) or not isinstance(value, Iterable):
+            raise MisfitError
+        return [item.convert(each, given) for each in value]
+
+    return Kind(f"several, each {item.expected}", convert)
+
+
+def _is(value: Any, name: str) -> bool:
+    return any(each.__name__ == name for each in type(value).__mro__)
+
+
+def _is_number(value: Any, kind: type) -> bool:
+    """A number that can be computed with: neither nan nor beyond LARGEST."""
+    if not isinstance(value, kind) or isinstance(value, bool | np.bool_):
+        return False
+    number: Any = value
+    return bool(-LARGEST <= number <= LARGEST) and (kind is Real or -(2**63) <= number < 2**63)
+
+
+def _is_array(value: Any) -> bool:
+    try:
+        array = np.asarray(value)
+        return array.dtype.kind in "fiu" and array.ndim > 0
+    except (TypeError, ValueError, OverflowError):
+        return False
+
+
+def _to_whole(value: Any, given: Given) -> int:
+    if isinstance(value, float) and value.is_integer() and 0 <= value < 2**53:
+        return int(value)
+    return int(_checked(value, _is_number(value, Integral)))
+
+
+def _to_seed(value: Any, given: Given) -> int:
+    seed = _to_whole(value, given)
+    return int(_checked(seed, seed >= 0))
+
+
+def _to_array(value: Any, given: Given) -> np.ndarray:
+    return np.asarray(_checked(value, _is_array(value)))
+
+
+def _to_numbers(value: Any, given: Given) -> tuple[float, ...]:
+    _checked(value, _is_array(value) and np.ndim(value) == 1)
+    return tuple(np.asarray(value, dtype=float).tolist())
+
+
+def _to_names(value: Any, given: Given) -> Sequence[str]:
+    """Several names, or one text of names separated by commas."""
+    if isinstance(value, str):
+        return tuple(name.strip() for name in value.split(",") if name.strip())
+    if isinstance(value, Mapping) or not isinstance(value, Iterable):
+        raise MisfitError
+    names = value if isinstance(value, Sequence) else list(value)
+    if not all(isinstance(name, str) for name in names):
+        raise MisfitError
+    return names
+
+
+def as_plant(value: Any, given: Given) -> Any:
+    """A plant; by name or path its nonlinear set, for functions on the linear set that one."""
+    if isinstance(value, str | os.PathLike):
+        from .plant.load import load_plant
+
+        return load_plant(os.fspath(value), model="linear" if given.get("") in LINEAR else "nonlinear")
+    return _checked(value, _is(value, "Plant"))
+
+
+def as_log(value: Any, given: Given) -> Any:
+    """A log; by path it is read through the plant that is given beside it."""
+    plant: Any = given.get("plant")
+    if isinstance(value, str | os.PathLike) and _is(plant, "Plant"):
+        from .identification.plant_log import read_plant_log
+
+        return read_plant_log(os.fspath(value), plant)
+    return _checked(value, _is(value, "Log"))
+
+
+def as_system(value: Any, given: Given) -> Any:
+    """A linear model; by name, path or linear plant that of its three states and the position."""
+    from .plant.linear import three_state
+    from .plant.load import load_plant
+
+    if isinstance(value, str | os.PathLike):
+        value = load_plant(os.fspath(value), model="linear")
+    if _is(value, "Plant") and value.model == "linear":
+        return three_state(value)
+    return _checked(value, _is(value, "StateSpace"))
+
+
+def as_controller(value: Any, given: Given) -> Any:
+    """A controller; by name it is designed on the linear model beside it, or on the linear set of the plant's file."""
+    if not isinstance(value, str | os.PathLike):
+        return _checked(value, isinstance(value, Controller))
+    from .design.load import load_controller
+
+    plant, system = given.get("plant"), given.get("system")
+    period = None
+    if _is(plant, "Plant"):
+        period = plant.sample_time  # type: ignore[union-attr]
+        system = as_system(plant.path, given) if system is None else system  # type: ignore[union-attr]
+    _checked(system, _is(system, "StateSpace"))
+    return load_controller(os.fspath(value), system, sample_time=period)
+
+
+def _is_pair(value: Any, *, open_ended: bool = False) -> bool:
+    fits = isinstance(value, tuple | list) and len(value) == 2
+    return fits and all(_is_number(item, Real) or (open_ended and item is None) for item in value)
+
+
+NUMBER = where("a finite number in SI units", lambda value: _is_number(value, Real))
+ANY_NUMBER = where(
+    NUMBER.expected, lambda value: isinstance(value, Real | np.number) and not isinstance(value, bool | np.bool_)
+)
+WHOLE = Kind("a whole number", _to_whole)
+SEED = Kind("a whole number", _to_seed)
+FLAG = where("True or False", lambda value: isinstance(value, bool | np.bool_))
+TEXT = where("a text", lambda value: isinstance(value, str))
+PATH = where("a path", lambda value: isinstance(value, os.PathLike))
+NONE = where("None", lambda value: value is None)
+ARRAY = Kind("an array of numbers", _to_array)
+NUMBERS = Kind("an array of numbers", _to_numbers)
+NAMES = Kind("names", _to_names)
+FUNCTION = where("a function", callable)
+TUPLE = where("a tuple", lambda value: isinstance(value, tuple | list) and all(isinstance(item, str) for item in value))
+PAIR = where("a tuple", _is_pair)
+SPAN = where("a tuple", lambda value: _is_pair(value, open_ended=True))
+PLANT = Kind('a plant: its name, the path of its TOML, or what load_plant("ehsa") gives', as_plant)
+LOG = Kind("a log: the path of its file, or what read_plant_log(path, plant) or Log.from_pandas(table) gives", as_log)
+SYSTEM = Kind(
+    'a linear model: a plant\'s name, or what three_state(load_plant("ehsa", model="linear")) gives', as_system
+)
+CONTROLLER = Kind(
+    "a controller: its name, the path of its TOML, or what load_controller(name, system) gives", as_controller
+)
+SCENARIO = instance(
+    "Scenario", 'a scenario: its name, the path of its TOML, or what load_scenario("steps_spring") gives'
+)
+
+
+def _or_name(kind: Kind) -> Kind:
+    """What functions load by themselves."""
+    return Kind(kind.expected, (TEXT | PATH | kind).convert)
+
+
+#: Kind -> the arguments that have it, besides None where that is their default.
+_NAMES = {
+    NUMBER: "amplitude band current_limit delay distance duration excess from_ margin position pressure_level resample "
+    "rtol sample_time speed_limit spread stop threshold to tolerance unknown velocity width window within",
+    WHOLE: "direction draws jobs lag n points rehearsals runs shortest starts",
+    SEED: "seed",
+    FLAG: "anew assumed centre check compiled raise_on_failure sensor_noise uniform",
+    TEXT: "address backend chambers criterion kind label method name rod_friction shaft_friction system_name",
+    TEXT | PATH: "file folder identification path",
+    ARRAY: "current force measured reference simulated start time",
+    NUMBERS: "betas masses positions stiffnesses velocities",
+    NAMES: "fix free initial_states names required wanted",
+    FUNCTION: "keep watch",
+    TUPLE: "align effects missing notes zero",
+    PAIR: "rest",
+    SPAN: "span",
+    PLANT: "plant",
+    several(PLANT): "plants",
+    _or_name(PLANT): "design",
+    _or_name(SCENARIO): "scenario",
+    LOG: "after before log validate",
+    SYSTEM: "system",
+    CONTROLLER: "controller",
+    dictionary(ARRAY): "channels",
+    dictionary(PAIR): "bounds",
+    dictionary(ANY_NUMBER): "noise widths",
+    dictionary(ANY_NUMBER | NONE): "priors",
+    dictionary(TEXT | ANY_NUMBER): "settings",
+    dictionary(SYSTEM): "systems",
+    dictionary(instance("Column")): "columns",
+    several(instance("Condition", "what conditions() gives")): "conditions",
+    instance("Covariance", "the covariance of an identification"): "covariance",
+    instance("DataFrame", "a table of pandas"): "frame",
+    instance("Faults"): "faults",
+    instance("Identification", "what identify(plant, log) gives"): "found",
+    instance("Known", "what known_of(plant) gives"): "known",
+    instance("RobustMargins", "what robust_margins(systems, controller) gives"): "robust",
+    instance("Sensors"): "sensors",
+    one_of("linear", "nonlinear"): "model",
+    one_of("zero_order", "first_order"): "hold",
+    where("anything", lambda value: True): "result",
+}
+ARGUMENTS = {name: kind for kind, names in _NAMES.items() for name in names.split()}
+#: Arguments of single functions that mean something else.
+OVERRIDES: dict[str, Kind] = {
+    **{f"{name}.plant": _or_name(PLANT) for name in ("run", "monte_carlo")},
+    **{f"{name}.controller": _or_name(CONTROLLER) for name in ("run", "monte_carlo")},
+    **{f"{name}.name": TEXT | PATH for name in ("load_plant", "load_controller", "load_scenario")},
+    **{f"{name}.force": FLAG for name in ("export_fmu", "write_plant", "write_report")},
+    "Log.path": PATH,
+    "Log.segment.start": NUMBER,
+    "diagnose_many.logs": several(_or_name(LOG)),
+    "identify.logs": LOG | several(LOG),
+    "identify.method": one_of("simulation", "balances"),
+    "identify.validate": several(LOG),
+    "run.assumed": FLAG | NONE,
+    "sensitivities.parameters": NAMES,
+    "shortest_time.start": NUMBER,
+    "simulate.current": ARRAY | instance("TimeResponseData", "a time response of python-control"),
+    "simulate_batch.parameters": ARRAY,
+    "three_state.position": FLAG,
+    "write_plant.plants": PLANT,
+}
+
+
+def convert_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """The function as users call it: names and paths are loaded, what does not fit is an InputError of one sentence.
 
     It has the name that it has in `ehsa_ctrl`, so that it can be sent to other processes.
     """
     signature = inspect.signature(function)
+    name = function.__qualname__.removesuffix(".__init__")
+    kinds = {
+        parameter.name: kind_of(name, parameter)
+        for parameter in signature.parameters.values()
+        if parameter.name not in ("self", "cls")
+    }
 
     @wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -70,261 +335,45 @@ def accepting(function: Callable[P, R]) -> Callable[P, R]:
         except TypeError:
             # Python's own words name the function and the argument.
             return function(*args, **kwargs)
-        for name in sorted(given.arguments, key=lambda name: name not in FIRST):
-            parameter = signature.parameters[name]
-            given.arguments[name] = _each(function, parameter, given.arguments)
+        values = given.arguments
+        for word in sorted((word for word in values if word in kinds), key=lambda word: word not in FIRST):
+            beside = {"": name, **values}
+            if signature.parameters[word].kind is inspect.Parameter.VAR_POSITIONAL:
+                values[word] = tuple(_convert(kinds[word], f"{name}: {word}", item, beside) for item in values[word])
+            else:
+                values[word] = _convert(kinds[word], f"{name}: {word}", values[word], beside)
         return function(*given.args, **given.kwargs)
 
     called.__module__, called.__qualname__ = "ehsa_ctrl", function.__name__
     return called
 
 
-def checking(owner: type, methods: Iterable[str]) -> None:
-    """Have these methods of a class check what they are given, once."""
+def convert_method_arguments(owner: type, methods: Iterable[str]) -> None:
+    """Have these methods of a class convert their arguments, once."""
     for name in methods:
         method = inspect.getattr_static(owner, name)
         bare = getattr(method, "__func__", method)
         if not hasattr(bare, "__wrapped__"):
-            checked = accepting(bare)
+            checked = convert_arguments(bare)
             checked.__module__, checked.__qualname__ = bare.__module__, bare.__qualname__
             setattr(owner, name, checked if bare is method else type(method)(checked))
 
 
-def _each(function: Callable[..., Any], parameter: inspect.Parameter, given: Mapping[str, Any]) -> Any:
-    """An argument, or all of those that stand for `*name`, as the function wants them."""
-    value = given[parameter.name]
-    if parameter.annotation is inspect.Parameter.empty:
-        # The object or class that a method belongs to.
-        return value
-    if parameter.kind is inspect.Parameter.VAR_POSITIONAL:
-        return tuple(_accepted(function, parameter, item, given) for item in value)
-    return _accepted(function, parameter, value, given)
+def kind_of(function: str, parameter: inspect.Parameter) -> Kind:
+    """What an argument accepts. Raises LookupError for one that is in neither table."""
+    kind = OVERRIDES.get(f"{function}.{parameter.name}") or ARGUMENTS[parameter.name]
+    return kind | NONE if parameter.default is None else kind
 
 
-def _accepted(function: Callable[..., Any], parameter: inspect.Parameter, value: Any, given: Mapping[str, Any]) -> Any:
-    """The value as the function wants it, loaded if it can be. Raises InputError for one that does not fit."""
-    words = list(_alternatives(str(parameter.annotation)))
-    names = function.__globals__
-    if isinstance(value, Iterator) and any(word.startswith(("Sequence", "Iterable")) for word in words):
-        value = list(value)
+def _convert(kind: Kind, where: str, value: Any, given: Given) -> Any:
+    """The value as the function takes it. Raises InputError for one that does not fit or can't be loaded."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
-    for word in words:
-        if _fits(value, word, names) and not (parameter.name == "seed" and value < 0):
-            return _plain(value, word)
-    where = f"{function.__qualname__.removesuffix('.__init__')}: {parameter.name}"
     try:
-        return _loaded(function, words, value, given)
+        return kind.convert(list(value) if isinstance(value, Iterator) else value, given)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    except LookupError:
-        loaded = "; it is loaded already, use it as it is" if type(value).__name__ in LOADED and "str" in words else ""
-        tables = [word.partition("[")[2].removesuffix("]") for word in words if word.startswith(("Mapping", "dict"))]
-        odd = _odd(value, tables[0], names) if tables and isinstance(value, Mapping) else []
-        got = f"a dictionary with {odd[0]}" if odd else shown(value)
-        raise InputError(f"{where} is {got}; expected {_expected(words, names)}{loaded}") from None
-
-
-def _plain(value: Any, word: str) -> Any:
-    """A value that fits, as numpy's arrays and tuples of numbers where these are what is meant."""
-    if word == "np.ndarray" and (isinstance(value, Sequence) or hasattr(value, "__array__")):
-        return np.asarray(value)
-    if word == "Sequence[float]":
-        return tuple(np.asarray(value, dtype=float).tolist())
-    return list(value) if word.startswith("Sequence") and not isinstance(value, Sequence) else value
-
-
-def _loaded(function: Callable[..., Any], words: Sequence[str], value: Any, given: Mapping[str, Any]) -> Any:
-    """What a name, a path or a text of names stands for. Raises LookupError where it stands for nothing."""
-    bare = {word.rpartition(".")[2] for word in words}
-    if not isinstance(value, str | os.PathLike):
-        if "int" in bare and isinstance(value, float) and value.is_integer() and 0 <= value < 2**53:
-            return int(value)
-        if "Sequence[Log]" in bare and isinstance(value, list | tuple):
-            return [_log(item, given) for item in value]
-        if "StateSpace" in bare and _is(value, "Plant") and value.model == "linear":
-            return _linear_model(value)
-        raise LookupError(value)
-    if "Plant" in bare:
-        from .plant.load import load_plant
-
-        return load_plant(os.fspath(value), model="linear" if function.__name__ in LINEAR else "nonlinear")
-    if "Log" in bare:
-        return _log(value, given)
-    if "Sequence[Log]" in bare:
-        return [_log(value, given)]
-    if "Sequence[str | Path | Log]" in bare:
-        return [value]
-    if "StateSpace" in bare:
-        from .plant.load import load_plant
-
-        return _linear_model(load_plant(os.fspath(value), model="linear"))
-    if "Controller" in bare or bare == {"Any"}:
-        return _controller(value, given)
-    if isinstance(value, str) and bare & {"Sequence[str]", "Iterable[str]"}:
-        return tuple(name.strip() for name in value.split(",") if name.strip())
-    raise LookupError(value)
-
-
-def _log(value: Any, given: Mapping[str, Any]) -> Any:
-    if _is(value, "Log"):
-        return value
-    plant: Any = given.get("plant")
-    if not isinstance(value, str | os.PathLike) or not _is(plant, "Plant"):
-        raise LookupError(value)
-    from .identification.plant_log import read_plant_log
-
-    return read_plant_log(os.fspath(value), plant)
-
-
-def _linear_model(plant: Any) -> Any:
-    from .plant.linear import three_state
-
-    return three_state(plant)
-
-
-def _controller(value: Any, given: Mapping[str, Any]) -> Any:
-    """A controller by name, designed on the linear model that is given beside it or on the plant's own."""
-    from .design.load import load_controller
-    from .plant.load import load_plant
-
-    system: Any = given.get("system")
-    plant: Any = given.get("plant")
-    if system is None and _is(plant, "Plant") and plant.path is not None:
-        system = _linear_model(load_plant(plant.path, model="linear"))
-    if not _is(system, "StateSpace"):
-        raise LookupError(value)
-    period = plant.sample_time if _is(plant, "Plant") else None
-    return load_controller(os.fspath(value), system, sample_time=period)
-
-
-def _alternatives(annotation: str, between: str = "|") -> Iterator[str]:
-    """The parts of "A | B[C | D]": A, then B[C | D]."""
-    depth, start = 0, 0
-    for place, sign in enumerate(annotation):
-        depth += (sign in "[(") - (sign in "])")
-        if sign == between and depth == 0:
-            yield annotation[start:place].strip()
-            start = place + 1
-    yield annotation[start:].strip()
-
-
-def _fits(value: Any, word: str, names: Mapping[str, Any]) -> bool:
-    """Whether a value is what one alternative of an annotation says."""
-    head, _, inner = word.partition("[")
-    inner = inner.removesuffix("]")
-    words = _words(word, names)
-    if words:
-        return value in words if isinstance(value, str) else False
-    match head.rpartition(".")[2]:
-        case "None":
-            return value is None
-        case "Any":
-            return not isinstance(value, str | os.PathLike)
-        case "bool":
-            return isinstance(value, bool | np.bool_)
-        case "float":
-            return _is_number(value, Real)
-        case "Real":
-            return isinstance(value, Real | np.number) and not isinstance(value, bool)
-        case "int":
-            return _is_number(value, Integral)
-        case "str":
-            return isinstance(value, str)
-        case "Path":
-            return isinstance(value, os.PathLike)
-        case "ndarray":
-            return _is_numeric(value)
-        case "Mapping" | "dict":
-            return isinstance(value, Mapping) and not _odd(value, inner, names)
-        case "Callable" | "Watch":
-            return callable(value)
-        case "tuple":
-            kinds = [kind for kind in _alternatives(inner, ",") if kind != "..."]
-            many = isinstance(value, tuple | list) and ("..." in inner or len(value) == len(kinds))
-            return many and all(_is_many([item], kind, names) for item, kind in zip(value, cycle(kinds), strict=False))
-        case "Sequence" if inner == "float":
-            return _is_numeric(value) and np.ndim(value) == 1
-        case "Sequence" | "Iterable":
-            return _is_many(value, inner, names)
-        case "Controller":
-            return isinstance(value, Controller)
-        case name:
-            return _is(value, name)
-
-
-def _odd(value: Mapping[Any, Any], inner: str, names: Mapping[str, Any]) -> list[str]:
-    """What of a dictionary does not fit "str, KIND"; how large a number may be is said by whom it is for."""
-    kind = inner.partition(",")[2].strip()
-    words = [*_alternatives(kind), *(["Real"] if "float" in kind else [])]
-    return [
-        f"{shown(item)} under {shown(key)}"
-        for key, item in value.items()
-        if not isinstance(key, str) or not any(_fits(item, word, names) for word in words)
-    ]
-
-
-def _words(word: str, names: Mapping[str, Any]) -> tuple[Any, ...]:
-    """The words that Literal["a", "b"], or an alias of it in the function's module, lets pass."""
-    if word.startswith("Literal["):
-        return tuple(ast.literal_eval(f"({word[8:-1]},)"))
-    return tuple(item for item in get_args(names.get(word)) if isinstance(item, str))
-
-
-def _is(value: Any, name: str) -> bool:
-    """Whether a value's class, or one that it is derived from, has this name: nothing is imported to tell."""
-    return any(each.__name__ == name for each in type(value).__mro__)
-
-
-def _is_number(value: Any, kind: type) -> bool:
-    if isinstance(value, np.ndarray) and value.ndim == 0:
-        value = value[()]
-    if not isinstance(value, kind) or isinstance(value, bool | np.bool_):
-        return False
-    number: Any = value
-    # Neither nan nor what nothing can be computed with.
-    return bool(-LARGEST <= number <= LARGEST) and (kind is Real or -(2**63) <= number < 2**63)
-
-
-def _is_numeric(value: Any) -> bool:
-    try:
-        array = np.asarray(value)
-        return array.dtype.kind in "fiu" and array.ndim > 0
-    except (TypeError, ValueError, OverflowError):
-        return False
-
-
-def _is_many(value: Any, inner: str, names: Mapping[str, Any]) -> bool:
-    if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
-        return False
-    return all(any(_fits(item, word, names) for word in _alternatives(inner)) for item in value)
-
-
-def _expected(words: Sequence[str], names: Mapping[str, Any]) -> str:
-    """What would have fitted, in words."""
-    said = []
-    for word in words:
-        head, _, inner = word.partition("[")
-        choices = _words(word, names)
-        name = head.rpartition(".")[2]
-        if choices:
-            said.append(" or ".join(repr(choice) for choice in choices))
-        elif name in ("Sequence", "Iterable") and inner != "float]":
-            items = [part.rpartition(".")[2] for part in _alternatives(inner.removesuffix("]"))]
-            item = next((part for part in reversed(items) if part in MEANT), "")
-            said.append("several, each " + MEANT[item] if item not in ("", "str") else "names")
-        elif name in ("Mapping", "dict"):
-            kind = inner.removesuffix("]").partition(",")[2].strip()
-            said.append(f"a dictionary that has under each name {_expected(list(_alternatives(kind)), names)}")
-        elif name == "tuple":
-            said.append("a tuple")
-        elif name == "ndarray" or name == "Sequence":
-            said.append(MEANT["np.ndarray"])
-        elif name == "TimeResponseData":
-            said.append("a time response of python-control")
-        else:
-            said.append(MEANT.get(name, f"a {name}"))
-    # A name and a path are in the words for what they stand for.
-    if len(words) > 1 and any(part.startswith(("a plant:", "a controller:", "a scenario:")) for part in said):
-        said = [part for part in said if part not in (MEANT["str"], MEANT["Path"])]
-    return ", or ".join(dict.fromkeys(said))
+    except MisfitError as misfit:
+        loaded = type(value).__name__ in LOADED and kind.expected.startswith("a text")
+        use = "; it is loaded already, use it as it is" if loaded else ""
+        raise InputError(f"{where} is {str(misfit) or shown(value)}; expected {kind.expected}{use}") from None
