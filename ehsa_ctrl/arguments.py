@@ -38,7 +38,7 @@ class MisfitError(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Kind:
+class ArgumentKind:
     """A kind of argument: in words, and how a value is converted.
 
     convert: (value, arguments given so far) -> converted value; raises MisfitError.
@@ -47,7 +47,7 @@ class Kind:
     expected: str
     convert: Callable[[Any, Given], Any]
 
-    def __or__(self, other: Kind) -> Kind:
+    def __or__(self, other: ArgumentKind) -> ArgumentKind:
         """Either of two kinds."""
 
         def convert(value: Any, given: Given) -> Any:
@@ -59,12 +59,12 @@ class Kind:
                 except MisfitError:
                     raise misfit from None
 
-        return Kind(f"{self.expected}, or {other.expected}", convert)
+        return ArgumentKind(f"{self.expected}, or {other.expected}", convert)
 
 
-def where(expected: str, fits: Callable[[Any], bool]) -> Kind:
+def where(expected: str, fits: Callable[[Any], bool]) -> ArgumentKind:
     """A kind whose values are used as they are."""
-    return Kind(expected, lambda value, given: _checked(value, fits(value)))
+    return ArgumentKind(expected, lambda value, given: _checked(value, fits(value)))
 
 
 def _checked(value: Any, fits: bool) -> Any:
@@ -73,16 +73,16 @@ def _checked(value: Any, fits: bool) -> Any:
     return value
 
 
-def instance(name: str, expected: str = "") -> Kind:
+def instance(name: str, expected: str = "") -> ArgumentKind:
     """Instances of a class, told by its name: nothing is imported for that."""
     return where(expected or f"a {name}", lambda value: _is(value, name))
 
 
-def one_of(*words: str) -> Kind:
+def one_of(*words: str) -> ArgumentKind:
     return where(" or ".join(map(repr, words)), lambda value: isinstance(value, str) and value in words)
 
 
-def dictionary(item: Kind) -> Kind:
+def dictionary(item: ArgumentKind) -> ArgumentKind:
     """Dictionaries of one kind with texts as keys."""
 
     def convert(value: Any, given: Given) -> Any:
@@ -96,10 +96,10 @@ def dictionary(item: Kind) -> Kind:
                 raise MisfitError(f"a dictionary with {shown(content)} under {shown(key)}") from None
         return found
 
-    return Kind(f"a dictionary that has under each name {item.expected}", convert)
+    return ArgumentKind(f"a dictionary that has under each name {item.expected}", convert)
 
 
-def several(item: Kind) -> Kind:
+def several(item: ArgumentKind) -> ArgumentKind:
     """Lists, tuples and the like of one kind; a name or path alone is a list of one."""
 
     def convert(value: Any, given: Given) -> Any:
@@ -109,7 +109,7 @@ def several(item: Kind) -> Kind:
             raise MisfitError
         return [item.convert(each, given) for each in value]
 
-    return Kind(f"several, each {item.expected}", convert)
+    return ArgumentKind(f"several, each {item.expected}", convert)
 
 
 def _is(value: Any, name: str) -> bool:
@@ -219,25 +219,27 @@ NUMBER = where("a finite number in SI units", lambda value: _is_number(value, Re
 ANY_NUMBER = where(
     NUMBER.expected, lambda value: isinstance(value, Real | np.number) and not isinstance(value, bool | np.bool_)
 )
-WHOLE = Kind("a whole number", _to_whole)
-SEED = Kind("a whole number", _to_seed)
+WHOLE = ArgumentKind("a whole number", _to_whole)
+SEED = ArgumentKind("a whole number", _to_seed)
 FLAG = where("True or False", lambda value: isinstance(value, bool | np.bool_))
 TEXT = where("a text", lambda value: isinstance(value, str))
 PATH = where("a path", lambda value: isinstance(value, os.PathLike))
 NONE = where("None", lambda value: value is None)
-ARRAY = Kind("an array of numbers", _to_array)
-NUMBERS = Kind("an array of numbers", _to_numbers)
-NAMES = Kind("names", _to_names)
+ARRAY = ArgumentKind("an array of numbers", _to_array)
+NUMBERS = ArgumentKind("an array of numbers", _to_numbers)
+NAMES = ArgumentKind("names", _to_names)
 FUNCTION = where("a function", callable)
 TUPLE = where("a tuple", lambda value: isinstance(value, tuple | list) and all(isinstance(item, str) for item in value))
 PAIR = where("a tuple", _is_pair)
 SPAN = where("a tuple", lambda value: _is_pair(value, open_ended=True))
-PLANT = Kind('a plant: its name, the path of its TOML, or what load_plant("ehsa") gives', as_plant)
-LOG = Kind("a log: the path of its file, or what read_plant_log(path, plant) or Log.from_pandas(table) gives", as_log)
-SYSTEM = Kind(
+PLANT = ArgumentKind('a plant: its name, the path of its TOML, or what load_plant("ehsa") gives', as_plant)
+LOG = ArgumentKind(
+    "a log: the path of its file, or what read_plant_log(path, plant) or Log.from_pandas(table) gives", as_log
+)
+SYSTEM = ArgumentKind(
     'a linear model: a plant\'s name, or what three_state(load_plant("ehsa", model="linear")) gives', as_system
 )
-CONTROLLER = Kind(
+CONTROLLER = ArgumentKind(
     "a controller: its name, the path of its TOML, or what load_controller(name, system) gives", as_controller
 )
 SCENARIO = instance(
@@ -245,12 +247,12 @@ SCENARIO = instance(
 )
 
 
-def _or_name(kind: Kind) -> Kind:
+def _or_name(kind: ArgumentKind) -> ArgumentKind:
     """What functions load by themselves."""
-    return Kind(kind.expected, (TEXT | PATH | kind).convert)
+    return ArgumentKind(kind.expected, (TEXT | PATH | kind).convert)
 
 
-#: Kind -> the arguments that have it, besides None where that is their default.
+#: ArgumentKind -> the arguments that have it, besides None where that is their default.
 _NAMES = {
     NUMBER: "amplitude band current_limit delay distance duration excess from_ margin position pressure_level resample "
     "rtol sample_time speed_limit spread stop threshold to tolerance unknown velocity width window within",
@@ -294,7 +296,7 @@ _NAMES = {
 }
 ARGUMENTS = {name: kind for kind, names in _NAMES.items() for name in names.split()}
 #: Arguments of single functions that mean something else.
-OVERRIDES: dict[str, Kind] = {
+OVERRIDES: dict[str, ArgumentKind] = {
     **{f"{name}.plant": _or_name(PLANT) for name in ("run", "monte_carlo")},
     **{f"{name}.controller": _or_name(CONTROLLER) for name in ("run", "monte_carlo")},
     **{f"{name}.name": TEXT | PATH for name in ("load_plant", "load_controller", "load_scenario")},
@@ -359,13 +361,13 @@ def convert_method_arguments(owner: type, methods: Iterable[str]) -> None:
             setattr(owner, name, checked if bare is method else type(method)(checked))
 
 
-def kind_of(function: str, parameter: inspect.Parameter) -> Kind:
+def kind_of(function: str, parameter: inspect.Parameter) -> ArgumentKind:
     """What an argument accepts. Raises LookupError for one that is in neither table."""
     kind = OVERRIDES.get(f"{function}.{parameter.name}") or ARGUMENTS[parameter.name]
     return kind | NONE if parameter.default is None else kind
 
 
-def _convert(kind: Kind, where: str, value: Any, given: Given) -> Any:
+def _convert(kind: ArgumentKind, where: str, value: Any, given: Given) -> Any:
     """The value as the function takes it. Raises InputError for one that does not fit or can't be loaded."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
