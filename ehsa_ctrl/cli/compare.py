@@ -10,7 +10,7 @@ import typer
 from ..core.errors import SimulationError
 from .complete import models_or_both
 from .options import LogOptions, PlantOption, Settings, read_pairs
-from .output import OutputOptions, assumed_names, command_line, provenance, warn
+from .output import OutputOptions, assumed_names, provenance, warn
 
 if TYPE_CHECKING:
     import pandas
@@ -36,12 +36,13 @@ def command(
     from ..identification.checks import check_log, raise_on_error
     from ..identification.comparison import fit_words, replay
     from ..identification.plant_log import missing_information
+    from ..report.write import replay_dict
     from .inputs import fit_table, load_models, read_prepared
     from .progress import compiling
 
     pairs = read_pairs(settings)
     plants = load_models(plant, model, pairs)
-    output.check("compare", "comparison.json", "compare.csv", "report.html", figures=["compare"])
+    output.check("compare", "comparison.json", "compare.csv", "report.html", figures=["compare", "compare-detail"])
     how = preparation.preparation()
     last = plants[-1]
     with compiling():
@@ -66,7 +67,7 @@ def command(
         "sample_time": ready.sample_time,
         "from": float(ready.time[0]),
         "to": float(ready.time[-1]),
-        "models": {run.plant.model: _run_dict(run) for run in replays},
+        "models": {run.plant.model: replay_dict(run) for run in replays},
         "preparation": [step.to_dict() for step in steps],
         "findings": [finding.to_dict() for finding in findings],
         "untold": list(missing.values()),
@@ -76,14 +77,10 @@ def command(
     }
 
     def write_files(draft: Path) -> None:
-        from ..report.comparison_page import write_comparison_page
-        from ..report.figures import replay_figure, save
+        from ..report.result_figures import comparison_figures, save_all
 
         _time_series(replays).to_csv(draft / "compare.csv", index=False, float_format="%.9g")
-        save(replay_figure(replays), draft / "compare")
-        write_comparison_page(
-            replays, draft, command=command_line(), findings=findings, untold=missing.values(), steps=steps
-        )
+        save_all(comparison_figures(replays), draft)
 
     def print_result() -> None:
         print(f"{last.name} beside {log.name}: {len(ready)} samples from {ready.time[0]:g} to {ready.time[-1]:g} s")
@@ -98,16 +95,7 @@ def command(
         if "force" in missing:
             print(missing["force"])
 
-    output.deliver("compare", "comparison.json", result, print_result, files=write_files, page=False)
-
-
-def _run_dict(run: Comparison) -> dict[str, Any]:
-    states = [state.name for state in run.plant.structure.equations.states]
-    return {
-        "fit_percent": run.fit_percent,
-        "start": {"words": run.start.words, "state": dict(zip(states, run.start.state, strict=True))},
-        "stopped": run.stopped,
-    }
+    output.deliver("compare", "comparison.json", result, print_result, files=write_files)
 
 
 def _time_series(replays: list[Comparison]) -> pandas.DataFrame:

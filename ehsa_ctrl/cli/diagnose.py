@@ -12,7 +12,7 @@ import typer
 from ..core.errors import InputError
 from .complete import controllers, models, scenarios
 from .options import LogOptions, PlantOption, Settings, read_pairs
-from .output import OutputOptions, command_line, provenance, to_json, warn
+from .output import OutputOptions, provenance, to_json, warn
 
 if TYPE_CHECKING:
     from ..core.log import Log
@@ -159,7 +159,7 @@ def command(
 
     output.deliver(
         "diagnose", "diagnosis.json", outcome.to_dict(), print_result, stored=outcome.stored(),
-        files=lambda draft: write_files(draft, outcome), page=False,
+        files=lambda draft: write_files(draft, outcome),
         then=f"; use the corrected plant as --plant {improved}" if improved else "",
     )  # fmt: skip
     if output.as_json:
@@ -255,7 +255,7 @@ def _print_closed(closed: LoopComparison) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from ..report.closed_loop import OTHER, closed_table
+    from ..report.kinds.diagnosis import OTHER, closed_table
 
     console = Console(highlight=False)
     console.print(f"\n{closed.scenario} with {closed.controller}:")
@@ -281,9 +281,9 @@ def _print_closed(closed: LoopComparison) -> None:
 def file_names(plant: Plant, *, before: bool = False, closed: bool = False) -> list[str]:
     """Files that a diagnosis has or may have beside its figures, the main one first."""
     from ..diagnosis.next_experiment import FILE
-    from ..report.diagnosis_page import FILE as PAGE
+    from ..report.kinds.diagnosis import KIND
 
-    names = ["diagnosis.json", PAGE, f"{plant.name}_improved.toml", "signals.csv", "causes.csv", FILE]
+    names = ["diagnosis.json", KIND.page, f"{plant.name}_improved.toml", "signals.csv", "causes.csv", FILE]
     names += ["before.json", f"{plant.name}_before.toml"] if before else []
     return [*names, "closed_loop.json"] if closed else names
 
@@ -302,13 +302,12 @@ def next_lines(experiment: Experiment | None, out: Path | None) -> list[str]:
 
 
 def write_files(out: Path, outcome: DiagnosisOutcome) -> None:
-    """The improved plant, tables of causes and signals, figures and page: all but diagnosis.json."""
+    """The improved plant, tables of causes and signals, and figures."""
     from ..diagnosis.next_experiment import FILE
     from ..identification.plant_toml import write_plant
-    from ..report.diagnosis_page import diagnosis_figures, write_diagnosis_page
-    from ..report.diagnosis_signals import signals_table
     from ..report.figures import closed_figure, save
-    from .inputs import preparation_sentences
+    from ..report.figures.free_runs import signals_table
+    from ..report.result_figures import diagnosis_figures, save_all
 
     found, change, closed = outcome.found, outcome.change, outcome.closed
     if found.experiment is not None:
@@ -322,20 +321,7 @@ def write_files(out: Path, outcome: DiagnosisOutcome) -> None:
     signals_table(found).to_csv(out / "signals.csv", index=False, float_format="%.7g")
     if found.effects:
         found.to_pandas().to_csv(out / "causes.csv", index=False)
-    for name, (_, figure) in diagnosis_figures(found).items():
-        save(figure, out / name)
-    loop_figure = None
+    save_all(diagnosis_figures(found), out)
     if closed is not None:
         (out / "closed_loop.json").write_text(to_json(closed.to_dict()) + "\n")
-        loop_figure = closed_figure(closed.loops, f"{closed.scenario} with {closed.controller}")
-        save(loop_figure, out / "closed_loop")
-    write_diagnosis_page(
-        found,
-        out,
-        command=command_line(),
-        change=change,
-        closed=closed.to_dict() if closed is not None else None,
-        closed_loop=loop_figure,
-        files=[file for file in outcome.files if file is not None],
-        steps=preparation_sentences(outcome.steps),
-    )
+        save(closed_figure(closed.loops, f"{closed.scenario} with {closed.controller}"), out / "closed_loop")

@@ -45,6 +45,7 @@ def diagnose_batch(
     from ..core.result_folder import ResultFolder
     from ..core.text import folder_names
     from ..diagnosis.batch import diagnose_many
+    from ..report.results import write_result_page
     from .progress import compiling, counting
 
     files = [log.resolve() for log in logs]
@@ -70,6 +71,7 @@ def diagnose_batch(
             with ResultFolder(out / folders[name], "diagnose", force=True).draft() as draft:
                 (draft / "diagnosis.json").write_text(to_json(outcome.stored()) + "\n")
                 write_files(draft, outcome)
+                write_result_page(draft, "diagnosis.json")
 
     with compiling(), counting() as watch, parallel_backend(backend, address):
         batch = diagnose_many(

@@ -11,7 +11,7 @@ import typer
 from ..core.errors import InputError
 from .complete import models_or_both, plants, several_symbols, symbols
 from .options import LogOptions, Settings, check_word, read_pairs, split_names
-from .output import OutputOptions, command_line, provenance, warn
+from .output import OutputOptions, provenance, warn
 
 if TYPE_CHECKING:
     from ..core.log import Log
@@ -114,6 +114,7 @@ def command(
     """
     from ..identification.refits import assumption_sensitivities
     from ..plant.load import models_of
+    from ..report.kinds.identification import DRAWN, fit_stem
     from .inputs import fit_table, load_models
     from .progress import compiling, watching
 
@@ -133,7 +134,10 @@ def command(
     ends = [f"-{each.model}" for each in models] if len(models) > 1 else [""]
     output.check(
         "identify", "identification.json", plant_file, "report.html", *(f"parameters{end}.csv" for end in ends),
-        figures=[f"{word}{end}" for word in ("fit", "parameters", "correlation", "residuals") for end in ends],
+        figures=[
+            *(f"{word}{end}" for word in ("parameters", "correlation", "residuals") for end in ends),
+            *(fit_stem(end, k) for end in ends for k in range(min(len(validate or logs), DRAWN))),
+        ],
     )  # fmt: skip
     how = preparation.preparation()
     found: list[Identification] = []
@@ -146,9 +150,9 @@ def command(
             found.append(identification)
             answers.append(answer)
     result = {**answers[-1], "plant": plant, "settings": pairs, "rests_on": provenance(models, [*logs, *validate])}
-    drifts = [assumption_sensitivities(each) for each in found] if assumed else []
-    for answer, tried in zip(answers, drifts, strict=False):
-        answer["assumed_ranges"] = result["assumed_ranges"] = [drift.to_dict() for drift in tried]
+    for identified, answer in zip(found, answers, strict=True) if assumed else ():
+        ranges = [sensitivity.to_dict() for sensitivity in assumption_sensitivities(identified)]
+        answer["assumed_ranges"] = result["assumed_ranges"] = ranges
     if len(found) > 1:
         result["models"] = {each.model: answer for each, answer in zip(models, answers, strict=True)}
     findings = dict.fromkeys(str(finding) for each in found for finding in each.findings)
@@ -157,20 +161,13 @@ def command(
 
     def write_files(draft: Path) -> None:
         from ..identification.plant_toml import sliding_linear, write_plant
-        from ..report import figures
-        from ..report.identification_page import write_identification_page
+        from ..report.result_figures import identification_figures, save_all
 
         written = [each.plant for each in found]
         write_plant(draft / plant_file, *([sliding_linear(written[0])] if linear == "sliding" else []), *written)
         for each, end in zip(found, ends, strict=True):
             each.to_pandas().to_csv(draft / f"parameters{end}.csv")
-            figures.save(figures.identification_figure(each), draft / f"fit{end}")
-            figures.save(figures.parameters_figure(each), draft / f"parameters{end}")
-            if each.method == "simulation":
-                figures.save(figures.correlation_figure(each), draft / f"correlation{end}")
-            if each.residual_tests:
-                figures.save(figures.residuals_figure(each), draft / f"residuals{end}")
-        write_identification_page(found, draft, command=command_line(), drifts=drifts)
+        save_all(identification_figures({each.plant.model: each for each in found}), draft)
 
     def print_result() -> None:
         for identification in found:
@@ -189,9 +186,7 @@ def command(
     out = output.out
     stored = {**result, "written": out / plant_file} if out is not None else None
     then = f"; use it as --plant {out / plant_file}" if out is not None else ""
-    output.deliver(
-        "identify", "identification.json", result, print_result, stored=stored, files=write_files, page=False, then=then
-    )
+    output.deliver("identify", "identification.json", result, print_result, stored=stored, files=write_files, then=then)
     if output.as_json:
         for sentence in {sentence for each in found for sentence in each.warnings}:
             warn(sentence)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -12,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..core.json_text import plain as plain
+from ..core.json_text import to_json as to_json
 from .options import Force, Json, Out
 
 if TYPE_CHECKING:
@@ -47,7 +47,6 @@ class OutputOptions:
         *,
         stored: Mapping[str, Any] | None = None,
         files: Callable[[Path], None] = lambda draft: None,
-        page: bool = True,
         then: str | None = "",
         keep: bool = False,
     ) -> None:
@@ -58,8 +57,8 @@ class OutputOptions:
         command: owner of the files in the folder. file: name of the JSON file.
         result: content of --json, and of the file unless that is `stored`.
         text: prints the result for a person. then: follows "written to DIR"; None where `text` has printed that.
-        files: writes the other files into the folder it is given, before the JSON.
-        page: whether report.html is made from the JSON. keep: as of ResultFolder.
+        files: writes the other files into the folder it is given, before the JSON and the page made from both.
+        keep: as of ResultFolder.
         """
         from ..core.result_folder import ResultFolder
 
@@ -67,10 +66,9 @@ class OutputOptions:
             with ResultFolder(self.out, command, self.force, keep).draft() as draft:
                 files(draft)
                 (draft / file).write_text(to_json(result if stored is None else stored) + "\n")
-                if page:
-                    from ..report.result_page import write_result_page
+                from ..report.results import write_result_page
 
-                    write_result_page(draft, file)
+                write_result_page(draft, file)
         if self.as_json:
             print(to_json(result))
             return
@@ -79,32 +77,11 @@ class OutputOptions:
             print(f"written to {self.out}{then}")
 
 
-def plain(value: Any) -> Any:
-    """A value as JSON knows it: numpy numbers and arrays become plain ones, nan and infinity null."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, complex):
-        return [value.real, value.imag]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Path):
-        return str(value)
-    return value
-
-
-def to_json(value: Any) -> str:
-    return json.dumps(plain(value), indent=2)
-
-
 def provenance(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:
     """Content of `rests_on` in a result's JSON: assumed parameters, hashes of files, the command line."""
-    from ..report.grounds import grounds
+    from ..report.provenance import provenance as provenance_of
 
-    return {**grounds(plants, files), "command": command_line()}
+    return {**provenance_of(plants, files), "command": command_line()}
 
 
 def assumed_names(plant: Plant) -> list[str]:

@@ -26,31 +26,31 @@ def command(
     Examples: ehsa-ctrl report results · ehsa-ctrl report demo --force · ehsa-ctrl report results --out to_send
     """
     from ..core.result_folder import ResultFolder
-    from ..report.result_page import FILE, results_in, write_overview
+    from ..report.results import FILE, results_in, write_overview
 
     place = out or folder
-    sections, wrong = results_in(folder, place)
+    results, wrong = results_in(folder, place)
     result = ResultFolder(place, "report", force).check(FILE)
     for sentence in wrong:
         warn(f"left out: {sentence}")
     with result.draft() as draft:
-        write_overview(sections, draft, folder.resolve().name)
+        write_overview(results, draft, folder.resolve().name)
     page = place / FILE
     if as_json:
-        results = [
+        stated = [
             {
-                "kind": section.kind.word,
-                "file": section.folder / section.kind.name,
-                "title": section.title,
-                "good": not section.doubtful,
-                "failed": section.failed,
-                "sentences": [words for words, _ in section.result.sentences],
+                "kind": each.kind.word,
+                "file": each.folder / each.kind.name,
+                "title": each.page.title,
+                "good": not each.doubtful,
+                "failed": each.failed,
+                "sentences": [words for words, _ in each.page.sentences],
             }
-            for section in sections
+            for each in results
         ]
-        print(to_json({"page": page, "results": results, "left_out": wrong}))
+        print(to_json({"page": page, "results": stated, "left_out": wrong}))
         return
-    for section in sections:
-        mark = "FAIL" if section.failed else "look" if section.doubtful else "ok  "
-        print(f"{mark}  {section.folder / section.kind.name}: {section.title}")
+    for each in results:
+        mark = "FAIL" if each.failed else "look" if each.doubtful else "ok  "
+        print(f"{mark}  {each.folder / each.kind.name}: {each.page.title}")
     print(f"written to {page}")

@@ -13,7 +13,7 @@ import typer
 from ..core.errors import InputError, SimulationError
 from .complete import scenarios as scenario_names
 from .options import Force, Json, RunOptions, read_pairs
-from .output import OutputOptions, command_line, provenance, warn_implausible
+from .output import OutputOptions, provenance, warn_implausible
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -116,10 +116,10 @@ def command(
     }
 
     def write_files(draft: Path) -> None:
-        summary["files"] = _write_files(results, draft)
+        summary["files"] = _write_files(results, summary["scenarios"], draft)
 
     print_result = partial(_print, results, out)
-    output.deliver("run", "results.json", summary, print_result, files=write_files, page=False, then=None)
+    output.deliver("run", "results.json", summary, print_result, files=write_files, then=None)
     if failed:
         raise typer.Exit(1)
 
@@ -208,25 +208,14 @@ def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: boo
     return [update_baseline(result, reason)[0] for result in results]
 
 
-def _write_files(results: list[ScenarioResult], folder: Path) -> list[str]:
-    """Time series, figures and page; returns the names of the files."""
-    from ..report.figures import loop_figure, save
-    from ..report.page import write_page
+def _write_files(results: list[ScenarioResult], stated: list[dict[str, Any]], folder: Path) -> list[str]:
+    """Time series and figures; returns the names of all files. stated: the results as the JSON has them."""
+    from ..report.result_figures import run_figures, save_all
 
-    drawings = []
     for result in results:
-        name = _stem(result)
-        result.time_series().to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
-        _, drawn = save(result.plot(), folder / name)
-        drawings.append(drawn.read_text(encoding="utf-8"))
-        if result.baseline is not None and result.baseline.differences(result):
-            save(result.plot_baseline(), folder / f"{name}-baseline")
-    for name, loop in {result.controller.name: result.loop for result in results}.items():
-        if loop is not None:
-            save(loop_figure(loop), folder / f"loop-{name}")
-    drawn_of = sorted(path.name for path in folder.iterdir())
-    write_page(results, folder, command=command_line(), drawings=drawings)
-    return ["report.html", *drawn_of]
+        result.time_series().to_csv(folder / f"{_stem(result)}.csv", index=False, float_format="%.9g")
+    save_all(run_figures(results, stated), folder)
+    return ["report.html", *sorted(path.name for path in folder.iterdir())]
 
 
 def _print(results: list[ScenarioResult], out: Path) -> None:
@@ -271,7 +260,7 @@ def _summary(results: list[ScenarioResult]) -> Table:
 
 def _metrics(results: list[ScenarioResult]) -> Table:
     """Of one controller the linear prediction, the nonlinear outcome and their gap; of several the outcomes."""
-    from ..report.closed_loop import SHOWN
+    from ..report.kinds.diagnosis import CLOSED_LOOP
 
     frames = [result.table() for result in results]
     if len(results) == 1:
@@ -279,7 +268,7 @@ def _metrics(results: list[ScenarioResult]) -> Table:
     else:
         headings, columns = [result.controller.name for result in results], ["nonlinear"]
     table = _table("", *headings, "unit", right=len(headings))
-    for name in SHOWN:
+    for name in CLOSED_LOOP:
         cells = [frame.loc[name, column] for frame in frames for column in columns]
         if set(cells) != {"-"}:
             unit = frames[0].loc[name, "unit"]

@@ -43,6 +43,11 @@ class Parameter:
     written: str = ""
     stated: Parameter | None = field(default=None, compare=False, repr=False)
 
+    @property
+    def file_unit(self) -> str:
+        """The unit used in the plant's file."""
+        return self.written.partition(" ")[2] or self.unit
+
     def given(self, value: float) -> Parameter:
         """The parameter with a value set for one run, without the standard deviation of the old value."""
         return replace(

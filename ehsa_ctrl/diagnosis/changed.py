@@ -67,6 +67,12 @@ class Change(TextResult):
                 "verdict": self.before.verdict,
                 "sentence": self.before.sentence,
                 "brought": self.brought,
+                "parameters": {
+                    name: {"nominal": self.before.plant[name], "value": parameter.value, "unit": parameter.unit}
+                    for name, parameter in self.rig.parameters.items()
+                    if name in self.before.plant.parameters
+                    and abs(parameter.value - self.before.plant[name]) > 1e-6 * abs(self.before.plant[name])
+                },
             },
         }
 

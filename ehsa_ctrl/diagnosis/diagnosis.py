@@ -13,7 +13,7 @@ from ..core.plotting import draw
 from ..core.text import TextResult
 from ..physics.effects import EFFECTS
 from ..plant.file import both
-from ..plant.plant import Plant
+from ..plant.plant import Plant, Sensor
 from .signals import SIGNALS, gap, scored, signal_noise
 from .verdict_text import name_of, nearest_sentence, verdict_sentence
 
@@ -181,9 +181,13 @@ class Diagnosis(TextResult):
             "sentence": self.sentence,
             "log": str(self.log.path) if self.log.path is not None else None,
             "plant": self.plant.name,
+            "plant_title": self.plant.title,
             "model": self.plant.model,
+            "settings": {p.name: p.written for p in self.plant.parameters.values() if p.source == "given"},
+            "samples": len(self.log),
+            "sample_time": self.log.sample_time,
             "where": [{"place": place, "share": share} for place, share in self.where],
-            "effects": [cause.to_dict() for cause in self.effects],
+            "effects": [self._described(cause) for cause in self.effects],
             "gap": {model: dict(gaps) for model, gaps in self.gap.items()},
             "gap_whole_log": dict(self.whole),
             "held_out": self.held_out,
@@ -191,11 +195,29 @@ class Diagnosis(TextResult):
             "next_experiment": self.next_experiment,
             "threshold": self.threshold,
             "candidates": [{"members": list(c.members), "evidence": c.evidence, "gap": c.gap} for c in self.candidates],
+            "nearest_sentence": self.nearest,
+            "location": None if self.location is None else self.location.to_dict(),
             "findings": list(self.findings),
             "seconds": self.seconds,
             "runs": self.runs,
             "provenance": dict(self.provenance),
         }
+
+    def _described(self, cause: Cause) -> dict[str, Any]:
+        """A cause with its text in the catalogue, and with the nominal value and meaning of its numbers."""
+        effect, found = EFFECTS[cause.id], cause.to_dict()
+        own = {parameter.name: parameter for parameter in effect.parameters}
+        meanings = {kind.name: kind.meaning for kind in self.plant.structure.equations.parameters}
+        for name, number in found["parameters"].items():
+            if cause.channel is not None and name == "value" and effect.sensor:
+                sensor = self.plant.sensors.get(cause.channel, Sensor(cause.channel, number["unit"]))
+                number |= {"name": effect.sensor, "belongs_to": "sensor", "nominal": getattr(sensor, effect.sensor)}
+                number["meaning"] = f"{effect.sensor} of the sensor of {cause.channel}"
+            else:
+                nominal = self.plant[name] if name in self.plant.parameters else own[name].neutral
+                number |= {"name": name, "belongs_to": "effect" if name in own else "plant", "nominal": nominal}
+                number["meaning"] = own[name].meaning if name in own else meanings.get(name, "")
+        return {**found, "summary": effect.summary, "fingerprint": effect.fingerprint}
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a cause."""

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from math import factorial
+from typing import Any
 
 import numpy as np
 
@@ -74,6 +75,19 @@ class Location:
     def place(self) -> str:
         """The place with the largest share."""
         return self.shares[0][0]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As under `location` in diagnosis.json."""
+        return {
+            "shares": dict(self.shares),
+            "by_signal": {name: dict(parts) for name, parts in self.by_signal.items()},
+            "regimes": [
+                {"balance": r.balance, "words": r.words, "explained": r.explained, "gap_closed": r.gap_closed}
+                for r in self.regimes
+            ],
+            "sensor": self.sensor,
+            "untold": list(self.untold),
+        }
 
     def __str__(self) -> str:
         told = [f"{place} {100 * s:.0f} %" for place, s in self.shares if s >= 0.005 and place not in self.silent]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -194,6 +194,14 @@ class Identification(TextResult):
             and abs(e.value - other[e.name].value) > 2.0 * math.hypot(e.sd, other[e.name].sd)
         )
 
+    def _meaning(self, name: str) -> str:
+        """What a parameter is, in words; a sensor's number is named WORD.CHANNEL."""
+        word, dot, channel = name.partition(".")
+        if dot:
+            return f"{word} of the sensor of {channel}"
+        meanings = {kind.name: kind.meaning for kind in self.plant.structure.equations.parameters}
+        return meanings.get(name, "")
+
     def to_dict(self) -> dict[str, Any]:
         """The content of identification.json."""
         fit, balances = self.fit, self.balances
@@ -203,10 +211,11 @@ class Identification(TextResult):
                 e.name: {
                     "value": e.value, "sd": e.sd, "unit": e.unit, "identifiable": e.identifiable, "verdict": e.verdict,
                     "interval_95": list(e.interval), "trades_with": list(e.trades), "at_bound": e.at_bound,
-                    "start": e.start, "prior_sd": e.prior_sd,
+                    "start": e.start, "prior_sd": e.prior_sd, "meaning": self._meaning(e.name),
                 }
                 for e in self.estimates
             },
+            "doubts": list(self.search_warnings),
             "method": self.method,
             "beside": {
                 "method": "balances" if self.method == "simulation" else "simulation",
@@ -217,6 +226,7 @@ class Identification(TextResult):
             "balances": None if balances is None else {
                 "method": balances.method,
                 "relative_error": {closure.name: closure.relative_error for closure in balances.balances},
+                "balances": [asdict(closure) for closure in balances.balances],
                 "undetermined": balances.undetermined,
             },
             "fit_percent": {
@@ -226,6 +236,17 @@ class Identification(TextResult):
                 "kind": "free run, driven by the logged drive",
                 "start": [run.start.words for run in (*self.train.after, *self.validation.after)],
             },
+            "runs": [
+                {
+                    "log": run.log.name,
+                    "use": use,
+                    "fit_percent": run.fit_percent,
+                    "start": run.start.words,
+                    "stopped": run.stopped,
+                }
+                for use, reach in (("train", self.train), ("validate", self.validation))
+                for run in reach.after
+            ],
             "correlation": {
                 "names": list(self.uncertainty.names),
                 "matrix": self.uncertainty.correlation,
@@ -244,11 +265,17 @@ class Identification(TextResult):
                 "starts": [{"name": name, "cost": cost} for name, cost in self.starts],
                 "settled": self.starts_agree,
                 "noise_sd": self.noise_sd,
+                "sensor_noise_sd": {
+                    channel: sensor_sd(self.plant, self.train.after[0].log, channel)
+                    for channel in self.noise_sd
+                    if channel in self.train.fit_percent
+                },
             },
             "residual_tests": [
                 {
                     "channel": test.channel, "against": test.against, "passed": test.passed, "largest": test.largest,
                     "band": test.band,
+                    "outside": test.outside,
                 }
                 for test in self.residual_tests
             ],

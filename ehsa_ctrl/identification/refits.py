@@ -154,6 +154,7 @@ class EstimateSensitivity:
             "name": self.parameter.name,
             "value": self.parameter.value,
             "unit": self.parameter.unit,
+            "file_unit": self.parameter.file_unit,
             "cost": self.cost,
             "ends": [
                 {"value": e.value, "parameters": dict(e.values), "cost": e.cost, "excluded": e.excluded}

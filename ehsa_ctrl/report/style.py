@@ -6,21 +6,15 @@ black and white, by its dashes and its width. Nothing here changes matplotlib's 
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
 
 import matplotlib
 import matplotlib.style
-import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-
-from ..core.unit import factor
-from .number import unit
 
 BLACK, GREY, BLUE, SKY, VERMILION, GREEN, PURPLE = (
     "#000000", "#7a7a7a", "#0072b2", "#56b4e9", "#d55e00", "#009e73", "#8b3a74",
@@ -28,8 +22,6 @@ BLACK, GREY, BLUE, SKY, VERMILION, GREEN, PURPLE = (
 
 #: 8 in at 150 dpi are 1200 px; on A4 the same figure is scaled to about nine tenths.
 WIDTH, DPI = 8.0, 150
-#: Characters of a title that fit on that width.
-TITLE = 80
 #: More points than this in a line are drawn as pixels, so that a page with it stays quick.
 RASTER_POINTS = 20_000
 
@@ -78,10 +70,10 @@ ROLES: dict[str, dict[str, Any]] = {
     },
     "nonlinear": {"label": "nonlinear model", "color": VERMILION, "linestyle": "-", "linewidth": 1.6, "zorder": 2.3},
     "before": {
-        "label": "before, as believed", "color": "#444444", "linestyle": (0, (3, 1.2)), "linewidth": 1.0, "zorder": 2.3,
+        "label": "before (nominal)", "color": "#444444", "linestyle": (0, (3, 1.2)), "linewidth": 1.0, "zorder": 2.3,
     },
     "after": {
-        "label": "after, as identified", "color": VERMILION, "linestyle": "-", "linewidth": 1.2, "zorder": 2.4,
+        "label": "after (identified)", "color": VERMILION, "linestyle": "-", "linewidth": 1.2, "zorder": 2.4,
     },
 }  # fmt: skip
 #: Lines that belong to one panel only.
@@ -94,46 +86,11 @@ LIMIT: dict[str, Any] = {"color": PURPLE, "linewidth": 1.1, "zorder": 2.6}
 LIMIT_DASHES = ((0, (8, 2, 2, 2)), (0, (2, 1)), (0, (10, 3)))
 
 
-@dataclass(frozen=True)
-class Signal:
-    """A signal on an axis: name, SI unit, shown unit, and the least span that its axis has (shown unit)."""
-
-    words: str
-    unit: str
-    shown: str
-    least: float
-
-    @property
-    def scale(self) -> float:
-        """SI units in one shown unit."""
-        return factor(self.shown, self.unit)
-
-    @property
-    def label(self) -> str:
-        return f"{self.words}\n({unit(self.shown)})"
-
-    def read(self, values: np.ndarray) -> np.ndarray:
-        """Values (N,) in SI units, as they are shown."""
-        return np.asarray(values, dtype=float) / self.scale
-
-
-SIGNALS = {
-    "current": Signal("current", "A", "A", 0.1),
-    "omega": Signal("speed", "rad/s", "rpm", 10.0),
-    "pressures": Signal("pressures", "Pa", "bar", 0.5),
-    "dP": Signal("pressure\ndifference", "Pa", "bar", 0.5),
-    "v": Signal("rod speed", "m/s", "mm/s", 1.0),
-    "x": Signal("position", "m", "mm", 0.1),
-    "error": Signal("error", "m", "mm", 0.02),
-    "force": Signal("force", "N", "kN", 0.1),
-}
-
-
 class Sheet(Figure):
-    """A figure that a notebook shows by itself, though pyplot knows nothing of it."""
+    """A figure that a notebook displays without pyplot."""
 
     def draw(self, renderer: Any) -> None:
-        """Draw with names as they are: one with a $ is no formula, and one may hold bytes that are no letters.
+        """Draw names as they are: a $ begins no formula, and bytes that are not valid UTF-8 become question marks.
 
         Only the numbers of an axis are formulas, matplotlib's own.
         """
@@ -152,13 +109,8 @@ class Sheet(Figure):
         return stream.getvalue()
 
 
-def wrapped(title: str) -> list[str]:
-    """Lines of a title that fit on the width of a sheet."""
-    return [part for line in title.splitlines() for part in textwrap.wrap(line, TITLE)]
-
-
 @contextmanager
 def style() -> Iterator[None]:
-    """matplotlib's own defaults with RC on top, whatever the user has set; all is as before on leaving."""
+    """matplotlib's defaults with RC on top, whatever the user has set, until the block ends."""
     with matplotlib.style.context(RC, after_reset=True):
         yield

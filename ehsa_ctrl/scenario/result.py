@@ -144,6 +144,12 @@ class ScenarioResult:
         return "pass" if self.limit_checks or self.expected_trips or self.baseline else "untested"
 
     @property
+    def current_limit_reached(self) -> bool:
+        """The controller asked for all the current that it may."""
+        limit = float(getattr(self.controller, "current_limit", np.inf))
+        return bool((abs(self.nonlinear.asked) >= limit * (1 - 1e-9)).any())
+
+    @property
     def plant(self) -> Plant:
         return self.nonlinear.trajectory.plant
 
@@ -159,7 +165,14 @@ class ScenarioResult:
             "scenario": self.scenario.name,
             "title": self.scenario.title,
             "why": self.scenario.definition.why,
+            "definition": self.scenario.definition.model_dump(by_alias=True),
+            "plant": self.plant.name,
+            "plant_title": self.plant.title,
             "controller": self.controller.name,
+            "controller_words": str(self.controller) if "__str__" in vars(type(self.controller)) else "",
+            "sample_time": self.controller.sample_time,
+            "tolerance": self.nonlinear.trajectory.tolerance,
+            "current_limit_reached": self.current_limit_reached,
             "settings": dict(self.settings),
             "passed": self.passed,
             "verdict": self.verdict,
@@ -170,7 +183,14 @@ class ScenarioResult:
                 for j in self.limit_checks
             ],
             "trips": [
-                {"limit": t.limit, "allowed": t.allowed, "reached": t.reached, "unit": t.unit, "first": t.first}
+                {
+                    "limit": t.limit,
+                    "allowed": t.allowed,
+                    "reached": t.reached,
+                    "unit": t.unit,
+                    "first": t.first,
+                    "sentence": str(t),
+                }
                 for t in self.trips
             ],
             "expected_trips": list(self.expected_trips),

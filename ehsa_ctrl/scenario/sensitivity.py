@@ -70,11 +70,13 @@ class AssumptionSensitivity:
             "name": self.parameter.name,
             "value": self.parameter.value,
             "unit": self.parameter.unit,
+            "file_unit": self.parameter.file_unit,
             "ends": [
                 {"value": e.value, "metrics": dict(e.metrics), "passed": e.passed, "failures": list(e.failures)}
                 for e in self.ends
             ],
             "flips": self.flips,
+            "kept": self.kept,
         }
 
 

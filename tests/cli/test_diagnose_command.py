@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas
 import pytest
+from ehsa_ctrl.report.closed_loop import closed_table
 
 import ehsa_ctrl
 from ehsa_ctrl.cli.diagnose import prepare_case
@@ -13,7 +14,6 @@ from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.closed_loop import check_replay, compare_loops
 from ehsa_ctrl.diagnosis.diagnosis import MODELS, Diagnosis
-from ehsa_ctrl.report.closed_loop import closed_table
 
 SCENARIO = """\
 schema = 1
@@ -243,7 +243,7 @@ def test_a_log_is_prepared_as_asked(run, tmp_path, plant):
     assert written["preparation"] == found["preparation"]
     assert written["preparation"][0]["shift"] == pytest.approx(-1.5e5, rel=0.05)
     page = (tmp_path / "out" / "diagnosis.html").read_text()
-    assert "Before it was used" in page and "log.csv: segment from 0 to 5.5 s" in page
+    assert "Preparation:" in page and "log.csv: segment from 0 to 5.5 s" in page
 
     status, _, err = run("diagnose", "log.csv", "no.csv", *call, "--resample", 200, "--threshold", 0.2, "--jobs", 1,
                          "--out", "all")  # fmt: skip

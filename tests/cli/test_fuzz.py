@@ -26,7 +26,7 @@ import ehsa_ctrl as e
 from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.cli.output import plain
 from ehsa_ctrl.core import catalogue
-from ehsa_ctrl.report.result_page import results_in, write_overview
+from ehsa_ctrl.report.results import results_in, write_overview
 from ehsa_ctrl.scenario.prepare import check_definition
 
 SHIPPED = [path for kind in catalogue.KINDS for path in catalogue.shipped(kind).values()]

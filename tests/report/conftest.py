@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.cli.output import to_json
 from ehsa_ctrl.core.definition import validate
+from ehsa_ctrl.core.json_text import to_json
 from ehsa_ctrl.identification.identification import FreeRuns
 from ehsa_ctrl.identification.identify import identify
-from ehsa_ctrl.report.grounds import grounds
+from ehsa_ctrl.report.provenance import provenance
 from ehsa_ctrl.scenario.definition import Scenario, ScenarioFile
 from ehsa_ctrl.scenario.run import run
 
@@ -118,7 +118,7 @@ def vague(fitting):
 def tree(gentle, harsh, fitting, tmp_path_factory):
     """A folder of each kind, with a figure in one and what each rests on."""
     root = tmp_path_factory.mktemp("results")
-    rests_on = {**grounds([gentle.plant]), "command": "ehsa-ctrl <do> it"}
+    rests_on = {**provenance([gentle.plant]), "command": "ehsa-ctrl <do> it"}
     for name, content in contents(gentle, harsh, fitting).items():
         folder = root / name.removesuffix(".json")
         folder.mkdir()

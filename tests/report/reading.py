@@ -13,9 +13,9 @@ VOID = {"meta", "br", "wbr", "link", "img", "hr", "input"}
 LOADS = {"src", "srcset", "href", "xlink:href", "data", "action", "poster"}
 #: All that a page of ours is made of.
 TAGS = {
-    "html", "head", "meta", "title", "style", "body", "main", "header", "section", "article", "h1", "h2", "h3", "p",
-    "ul", "ol", "li", "dl", "dt", "dd", "a", "span", "small", "br", "wbr", "div", "table", "caption", "thead", "tbody",
-    "tr", "th", "td", "figure", "figcaption", "img", "pre", "code", "strong",
+    "html", "head", "meta", "title", "style", "body", "main", "header", "section", "article", "h1", "h2", "h3", "h4",
+    "h5", "p", "ul", "ol", "li", "dl", "dt", "dd", "a", "span", "small", "br", "wbr", "div", "table", "caption",
+    "thead", "tbody", "tr", "th", "td", "figure", "figcaption", "img", "pre", "code", "strong",
 }  # fmt: skip
 
 
@@ -97,6 +97,19 @@ def figures(text):
     return found
 
 
+def axes_of(figure, name):
+    """The axes of a name in the figure's mosaic."""
+    (found,) = [ax for ax in figure.axes if ax.get_label() == name]
+    return found
+
+
+def whole_and_detail(figure):
+    """Panels of the whole log and of the detail, by the words of their signals."""
+    sides = [[ax for ax in figure.axes if ax.get_label().endswith(f" {side}")] for side in ("whole", "detail")]
+    names = [ax.get_ylabel().split("\n")[0] for ax in sides[0]]
+    return tuple(dict(zip(names, side, strict=True)) for side in sides)
+
+
 def words_are_apart(figure):
     """Fail unless all words lie on the sheet and none overlap."""
     with style():
@@ -105,7 +118,7 @@ def words_are_apart(figure):
         renderer = figure._get_renderer()
         boxes = [figure._suptitle.get_window_extent(renderer)]
         for ax in figure.axes:
-            words = [ax.get_legend(), *ax.texts]
+            words = [ax.get_legend(), *ax.texts, ax.title, ax._left_title, ax._right_title]
             if ax.axison:
                 low, high = sorted(ax.get_ylim())
                 ticks = zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)

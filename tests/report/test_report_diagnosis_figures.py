@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.report.diagnosis_page import diagnosis_figures
-from ehsa_ctrl.report.diagnosis_signals import DETAIL
 from ehsa_ctrl.report.figures import (
     candidates_figure,
     diagnosis_figure,
@@ -17,12 +15,14 @@ from ehsa_ctrl.report.figures import (
     unknown_inputs_figure,
     where_figure,
 )
-from ehsa_ctrl.report.figures.shrinkage import LOOKS
+from ehsa_ctrl.report.figures.diagnosis import LOOKS
+from ehsa_ctrl.report.figures.free_runs import DETAIL
+from ehsa_ctrl.report.result_figures import diagnosis_figures
 from ehsa_ctrl.report.style import ROLES
 
 from . import diagnoses
 from .diagnoses import diagnosis, location
-from .reading import words_are_apart
+from .reading import axes_of, whole_and_detail, words_are_apart
 
 pytestmark = pytest.mark.slow
 
@@ -38,14 +38,6 @@ def bars(ax, look):
     ]
 
 
-def columns(figure):
-    """Panels of the whole log and of the detail, by the signal's words."""
-    _, *panels = figure.axes
-    half = len(panels) // 2
-    names = [ax.get_ylabel().split("\n")[0] for ax in panels[:half]]
-    return dict(zip(names, panels[:half], strict=True)), dict(zip(names, panels[half:], strict=True))
-
-
 def role(ax, color):
     (line,) = [line for line in ax.lines if line.get_color() == color]
     return line
@@ -54,14 +46,14 @@ def role(ax, color):
 @pytest.mark.parametrize("verdict", ["no_gap", "pair", "outside_catalogue"])
 def test_nothing_is_clipped_and_no_words_meet(verdict):
     """All words of all figures lie on the sheet and none overlap."""
-    for _, figure in diagnosis_figures(diagnosis(verdict)).values():
+    for _, figure in diagnosis_figures(diagnosis(verdict)):
         words_are_apart(figure)
 
 
 def test_every_axis_has_its_unit():
     """In parentheses beside its words, or alone where the words stand above."""
-    figures = {name: figure for name, (_, figure) in diagnosis_figures(diagnosis("effect")).items()}
-    wholes, _ = columns(figures["signals"])
+    figures = dict(diagnosis_figures(diagnosis("effect")))
+    wholes, _ = whole_and_detail(figures["signals"])
 
     assert [ax.get_ylabel() for ax in wholes.values()] == [
         "current\n(A)", "speed\n(rpm)", "pressure P₁\n(bar)", "pressure P₂\n(bar)", "rod speed\n(mm/s)",
@@ -77,7 +69,7 @@ def test_every_axis_has_its_unit():
 def test_before_and_after_are_the_free_runs():
     """Every sample of measured, before and after in shown units on the left."""
     made = diagnosis("effect")
-    wholes, details = columns(diagnosis_figure(made))
+    wholes, details = whole_and_detail(diagnosis_figure(made))
     ax = wholes["pressure P₂"]
 
     for name, values in (
@@ -91,7 +83,7 @@ def test_before_and_after_are_the_free_runs():
 
 def test_the_detail_is_where_the_believed_plant_is_farthest_off():
     """Half a second of large errors lies within it."""
-    _, details = columns(diagnosis_figure(diagnosis("effect")))
+    _, details = whole_and_detail(diagnosis_figure(diagnosis("effect")))
     low, high = details["speed"].get_xlim()
 
     assert low <= diagnoses.TIME[diagnoses.WORSE] and diagnoses.TIME[diagnoses.WORSE + 124] <= high
@@ -99,8 +91,8 @@ def test_the_detail_is_where_the_believed_plant_is_farthest_off():
 
 def test_gaps_stand_beside_their_signals():
     """Before and after on held-out data; the position has none, and without a gap there is only one."""
-    _, details = columns(diagnosis_figure(diagnosis("effect")))
-    _, same = columns(diagnosis_figure(diagnosis("no_gap")))
+    _, details = whole_and_detail(diagnosis_figure(diagnosis("effect")))
+    _, same = whole_and_detail(diagnosis_figure(diagnosis("no_gap")))
 
     assert details["speed"].texts[0].get_text() == "held-out gap\nbefore 20 %\nafter 1.2 %"
     assert "no gap" in details["position"].texts[0].get_text()
@@ -113,7 +105,7 @@ def test_the_held_out_part_is_shaded_where_it_is_of_this_log():
     other = replace(made, held_out="other.csv", held_from=None)
 
     def spans(found):
-        wholes, _ = columns(diagnosis_figure(found))
+        wholes, _ = whole_and_detail(diagnosis_figure(found))
         return sorted(patch.get_x() for patch in wholes["speed"].patches)
 
     assert made.held_from == 1.6 and other.held_from is None
@@ -128,27 +120,29 @@ def test_a_run_that_stopped_leaves_its_line_out():
     stopped = replace(
         made, simulated={"with_effects": made.simulated["with_effects"]}, gap={**made.gap, "nominal": endless}
     )
-    _, details = columns(diagnosis_figure(stopped))
+    _, details = whole_and_detail(diagnosis_figure(stopped))
     figure = shrinkage_figure(stopped)
 
     assert details["speed"].texts[0].get_text() == "held-out gap\nbefore –\nafter 1.2 %"
-    assert "run stopped" in {text.get_text() for text in figure.axes[1].texts}
+    assert "run stopped" in {text.get_text() for text in axes_of(figure, "bars").texts}
     to_svg(figure)
 
 
 def test_bars_of_gaps_are_the_gaps():
     """A bar for each signal and model, in percent; looks differ in hatching or lightness too."""
     made = diagnosis("effect")
-    ax = shrinkage_figure(made).axes[1]
+    ax = axes_of(shrinkage_figure(made), "bars")
 
     for model, look in LOOKS.items():
         assert bars(ax, look) == pytest.approx([100 * gap for gap in made.gap[model].values()])
-    assert bars(shrinkage_figure(diagnosis("outside_catalogue")).axes[1], LOOKS["with_effects"]) == []
+    assert bars(axes_of(shrinkage_figure(diagnosis("outside_catalogue")), "bars"), LOOKS["with_effects"]) == []
 
 
 def test_shares_by_causes_and_by_balances_stand_side_by_side():
     """Those of the causes only where some are named."""
-    named, outside = (where_figure(diagnosis(verdict)).axes[1] for verdict in ("effect", "outside_catalogue"))
+    named, outside = (
+        axes_of(where_figure(diagnosis(verdict)), "places") for verdict in ("effect", "outside_catalogue")
+    )
 
     assert sorted(text.get_text() for text in named.texts) == ["10 %", "20 %", "20 %", "70 %", "80 %"]
     assert sorted(text.get_text() for text in outside.texts) == ["10 %", "20 %", "70 %"]
@@ -157,7 +151,9 @@ def test_shares_by_causes_and_by_balances_stand_side_by_side():
 def test_what_a_sensor_errs_by_is_put_into_no_balance():
     """There is no gap that is left to draw then."""
     made = diagnosis("effect")
-    over = {place: where_figure(replace(made, location=location(place))).axes[2] for place in ("flow", "sensor")}
+    over = {
+        place: axes_of(where_figure(replace(made, location=location(place))), "time") for place in ("flow", "sensor")
+    }
 
     assert len(over["flow"].patches) == 6 and len(over["sensor"].patches) == 3
 
@@ -172,13 +168,13 @@ def test_curves_of_unknown_inputs_are_the_regimes():
     (curve,) = [line for line in ax.lines if line.get_marker() == "o"]
     np.testing.assert_allclose(curve.get_xdata(), 1e-5 * regime.bins)
     np.testing.assert_allclose(curve.get_ydata(), 1e6 * regime.mean)
-    assert ax.texts[0].get_text() == "best: 93 % explained"
+    assert ax.get_title(loc="left") == "best: 93 % explained"
 
 
 def test_candidates_are_drawn_by_their_evidence():
     """On a logarithmic axis, as long as the evidence against them; what has none is the best."""
     made = diagnosis("effect")
-    ax = candidates_figure(made).axes[1]
+    ax = axes_of(candidates_figure(made), "bars")
     ends = [patch.get_x() + patch.get_width() for patch in ax.patches]
 
     assert ax.get_xscale() == "log"

@@ -153,7 +153,7 @@ def test_a_users_style_does_not_reach_the_figures(make, drawn):
 
 def test_pyplot_is_not_imported():
     """The figures work where no display is, and stay out of pyplot's list of open figures."""
-    text = "import sys, ehsa_ctrl.report.figures, ehsa_ctrl.report.page; sys.exit('matplotlib.pyplot' in sys.modules)"
+    text = "import sys, ehsa_ctrl.report.figures, ehsa_ctrl.report.write; sys.exit('matplotlib.pyplot' in sys.modules)"
 
     # control imports pyplot by itself, and analysing needs control; drawing must not add to it.
     assert subprocess.run([sys.executable, "-c", text], check=False).returncode == 0
@@ -212,8 +212,8 @@ def test_a_passed_limit_is_drawn_and_marked_where_it_was_first_passed(harsh):
     assert {"pump_speed", "pressure_min"} <= set(trips)
     np.testing.assert_allclose(np.abs(line(speed, "pump speed\n4500 rpm").get_ydata()), 4500)
     assert trips["pump_speed"].first in [float(cross.get_xdata()[0]) for cross in crosses]
-    assert "limit passed: pump speed" in header
-    assert "limit passed, as expected: a pressure fell" in header
+    assert "limit exceeded: pump speed" in header
+    assert "limit exceeded, as expected: a pressure fell" in header
 
 
 def test_a_run_within_its_limits_shows_none(gentle):

@@ -10,7 +10,6 @@ from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.identification.identification import FreeRuns
 from ehsa_ctrl.identification.uncertainty import ParameterCovariance
-from ehsa_ctrl.report.channel import liveliest, shown
 from ehsa_ctrl.report.figures import (
     correlation_figure,
     identification_figure,
@@ -19,11 +18,11 @@ from ehsa_ctrl.report.figures import (
     residuals_figure,
     to_svg,
 )
-from ehsa_ctrl.report.figures.correlation import COLOURS
-from ehsa_ctrl.report.figures.parameters import VERDICTS
+from ehsa_ctrl.report.figures.estimates import COLOURS, VERDICTS
+from ehsa_ctrl.report.signals import liveliest, shown
 from ehsa_ctrl.report.style import ROLES
 
-from .reading import words_are_apart
+from .reading import axes_of, whole_and_detail, words_are_apart
 
 pytestmark = pytest.mark.slow
 
@@ -39,14 +38,6 @@ def any_of(request):
 def labelled(ax, role):
     (found,) = [line for line in ax.lines if line.get_label() == ROLES[role]["label"]]
     return found
-
-
-def columns(figure):
-    """Panels of the whole log and of the detail, by the channel's words."""
-    _, *panels = figure.axes
-    half = len(panels) // 2
-    names = [ax.get_ylabel().split("\n")[0] for ax in panels[:half]]
-    return dict(zip(names, panels[:half], strict=True)), dict(zip(names, panels[half:], strict=True))
 
 
 @pytest.mark.parametrize("make", FIGURES)
@@ -70,7 +61,7 @@ def test_the_result_plots_itself(fitting):
 def test_before_and_after_are_the_free_runs_of_the_held_out_log(fitting):
     """Every sample of measured, before and after in shown units on the left, some of the same on the right."""
     (before,), (after,) = fitting.validation.before, fitting.validation.after
-    wholes, details = columns(identification_figure(fitting))
+    wholes, details = whole_and_detail(identification_figure(fitting))
 
     assert list(wholes) == ["current", "speed", "pressure P₁", "pressure P₂", "position"]
     for ax in (wholes["position"], details["position"]):
@@ -84,7 +75,7 @@ def test_before_and_after_are_the_free_runs_of_the_held_out_log(fitting):
 
 def test_the_fit_stands_beside_its_channel(fitting):
     """Before and after, as scored, beside each output and not beside the drive."""
-    _, details = columns(identification_figure(fitting))
+    _, details = whole_and_detail(identification_figure(fitting))
     (before,), (after,) = fitting.validation.before, fitting.validation.after
 
     (words,) = [text.get_text() for text in details["speed"].texts]
@@ -116,7 +107,7 @@ def test_a_run_that_drifts_away_does_not_flatten_the_others(fitting):
     (before,) = fitting.validation.before
     far = dataclasses.replace(before, simulated=dict(before.simulated) | {"position": np.full(len(before.log), 1.0)})
     drifted = dataclasses.replace(fitting, validation=FreeRuns(fitting.validation.after, (far,)))
-    wholes, _ = columns(identification_figure(drifted))
+    wholes, _ = whole_and_detail(identification_figure(drifted))
 
     assert np.ptp(1e3 * before.log["position"]) > 0.3 * np.ptp(wholes["position"].get_ylim())
 
@@ -131,7 +122,7 @@ def test_a_run_that_ended_early_has_no_fit(fitting):
     figure = identification_figure(
         dataclasses.replace(fitting, validation=FreeRuns((ended,), fitting.validation.before))
     )
-    _, details = columns(figure)
+    _, details = whole_and_detail(figure)
 
     assert details["speed"].texts[0].get_text().endswith("after –")
     to_svg(figure)
@@ -163,7 +154,8 @@ def test_channels_are_shown_in_the_units_of_the_bench():
 
 def test_starts_and_intervals_stand_where_they_belong(fitting):
     """The start in % of the identified value, the interval about zero, the standard deviation in % on the right."""
-    _, left, right = parameters_figure(fitting).axes
+    figure = parameters_figure(fitting)
+    left, right = axes_of(figure, "deviation"), axes_of(figure, "spread")
     starts = [line for line in left.lines if line.get_marker() == "D"]
     bars = [line for line in left.lines if line.get_linewidth() == 3.5]
     spreads = [line for line in right.lines if line.get_marker() == VERDICTS["well determined"]["marker"]]
@@ -179,7 +171,8 @@ def test_starts_and_intervals_stand_where_they_belong(fitting):
 
 def test_verdicts_differ_in_colour_and_shape(vague):
     """What the logs don't tell has another mark, an interval that runs out of the panel, and says so in words."""
-    _, left, right = parameters_figure(vague).axes
+    figure = parameters_figure(vague)
+    left, right = axes_of(figure, "deviation"), axes_of(figure, "spread")
     marks = [line.get_marker() for line in right.lines if line.get_marker() not in ("None", None)]
     bars = [line.get_xdata() for line in left.lines if line.get_linewidth() == 3.5]
 
@@ -192,7 +185,7 @@ def test_verdicts_differ_in_colour_and_shape(vague):
 
 def test_correlations_are_written_in_their_cells(vague):
     """Two decimals below the diagonal, a frame around a strong one, a dash where nothing is known."""
-    ax = correlation_figure(vague).axes[1]
+    ax = axes_of(correlation_figure(vague), "cells")
     words = {text.get_position(): text.get_text() for text in ax.texts}
     frames = [patch for patch in ax.patches if not patch.get_fill()]
     matrix = vague.uncertainty.correlation
@@ -206,7 +199,7 @@ def test_correlations_are_written_in_their_cells(vague):
 
 def test_balances_have_no_correlation_to_show(fitting):
     """They are solved one by one: zeros would be a lie."""
-    ax = correlation_figure(dataclasses.replace(fitting, method="balances")).axes[1]
+    ax = axes_of(correlation_figure(dataclasses.replace(fitting, method="balances")), "cells")
 
     assert {text.get_text() for text in ax.texts} == {"–"}
 
@@ -226,12 +219,11 @@ def test_correlations_of_both_signs_are_equally_dark_in_grey():
 
 def test_residuals_outside_the_band_are_marked(failing):
     """As many broad lines as lags lie outside; above each panel is whether it passed and the largest."""
-    _, *panels = residuals_figure(failing).axes
-    against = list(dict.fromkeys(test.against for test in failing.residual_tests))
-    by_column = sorted(failing.residual_tests, key=lambda test: against.index(test.against))
+    figure, tests = residuals_figure(failing), failing.residual_tests
 
-    assert any(not test.passed for test in by_column)
-    for ax, test in zip(panels, by_column, strict=True):
+    assert any(not test.passed for test in tests)
+    for test in tests:
+        ax = axes_of(figure, f"{test.channel} {test.against}")
         inside, outside = ax.collections[-2:]
         assert len(outside.get_segments()) == round(test.outside * test.values.size)
         assert len(inside.get_segments()) + len(outside.get_segments()) == test.values.size
@@ -241,7 +233,7 @@ def test_residuals_outside_the_band_are_marked(failing):
 
 def test_the_correlation_with_itself_begins_at_a_lag_of_one(failing):
     """At none it is always 1 and says nothing."""
-    first = residuals_figure(failing).axes[1]
+    first = axes_of(residuals_figure(failing), f"{failing.residual_tests[0].channel} itself")
     lags = sorted(segment[0, 0] for part in first.collections[-2:] for segment in part.get_segments())
 
     assert lags[0] == 1 and lags[-1] == failing.residual_tests[0].values.size

@@ -6,21 +6,21 @@ import re
 import numpy as np
 import pytest
 
-from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl import write_report
+from ehsa_ctrl.core.json_text import plain, to_json
 from ehsa_ctrl.core.text import join_words
 from ehsa_ctrl.identification.checks import LogFinding
 from ehsa_ctrl.identification.identification import FreeRuns
 from ehsa_ctrl.identification.preparation import Step
-from ehsa_ctrl.report.comparison_page import write_comparison_page
-from ehsa_ctrl.report.identification_page import write_identification_page
-from ehsa_ctrl.report.number import NOTHING, number, uncertain
-from ehsa_ctrl.report.verdict import verdict
+from ehsa_ctrl.report.kinds.identification import KIND
+from ehsa_ctrl.report.results import write_result_page
+from ehsa_ctrl.report.text import NOTHING, number, uncertain
+from ehsa_ctrl.report.write import comparison_dict
 
 from .reading import Page, loads_nothing
 
 pytestmark = pytest.mark.slow
 
-COMMAND = 'ehsa-ctrl identify "my <log>.csv"'
 WARNING = LogFinding("dead", "p1", "warning", "my <log>.csv: p1 stands still; look at its sensor")
 
 
@@ -28,29 +28,39 @@ WARNING = LogFinding("dead", "p1", "warning", "my <log>.csv: p1 stands still; lo
 def identified(fitting, failing, tmp_path_factory):
     """The page of a model that fails and one that fits."""
     warned = dataclasses.replace(failing, findings=(WARNING,))
-    path = write_identification_page([warned, fitting], tmp_path_factory.mktemp("page"), command=COMMAND)
-    return path.read_text(encoding="utf-8")
+    return write_report([warned, fitting], tmp_path_factory.mktemp("page")).read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
 def unsure(vague, tmp_path_factory):
     """The page of one model of which little is known."""
-    return write_identification_page([vague], tmp_path_factory.mktemp("page"), command="").read_text(encoding="utf-8")
+    return write_report(vague, tmp_path_factory.mktemp("page")).read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
 def compared(fitting, failing, tmp_path_factory):
     """The page of two replays of a log."""
     replays = [failing.validation.after[0], fitting.validation.after[0]]
-    path = write_comparison_page(
-        replays,
-        tmp_path_factory.mktemp("page"),
-        command=COMMAND,
-        findings=[WARNING],
-        untold=["without p2 the log does not show V_20"],
-        steps=[Step("zero", "p1: zero moved by 0.1 bar")],
-    )
-    return path.read_text(encoding="utf-8")
+    more = {
+        "findings": [WARNING.to_dict()],
+        "untold": ["without p2 the log does not show V_20"],
+        "preparation": [{"log": "a.csv", **Step("zero", "p1: zero moved by 0.1 bar").to_dict()}],
+    }
+    return compared_page(replays, tmp_path_factory.mktemp("page"), **more)
+
+
+def compared_page(replays, folder, **more):
+    """The page of a comparison with what a command adds to its JSON, and an empty figure."""
+    (folder / "comparison.json").write_text(to_json({**comparison_dict(replays), **more}))
+    (folder / "compare.svg").write_text("<svg/>")
+    return write_result_page(folder, "comparison.json").read_text(encoding="utf-8")
+
+
+def sentences_of(found, tmp_path):
+    """The sentences of an identification's page, and the state of all."""
+    content = {**found.to_dict(), "model": found.plant.model, "plant": "ehsa", "settings": {}}
+    page = KIND.read(plain(content), tmp_path)
+    return [words for words, _ in page.sentences], page.state
 
 
 @pytest.fixture(params=["identified", "unsure", "compared"])
@@ -101,10 +111,8 @@ def test_names_of_files_are_no_html(identified, compared):
 @pytest.mark.slow
 def test_the_same_results_give_the_same_page(failing, tmp_path):
     """No date, no random id; a folder that is missing is made."""
-    first, again = (write_identification_page([failing], tmp_path / name / "deep", command="x") for name in ("a", "b"))
-    one, other = (
-        write_comparison_page(failing.train.after, tmp_path / name / "deep", command="x") for name in ("c", "d")
-    )
+    first, again = (write_report(failing, tmp_path / name / "deep") for name in ("a", "b"))
+    one, other = (write_report(failing.train.after[0], tmp_path / name / "deep") for name in ("c", "d"))
 
     assert first.name == one.name == "report.html"
     assert again.read_bytes() == first.read_bytes() and one.read_bytes() == other.read_bytes()
@@ -116,7 +124,7 @@ def test_the_verdict_comes_first(identified, fitting, failing):
     worst = min(fitting.validation.fit_percent, key=fitting.validation.fit_percent.get)
     good = sum(e.identifiable for e in failing.estimates)
 
-    assert f"ehsa: {good} of 6 (linear) and 4 of 4 (nonlinear) parameters well determined" in words
+    assert f": {good} of 6 (linear) and 4 of 4 (nonlinear) parameters well determined" in words
     assert (
         f"In free run on steps.csv, held out, the worst fit, that of {worst}, went from "
         f"{number(fitting.validation.fit_percent_before[worst])} % to {number(fitting.validation.fit_percent[worst])} %"
@@ -145,9 +153,11 @@ def test_what_is_not_known_is_said(unsure, vague):
     endless, bound = vague.estimates[:2]
     words = top(unsure)
 
-    assert rows[endless.name][3:5] == [NOTHING, "✗ not identifiable from this logtrades with V_10"]
+    assert rows[endless.name][3:5] == [NOTHING, "✗ not identifiable from this log\ncorrelated with V_10"]
     assert rows[endless.name][6] == "unbounded"
-    assert rows[bound.name][4].startswith("△ poorly determinedat its lower bound; trades with bias.position; held at")
+    assert rows[bound.name][4].startswith(
+        "△ poorly determined\nat its lower bound\ncorrelated with bias.position\nprior"
+    )
     assert rows["bias.position"][7] == "bias of the sensor of position"
     assert "2 of 4 parameters are well determined; not identifiable from this log: J_M; " in words
     assert "poorly determined: V_10." in words
@@ -157,8 +167,8 @@ def test_what_is_not_known_is_said(unsure, vague):
 def test_fits_stand_in_tables(identified, fitting, failing):
     """Linear beside nonlinear; each before and after, used and held out."""
     page = Page(identified)
-    beside = {row[0]: row[1:] for row in page.table("channel", "usedlinear", "usednonlinear")}
-    own = [rows[1:] for rows in page.tables if rows[0][:2] == ["channel", "usedbefore"]][1]
+    beside = {row[0]: row[1:] for row in page.table("channel", "used\nlinear", "used\nnonlinear")}
+    own = [rows[1:] for rows in page.tables if rows[0][:2] == ["channel", "used\nbefore"]][1]
     reaches = (fitting.train, fitting.validation)
 
     for channel, cells in beside.items():
@@ -196,38 +206,39 @@ def test_the_other_method_stands_beside(identified, fitting):
     assert [row[0] for row in closing] == [fit.name for fit in fitting.balances.balances]
 
 
-def test_the_end_says_what_the_numbers_rest_on(identified, fitting):
-    """Logs, starts, findings, assumed parameters, versions and the command."""
+def test_the_end_has_the_provenance(identified, fitting):
+    """Logs, starts, findings, assumed parameters and versions."""
     page = Page(identified)
     words = "".join(page.words)
 
     assert {row[1] for row in page.table("plant", "name", "value")} >= {"K_T"}
-    assert "steps.csv" in words and COMMAND in words and WARNING.sentence in words
+    assert "steps.csv" in words and WARNING.sentence in words
     assert f"{fitting.starts[0][0]}: {number(fitting.starts[0][1])}" in words
     assert fitting.provenance["numpy"] in words
 
 
-def test_a_verdict_is_bad_where_something_is(fitting, failing, vague):
+def test_a_verdict_is_bad_where_something_is(fitting, failing, vague, tmp_path):
     """All well with the right model; not with one that can't fit, that knows too little, or that was interrupted."""
     worse = dataclasses.replace(fitting, validation=FreeRuns(fitting.validation.before, fitting.validation.after))
     ended = dataclasses.replace(fitting.validation.after[0], stopped="the rod left its stroke.")
     early = dataclasses.replace(fitting, validation=FreeRuns((ended,), fitting.validation.before))
     untested = dataclasses.replace(fitting, fit=None, residual_tests=())
+    states = [sentences_of(each, tmp_path)[1] for each in (failing, vague, worse, early)]
 
-    assert False not in (verdict(fitting).state, verdict(untested).state)
-    assert [verdict(each).state for each in (failing, vague, worse, early)] == [False] * 4
-    assert verdict(dataclasses.replace(fitting, interrupted=True)).state is False
-    assert "fell" in verdict(worse).sentences[1][0]
-    assert verdict(early).sentences[1][0].endswith("the simulation ended early: the rod left its stroke.")
-    assert verdict(dataclasses.replace(untested, no_simulation="the start is too far off")).state is False
+    assert sentences_of(fitting, tmp_path)[1] is not False and sentences_of(untested, tmp_path)[1] is not False
+    assert states == [False] * 4
+    assert sentences_of(dataclasses.replace(fitting, interrupted=True), tmp_path)[1] is False
+    assert "fell" in sentences_of(worse, tmp_path)[0][1]
+    assert sentences_of(early, tmp_path)[0][1].endswith("the simulation ended early: the rod left its stroke.")
+    assert sentences_of(dataclasses.replace(untested, no_simulation="the start is too far off"), tmp_path)[1] is False
 
 
-def test_balances_say_how_well_they_close(fitting):
+def test_balances_say_how_well_they_close(fitting, tmp_path):
     """Where the estimate is theirs, each balance's error is part of the verdict."""
     by_balances = dataclasses.replace(
         fitting, method="balances", estimates=fitting.other_estimates, other_estimates=fitting.estimates
     )
-    words = verdict(by_balances).sentences[0][0]
+    words = sentences_of(by_balances, tmp_path)[0][0]
 
     for fit in fitting.balances.balances:
         assert f"{number(100 * fit.relative_error)} % ({fit.name})" in words
@@ -240,9 +251,9 @@ def test_a_comparison_says_how_well_each_model_fits(compared, fitting, failing):
     worst, best = min(nonlinear, key=nonlinear.get), max(nonlinear, key=nonlinear.get)
     words = top(compared)
 
-    assert "ehsa beside steps.csv" in words
+    assert "Comparison of steps.csv with ehsa" in words
     assert f"from {number(nonlinear[worst])} % ({worst}) to {number(nonlinear[best])} % ({best})" in words
-    assert page.table("channel", "linear model", "nonlinear model") == [
+    assert page.table("channel", "linear", "nonlinear") == [
         [channel, number(linear[channel]), number(nonlinear[channel])] for channel in nonlinear
     ]
     for sentence in (WARNING.sentence, "without p2 the log does not show V_20", "p1: zero moved by 0.1 bar"):
@@ -253,18 +264,11 @@ def test_a_comparison_with_a_run_that_ended_says_why(fitting, tmp_path):
     """No fit is made up for it."""
     run = fitting.validation.after[0]
     ended = dataclasses.replace(run, stopped="the pressure fell.", fit_percent=dict.fromkeys(run.fit_percent, np.nan))
-    text = write_comparison_page([ended], tmp_path, command="").read_text(encoding="utf-8")
+    text = compared_page([ended], tmp_path)
 
     assert "ended early, no fit is given: the pressure fell." in top(text)
-    assert {row[1] for row in Page(text).table("channel", "nonlinear model")} == {NOTHING}
-    assert "It was used as it is." in text
-
-
-@pytest.mark.parametrize("write", [write_identification_page, write_comparison_page])
-def test_a_page_about_nothing_is_refused(write, tmp_path):
-    """There is no verdict over nothing."""
-    with pytest.raises(InputError, match="to report"):
-        write([], tmp_path, command="")
+    assert {row[1] for row in Page(text).table("channel", "nonlinear")} == {NOTHING}
+    assert "It was used as recorded." in text
 
 
 def test_words_are_listed_as_in_a_sentence():

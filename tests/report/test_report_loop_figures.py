@@ -8,7 +8,7 @@ import ehsa_ctrl
 from ehsa_ctrl.design.analysis.robustness import robust_margins
 from ehsa_ctrl.plant.draws import draw, drawn_models
 from ehsa_ctrl.report.figures import loop_figure, nyquist_figure, robustness_figure, to_svg
-from ehsa_ctrl.report.figures.nyquist import disk_of
+from ehsa_ctrl.report.figures.loops import disk_of
 
 from .reading import words_are_apart
 
@@ -83,7 +83,7 @@ def test_the_worst_of_many_is_drawn(robust):
 def test_bands_hold_the_curves(robust):
     """The worst plant's |S| lies within the band, and its peak is Ms, in the legend too."""
     figure = robustness_figure(robust)
-    upper = figure.axes[1]
+    upper = figure.axes[0]
     nominal, worst = [line for line in upper.lines if not line.get_label().startswith("_")]
 
     assert worst.get_label().endswith(f": Ms = {round(robust.Ms, 3):g}")

@@ -7,15 +7,12 @@ from urllib.parse import unquote
 
 import pytest
 
+import ehsa_ctrl as e
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.identification.checks import LogFinding
-from ehsa_ctrl.report.comparison_page import write_comparison_page
-from ehsa_ctrl.report.diagnosis_page import write_diagnosis_page
 from ehsa_ctrl.report.document import image
-from ehsa_ctrl.report.identification_page import write_identification_page
 from ehsa_ctrl.report.kinds import kinds
-from ehsa_ctrl.report.page import write_page
-from ehsa_ctrl.report.result_page import LARGEST, TOO_LARGE, results_in, write_overview, write_result_page
+from ehsa_ctrl.report.results import LARGEST, TOO_LARGE, results_in, write_overview, write_result_page
 
 from .diagnoses import diagnosis
 from .reading import Page, figures, loads_nothing
@@ -84,7 +81,10 @@ def test_a_figure_is_written_the_shorter_way():
 
 
 #: Words of a JSON that must be one of a few, and what is named by its keys.
-FIXED, NAMED = {"verdict", "unit"}, {"settings", "files", "parameters", "provenance", "limits", "models", "failures"}
+FIXED, NAMED = (
+    {"verdict", "unit", "file_unit", "metric", "balance", "kind"},
+    {"settings", "files", "parameters", "provenance", "limits", "models", "failures"},
+)
 
 
 def infected(value, words, key=""):
@@ -92,7 +92,7 @@ def infected(value, words, key=""):
     if isinstance(value, dict):
         return {name + words * (key in NAMED): infected(each, words, name) for name, each in value.items()}
     if isinstance(value, list):
-        return [infected(each, words, key) for each in value]
+        return [infected(each, words, "" if isinstance(each, dict) else key) for each in value]
     return value + words if isinstance(value, str) and key not in FIXED else value
 
 
@@ -103,13 +103,13 @@ def test_words_of_a_tree_of_results_stay_words(tree, tmp_path, words):
         folder = tmp_path / source.stem
         folder.mkdir()
         (folder / source.name).write_text(json.dumps(infected(json.loads(source.read_text()), words)))
-    sections, wrong = results_in(tmp_path)
-    text = write_overview(sections, tmp_path, words).read_text()
+    results, wrong = results_in(tmp_path)
+    text = write_overview(results, tmp_path, words).read_text()
 
-    assert wrong == [] and len(sections) == len(kinds())
+    assert wrong == [] and len(results) == len(kinds())
     loads_nothing(text)
     loads_nothing(write_result_page(tmp_path / "montecarlo", "montecarlo.json").read_text())
-    assert len(Page(text).with_tag("h1")) == 1 and len(Page(text).with_tag("h2")) == len(sections)
+    assert len(Page(text).with_tag("h1")) == 1 and len(Page(text).with_tag("h2")) == len(results)
 
 
 @pytest.mark.slow
@@ -132,12 +132,8 @@ def test_words_of_a_result_in_python_stay_words(gentle, fitting, tmp_path):
     finding = LogFinding("dead", words, "warning", words)
     fitted = dataclasses.replace(fitting, train=reach, plant=plant, findings=(finding,))
 
-    for written in (
-        write_page([run], tmp_path / "run", command=words),
-        write_identification_page([fitted], tmp_path / "identify", command=words),
-        write_comparison_page([replay], tmp_path / "compare", command=words, findings=[finding], untold=[words]),
-        write_diagnosis_page(found, tmp_path / "diagnosis", command=words, steps=[words]),
-    ):
+    for result in (run, fitted, replay, found):
+        written = e.write_report(result, tmp_path / type(result).__name__)
         text = written.read_text(encoding="utf-8")
         loads_nothing(text)
         assert len(Page(text).with_tag("h1")) == 1 and Page(text).wrong == []
@@ -191,8 +187,8 @@ def test_no_name_of_a_figure_leads_out_of_the_folder(tree, tmp_path):
     for name in ("../private", str(tmp_path / "private"), "..", "long" * 1000, "\0"):
         content["campaigns"][0]["scenario"] = name
         (tmp_path / "results" / "montecarlo.json").write_text(json.dumps(content))
-        sections, _ = results_in(tmp_path / "results") if len(name) < 1000 else ([], None)
-        assert all(section.pictures == [] for section in sections)
+        results, _ = results_in(tmp_path / "results") if len(name) < 1000 else ([], None)
+        assert all(result.images == {} for result in results)
 
 
 @pytest.mark.parametrize(

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from ehsa_ctrl.identification.free import free_parameters
 
 from ehsa_ctrl import load_plant
 from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.core.json_text import plain
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.diagnosis import Cause, Diagnosis, Estimated
-from ehsa_ctrl.identification.parameters import free_parameters
-from ehsa_ctrl.report.diagnosis_rows import facts
-from ehsa_ctrl.report.kinds import diagnosis
+from ehsa_ctrl.report.kinds.diagnosis import KIND
 from ehsa_ctrl.scenario.sensitivity import Influence
 from ehsa_ctrl.scenario.uncertainty import UncertainParameter
 
@@ -34,7 +34,7 @@ def test_a_spring_that_was_set_goes_by_its_key(plant):
         free_parameters(plant, free=["load.stiffness"], fix=["K_T"])
 
 
-def test_a_spring_that_is_the_cause_goes_by_its_key(plant):
+def test_a_spring_that_is_the_cause_goes_by_its_key(plant, tmp_path):
     """In the print, on the page of what was set, and in an overview."""
     cause = Cause("load_spring", None, "force", 0.9, {"K_S": Estimated(2e4, 100.0, "N/m")})
     gaps = {model: {"p1": 0.1, "total": 0.1} for model in ("nominal", "with_effects")}
@@ -44,6 +44,6 @@ def test_a_spring_that_is_the_cause_goes_by_its_key(plant):
     )
 
     assert f"{BOTH} = 2e+04 +- 1e+02 N/m" in str(found)
-    assert dict(facts(found))["set for this run"].startswith(f"{BOTH} = ")
-    (row,) = diagnosis._causes({"effects": [cause.to_dict()]}).rows
-    assert row[1].startswith(f"{BOTH} = ")
+    page = KIND.read(plain(found.to_dict()), tmp_path)
+    assert dict(page.facts)["set for this run"].startswith(f"{BOTH} = ")
+    assert f"{BOTH} = " in " ".join(words for words, _ in page.sentences)

@@ -1,28 +1,16 @@
-"""One figure a file. Every function returns a matplotlib Figure that is the caller's own; none of them uses pyplot."""
+"""Figures of results. Each function returns a matplotlib Figure that is the caller's own; none of them uses pyplot.
 
-from .baseline import baseline_figure
-from .bode import bode_figure
-from .candidates import candidates_figure
-from .closed import closed_figure
-from .correlation import correlation_figure
-from .diagnosis import diagnosis_figure
-from .experiment import experiment_figure
-from .identification import identification_figure
-from .loop import loop_figure
-from .montecarlo import montecarlo_figure
-from .nyquist import nyquist_figure
-from .overlay import overlay_figure
-from .parameters import parameters_figure
-from .replay import replay_figure
-from .residuals import residuals_figure
-from .robustness import robustness_figure
+Importing this package registers the figures that results draw by `plot()`, see `core.plotting`.
+"""
+
+from .campaigns import experiment_figure, montecarlo_figure
+from .diagnosis import candidates_figure, shrinkage_figure, unknown_inputs_figure, where_figure
+from .estimates import correlation_figure, parameters_figure, residuals_figure
+from .free_runs import diagnosis_figure, identification_figure, overlay_figure, replay_figure
+from .frequency import bode_figure, loop_figure
+from .loops import nyquist_figure, robustness_figure, step_figure
+from .runs import baseline_figure, closed_figure, scenario_figure, trajectory_figure
 from .save import save, to_svg
-from .scenario import scenario_figure
-from .shrinkage import shrinkage_figure
-from .step import step_figure
-from .trajectory import trajectory_figure
-from .unknown_inputs import unknown_inputs_figure
-from .where import where_figure
 
 __all__ = [
     "baseline_figure",

@@ -1,50 +1,94 @@
-"""Where panels stand on a sheet, in inches.
-
-Every size is known beforehand, so that no layout engine is needed: it takes longer than all the drawing, each time a
-figure is saved. What it would have prevented, words that meet or leave the sheet, the tests look for.
-"""
+"""Sheets of panels: a title, room for a legend, and a mosaic of axes placed by matplotlib's constrained layout."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.legend import Legend
+from matplotlib.transforms import Bbox, blended_transform_factory
 
-from ..style import WIDTH, Sheet, wrapped
+from ..style import BLACK, DPI, WIDTH, Sheet, style
 
-#: Of a line of the title, between panels, below the last, and from the end of a panel's label to the panel.
-TITLE, GAP, BOTTOM, TICKS = 0.19, 0.13, 0.5, 0.67
+#: Height of a line of the title and of a note, and of the labels of an axis of time or frequency, in.
+TITLE_LINE, NOTE_LINE, XLABEL = 0.19, 0.15, 0.5
+#: Height of what separates two panels, in; left edge of title and legend, part of the width.
+GAP, LEFT = 0.13, 0.0125
+#: Characters of a title and of a note that fit on the width.
+TITLE_WIDTH, NOTE_WIDTH = 80, 118
 
 
-def sheet(title: str, *, header: float, heights: Sequence[float]) -> tuple[Sheet, float]:
-    """An empty sheet with its title, of the height that panels of `heights` [in] below a header [in] need.
+@contextmanager
+def sheet(
+    title: str,
+    mosaic: Sequence[Sequence[str]],
+    heights: Sequence[float],
+    *,
+    widths: Sequence[float] | None = None,
+    header: float = 0.0,
+    notes: Sequence[str] = (),
+    note_color: str = BLACK,
+    extra: float = XLABEL,
+) -> Iterator[tuple[Sheet, dict[str, Axes]]]:
+    """A sheet with its axes, laid out when the block ends; drawing within the block has the style of all figures.
 
-    Returns the sheet and where the first panel begins, from the top [in].
+    Parameters
+    ----------
+    mosaic: rows of names of axes, as for `Figure.subplot_mosaic`.
+    heights: of the rows, in. widths: of the columns, relative.
+    header: height for a legend above the panels, in; the axes are then called "header".
+    notes: sentences at the top of the header. extra: height that labels need beside the panels, in.
     """
-    lines = wrapped(title)
-    top = 0.13 + TITLE * len(lines) + header
-    total = top + sum(heights) + GAP * (len(heights) - 1) + BOTTOM
-    figure = Sheet(figsize=(WIDTH, total))
-    figure.suptitle("\n".join(lines), x=0.0125, y=1 - 0.08 / total, ha="left", fontsize=11, fontweight="bold")
-    return figure, top
+    lines = [part for line in title.splitlines() for part in textwrap.wrap(line, TITLE_WIDTH)]
+    noted = [line for note in notes for line in textwrap.wrap(note, NOTE_WIDTH)]
+    header += NOTE_LINE * len(noted)
+    total = 0.2 + TITLE_LINE * len(lines) + header + sum(heights) + GAP * len(heights) + extra
+    rows: list[Any] = [list(row) for row in mosaic]
+    with style():
+        spacing = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.03, hspace=0.0, wspace=0.02)
+        figure = Sheet(figsize=(WIDTH, total), dpi=DPI, layout=spacing)
+        figure.suptitle("\n".join(lines), x=LEFT, ha="left", fontsize=11, fontweight="bold")
+        if header:
+            rows = [["header"] * len(rows[0]), *rows]
+        axes = figure.subplot_mosaic(
+            rows, height_ratios=[header, *heights] if header else list(heights), width_ratios=widths
+        )
+        if header:
+            axes["header"].set_axis_off()
+        if noted:
+            place = blended_transform_factory(figure.transFigure, axes["header"].transAxes)
+            look: dict[str, Any] = {"va": "top", "fontsize": 8.5, "color": note_color, "transform": place}
+            axes["header"].text(LEFT, 1.0, "\n".join(noted), in_layout=False, **look)
+        yield figure, axes
+        figure.align_ylabels()
+        # Laid out once: it costs more than the drawing, and a PNG and an SVG of the figure are the same then.
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        # The solver's last digits depend on the order of its variables in memory.
+        for ax in figure.axes:
+            ax.set_position(Bbox(ax.get_position(original=True).get_points().round(5)))
 
 
-def stack(
-    figure: Sheet, heights: Sequence[float], *, top: float, left: float, right: float, ticks: float = TICKS
-) -> list[Axes]:
-    """Panels of the given heights, one below the other, that share the axis below; all in inches.
-
-    `top`, `left` and `right` are distances from the edges of the sheet, `ticks` is the room for tick labels.
-    """
-    total, wide = figure.get_figheight(), WIDTH - left - right
-    axes: list[Axes] = []
-    for height in heights:
-        ax = figure.add_axes((left / WIDTH, 1 - (top + height) / total, wide / WIDTH, height / total))
-        ax.yaxis.set_label_coords(-ticks / wide, 0.5)
-        ax.tick_params(labelbottom=False)
-        top += height + GAP
-        axes.append(ax)
+def share_x(axes: Sequence[Axes]) -> None:
+    """Panels below each other share the axis of the last one."""
     for ax in axes[:-1]:
         ax.sharex(axes[-1])
-    axes[-1].tick_params(labelbottom=True)
-    return axes
+        ax.tick_params(labelbottom=False)
+
+
+def header_legend(header: Axes, lines: Sequence[Artist], *, ncols: int = 0, fontsize: float = 9, **look: Any) -> Legend:
+    """One legend for all panels, in the header; in one row by default."""
+    figure = header.get_figure()
+    assert figure is not None
+    legend = header.legend(
+        handles=list(lines), loc="lower left", bbox_to_anchor=(LEFT, 0.0), ncols=ncols or len(lines),
+        bbox_transform=blended_transform_factory(figure.transFigure, header.transAxes), borderaxespad=0.0,
+        borderpad=0.0, fontsize=fontsize, **{"labelspacing": 0.3, **look},
+    )  # fmt: skip
+    legend.set_in_layout(False)
+    return legend

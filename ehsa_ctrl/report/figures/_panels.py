@@ -1,10 +1,10 @@
-"""What figures over time share: a header, a column of panels, strips that show phases, limits that were passed."""
+"""Panels over time: ranges of axes, strips that show phases, limits of the plant that were exceeded."""
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -13,14 +13,13 @@ from matplotlib.axes import Axes
 from ...core.unit import factor
 from ...simulation.limits import SHOWN, Exceedance
 from ...simulation.trajectory import Trajectory
-from ..number import quantity
-from ..style import BLUE, GREY, LIMIT, LIMIT_DASHES, RASTER_POINTS, SIGNALS, Sheet, Signal
-from ._layout import GAP, sheet, stack
+from ..signals import SIGNALS, Signal
+from ..style import BLUE, GREY, LIMIT, LIMIT_DASHES, RASTER_POINTS, Sheet
+from ..text import quantity
+from ._layout import share_x, sheet
 
-#: Height of a panel, of a row of a strip and of a line in the header, and what is left of the panels, in.
-PANEL, ROW, LINE, LEFT = 1.3, 0.17, 0.15, 1.2
-#: Right of the panels, in: nothing, the symbols of the pressures, limits that were passed.
-NARROW, SYMBOLS, LIMITS = 0.15, 0.75, 1.3
+#: Height of a panel and of a row of a strip, in.
+PANEL, ROW = 1.3, 0.17
 #: Panel that shows a limit of the plant. Averages over the run (power, current_rms) can't be drawn over time.
 WHERE = {
     "pump_speed": "omega",
@@ -36,33 +35,17 @@ STUCK, FORCE = GREY, BLUE
 Phase = tuple[float, float, str]
 
 
-class Column(NamedTuple):
-    """A figure over time: `header` has room for a legend."""
-
-    figure: Sheet
-    header: Axes
-    axes: list[Axes]
-
-
-def column(heights: Sequence[float], title: str, *, notes: Sequence[str] = (), right: float = NARROW) -> Column:
-    """An empty figure with panels of the given heights [in] over a common time axis [s].
-
-    `notes` stand in the header, `right` [in] is kept free beside the panels.
-    """
-    lines = [line for note in notes for line in textwrap.wrap(note, 108)]
-    header = 0.25 + LINE * len(lines)
-    figure, top = sheet(title, header=header + GAP, heights=heights)
-    (place,) = stack(figure, [header], top=top - header - GAP, left=LEFT, right=right)
-    place.set_axis_off()
-    place.text(0, 1, "\n".join(lines), transform=place.transAxes, va="top", fontsize=8.5, color=LIMIT["color"])
-    axes = stack(figure, heights, top=top, left=LEFT, right=right)
-    axes[-1].set_xlabel("time (s)")
-    return Column(figure, place, axes)
-
-
-def beside_width(run: Trajectory) -> float:
-    """What the legends beside the panels of a run take, in."""
-    return LIMITS if any(trip.limit in WHERE for trip in run.exceeded) else SYMBOLS
+@contextmanager
+def column(
+    title: str, heights: Mapping[str, float], notes: Sequence[str] = ()
+) -> Iterator[tuple[Sheet, dict[str, Axes]]]:
+    """Panels of the given heights [in] over a common axis of time [s], with a header for a legend."""
+    rows, sizes = [[name] for name in heights], list(heights.values())
+    with sheet(title, rows, sizes, header=0.25, notes=notes, note_color=LIMIT["color"]) as (figure, axes):
+        panels = [axes[name] for name in heights]
+        share_x(panels)
+        panels[-1].set_xlabel("time (s)")
+        yield figure, axes
 
 
 def draw(ax: Axes, time: np.ndarray, values: np.ndarray, how: Mapping[str, Any]) -> Artist:
@@ -98,15 +81,6 @@ def _ends(signals: Iterable[np.ndarray]) -> tuple[float, float]:
     values = np.concatenate(list(signals))
     values = values[np.isfinite(values)]
     return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
-
-
-def legend(header: Axes, lines: Iterable[Artist]) -> None:
-    """One legend for all panels, in the header: it covers nothing there."""
-    handles = list(lines)
-    header.legend(
-        handles, [str(line.get_label()) for line in handles], loc="lower left", bbox_to_anchor=(0, 0),
-        ncols=len(handles), borderaxespad=0.0, borderpad=0.0,
-    )  # fmt: skip
 
 
 def beside(ax: Axes, lines: Sequence[Artist]) -> None:
@@ -165,8 +139,8 @@ def shade(axes: Iterable[Axes], bars: Sequence[Phase]) -> None:
             ax.axvspan(start, end, color=BLUE, alpha=0.07, linewidth=0, zorder=0.5)
 
 
-def passed_limits(panels: Mapping[str, Axes], run: Trajectory) -> dict[str, list[Artist]]:
-    """Draw each limit that the run passed as a line, with a cross where a sample first lay beyond it.
+def exceeded_limits(panels: Mapping[str, Axes], run: Trajectory) -> dict[str, list[Artist]]:
+    """Draw each limit that the run exceeded as a line, with a cross where a sample first lay beyond it.
 
     Returns the lines of each panel, for its legend.
     """
@@ -196,9 +170,9 @@ def passed_limits(panels: Mapping[str, Axes], run: Trajectory) -> dict[str, list
     return drawn
 
 
-def passed_words(trips: Iterable[Exceedance], expected: Sequence[str] = ()) -> list[str]:
-    """What was passed, for the header: an average has no line that would show it."""
-    return [f"limit passed{', as expected' if trip.limit in expected else ''}: {trip}" for trip in trips]
+def exceeded_words(trips: Iterable[Exceedance], expected: Sequence[str] = ()) -> list[str]:
+    """The limits that were exceeded, for the header: an average has no line that would show it."""
+    return [f"limit exceeded{', as expected' if trip.limit in expected else ''}: {trip}" for trip in trips]
 
 
 def _watched(run: Trajectory, trip: Exceedance) -> np.ndarray:

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 
 from ..style import DPI, style
 
-#: Without these entries a file says neither when nor by which release it was made.
+#: Without these entries a file holds neither the date nor the release that made it.
 NO_DATE = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 
 def to_svg(figure: Figure) -> str:
-    """The figure as the text of an SVG; letters are outlines, so that it looks alike everywhere."""
+    """The figure as the text of an SVG; characters are outlines, so that it looks alike everywhere."""
     stream = StringIO()
     with style():
         figure.savefig(stream, format="svg", dpi=DPI, metadata=NO_DATE)

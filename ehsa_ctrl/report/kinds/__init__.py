@@ -1,4 +1,4 @@
-"""What each command leaves in its folder, read from its JSON and figures alone: one kind a file, found by its name."""
+"""Pages of the results that commands write, made from their JSON: one kind a file, found by the name of its JSON."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 from functools import cache
 
 from ...core.registry import members
-from ._result import Kind
+from ..page import Kind
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The linear model, its loops and the worst of many plants."""
+"""The page of an analysis: the linear model, its loops and their worst case over many plants."""
 
 from __future__ import annotations
 
@@ -7,28 +7,36 @@ from pathlib import Path
 from typing import Any
 
 from ...core.text import join_words
-from ._margins import MARGINS, margin, margins_table
-from ._result import Drawing, Kind, Result, Sentence, Table, written
+from ..page import Kind, Page, Picture, Section, Sentence, Table
+from ..text import value_text
+from ._tables import MARGINS, loop_sentence, margins_table
 
 MARKS = {"good": "✓ good", "fault": "✗ fault"}
 
 
-def _read(content: Mapping[str, Any], folder: Path) -> Result:
+def _read(content: Mapping[str, Any], folder: Path) -> Page:
     loops, robust = content.get("loops", []), content.get("robust", [])
     reviews = content.get("reviews", [])
-    stems = [(loop["controller"], f"-{loop['controller']}" if len(loops) > 1 else "") for loop in loops]
-    drawings = [Drawing("bode", "Bode plot", "From the current to speed, pressure difference, rod speed and position.")]
-    for name, end in stems:
-        drawings += [
-            Drawing(f"loop{end}", f"Loop with {name}", "Thick bars: gain margin (top) and phase margin (middle)."),
-            Drawing(f"nyquist{end}", f"Nyquist plot with {name}"),
-            Drawing(f"robustness{end}", f"{name} on many plants"),
+    sections = [Section("Linear model", [*_model(content)], "model")]
+    for loop in loops:
+        name, end = loop["controller"], f"-{loop['controller']}" if len(loops) > 1 else ""
+        blocks: list[Any] = [
+            Picture(
+                f"loop{end}", f"Loop with {name}", "Thick bars: gain margin (top) and phase margin (middle).", True
+            ),
+            Picture(f"nyquist{end}", f"Nyquist plot with {name}", headed=True),
+            Picture(f"robustness{end}", f"{name} on many plants", headed=True),
         ]
-    return Result(
+        sections.append(Section(f"Loop with {name}", blocks))
+    tables = [*([margins_table("Margins, loop broken at the current", loops)] if loops else []), *_worst(robust)]
+    return Page(
         title=f"Analysis of {content['plant']}, {content['model']} model" + _with(loops),
         sentences=_sentences(content, loops, robust, reviews),
-        tables=[*_tables(content, loops, robust), *map(_review, reviews)],
-        drawings=drawings,
+        sections=[
+            *sections,
+            Section("Margins", tables, "margins"),
+            Section("Review", [*map(_review, reviews)], "review"),
+        ],
         facts=[("plant", str(content["plant"])), ("model", str(content["model"]))],
     )
 
@@ -43,15 +51,11 @@ def _sentences(content: Mapping[str, Any], loops: list[Any], robust: list[Any], 
     modes = sorted({f"{f / 6.283185307:.3g}" for f in content["natural_frequencies"] if f}, key=float)
     found: list[Sentence] = [(f"Modes at {', '.join(modes)} Hz." if modes else "No mode but an integrator.", None)]
     for loop in loops:
-        words = (
-            f"{loop['controller']}: crossover {margin(loop, 'crossover')}, phase margin "
-            f"{margin(loop, 'phase_margin')}, Ms {margin(loop, 'Ms')}; the closed loop is "
-            f"{'stable' if loop['stable'] else 'NOT STABLE'}."
-        )
+        words = f"{loop['controller']}: {loop_sentence(loop)}"
         found.append((words, bool(loop["stable"])))
     for each in robust:
         words = f"{each['controller']} on {each['plants']} plants: " + (
-            f"all stable, worst Ms {written(each['worst']['Ms']['value'], 1.0, 3)}."
+            f"all stable, worst Ms {value_text(each['worst']['Ms']['value'], 1.0, 3)}."
             if each["stable"]
             else f"NOT STABLE on {len(each['unstable'])} of them."
         )
@@ -63,12 +67,13 @@ def _sentences(content: Mapping[str, Any], loops: list[Any], robust: list[Any], 
     return found
 
 
-def _tables(content: Mapping[str, Any], loops: list[Any], robust: list[Any]) -> Iterator[Table]:
+def _model(content: Mapping[str, Any]) -> Iterator[Any]:
+    yield Picture("bode", "Bode plot", "From the current to speed, pressure difference, rod speed and position.")
     yield Table(
         "Poles",
         ["pole, rad/s", "natural frequency, Hz", "damping"],
         [
-            [_complex(pole), written(f, 6.283185307, 3), written(damping, 1.0, 3)]
+            [_complex(pole), value_text(f, 6.283185307, 3), value_text(damping, 1.0, 3)]
             for pole, f, damping in zip(
                 content["poles"], content["natural_frequencies"], content["damping"], strict=True
             )
@@ -79,22 +84,24 @@ def _tables(content: Mapping[str, Any], loops: list[Any], robust: list[Any]) -> 
         "From the current",
         ["to", "DC gain", "unit", "zeros, rad/s"],
         [
-            [name, "integrates" if gain is None else written(gain, 1.0, 5), units.get(name, ""),
+            [name, "integrates" if gain is None else value_text(gain, 1.0, 5), units.get(name, ""),
              ", ".join(map(_complex, content["zeros"][name])) or "none"]
             for name, gain in content["dc_gain"].items()
         ],
     )  # fmt: skip
-    if loops:
-        yield margins_table("Margins, broken at the current", loops)
+
+
+def _worst(robust: list[Any]) -> Iterator[Table]:
+    """The worst of each margin over many plants, with the median."""
     for each in robust:
         if not each["worst"]:
             continue
         yield Table(
             f"{each['controller']}: the worst of each margin among {each['plants']} plants",
-            ["margin", "worst", "of half", "unit", "on which plant"],
+            ["margin", "worst", "median", "unit", "worst plant"],
             [
-                [MARGINS[name][0], written(worst["value"], MARGINS[name][2], 3),
-                 written(each["quantiles"].get(name, {}).get("50 %"), MARGINS[name][2], 3), MARGINS[name][1],
+                [MARGINS[name][0], value_text(worst["value"], MARGINS[name][2], 3),
+                 value_text(each["quantiles"].get(name, {}).get("50 %"), MARGINS[name][2], 3), MARGINS[name][1],
                  worst["plant"]]
                 for name, worst in each["worst"].items() if name in MARGINS
             ],
@@ -113,8 +120,8 @@ def _review(review: Mapping[str, Any]) -> Table:
 def _complex(pole: list[float] | float) -> str:
     real, imaginary = pole if isinstance(pole, list) else (pole, 0.0)
     if abs(imaginary) < 1e-9 * max(abs(real), 1.0):
-        return written(real)
-    return f"{written(real)} {'+' if imaginary > 0 else '−'} {written(abs(imaginary))}i"
+        return value_text(real)
+    return f"{value_text(real)} {'+' if imaginary > 0 else '−'} {value_text(abs(imaginary))}i"
 
 
 KIND = Kind("analysis.json", "analysis", _read)

@@ -1,4 +1,4 @@
-"""Diagnoses of many logs, in one table."""
+"""The page of the diagnoses of many logs: one table."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from ...core.text import folder_names, unique_names
-from ._result import DOUBT, Kind, Result, Sentence, Table, percent, written
+from ..page import DOUBT, Kind, Page, Section, Sentence, Table
+from ..text import percent, value_text
 
 
-def _read(content: Mapping[str, Any], folder: Path) -> Result:
+def _read(content: Mapping[str, Any], folder: Path) -> Page:
     logs = content["logs"]
     files = [row["file"] for row in logs]
     named = list(zip(unique_names(files), logs, strict=True))
@@ -23,16 +24,20 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
         sentences.append(("Interrupted: not all logs are done.", DOUBT))
     rows = [
         [name, row["verdict"].replace("_", " ") or "✗ failed", " or ".join(row["set"]), row["place"],
-         written(row["probability"], 1.0, 2) if row["cause"] else "", percent(row["gap_before"], 2),
-         percent(row["gap_after"], 2) if row["verdict"] != "no_gap" else "", written(row["seconds"], 1.0, 2)]
+         value_text(row["probability"], 1.0, 2) if row["cause"] else "", percent(row["gap_before"], 2),
+         percent(row["gap_after"], 2) if row["verdict"] != "no_gap" else "", value_text(row["seconds"], 1.0, 2)]
         for name, row in named
     ]  # fmt: skip
     head = ["log", "verdict", "cause", "place", "probability", "gap", "after", "s"]
-    return Result(
+    return Page(
         title=f"Diagnosis of {len(logs)} logs of {content['plant']}",
         sentences=sentences,
-        tables=[Table("Gap of all signals on held-out data, as believed and with the causes", head, rows)],
-        facts=[("plant", str(content["plant"])), ("a gap matters from", f"{percent(content['threshold'])} on")],
+        sections=[
+            Section(
+                "Logs", [Table("Gap of all signals on held-out data, nominal and with the causes", head, rows)], "logs"
+            )
+        ],
+        facts=[("plant", str(content["plant"])), ("threshold of a gap", percent(content["threshold"]))],
         versions=content["provenance"],
         covers=folder_names(files),
     )

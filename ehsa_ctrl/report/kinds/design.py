@@ -1,4 +1,4 @@
-"""A controller that was designed from a specification."""
+"""The page of a controller that was designed from a specification."""
 
 from __future__ import annotations
 
@@ -6,40 +6,42 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ._margins import margin, margins_table
-from ._result import Drawing, Kind, Result, Sentence, percent, written
+from ..page import Kind, Page, Picture, Section, Sentence
+from ..text import percent, value_text
+from ._tables import loop_sentence, margins_table
 
 
-def _read(content: Mapping[str, Any], folder: Path) -> Result:
+def _read(content: Mapping[str, Any], folder: Path) -> Page:
     loop = content["loop"]
     asked = ", ".join(f"{key} {value}" for key, value in content["asked"].items())
+    settings = ", ".join(f"{key} = {value}" for key, value in content["settings"].items())
     sentences: list[Sentence] = [
         (f"{str(content['law']).rstrip('.')}.", None),
+        (f"Linear loop: {loop_sentence(loop)}", bool(loop["stable"])),
         (
-            f"The linear closed loop is {'stable' if loop['stable'] else 'NOT STABLE'}: crossover "
-            f"{margin(loop, 'crossover')}, phase margin {margin(loop, 'phase_margin')}, Ms {margin(loop, 'Ms')}, delay "
-            f"margin {margin(loop, 'delay_margin')}.",
-            bool(loop["stable"]),
-        ),
-        (
-            f"A step of the target: overshoot {percent(content['overshoot'])}, settled after "
-            f"{written(content['settling_time'], 1e-3)} ms, on the linear model; ehsa-ctrl run checks it on the plant "
-            "with friction.",
+            f"A step of the reference: overshoot {percent(content['overshoot'])}, settled after "
+            f"{value_text(content['settling_time'], 1e-3)} ms, on the linear model; ehsa-ctrl run checks it on the "
+            "plant with friction.",
             None,
         ),
     ]
-    settings = ", ".join(f"{key} = {value}" for key, value in content["settings"].items())
-    return Result(
+    return Page(
         title=f"Design for {content['plant']}: {content['kind']}",
         sentences=sentences,
-        tables=[margins_table("Margins, broken at the current", [loop])],
-        drawings=[
-            Drawing("step", "Step of the target", "Linear model and controller; friction is not in it."),
-            Drawing("loop", "Open loop", "Thick bars: gain margin (top) and phase margin (middle)."),
-            Drawing("nyquist", "Nyquist plot"),
+        sections=[
+            Section(
+                "Linear loop",
+                [
+                    Picture("step", "Step of the reference", "Linear model and controller, without friction.", True),
+                    Picture("loop", "Open loop", "Thick bars: gain margin (top) and phase margin (middle).", True),
+                    Picture("nyquist", "Nyquist plot", headed=True),
+                    margins_table("Margins, loop broken at the current", [loop]),
+                ],
+                "loop",
+            )
         ],
         facts=[
-            ("asked for", asked or "nothing in particular"),
+            ("specification", asked or "none"),
             ("set for this run", settings or "nothing"),
             ("controller", str(content["controller"] or "printed only")),
         ],

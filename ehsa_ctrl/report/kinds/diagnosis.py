@@ -1,105 +1,394 @@
-"""Why a log and the simulation differ; with it what changed since an earlier log, and what it does to a closed loop."""
+"""The page of a diagnosis: the verdict, then signals, places, causes, other hypotheses, gaps, the next experiment."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from ...core.files import read_json
 from ...core.text import join_words
+from ...core.unit import factor
 from ...diagnosis.diagnosis import MODELS
+from ...diagnosis.gap_attribution import PLACES
 from ...diagnosis.signals import SIGNALS
 from ...plant.file import both
-from ..closed_loop import closed_table
-from ..number import uncertain, unit
-from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, percent, written
+from ...scenario.metrics import METRICS
+from ..outcome import OUTCOMES, after_model, after_words, models_shown, outcome
+from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence, State, Table
+from ..signals import BALANCES, shown, signal_shown, unit_of_number
+from ..text import NOTHING, as_sentence, percent, quantity, uncertain, unit, value_text
+from ._tables import settings_of, steps_of
 
-#: Whether one can go on with a verdict.
-STATES: dict[str, bool | Literal["doubt"]] = {
-    "no_gap": True, "effect": True, "ambiguous": DOUBT, "underdetermined": DOUBT
-}  # fmt: skip
-#: What JSON has null for.
+Content = Mapping[str, Any]
 INFINITE = float("inf")
+#: State and heading of each verdict.
+VERDICTS: dict[str, tuple[State, str]] = {
+    "no_gap": (True, "no relevant gap"),
+    "effect": (True, "the cause is identified"),
+    "ambiguous": (DOUBT, "a cause that this log cannot distinguish from others"),
+    "outside_catalogue": (False, "no known effect explains the gap"),
+    "underdetermined": (DOUBT, "the log does not show the cause"),
+}
+#: Sections in the order in which they answer the questions that a verdict leaves.
+ORDER = {
+    "no_gap": ("signals", "gaps"),
+    "effect": ("signals", "where", "causes", "candidates", "gaps", "next"),
+    "ambiguous": ("signals", "causes", "candidates", "where", "gaps", "next"),
+    "outside_catalogue": ("where", "signals", "causes", "gaps", "candidates", "next"),
+    "underdetermined": ("causes", "candidates", "next", "where", "signals", "gaps"),
+}
+#: Metrics of the closed loop that are shown, where a run has them.
+CLOSED_LOOP = (
+    "RiseTime", "SettlingTime", "SettlingRatio", "Overshoot", "SteadyStateError", "MaxError", "RMSError",
+    "HuntingAmplitude", "Slips", "SaturationShare", "CurrentRMS", "Energy", "StopTime", "TravelAfterStop",
+)  # fmt: skip
+#: A logged current that differs by more than this share of its standard deviation from what the controller computes
+#: was recorded under another loop.
+OTHER = 0.2
 
 
-def _read(content: Mapping[str, Any], folder: Path) -> Result:
-    sentences: list[Sentence] = [(content["sentence"], STATES.get(content["verdict"], False))]
-    if "change" in content:
-        sentences.insert(0, (content["change"], None))
-    if content["next_experiment"]:
-        sentences.append((f"Next: {content['next_experiment']}", None))
+def _read(content: Content, folder: Path) -> Page:
+    parts: dict[str, Callable[[Content], Section]] = {
+        "signals": _signals, "where": _where, "causes": _causes, "candidates": _candidates, "gaps": _gaps,
+        "next": _next,
+    }  # fmt: skip
+    closed = read_json(folder / "closed_loop.json") if (folder / "closed_loop.json").is_file() else None
+    state, heading = VERDICTS.get(content["verdict"], (False, str(content["verdict"])))
+    sentences: list[Sentence] = [(content["change"], None)] if "change" in content else []
+    sentences += [(content["sentence"], state), *_glance(content)]
+    if closed is not None:
+        sentences += list(_closed_sentences(closed))
     sentences += [(f"Doubtful in the log: {str(words).rstrip('.')}.", DOUBT) for words in content["findings"]]
-    tables = [_causes(content)] if content["effects"] else []
-    tables.append(_gaps(content))
-    closed = folder / "closed_loop.json"
-    facts = [
-        (
-            "where, over the whole log",
-            join_words(f"{w['place']} {percent(w['share'], 2)}" for w in content["where"] if w["share"] >= 0.01),
-        )
-    ]
-    if closed.is_file():
-        found = read_json(closed)
-        head, rows = closed_table(found)
-        name = f"{found['scenario']} with {found['controller']}"
-        tables.append(Table(f"What it does to the closed loop: {name}", ["", *head, "unit"], rows))
-        for word, reasons in found["failures"].items():
-            said = "; ".join(reasons) if reasons else "keeps the limits"
-            sentences.append((f"{name} on the {word} plant: {said}.", not reasons))
-    return Result(
-        title=f"Diagnosis of {_log(content)}",
+    ordered = [parts[name](content) for name in ORDER.get(content["verdict"], tuple(parts))]
+    model = f" ({content['model']})" if content.get("model") else ""
+    return Page(
+        title=f"Diagnosis of {_log(content)}: {heading}",
         sentences=sentences,
-        tables=tables,
-        drawings=[
-            Drawing("signals", "Measured and simulated", "Free runs, driven by what was logged of the drive alone."),
-            Drawing("where", "Where the gap lies"),
-            Drawing("unknown_inputs", "What the balances lack"),
-            Drawing("candidates", "Candidates by evidence"),
-            Drawing("shrinkage", "How far the gap shrinks"),
-            Drawing("closed_loop", "The closed loop before and after"),
+        notes=[
+            f"{content.get('plant', 'The plant')}{model} is simulated in free run with the logged drive. Held out, and "
+            f"not used for any fit, is {content['held_out']}."
+        ],
+        sections=[
+            *([_changed(content)] if "change" in content else []),
+            *ordered,
+            *([_closed_loop(closed)] if closed is not None else []),
+            _recorded(content),
         ],
         facts=[
-            *(facts if content["where"] else []),
+            ("log", str(content.get("log") or "not from a file")),
+            *([("title", str(content["plant_title"]))] if "plant_title" in content else []),
+            *settings_of(content),
             ("held out", str(content["held_out"])),
-            ("a gap matters from", f"{percent(content['threshold'])} on"),
-            ("it took", f"{written(content['seconds'], 1.0, 2)} s, {content['runs']} simulations"),
+            ("threshold of a gap", percent(content["threshold"])),
+            ("effort", f"{value_text(content['seconds'], 1.0, 2)} s, {content['runs']} simulations"),
         ],
         versions=content["provenance"],
     )
 
 
-def _log(content: Mapping[str, Any]) -> str:
-    """Log and plant, as far as the file says them."""
+def _log(content: Content) -> str:
+    """Log and plant, as far as the file names them."""
     files = [Path(name) for name in (content.get("rests_on") or {}).get("files", {})]
     log = Path(content["log"]).name if content.get("log") else next((f.name for f in files if f.suffix != ".toml"), "")
     plant = content.get("plant") or next((file.stem for file in files if file.suffix == ".toml"), "")
     return f"{log or 'a log'}{f' on {plant}' if plant else ''}"
 
 
-def _causes(content: Mapping[str, Any]) -> Table:
-    rows = []
+def _name(cause: Content) -> str:
+    return str(cause["id"]) + (f" ({cause['channel']})" if cause["channel"] else "")
+
+
+def _named(content: Content) -> bool:
+    """Whether causes are claimed."""
+    return content["verdict"] in ("effect", "ambiguous")
+
+
+def _glance(content: Content) -> Iterator[Sentence]:
+    """Where, which and how far, a line each."""
+    if content["verdict"] == "no_gap":
+        return
+    if content["where"]:
+        shares = [f"{w['place']} {percent(w['share'], 2)}" for w in content["where"] if w["share"] >= 0.01]
+        yield f"Where: {', '.join(shares)} of the gap over the whole log.", None
     for cause in content["effects"]:
-        name = cause["id"] + (f" ({cause['channel']})" if cause["channel"] else "")
-        said = {
-            both(key): f"{uncertain(p['value'], INFINITE if p['sd'] is None else p['sd'])} {unit(p['unit'])}".rstrip()
-            for key, p in cause["parameters"].items()
-        }
-        numbers = "; ".join(f"{key} = {words}" for key, words in said.items())
-        rows.append([name, numbers, ", ".join(cause["ambiguous_with"]) or "–", written(cause["probability"], 1.0, 2),
-                     percent(cause["gap_closed"])])  # fmt: skip
-    return Table("Causes", ["cause", "numbers", "or, not told apart", "probability", "closes"], rows)
+        numbers = ", ".join(f"{name} = {value} {of}".rstrip() for name, value, _, of, _ in _numbers(cause))
+        others = f"; or {' or '.join(cause['ambiguous_with'])}" if cause["ambiguous_with"] else ""
+        yield f"Which: {_name(cause)}, probability {value_text(cause['probability'], 1.0, 2)}: {numbers}{others}.", None
+    if not content["effects"]:
+        nearest = content.get("nearest_sentence")
+        yield f"Which: none of the catalogue{f'; {nearest}' if nearest else ''}.", None
+    after = after_model(content["verdict"])
+    if after is not None:
+        gap = content["gap"]
+        change = f"from {percent(gap['nominal']['total'], 2)} to {percent(gap[after]['total'], 2)}"
+        words = after_words(content["verdict"], len(content["effects"]))
+        yield f"How far: the gap of all signals on held-out data falls {change} {words}.", None
+    if content["next_experiment"]:
+        yield f"Next: {content['next_experiment'].rstrip('.')}.", None
 
 
-def _gaps(content: Mapping[str, Any]) -> Table:
-    gaps = content["gap"]
-    models = [model for model in gaps if model in MODELS]
+def _changed(content: Content) -> Section:
+    """What changed since an earlier log."""
+    before = content["before"]
     rows = [
-        [name.replace("_", " "), *(percent(gaps[model].get(name), 2) for model in models)]
-        for name in (*SIGNALS, "total")
-        if name in gaps["nominal"]
+        [both(name), value_text(each["nominal"]), value_text(each["value"]), unit(each["unit"])]
+        for name, each in before.get("parameters", {}).items()
     ]
-    return Table("Gap on held-out data", ["signal", *(MODELS[model] for model in models)], rows)
+    facts = [
+        ("earlier log", f"{before['log'] or 'not from a file'}: {before['sentence']}"),
+        ("plant at the earlier log", str(before["brought"])),
+        ("later log", "all that follows, compared with the plant as it was at the earlier log"),
+    ]
+    table = Table("The plant at the earlier log", ["name", "nominal", "then", "unit"], rows)
+    return Section("What changed", [Paragraph(content["change"]), Facts(facts), table], "changed")
 
 
-KIND = Kind("diagnosis.json", "diagnosis", _read, page="diagnosis.html", own=True)
+def _signals(content: Content) -> Section:
+    caption = (
+        "Free runs, driven by the logged drive alone. A gap is the RMS of measured minus simulated on held-out data, "
+        "the sensor's noise subtracted, over the standard deviation of the signal; 0 % is within noise. A run far off "
+        "the measurement leaves its panel."
+    )
+    picture = Picture("signals", "Measured and simulated", caption)
+    return Section("Measured and simulated", [Paragraph(_reached(content)), picture], "signals")
+
+
+def _reached(content: Content) -> str:
+    """Signals that still have a relevant gap."""
+    after = after_model(content["verdict"])
+    gaps, limit = content["gap"][after or "nominal"], content["threshold"]
+    left = [signal_shown(name).words for name in SIGNALS if (gaps.get(name) or 0.0) >= limit]
+    how = "With the nominal parameters"
+    if after is not None:
+        how = as_sentence(after_words(content["verdict"], len(content["effects"]))).rstrip(".")
+    if not left:
+        return f"{how}, the gap of every signal is below {percent(limit)} on held-out data."
+    verb = "have" if len(left) > 1 else "has"
+    return f"{how}, {join_words(left)} still {verb} a gap of {percent(limit)} or more on held-out data."
+
+
+def _where(content: Content) -> Section:
+    if not content["where"]:
+        return Section("Where", [])
+    location, named = content.get("location"), _named(content)
+    balances = location["shares"] if location is not None else {}
+    causes = {w["place"]: w["share"] for w in content["where"]} if named or location is None else {}
+    columns = [("by the causes", causes)] * bool(causes) + [("by the balances", balances)] * bool(balances)
+    rows = [[place, *(f"{100.0 * shares.get(place, 0.0):.0f} %" for _, shares in columns)] for place in PLACES]
+    blocks: list[Any] = [
+        Picture(
+            "where",
+            "Shares of the gap by place",
+            "Of the whole log. Left: shares of the squared gap. The balances use no catalogue of effects: the input "
+            "that is missing in each is estimated and put into a simulation. Right: the gap over time, and what is "
+            "left of it then.",
+        ),
+        Table("Share of the gap over the whole log", ["place", *(head for head, _ in columns)], rows),
+    ]
+    if location is None:
+        return Section("Where", blocks, "where")
+    if location["sensor"] is not None and (balances.get("sensor") or 0.0) >= 0.05:
+        blocks.append(Paragraph(f"Sensor that the balances point to: {location['sensor']}."))
+    by_signal = [
+        [signal_shown(name).words, percent(parts["gap"], 2),
+         *(f"{round(100.0 * parts[place])} %" if parts.get(place) is not None else NOTHING for place in PLACES)]
+        for name, parts in location["by_signal"].items()
+    ]  # fmt: skip
+    caption = "Gap of the nominal plant over the whole log, and the part of its square that each balance explains"
+    regimes = [
+        [
+            BALANCES.get(regime["balance"], regime["balance"]),
+            regime["words"],
+            percent(regime["explained"], 2),
+            _closes(regime["gap_closed"]),
+        ]
+        for regime in location["regimes"]
+    ]
+    blocks += [
+        Table(caption, ["signal", "gap", *PLACES], by_signal),
+        Picture(
+            "unknown_inputs",
+            "Unknown inputs of the balances",
+            "The input that each balance lacks, smoothed, and the variable that it depends on: mean in bins, the band "
+            "is one standard deviation within a bin. A positive torque or flow assists, a positive force resists "
+            "extension; an input that opposes the motion is shown times the sign of the motion. The share explained "
+            "is of data that was not fitted.",
+        ),
+        Table(
+            "Variables that the unknown inputs depend on",
+            ["balance", "dependence", "explained", "closes of the\nsquared gap"],
+            regimes,
+        ),
+    ]
+    return Section("Where", blocks, "where")
+
+
+def _closes(share: float | None) -> str:
+    """The part of the squared gap that a curve alone closes; not tried is a dash."""
+    if share is None or share != share:
+        return NOTHING
+    return f"{100.0 * share:.0f} %" if share >= 0.005 else "nothing"
+
+
+def _causes(content: Content) -> Section:
+    titles = {"outside_catalogue": "Effects beside the unknown cause", "underdetermined": "Candidates"}
+    sections = [_cause(cause, content) for cause in content["effects"]]
+    return Section(titles.get(content["verdict"], "Which cause"), sections, "causes")
+
+
+def _cause(cause: Content, content: Content) -> Section:
+    blocks: list[Any] = []
+    if "summary" in cause:
+        blocks.append(Paragraph(f"{as_sentence(cause['summary'])} In a log: {cause['fingerprint']}."))
+    head = ["name", "found", "nominal", "unit", "meaning"]
+    blocks.append(Table("Numbers, with one standard deviation", head, _numbers(cause)))
+    facts = [("place", str(cause["place"]))] if "place" in cause else []
+    if _named(content):
+        own = ", its own part" if len(content["effects"]) > 1 else ""
+        facts.append(("closes", f"{percent(cause['gap_closed'])} of the gap of all signals on held-out data{own}"))
+        words = "of what it closes: a refit of the nominal parameters would have closed this part as well"
+        facts.append(("absorbed by a refit", f"{percent(cause['absorbed_by_refit'])} {words}"))
+    alone = [f"{signal_shown(n).words} {percent(gap, 2)}" for n, gap in cause.get("alone", {}).items() if n != "total"]
+    if alone:
+        facts.append(("gap that it makes alone", f"{', '.join(alone)}, the larger of fitted and held-out data"))
+    blocks.append(Facts(facts))
+    why = cause.get("why_same", {})
+    here = [other for other in cause["ambiguous_with"] if other not in why]
+    if here:
+        blocks.append(
+            Paragraph(f"This log cannot distinguish it from {join_words(here)}: it lacks the motion for that.")
+        )
+    always = [f"{other}: {why[other]}" for other in cause["ambiguous_with"] if other in why]
+    if always:
+        blocks += [Paragraph("No log of these channels can distinguish it from:"), Points(always)]
+    certain = cause["probability"] >= 0.9 and not cause["ambiguous_with"]
+    heading = f"{_name(cause)}: probability {cause['probability']:.2f}"
+    return Section(heading, blocks, state=True if certain else DOUBT)
+
+
+def _numbers(cause: Content) -> list[list[str]]:
+    """Name, value found, nominal value, unit and meaning of each number of a cause, in the unit that is shown."""
+    rows = []
+    for name, number in cause["parameters"].items():
+        sd = INFINITE if number["sd"] is None else number["sd"]
+        usual, scale = number["unit"], 1.0
+        if number.get("belongs_to") != "plant":
+            usual, scale = unit_of_number(number["unit"], number["value"])
+        nominal = number.get("nominal")
+        words = "absent" if nominal is None and "nominal" in number else value_text(nominal, scale)
+        value = uncertain(number["value"] / scale, sd / scale)
+        rows.append([both(number.get("name", name)), value, words, unit(usual), number.get("meaning", "")])
+    return rows
+
+
+def _candidates(content: Content) -> Section:
+    causes = {_name(cause): cause["ambiguous_with"] for cause in content["effects"]}
+    rows = []
+    for candidate in content.get("candidates") or []:
+        members = candidate["members"]
+        rows.append(
+            [" + ".join(members) or "nominal parameters alone", value_text(candidate["evidence"], 1.0, 3),
+             percent(candidate["gap"], 2), OUTCOMES[outcome(content["verdict"], causes, members)]]
+        )  # fmt: skip
+    head = ["causes", "2 Δ log-likelihood", "largest gap,\nheld out", "outcome"]
+    caption = (
+        "Twice the difference of the log-likelihood to that of the best hypothesis, nominal parameters fitted together "
+        "with it; logarithmic, a longer bar is a worse hypothesis. Right: its largest gap of a signal on held-out data."
+    )
+    blocks = [Picture("candidates", "Other hypotheses", caption), Table("Hypotheses that were fitted", head, rows)]
+    return Section("Other hypotheses", blocks if rows else [], "candidates")
+
+
+def _gaps(content: Content) -> Section:
+    gaps, limit = content["gap"], content["threshold"]
+    whole = content.get("gap_whole_log", {})
+    models = [model for model in models_shown(content["verdict"], gaps) if model in MODELS]
+    rows = []
+    for name in (*SIGNALS, "total"):
+        if name in gaps["nominal"]:
+            words = name if name == "total" else signal_shown(name).words
+            cells = [gaps[model].get(name) for model in models]
+            marked = [f"{'● ' if cell is not None and cell >= limit else ''}{percent(cell, 2)}" for cell in cells]
+            rows.append([words, percent(whole.get(name), 2), *marked])
+    head = ["signal", "whole log\nnominal", *(f"held out\n{MODELS[model]}" for model in models)]
+    caption = "Refitted: the nominal parameters alone, far beyond their uncertainty. A bar that is far too long is cut."
+    blocks: list[Any] = [
+        Picture("shrinkage", "Gap of each model", caption),
+        Table("Gap, % of the signal's standard deviation; ● is relevant", head, rows),
+    ]
+    if _named(content) and len(content["effects"]) > 1:
+        parts = [[_name(cause), percent(cause["gap_closed"])] for cause in content["effects"]]
+        caption = "Part of each cause: the mean over all orders in which they can be added"
+        blocks.append(Table(caption, ["cause", "closes"], parts))
+    return Section("Gaps" if content["verdict"] == "no_gap" else "How far", blocks, "gaps")
+
+
+def _next(content: Content) -> Section:
+    words = [content["next_experiment"]] if content["next_experiment"] else []
+    words += [as_sentence(each) for each in (content.get("location") or {}).get("untold", [])]
+    return Section("Next experiment", [Paragraph(each) for each in words], "next")
+
+
+def _recorded(content: Content) -> Section:
+    """What is known of the log itself."""
+    rows = []
+    for channel, sd in content["noise_sd"].items():
+        how = shown(channel)
+        rows.append([how.words, value_text(sd, how.scale, 3), unit(how.unit)])
+    findings, steps = content["findings"], steps_of(content)
+    blocks: list[Any] = []
+    if "samples" in content:
+        spacing = quantity(1e3 * content["sample_time"], "ms")
+        blocks.append(Facts([("samples", f"{content['samples']}, {spacing} apart")]))
+    blocks += (
+        [Paragraph("Doubtful in it:"), Points(findings)] if findings else [Paragraph("Nothing is doubtful in it.")]
+    )
+    blocks += [Paragraph("Preparation:"), Points(steps)] if steps else []
+    caption = "Noise estimated from the log: one standard deviation"
+    return Section("The log", [*blocks, Table(caption, ["channel", "noise", "unit"], rows)], "log")
+
+
+def _closed_sentences(closed: Content) -> Iterator[Sentence]:
+    for word, reasons in closed["failures"].items():
+        words = "; ".join(reasons) if reasons else "keeps the limits"
+        yield f"{closed['scenario']} with {closed['controller']} on the {word} plant: {words}.", not reasons
+
+
+def _closed_loop(closed: Content) -> Section:
+    """What the diagnosis means for a closed loop."""
+    head, rows = closed_table(closed)
+    caption = "The same controller on the plants, with the scenario's load, sampling and noise; bars: the rod sticks."
+    blocks: list[Any] = [
+        Paragraph(f"{closed['scenario']} with {closed['controller']}, the controller designed on the nominal plant."),
+        Picture("closed_loop", "The closed loop", caption),
+        Table("On the nonlinear plant", ["metric", *head, "unit"], rows),
+    ]
+    if len(closed["failures"]) == 1:
+        blocks.append(Paragraph("No cause was named, so that there is no other plant to compare."))
+    other = (closed.get("replay") or {}).get("current_not_of_this_loop")
+    if other is not None and other > OTHER:
+        words = f"differs by {100.0 * other:.0f} % from what this controller computes from the log's own measurements"
+        blocks.append(Paragraph(f"The logged current {words}: was it recorded under this loop?", DOUBT))
+    return Section("The closed loop", blocks, "closed")
+
+
+def closed_table(closed: Content) -> tuple[list[str], list[list[str]]]:
+    """Head (the plants) and rows (metric, a value a plant, unit) of a closed_loop.json."""
+    words = list(closed["plants"])
+    rows = []
+    for name in CLOSED_LOOP:
+        metric = METRICS[name]
+        cells = [
+            value_text((closed["metrics"].get(name) or {}).get(w), factor(metric.shown, metric.unit)) for w in words
+        ]
+        if set(cells) != {NOTHING}:
+            rows.append([name, *cells, unit(metric.shown)])
+    gaps = (closed.get("replay") or {}).get("gap", {})
+    for signal in gaps.get(words[0], ()):
+        cells = [value_text(gaps[word][signal], 0.01, 3) for word in words]
+        rows.append([f"gap in {signal.replace('_', ' ')}", *cells, "%"])
+    return [f"{word} plant" for word in words], rows
+
+
+KIND = Kind("diagnosis.json", "diagnosis", _read, page="diagnosis.html")

@@ -1,4 +1,4 @@
-"""An experiment that was proposed."""
+"""The page of a proposed experiment."""
 
 from __future__ import annotations
 
@@ -9,38 +9,40 @@ from typing import Any
 from ...core.text import join_words
 from ...plant.file import both
 from ...simulation.limits import SHOWN, scale_of
-from ..number import unit
-from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, percent, settings_of, written
+from ..page import DOUBT, Kind, Page, Picture, Section, Sentence, Table, mark
+from ..text import percent, unit, value_text
+from ._tables import settings_of
 
-#: Of the candidates, so many are listed.
+#: Candidates in the table.
 LISTED = 12
 
 
-def _read(content: Mapping[str, Any], folder: Path) -> Result:
+def _read(content: Mapping[str, Any], folder: Path) -> Page:
     parameters = content["parameters"]
     poor = [name for name, each in parameters.items() if each["verdict"] != "well determined"]
     determined = f"{len(parameters) - len(poor)} of {len(parameters)} parameters will be well determined"
     worst = max(parameters, key=lambda name: parameters[name]["relative_sd"] or float("inf"))
     nearest = max(content["limits"], key=lambda name: content["limits"][name]["worst_share"])
     sentences: list[Sentence] = [
-        (f"{content['input']}, for {written(content['duration'])} s.", None),
+        (f"{content['input']}, for {value_text(content['duration'])} s.", None),
         (f"{determined}{'; not ' + join_words(map(both, poor)) if poor else ''}. The worst is {both(worst)}: "
          f"{percent(parameters[worst]['relative_sd'])} expected.", True if not poor else DOUBT),
         (f"It stays within the plant's limits; nearest is {nearest.replace('_', ' ')}, "
          f"{percent(content['limits'][nearest]['worst_share'], 2)} of the way even if parameters are "
          f"{percent(content['variations']['spread'], 2)} off.", True),
     ]  # fmt: skip
-    return Result(
+    return Page(
         title=f"An experiment for {content['plant']}",
         sentences=sentences,
-        tables=[
+        sections=[Section("The input", [
+            Picture("excitation", "The input and the expected response"),
             Table(
-                "Parameters as this log will give them",
-                ["name", "believed", "expected sd", "relative", "at worst", "unit", "verdict"],
+                "Expected accuracy of the parameters",
+                ["name", "nominal", "expected sd", "relative", "at worst", "unit", "verdict"],
                 [
-                    [both(name), written(p["believed"]), written(p["sd"], 1.0, 2), percent(p["relative_sd"], 2),
+                    [both(name), value_text(p["believed"]), value_text(p["sd"], 1.0, 2), percent(p["relative_sd"], 2),
                      percent(p["relative_sd_at_worst"], 2), unit(p["unit"]),
-                     f"{'✓' if p['verdict'] == 'well determined' else '✗'} {p['verdict']}"]
+                     mark(p["verdict"] == "well determined", p["verdict"])]
                     for name, p in parameters.items()
                 ],
             ),
@@ -57,8 +59,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
                     for each in content["candidates"][:LISTED]
                 ],
             ),
-        ],
-        drawings=[Drawing("excitation", "The input and what the plant is expected to do")],
+        ], "input")],
         facts=[
             *settings_of(content),
             ("seed", str(content["seed"])),
@@ -71,7 +72,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Result:
 
 def _limit(name: str, each: Mapping[str, Any]) -> list[str]:
     scale = scale_of(name, each["unit"]) if name in SHOWN else 1.0
-    values = (written(each[key], scale) for key in ("allowed", "reached", "worst"))
+    values = (value_text(each[key], scale) for key in ("allowed", "reached", "worst"))
     words = "distance from the middle" if name == "stroke" else name.replace("_", " ")
     return [words, *values, unit(SHOWN.get(name, each["unit"]))]
 

@@ -1,4 +1,4 @@
-"""How likely a scenario passes on plants that are not known exactly."""
+"""The page of a Monte Carlo campaign: the probability that a scenario passes on uncertain plants."""
 
 from __future__ import annotations
 
@@ -7,78 +7,78 @@ from pathlib import Path
 from typing import Any
 
 from ...plant.file import both
-from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, percent, written
+from ..page import DOUBT, Kind, Page, Picture, Section, Sentence, Table, anchors
+from ..text import percent, value_text
 
-#: Of the parameters that decide, so many are listed.
+#: Parameters in the table of influences.
 LISTED = 12
 
 
-def _read(content: Mapping[str, Any], folder: Path) -> Result:
+def _read(content: Mapping[str, Any], folder: Path) -> Page:
     campaigns = content["campaigns"]
     sentences = [sentence for campaign in campaigns for sentence in _sentences(campaign)]
     names = ", ".join(dict.fromkeys(f"{each['scenario']}" for each in campaigns))
-    drawings = []
-    for each in campaigns:
-        longer = f"{each['scenario']}-{each['controller']}"
-        stem = longer if any((folder / f"{longer}{end}").exists() for end in (".svg", ".png")) else each["scenario"]
-        words = "What decides: where the drawn parameters lie in runs that pass and in runs that fail."
-        drawings.append(Drawing(stem, f"{each['scenario']} with {each['controller']}", words))
-    return Result(
+    keys = anchors(_name(each) for each in campaigns)
+    return Page(
         title=f"Monte Carlo: {names} on many plants",
         sentences=sentences,
-        tables=[table for each in campaigns for table in _tables(each)],
-        drawings=drawings,
+        sections=[Section(_name(each), _blocks(each, folder), key) for each, key in zip(campaigns, keys, strict=True)],
         facts=[("seed", ", ".join(dict.fromkeys(str(each["seed"]) for each in campaigns)))],
         versions=campaigns[0]["provenance"],
     )
 
 
 def _sentences(each: Mapping[str, Any]) -> list[Sentence]:
-    low, high = each["interval"]
+    low, high, share = (value_text(value, 1.0, 3) for value in (*each["interval"], each["probability"]))
     found: list[Sentence] = [
         (
             f"{each['scenario']} with {each['controller']}: {each['passes']} of {each['runs']} runs pass, probability "
-            f"{written(each['probability'], 1.0, 3)} ({percent(each['confidence'])} interval {written(low, 1.0, 3)} to "
-            f"{written(high, 1.0, 3)}).",
+            f"{share} ({percent(each['confidence'])} interval {low} to {high}).",
             None,
         ),
         _demand(each),
     ]
     decisive = [both(item["name"]) for item in each["influences"] if item["decisive"]]
     if decisive:
-        found.append((f"What decides: {', '.join(decisive)}, the strongest first.", None))
+        found.append((f"Decisive parameters, the strongest first: {', '.join(decisive)}.", None))
     if each["interrupted"]:
         found.append(("Interrupted: there are fewer runs than were asked for.", DOUBT))
     return found
 
 
 def _demand(each: Mapping[str, Any]) -> Sentence:
-    """The lower end of the interval against what is demanded; a share alone is neither good nor bad."""
+    """The lower end of the interval against the required probability; a probability alone is neither good nor bad."""
     required, low = each.get("required"), each["interval"][0]
     if required is None:
-        return "No probability was demanded of it, so that nothing is judged here.", None
+        return "No probability was required, so that there is no verdict.", None
     words = "shown" if low >= required else "not shown"
-    start = f"the interval begins at {written(low, 1.0, 3)}"
-    return f"Demanded is a probability of at least {written(required)}: {words}, {start}.", low >= required
+    start = f"the interval begins at {value_text(low, 1.0, 3)}"
+    return f"Required is a probability of at least {value_text(required)}: {words}, {start}.", low >= required
 
 
-def _tables(each: Mapping[str, Any]) -> list[Table]:
-    name = f"{each['scenario']} with {each['controller']}"
-    tables = []
+def _name(each: Mapping[str, Any]) -> str:
+    return f"{each['scenario']} with {each['controller']}"
+
+
+def _blocks(each: Mapping[str, Any], folder: Path) -> list[Any]:
+    longer = f"{each['scenario']}-{each['controller']}"
+    stem = longer if any((folder / f"{longer}{end}").exists() for end in (".svg", ".png")) else each["scenario"]
+    words = "Decisive parameters: their distribution in runs that pass and in runs that fail."
+    blocks: list[Any] = [Picture(stem, _name(each), words)]
     if each["failures"]:
         rows = [[word, str(count)] for word, count in each["failures"].items()]
-        tables.append(Table(f"{name}: what failed", ["limit", "runs"], rows))
+        blocks.append(Table("What failed", ["limit", "runs"], rows))
     if each["influences"]:
         rows = [
-            [both(item["name"]), written(item["value"], 1.0, 2), written(item["chance"], 1.0, 2),
-             written(item["passing"]), written(item["failing"]), "yes" if item["decisive"] else "no"]
+            [both(item["name"]), value_text(item["value"], 1.0, 2), value_text(item["chance"], 1.0, 2),
+             value_text(item["passing"]), value_text(item["failing"]), "yes" if item["decisive"] else "no"]
             for item in each["influences"][:LISTED]
         ]  # fmt: skip
-        head = ["parameter", "strength, -1 to 1", "by chance", "median, passing", "median, failing", "decisive"]
-        tables.append(Table(f"{name}: what decides", head, rows))
+        head = ["parameter", "influence, -1 to 1", "p-value", "median, passing", "median, failing", "decisive"]
+        blocks.append(Table("Influence of the parameters", head, rows))
     if each["uncertain"]:
-        tables.append(Table(f"{name}: what was drawn", ["parameter"], [[words] for words in each["uncertain"]]))
-    return tables
+        blocks.append(Table("Uncertain parameters", ["parameter"], [[words] for words in each["uncertain"]]))
+    return blocks
 
 
 KIND = Kind("montecarlo.json", "Monte Carlo campaign", _read)

@@ -1,92 +1,354 @@
-"""Scenarios that were run: verdicts, metrics on the nonlinear plant, and what assumed parameters would change."""
+"""The page of scenarios that were run: verdicts, then each scenario with its controllers, then the linear loops."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...core.text import join_words
 from ...core.unit import factor
+from ...plant.file import both
 from ...scenario.metrics import METRICS
-from ...scenario.result import NAMED, first_reasons
-from ..number import unit
-from ._result import DOUBT, Drawing, Kind, Result, Sentence, Table, written
+from ...scenario.result import first_reasons
+from ..page import (
+    DOUBT,
+    Facts,
+    Kind,
+    Link,
+    Page,
+    Paragraph,
+    Picture,
+    Points,
+    Section,
+    Sentence,
+    Table,
+    anchors,
+    mark,
+    unique,
+)
+from ..provenance import merged_versions
+from ..text import quantity, quantity_in, unit, value_text
+from ._tables import loop_sentence, margins_table
 
-#: Metrics in the table, where a run has them.
-SHOWN = ("SettlingTime", "Overshoot", "SteadyStateError", "MaxError", "RMSError", "Slips", "CurrentRMS")
-MARKS = {"pass": "✓ passed", "fail": "✗ failed", "untested": "– untested"}
+Run = Mapping[str, Any]
+
+#: Metrics in the table of all runs, where a run has them; the section of a scenario has all of them.
+SHOWN = (
+    "RiseTime", "SettlingTime", "Overshoot", "SteadyStateError", "MaxError", "RMSError", "Slips", "StickShare",
+    "CurrentRMS",
+)  # fmt: skip
+#: Metrics shown over the ranges of assumed parameters, where a scenario limits none.
+UNLIMITED = ("MaxError", "RMSError", "CurrentRMS")
+VERDICTS = {"pass": "✓ passed", "fail": "✗ failed", "untested": "– untested"}
+STATES = {"pass": True, "fail": False, "untested": None}
+#: How the numbers came about.
+NOTE = (
+    "Each controller is designed on the identified linear model of its plant. The linear prediction is the controller "
+    "on that model; the check is the same controller on the nonlinear plant, with friction, load, sampling and sensor "
+    "noise. Limits apply to the nonlinear plant."
+)
 
 
-def _read(content: Mapping[str, Any], folder: Path) -> Result:
-    runs = content["scenarios"]
-    good = sum(run["passed"] for run in runs)
-    names = list(dict.fromkeys(run["scenario"] for run in runs))
-    rows = [
-        [run["scenario"], run["controller"], MARKS[run["verdict"]], *(_value(run, name) for name in SHOWN)]
-        for run in runs
-    ]
-    head = [f"{name}, {unit(METRICS[name].shown)}".rstrip(", ") for name in SHOWN]
-    tables = [Table("On the nonlinear plant", ["scenario", "controller", "verdict", *head], rows)]
-    many = [run for run in runs if len(run["failures"]) > NAMED]
-    if many:
-        reasons = [[run["scenario"], run["controller"], f"✗ {words}"] for run in many for words in run["failures"]]
-        tables.append(Table("What failed, all of it", ["scenario", "controller", "limit or recorded run"], reasons))
-    swings = [_swing(run, each) for run in runs for each in run.get("assumed_ranges") or ()]
-    if swings:
-        caption = "Whether limits are kept at the ends of the range in which a parameter is only assumed"
-        head = ["scenario", "controller", "parameter", "at", "limits"]
-        tables.append(Table(caption, head, [row for rows in swings for row in rows]))
-    return Result(
-        title=f"{good} of {len(runs)} scenarios passed: {join_words(names[:4])}"
-        + (" and more" if len(names) > 4 else ""),
-        sentences=_sentences(runs, good),
-        tables=tables,
-        drawings=[
-            Drawing(
-                f"{run['scenario']}-{run['controller']}", f"{run['scenario']} with {run['controller']}", run["title"]
-            )
-            for run in runs
-        ],
-        facts=[("seeds", ", ".join(dict.fromkeys(str(run["seed"]) for run in runs)))],
-        versions=runs[0]["provenance"],
+def run_stems(runs: Sequence[Run]) -> list[str]:
+    """Names of the runs' figures without the ending, in their order."""
+    return unique(_file_name(f"{run['scenario']}-{run['controller']}") for run in runs)
+
+
+def _file_name(name: str) -> str:
+    """A name that is one of a file: results in Python may be called anything."""
+    return re.sub(r"[/\\\0]", "-", name)[:100]
+
+
+def loops_of(runs: Sequence[Run]) -> dict[str, Run]:
+    """Name of the figure of each linear loop -> the first run with it; runs with equal margins share one."""
+    first: dict[str, Run] = {}
+    for run in runs:
+        if run["margins"] is not None:
+            first.setdefault(_loop_key(run), run)
+    return dict(
+        zip(unique(_file_name(f"loop-{run['controller']}") for run in first.values()), first.values(), strict=True)
     )
 
 
-def _sentences(runs: list[Mapping[str, Any]], good: int) -> list[Sentence]:
-    failed = [run for run in runs if not run["passed"]]
-    found: list[Sentence] = [(f"{_name(run)} failed: {first_reasons(run['failures'])}.", False) for run in failed]
-    if not failed:
-        found.append(("Every scenario kept its limits on the nonlinear plant.", True))
-    flips = [
-        f"{_name(run)} ({join_words(each['name'] for each in run['assumed_ranges'] if each['flips'])})"
-        for run in runs
-        if any(each["flips"] for each in run.get("assumed_ranges") or ())
-    ]
-    if flips:
-        found.append(
-            (f"Verdicts that an assumed parameter decides within its believed range: {'; '.join(flips)}.", DOUBT)
-        )
-    return found
+def _loop_key(run: Run) -> str:
+    return f"{run['controller']} {run.get('plant', '')} {sorted(run['margins'].items())}"
 
 
-def _name(run: Mapping[str, Any]) -> str:
+def _read(content: Mapping[str, Any], folder: Path) -> Page:
+    runs = content["scenarios"]
+    if not runs:
+        raise ValueError("no run")
+    passed = sum(run["passed"] for run in runs)
+    names = list(dict.fromkeys(str(run["scenario"]) for run in runs))
+    loops, stems = loops_of(runs), run_stems(runs)
+    keys = dict(zip([*stems, *loops], anchors([*stems, *loops]), strict=True))
+    loop_keys = {_loop_key(run): keys[stem] for stem, run in loops.items()}
+    groups: dict[str, list[tuple[str, Run]]] = {}
+    for stem, run in zip(stems, runs, strict=True):
+        groups.setdefault(f"{run['scenario']} {run['title']} {run.get('definition')}", []).append((stem, run))
+    return Page(
+        title=f"{passed} of {len(runs)} scenarios passed: {join_words(names[:4])}"
+        + (" and more" if len(names) > 4 else ""),
+        sentences=list(_sentences(runs)),
+        notes=[NOTE],
+        sections=[
+            Section("All runs", [_summary(runs, [keys[stem] for stem in stems])], "summary"),
+            *(_scenario(group, keys, loop_keys) for group in groups.values()),
+            Section("Linear loops", list(_loops(loops, keys)), "loops"),
+            Section("Settings of the runs", [_settings(runs)], "settings"),
+        ],
+        versions=merged_versions(run["provenance"] for run in runs),
+    )
+
+
+def _name(run: Run) -> str:
     return f"{run['scenario']} with {run['controller']}"
 
 
-def _value(run: Mapping[str, Any], name: str) -> str:
+def _sentences(runs: Sequence[Run]) -> Iterator[Sentence]:
+    failed = [run for run in runs if not run["passed"]]
+    for run in failed:
+        yield f"{_name(run)} failed: {first_reasons(run['failures'])}.", False
+    if not failed:
+        yield "Every scenario kept its limits on the nonlinear plant.", True
+    tried = [run for run in runs if run.get("assumed_ranges")]
+    decided = [run for run in tried if any(each["flips"] for each in run["assumed_ranges"])]
+    for run in decided:
+        yield f"An assumed parameter decides the verdict of {_name(run)}. {_range_sentence(run)[0]}", DOUBT
+    if tried and not decided:
+        yield "No verdict changes at either end of the range of an assumed parameter.", True
+
+
+def _summary(runs: Sequence[Run], keys: Sequence[str]) -> Table:
+    columns = [name for name in SHOWN if any(_exists(run, name) for run in runs)]
+    head = ["scenario", "controller", "verdict", "limits\nkept", *(_heading(name) for name in columns)]
+    rows = [
+        [
+            Link(run["scenario"], key), run["controller"], VERDICTS[run["verdict"]],
+            f"{sum(limit['passed'] for limit in run['limits'])} of {len(run['limits'])}",
+            *(_value(run, name) for name in columns),
+        ]
+        for key, run in zip(keys, runs, strict=True)
+    ]  # fmt: skip
+    return Table("On the nonlinear plant; – did not happen", head, rows)
+
+
+def _scenario(group: Sequence[tuple[str, Run]], keys: Mapping[str, str], loops: Mapping[str, str]) -> Section:
+    """One scenario with all its controllers. keys: of sections by the stem of their figure; loops: of linear loops."""
+    runs = [run for _, run in group]
+    first = runs[0]
+    blocks: list[Any] = [Paragraph(first["why"]), Facts(list(_conditions(first)))]
+    if len(runs) > 1:
+        rows = [
+            [name, *(_value(run, name) for run in runs), unit(METRICS[name].shown)]
+            for name in METRICS
+            if any(_exists(run, name) for run in runs)
+        ]
+        head = ["metric", *(run["controller"] for run in runs), "unit"]
+        blocks.append(Table("Controllers side by side, on the nonlinear plant", head, rows))
+    for stem, run in group:
+        heading = f"{_name(run)}: {VERDICTS[run['verdict']].partition(' ')[2]}"
+        blocks.append(Section(heading, list(_run(stem, run, loops)), keys[stem], STATES[run["verdict"]]))
+    return Section(first["title"], blocks)
+
+
+def _run(stem: str, run: Run, loops: Mapping[str, str]) -> Iterator[Any]:
+    """One controller on a scenario."""
+    yield Points(run["failures"])
+    limits = [
+        [
+            each["metric"],
+            _metric(each["metric"], each["value"]),
+            _bounds(each),
+            mark(each["passed"], _yes(each["passed"])),
+        ]
+        for each in run["limits"]
+    ]
+    yield Table("Limits of the scenario, on the nonlinear plant", ["metric", "value", "bound", "kept"], limits)
+    if not limits:
+        yield Paragraph("The scenario sets no limit.")
+    caption = "Grey bars: the rod of the nonlinear plant sticks. "
+    caption += "Blue: an external force acts on the rod. " if (run.get("definition") or {}).get("disturbance") else ""
+    caption += (
+        "Dotted: the controller's current limit, where it was reached. " if run.get("current_limit_reached") else ""
+    )
+    yield Picture(stem, f"{_name(run)} over time", f"{caption}Pressures P₁ and P₂ are those of the nonlinear plant.")
+    if run.get("assumed_ranges"):
+        words, holds = _range_sentence(run)
+        yield Paragraph(words, True if holds else DOUBT)
+        yield _ranges(run)
+    yield Table(
+        "Linear prediction and nonlinear plant",
+        ["metric", "linear", "nonlinear", "difference", "unit", "meaning"],
+        [
+            [name, *(_value(run, name, which) for which in ("linear", "nonlinear", "gap")), unit(METRICS[name].shown),
+             METRICS[name].meaning]
+            for name in METRICS
+            if _exists(run, name)
+        ],
+    )  # fmt: skip
+    expected = run["expected_trips"]
+    if run["trips"]:
+        yield Paragraph("Limits of the plant that the nonlinear run exceeded:")
+        yield Points(
+            [
+                trip.get("sentence", trip["limit"]) + ("; the scenario expects it" if trip["limit"] in expected else "")
+                for trip in run["trips"]
+            ]
+        )
+    else:
+        yield Paragraph("The nonlinear run exceeded no limit of the plant.")
+    if run["linear_model_passed_limits"]:
+        yield Paragraph(f"The linear prediction exceeded: {'; '.join(run['linear_model_passed_limits'])}.")
+    if run["margins"] is not None:
+        yield Paragraph(Link(f"Linear loop: {loop_sentence(run['margins'])}", loops[_loop_key(run)]))
+    else:
+        yield Paragraph("The controller has no linear feedback and so no margins.")
+
+
+def _loops(loops: Mapping[str, Run], keys: Mapping[str, str]) -> Iterator[Any]:
+    if loops:
+        yield Paragraph(
+            "Each controller with the linear model that it was designed on, loop broken at the current, with half a "
+            "sample of delay for the held current."
+        )
+    for stem, run in loops.items():
+        plant = f" on {run['plant']}" if run.get("plant") else ""
+        stable = bool(run["margins"]["stable"])
+        heading = f"{run['controller']}{plant}: {'stable' if stable else 'not stable'}"
+        caption = "Thick bars: gain margin (top) and phase margin (middle). Below: sensitivity S and its complement T."
+        blocks = [
+            *([Paragraph(run["controller_words"])] if run.get("controller_words") else []),
+            margins_table("Margins", [run["margins"]]),
+            Picture(stem, f"Bode plot of the open loop with {run['controller']}", caption),
+        ]
+        yield Section(heading, blocks, keys[stem], stable)
+
+
+def _conditions(run: Run) -> Iterator[tuple[str, str]]:
+    """Plant and conditions of a scenario, whatever the controller."""
+    definition = run.get("definition") or {}
+    if run.get("plant"):
+        yield "plant", f"{run['plant']}: {run['plant_title']}"
+    scenario = {f"load.{key}": value for key, value in definition.get("load", {}).items()}
+    scenario |= definition.get("settings", {})
+    yield "set in this scenario", _pairs(scenario) or "nothing"
+    if run["settings"]:
+        yield "set for this run", _pairs(run["settings"])
+    forces = [f"{quantity(each['force'], 'N')} {_during(each)}" for each in definition.get("disturbance", [])]
+    yield "force on the rod", ", ".join(forces) or "none"
+    yield "faults", ", ".join(_fault(fault) for fault in definition.get("fault", [])) or "none"
+    if definition:
+        yield "duration", quantity(definition["duration"], "s")
+    yield "baseline", f"recorded because: {run['baseline']['reason']}" if run["baseline"] else "none"
+
+
+def _pairs(settings: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key} = {value}" for key, value in settings.items())
+
+
+def _during(each: Mapping[str, Any]) -> str:
+    """When a force acts; a duration without end is null in JSON."""
+    duration = each["duration"]
+    lasting = " to the end" if duration in (None, float("inf")) else f" for {quantity(duration, 's')}"
+    return f"from {quantity(each['start'], 's')}{lasting}"
+
+
+def _fault(fault: Mapping[str, Any]) -> str:
+    stuck = fault["kind"] in ("stuck", "lost")
+    words = f"{fault['channel']} {fault['kind']}" if stuck else f"drive limited to {quantity(fault['current'], 'A')}"
+    duration = fault["duration"]
+    lasting = "" if duration in (None, float("inf")) else f" for {quantity(1e3 * duration, 'ms')}"
+    return f"{words} from {quantity(fault['start'], 's')}{lasting}"
+
+
+def _settings(runs: Sequence[Run]) -> Table:
+    rows = []
+    for run in runs:
+        sensors = (run.get("definition") or {}).get("sensors", {})
+        noise = {True: "on", False: "off"}.get(sensors.get("noise"), "–")
+        rows.append(
+            [run["scenario"], run["controller"], value_text(run.get("sample_time"), 1e-3), str(run["seed"]), noise,
+             value_text(sensors.get("lag")), value_text(run.get("tolerance"))]
+        )  # fmt: skip
+    head = ["scenario", "controller", "sample time\nms", "seed", "sensor noise", "lag\nsamples", "tolerance"]
+    return Table("Sampling, sensors and integration", head, rows)
+
+
+def _range_sentence(run: Run) -> tuple[str, bool]:
+    """Whether the verdict holds over the ranges of all assumed parameters, in words too."""
+    ranges, kept = run["assumed_ranges"], _keeps(run)
+    flips = [
+        f"{both(each['name'])} = {_end(each, end)}" for each in ranges for end in each["ends"] if end["passed"] != kept
+    ]
+    words = {True: "kept", False: "not kept"}
+    if flips:
+        return f"Limits are {words[kept]} with the nominal values, but {words[not kept]} at {join_words(flips)}.", False
+    many = f"{len(ranges)} assumed parameter{'s' if len(ranges) != 1 else ''}"
+    return f"Limits are {words[kept]} at both ends of the range of each of {many}, as with the nominal values.", True
+
+
+def _keeps(run: Run) -> bool:
+    """Whether the limits are kept with the nominal values; a baseline that differs is not a limit."""
+    return bool(run["assumed_ranges"][0].get("kept", run["passed"]))
+
+
+def _end(each: Mapping[str, Any], end: Mapping[str, Any]) -> str:
+    return quantity_in(end["value"], each.get("file_unit", each["unit"]), each["unit"])
+
+
+def _ranges(run: Run) -> Table:
+    """A row for the nominal values and one for each end of a range."""
+    names = [each["metric"] for each in run["limits"]] or list(UNLIMITED)
+    names = [name for name in dict.fromkeys(names) if _exists(run, name)]
+    kept = _keeps(run)
+    rows = [["nominal", "", *(_value(run, name) for name in names), mark(kept, "kept" if kept else "not kept")]]
+    for each in run["assumed_ranges"]:
+        for index, end in enumerate(each["ends"]):
+            words = "✓ kept" if end["passed"] else f"✗ {'; '.join(end['failures'])}"
+            metrics = [_metric(name, end["metrics"].get(name)) for name in names]
+            rows.append([both(each["name"]) if index == 0 else "", _end(each, end), *metrics, words])
+    head = ["assumed", "value", *map(_heading, names), "limits"]
+    return Table("Assumed parameters at the ends of their ranges, one at a time, controller unchanged", head, rows)
+
+
+def _heading(name: str) -> str:
+    shown = unit(METRICS[name].shown)
+    return f"{name}\n{shown}" if shown else name
+
+
+def _metric(name: str, value: float | None) -> str:
+    """A metric's SI value in the unit that is shown."""
+    return value_text(value, factor(METRICS[name].shown, METRICS[name].unit))
+
+
+def _value(run: Run, name: str, which: str = "nonlinear") -> str:
     if name in run.get("not_defined", {}):
         return "not defined"
-    metric = METRICS[name]
-    return written(run["metrics"].get(name, {}).get("nonlinear"), factor(metric.shown, metric.unit))
+    return _metric(name, (run["metrics"].get(name) or {}).get(which))
 
 
-def _swing(run: Mapping[str, Any], each: Mapping[str, Any]) -> list[list[str]]:
-    return [
-        [run["scenario"], run["controller"], each["name"], f"{written(end['value'])} {unit(each['unit'])}".rstrip(),
-         "✓ kept" if end["passed"] else f"✗ {'; '.join(end['failures'])}"]
-        for end in each["ends"]
-    ]  # fmt: skip
+def _exists(run: Run, name: str) -> bool:
+    """Whether a metric happened in either run, or is known not to be defined."""
+    metric = run["metrics"].get(name) or {}
+    happened = any(metric.get(which) is not None for which in ("linear", "nonlinear"))
+    return happened or name in run.get("not_defined", {})
 
 
-KIND = Kind("results.json", "scenarios", _read, own=True)
+def _bounds(limit: Mapping[str, Any]) -> str:
+    name = limit["metric"]
+    parts = [
+        f"{words} {_metric(name, limit[key])}"
+        for words, key in (("at least", "min"), ("at most", "max"))
+        if limit[key] is not None
+    ]
+    return f"{' and '.join(parts)} {unit(METRICS[name].shown)}".rstrip()
+
+
+def _yes(good: bool) -> str:
+    return "yes" if good else "no"
+
+
+KIND = Kind("results.json", "scenarios", _read)

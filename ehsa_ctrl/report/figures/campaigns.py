@@ -1,0 +1,122 @@
+"""Experiments and campaigns: a proposed input with its expected accuracy, and a Monte Carlo campaign."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...core.plotting import draw
+from ...identification.experiment import ExperimentDesign
+from ...identification.uncertainty import POOR, WELL
+from ...plant.file import both
+from ...scenario.montecarlo import MonteCarlo
+from ..signals import SIGNALS
+from ..style import BLUE, GREY, LIMIT, PRESSURES, PURPLE, ROLES, VERMILION
+from ..text import number, unit
+from . import _panels as panel
+from ._layout import XLABEL, header_legend, share_x, sheet
+
+#: Height of a bar, in; smallest relative standard deviation that the axis shows, %.
+BAR, SMALLEST = 0.21, 1e-3
+#: Parameters of a campaign that are shown, the most decisive ones; bins of each.
+SHOWN, BINS = 4, 20
+
+
+@draw.register
+def experiment_figure(experiment: ExperimentDesign) -> Figure:
+    """Current [A], speed [rpm], pressures [bar] and position [mm] over time [s], and the expected sd [%] of each
+    parameter: bars for the nominal plant, ticks for the worst of its variations."""
+    run = experiment.run
+    look = {"color": ROLES[run.plant.model]["color"], "linewidth": 1.2, "label": f"nominal {run.plant.model} model"}
+    relative = experiment.forecast.relative
+    names = ["current", "omega", "pressures", "x"]
+    heights = [*[panel.PANEL] * len(names), BAR * len(relative)]
+    title = f"{run.plant.name}: {experiment.chosen.words}" + (", with the slow loop" if experiment.centre else "")
+    rows = [[name] for name in (*names, "spread")]
+    with sheet(title, rows, heights, header=0.25, extra=2 * XLABEL) as (figure, axes):
+        for name in names:
+            ax = axes[name]
+            if name == "pressures":
+                read = SIGNALS[name].read
+                panel.beside(ax, [panel.draw(ax, run.time, read(run[p]), how) for p, how in PRESSURES.items()])
+            else:
+                held = {"drawstyle": "steps-post"} if name == "current" else {}
+                line = panel.draw(ax, run.time, SIGNALS[name].read(run[name]), look | held)
+            panel.fit(ax, SIGNALS[name])
+        share_x([axes[name] for name in names])
+        axes["x"].set_xlim(run.time[0], run.time[-1])
+        axes["x"].set_xlabel("time (s)")
+        header_legend(axes["header"], [line])
+        _accuracy(axes["spread"], relative, dict(experiment.at_worst) if experiment.draws else {})
+    return figure
+
+
+def _accuracy(ax: Axes, relative: dict[str, float], worst: dict[str, float]) -> None:
+    """Relative sd of each parameter, %, on a logarithmic axis; an empty bar for one that is not determined."""
+    every = [100 * value for value in (*relative.values(), *worst.values()) if np.isfinite(value) and value > 0.0]
+    largest = max([*every, 2 * 100 * POOR]) * 1.5
+    smallest = max(min([*every, 1.0]) / 2.0, SMALLEST)
+    for row, (name, value) in enumerate(relative.items()):
+        shown = np.isfinite(value)
+        ax.barh(
+            row, 100 * value if shown else largest, height=0.6, left=0.0, color=BLUE if shown else "none",
+            edgecolor=BLUE if shown else PURPLE, linewidth=0.8,
+        )  # fmt: skip
+        words = f"{number(float(f'{100 * value:.2g}'))} %" if shown else "not determined"
+        ax.annotate(
+            words, (1.0, row), xycoords=("axes fraction", "data"), xytext=(4, 0), textcoords="offset points",
+            va="center", fontsize=8,
+        )  # fmt: skip
+        if np.isfinite(worst.get(name, np.inf)):
+            ax.plot(100 * worst[name], row, marker="|", markersize=10, color=GREY, markeredgewidth=1.6)
+    ax.set_xscale("log")
+    ax.set_xlim(smallest, largest)
+    for bound in (WELL, POOR):
+        ax.axvline(100 * bound, **LIMIT | {"linestyle": (0, (4, 2)), "linewidth": 0.9})
+    ax.set_yticks(range(len(relative)), [both(name).replace(" ", "\n") for name in relative])
+    ax.set_ylim(len(relative) - 0.4, -0.6)
+    ax.tick_params(axis="y", length=0)
+    ax.grid(axis="y", visible=False)
+    ax.set_xlabel("expected standard deviation (% of the value); tick: at worst; dashed: well and poorly determined")
+
+
+@draw.register
+def montecarlo_figure(result: MonteCarlo) -> Figure:
+    """Number of runs that pass and that fail over each decisive parameter, SI units.
+
+    Bars: runs that pass in blue, the others in vermilion on top.
+    """
+    low, high = result.interval()
+    title = (
+        f"{result.scenario} with {result.controller}\n{result.passes} of {len(result.outcomes)} runs pass: probability "
+        f"{number(result.probability)} (95 %: {number(low)} to {number(high)})"
+    )
+    chosen = result.influences[:SHOWN]
+    units = {parameter.name: parameter.unit for parameter in result.uncertainty.parameters}
+    names = [influence.name for influence in chosen] or ["none"]
+    passed = np.array([outcome.passed for outcome in result.outcomes], dtype=bool)
+    with sheet(title, [[name] for name in names], [panel.PANEL] * len(names), extra=XLABEL * len(names) + 0.2) as (
+        figure,
+        axes,
+    ):
+        for influence in chosen:
+            ax = axes[influence.name]
+            values = np.array([outcome.parameters[influence.name] for outcome in result.outcomes])
+            edges = np.histogram_bin_edges(values, BINS)
+            counts = [np.histogram(values[which], edges)[0] for which in (passed, ~passed)]
+            look: dict[str, Any] = {"width": np.diff(edges), "align": "edge", "edgecolor": "white", "linewidth": 0.4}
+            ax.bar(edges[:-1], counts[0], color=BLUE, label="pass", **look)
+            ax.bar(edges[:-1], counts[1], bottom=counts[0], color=VERMILION, hatch="///", label="fail", **look)
+            words = unit(units[influence.name])
+            ax.set_xlabel(f"{both(influence.name)}, {words} ({'decisive' if influence.decisive else 'not decisive'})")
+            ax.set_ylabel("runs")
+            ax.set_xlim(edges[0], edges[-1])
+        first = axes[names[0]]
+        if chosen:
+            first.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
+        else:
+            first.text(0.5, 0.5, "only the sensors' noise was uncertain", ha="center", color=GREY)
+    return figure

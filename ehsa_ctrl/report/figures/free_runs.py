@@ -1,0 +1,291 @@
+"""Measured and simulated signals: free runs of a log, before and after an identification or a diagnosis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from ...core.errors import InputError, choices
+from ...core.plotting import draw
+from ...diagnosis.diagnosis import Diagnosis
+from ...diagnosis.signals import SIGNALS, rod_velocity
+from ...identification.comparison import Comparison
+from ...identification.identification import Identification
+from ..outcome import after_model, after_words
+from ..signals import Shown, Signal, liveliest, shown, signal_shown
+from ..style import BLACK, BLUE, GREY, ROLES
+from ..text import number, percent
+from . import _panels as panel
+from ._layout import header_legend, share_x, sheet
+
+if TYPE_CHECKING:
+    import pandas
+
+#: More samples than this are pixels where the whole log is shown: there it matters where runs drift, not each sample.
+POINTS = 1500
+#: Height of a row, in; share of the width that the detail has.
+ROW, WIDTHS = 0.95, (1.0, 0.85)
+#: Length of the part of a diagnosis that is shown in detail [s].
+DETAIL = 1.5
+LOOKS = ROLES | {"drive": {"label": "drive", "color": BLUE, "linewidth": 0.9, "drawstyle": "steps-post"}}
+HELD_OUT: dict[str, Any] = {"facecolor": "#ececec", "edgecolor": BLACK, "linewidth": 0.0, "zorder": 0.4}
+ENLARGED: dict[str, Any] = {"facecolor": BLUE, "alpha": 0.15, "linewidth": 0.0, "zorder": 0.5}
+
+
+def overlay_figure(
+    time: np.ndarray, panels: Mapping[str, Mapping[str, np.ndarray]], *, title: str = "Measured and simulated"
+) -> Figure:
+    """Measured, linear and nonlinear signals over time [s], as in Fig. 7 and 8 of the paper.
+
+    Parameters
+    ----------
+    time: (N,) s.
+    panels: axis label with unit, as "rod speed (mm/s)", -> role (reference, measured, linear or nonlinear) -> values
+        (N,) in that unit. nan leaves a gap.
+
+    Raises
+    ------
+    InputError: no panel, a label without unit, an unknown role, or a length that differs from that of time.
+    """
+    time = np.asarray(time, dtype=float)
+    if not panels:
+        raise InputError("overlay_figure got no panel; give at least one, as {'speed (rpm)': {'measured': values}}")
+    for label, roles in panels.items():
+        if not label.endswith(")") or " (" not in label:
+            raise InputError(f"panel {label!r} has no unit; write it in brackets, as 'speed (rpm)'")
+        for role, values in roles.items():
+            if role not in ROLES:
+                raise InputError(f"panel {label!r}: no role {role!r}; {choices(role, ROLES)}")
+            if np.shape(values) != time.shape:
+                raise InputError(
+                    f"panel {label!r}, {role}: shape {np.shape(values)}; expected that of time, {time.shape}"
+                )
+    with panel.column(title, dict.fromkeys(panels, 1.5 * panel.PANEL)) as (figure, axes):
+        lines = {}
+        for label, roles in panels.items():
+            ax = axes[label]
+            for role, values in roles.items():
+                lines[role] = panel.draw(ax, time, np.asarray(values, dtype=float), ROLES[role])
+            panel.fit(ax, Signal(label.rpartition(" (")[0], "1", "1", 0.0))
+            ax.set_ylabel("\n(".join(label.rsplit(" (", 1)))
+            ax.set_xlim(time[0], time[-1])
+        header_legend(axes["header"], [lines[role] for role in ROLES if role in lines])
+    return figure
+
+
+def replay_figure(replays: Sequence[Comparison], *, detail: bool = False) -> Figure:
+    """The drives, and each output of the log with every replay of it, over the log's time.
+
+    Parameters
+    ----------
+    replays: of one log by different models, each model once.
+    detail: show only the second in which the drive varies most.
+
+    Raises
+    ------
+    InputError: no replay, or replays of logs of different length.
+    """
+    if not replays:
+        raise InputError("replay_figure got no replay; give at least one")
+    log, system = replays[0].log, replays[0].plant.structure.system
+    drives = list(system.drives.values())
+    rows = liveliest(log, drives[0]) if detail else slice(None)
+    panels: dict[str, dict[str, np.ndarray]] = {}
+    for channel in (*drives, *replays[0].fit_percent):
+        how = shown(channel)
+        panels[how.label] = {"measured": log[channel][rows] / how.scale}
+        for replay in replays:
+            if channel in replay.simulated:
+                panels[how.label][replay.plant.model] = np.asarray(replay.simulated[channel])[rows] / how.scale
+    part = ", the second in which the drive varies most" if detail else ""
+    return overlay_figure(log.time[rows], panels, title=f"{replays[0].plant.name} and {log.name}{part}")
+
+
+@draw.register
+def _(replay: Comparison) -> Figure:
+    return replay_figure([replay])
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A row of a figure: a signal measured, before and after, or a drive.
+
+    how: its words and unit. lines: role -> (N,) in SI units; all of it nan where a run stopped. words: beside it.
+    """
+
+    name: str
+    how: Shown
+    lines: Mapping[str, np.ndarray]
+    words: str = ""
+
+
+def _whole_and_detail(
+    title: str,
+    time: np.ndarray,
+    traces: Sequence[Trace],
+    part: slice,
+    labels: Mapping[str, str],
+    *,
+    detail: str,
+    held_from: float | None = None,
+) -> Figure:
+    """A row for each trace: the whole log on the left, a part of it on the right with words beside.
+
+    labels: role -> words in the legend. detail: what the part is. held_from: where the held-out data begins, s.
+    """
+    rows = [[f"{trace.name} whole", f"{trace.name} detail"] for trace in traces]
+    with sheet(title, rows, [ROW] * len(rows), widths=WIDTHS, header=0.42) as (figure, axes):
+        wholes, details = ([axes[row[k]] for row in rows] for k in (0, 1))
+        share_x(wholes)
+        share_x(details)
+        start, stop = time[part][[0, -1]]
+        lines: dict[str, Artist] = {}
+        for trace, whole, near in zip(traces, wholes, details, strict=True):
+            for ax, samples in ((whole, slice(None)), (near, part)):
+                lines |= _trace(ax, time[samples], trace, samples, labels)
+            whole.set_ylabel(trace.how.two_lines)
+            look: dict[str, Any] = {"transform": near.transAxes, "va": "center", "fontsize": 8, "linespacing": 1.35}
+            if trace.words:
+                near.text(1.03, 0.5, trace.words, **look)
+            whole.axvspan(start, stop, **ENLARGED)
+            if held_from is not None:
+                whole.axvspan(held_from, time[-1], **HELD_OUT)
+                whole.axvline(held_from, color=GREY, linestyle=(0, (4, 2)), linewidth=0.9, zorder=1.5)
+        wholes[-1].set_xlim(time[0], time[-1])
+        details[-1].set_xlim(start, stop)
+        wholes[-1].set_xlabel("time (s), whole log")
+        details[-1].set_xlabel(f"time (s), {detail}")
+        handles = [lines[role] for role in ROLES if role in lines]
+        handles.append(Patch(label="enlarged on the right", **ENLARGED))
+        if held_from is not None:
+            handles.append(Patch(label="held out", **HELD_OUT | {"linewidth": 0.6, "linestyle": (0, (4, 2))}))
+        header_legend(axes["header"], handles, ncols=3, fontsize=8.5)
+    return figure
+
+
+def _trace(ax: Axes, time: np.ndarray, trace: Trace, samples: slice, labels: Mapping[str, str]) -> dict[str, Artist]:
+    values = {role: line[samples] / trace.how.scale for role, line in trace.lines.items()}
+    drawn = {}
+    for role, line in values.items():
+        drawn[role] = panel.draw(ax, time, line, LOOKS[role] | ({"label": labels[role]} if role in labels else {}))
+        drawn[role].set_rasterized(line.size > POINTS)
+    panel.hold(ax, [line for role, line in values.items() if role != "before"], values.get("before"))
+    return drawn
+
+
+@draw.register
+def identification_figure(identification: Identification, index: int = 0) -> Figure:
+    """A log with the free runs of the nominal and of the identified plant; a detail on the right.
+
+    One row for each drive and output, as in Fig. 7 and 8 of the paper. Left the whole log, right the second in which
+    the drive varies most. Beside each output is its fit in percent. A run that leaves the measured range far behind
+    also leaves the panel.
+
+    Parameters
+    ----------
+    index: which of the logs that were held out, or of those used where none was.
+
+    Raises
+    ------
+    InputError: there is no such log.
+    """
+    held_out = bool(identification.validation.after)
+    reach = identification.validation if held_out else identification.train
+    if not 0 <= index < len(reach.after):
+        raise InputError(f"identification_figure got index {index}; expected 0 to {len(reach.after) - 1}")
+    before, after = reach.before[index], reach.after[index]
+    log, plant = after.log, identification.plant
+    drives = list(after.plant.structure.system.drives.values())
+    traces = [Trace(name, shown(name), {"drive": np.asarray(log[name])}) for name in drives]
+    for name in after.fit_percent:
+        runs = {"measured": after.log[name], "before": before.simulated.get(name), "after": after.simulated.get(name)}
+        lines = {role: np.asarray(values) for role, values in runs.items() if values is not None}
+        fits = [
+            f"{word} –" if math.isnan(fit) else f"{word} {number(fit).replace('-', '−')} %"
+            for word, fit in (("before", before.fit_percent[name]), ("after", after.fit_percent[name]))
+        ]
+        traces.append(Trace(name, shown(name), lines, "\n".join(["fit", *fits])))
+    title = f"{plant.name} ({plant.model}) and {log.name}, {'held out' if held_out else 'used to identify'}"
+    return _whole_and_detail(title, log.time, traces, liveliest(log, drives[0]), {}, detail="most lively second")
+
+
+@draw.register
+def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
+    """A log with the free runs of the nominal plant and of that with the causes; the largest error on the right.
+
+    One row for the drive, each signal that has a gap, and the position. Beside a signal is its gap on held-out data in
+    percent, before and after. Held-out data is shaded, where it is a part of this log.
+    """
+    log, plant = diagnosis.log, diagnosis.plant
+    drive = plant.structure.system.drive
+    after = after_words(diagnosis.verdict, len(diagnosis.effects))
+    before = "simulated, nominal" if diagnosis.verdict == "no_gap" else str(ROLES["before"]["label"])
+    traces = [Trace(drive, shown(drive), {"drive": np.asarray(log[drive])}), *diagnosis_traces(diagnosis)]
+    return _whole_and_detail(
+        f"{plant.name} ({plant.model}) and {log.name}", log.time, traces, widest(diagnosis),
+        {"before": before, "after": f"after, {after}"}, detail="largest error", held_from=diagnosis.held_from,
+    )  # fmt: skip
+
+
+def diagnosis_traces(diagnosis: Diagnosis) -> list[Trace]:
+    """Every scored signal of the log, and the position where the plant has one."""
+    log = diagnosis.log
+    names = [name for name in SIGNALS if name in diagnosis.whole]
+    names += ["position"] if "position" in {*log.channels} & {*diagnosis.plant.structure.system.outputs} else []
+    models = {"before": "nominal", "after": after_model(diagnosis.verdict)}
+    found = []
+    for name in names:
+        lines = {"measured": _signal(name, log.channels, log.sample_time)}
+        for role, model in models.items():
+            if model is not None:
+                # A run that stopped was not kept.
+                runs = diagnosis.simulated.get(model)
+                nothing = np.full(len(log), np.nan)
+                lines[role] = nothing if runs is None else _signal(name, runs, log.sample_time)
+        gaps = {role: percent(diagnosis.gap[m].get(name), 2) for role, m in models.items() if m is not None}
+        words = [f"{role} {gap}" for role, gap in gaps.items()] if len(gaps) > 1 else list(gaps.values())
+        scored = "\n".join(["held-out gap", *words])
+        drifts = "no gap given:\nit drifts in\nfree run"
+        found.append(Trace(name, signal_shown(name), lines, drifts if name == "position" else scored))
+    return found
+
+
+def _signal(name: str, channels: Mapping[str, np.ndarray], sample_time: float) -> np.ndarray:
+    if name == "rod_velocity":
+        return rod_velocity(channels["position"], sample_time)
+    return np.asarray(channels[name])
+
+
+def widest(diagnosis: Diagnosis) -> slice:
+    """Samples of the part in which the nominal plant is farthest off, all scored signals together."""
+    log = diagnosis.log
+    width = min(max(int(round(DETAIL / log.sample_time)), 2), len(log))
+    off = np.zeros(len(log))
+    for trace in diagnosis_traces(diagnosis):
+        measured = trace.lines["measured"]
+        spread = float(np.std(measured))
+        if trace.name != "position" and spread > 0.0:
+            off += np.nan_to_num((measured - trace.lines["before"]) / spread) ** 2
+    sums = np.cumsum(np.concatenate([[0.0], off]))
+    first = int(np.argmax(sums[width:] - sums[:-width]))
+    return slice(first, first + width)
+
+
+def signals_table(diagnosis: Diagnosis) -> pandas.DataFrame:
+    """A row a sample, SI units: t, the drive, and each signal measured, before (nominal) and after."""
+    import pandas
+
+    log, drive = diagnosis.log, diagnosis.plant.structure.system.drive
+    columns = {"t": log.time, drive: log[drive]}
+    for trace in diagnosis_traces(diagnosis):
+        columns[trace.name] = trace.lines["measured"]
+        columns |= {f"{trace.name}_{role}": trace.lines[role] for role in ("before", "after") if role in trace.lines}
+    return pandas.DataFrame(columns)

@@ -1,0 +1,230 @@
+"""Bode plots: of the linear model, and of a loop with its margins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, MultipleLocator, NullFormatter
+
+from ...core.plotting import draw
+from ...core.unit import factor
+from ...design.analysis.loop import LoopAnalysis
+from ...design.analysis.system import OUTPUTS, Analysis
+from ..signals import SIGNALS
+from ..style import BLACK, BLUE, GREEN, GREY, VERMILION
+from ..text import number, unit
+from ._layout import XLABEL, share_x, sheet
+
+#: Units of a gain per ampere; the speed in rad/s, as the axis of frequency is.
+SHOWN = {"omega": "rad/s", "dP": "bar", "v": "mm/s", "x": "mm"}
+#: |S| and |T| are not shown below this, dB.
+FLOOR = -45.0
+#: Height of two lines of words above a panel, in.
+STEP = 0.33
+#: A margin.
+BAR: dict[str, Any] = {"color": VERMILION, "linewidth": 3.0, "zorder": 3, "solid_capstyle": "butt"}
+
+
+@draw.register
+def bode_figure(analysis: Analysis) -> Figure:
+    """Magnitude [rad/s, bar, mm/s, mm per A] and phase [deg] from the current to each output over frequency [rad/s].
+
+    One row an output; poles are marked at their natural frequency.
+    """
+    outputs = [name for name in OUTPUTS if name in analysis.system.output_labels]
+    poles = _poles(analysis)
+    centres = [frequency for frequency, _ in poles] or [1.0]
+    omega = np.geomspace(min(centres) / 50, 50 * max(centres), 2000)
+    response = np.asarray(analysis.system(1j * omega))
+    marks = arranged(poles, omega[0], omega[-1], width=0.27)
+    rows = [[f"{name} gain", f"{name} phase"] for name in outputs]
+    title = f"{analysis.system.name}: from the current"
+    with sheet(title, rows, [1.5] * len(rows), extra=XLABEL + height_of(marks)) as (figure, axes):
+        for name, (left, right) in zip(outputs, rows, strict=True):
+            channel = response[analysis.system.output_labels.index(name), 0]
+            axes[left].loglog(omega, np.abs(channel) / factor(SHOWN[name], OUTPUTS[name]), color=BLUE)
+            axes[left].set_ylabel(f"{SIGNALS[name].words}\n({unit(SHOWN[name])} per A)")
+            axes[right].semilogx(omega, phase(channel), color=BLUE)
+            axes[right].set_ylabel("phase\n(deg)")
+            degrees(axes[right])
+        for column in ([axes[row[k]] for row in rows] for k in (0, 1)):
+            few_ticks(column)
+            share_x(column)
+            column[-1].set_xlim(omega[0], omega[-1])
+            column[-1].set_xlabel("frequency (rad/s)")
+            name_marks(column[0], marks)
+            for frequency, _ in poles:
+                mark(column, frequency)
+    return figure
+
+
+def phase(response: np.ndarray) -> np.ndarray:
+    """Phase (n,) [deg], unwrapped, on the turn on which it begins between -270 and 90 deg."""
+    unwrapped = np.degrees(np.unwrap(np.angle(response)))
+    return unwrapped - 360 * np.floor((unwrapped[0] + 270 - 1e-6) / 360)
+
+
+def _poles(analysis: Analysis) -> list[tuple[float, str]]:
+    """Natural frequency [rad/s] and words of each pole or pair that is not an integrator."""
+    found: dict[str, tuple[float, str]] = {}
+    for pole, frequency, damping in zip(analysis.poles, analysis.natural_frequencies, analysis.damping, strict=True):
+        if frequency > 0:
+            kind = f"ζ = {number(round(damping, 3))}" if pole.imag else ("real" if pole.real < 0 else "unstable")
+            found[f"{frequency:.6g} {kind}"] = (float(frequency), f"{number(frequency)} rad/s\n{kind}")
+    return sorted(found.values())
+
+
+@draw.register
+def loop_figure(loop: LoopAnalysis) -> Figure:
+    """Open loop: gain [dB] and phase [deg] over frequency [rad/s]; below |S| and |T| [dB] with their peaks.
+
+    Thick bars are the gain margin (top) and the phase margin (middle); their values are above the figure.
+    """
+    omega, turned = loop.omega, _loop_phase(loop)
+    crossover = loop.crossover if np.isfinite([loop.crossover, loop.phase_margin]).all() else None
+    turnover = loop.gain_frequency if loop.gain_frequency > 0 else None
+    marks = arranged(_margins(loop, crossover, turnover), omega[0], omega[-1], width=0.28)
+    stable = "" if loop.stable else ": NOT STABLE when closed"
+    title = f"Position loop with {loop.controller}, broken at the current{stable}"
+    rows = [["gain"], ["phase"], ["closed"]]
+    with sheet(title, rows, (2.0, 1.8, 1.8), extra=XLABEL + 0.25 + height_of(marks)) as (figure, axes):
+        top, middle, bottom = (axes[row[0]] for row in rows)
+        top.semilogx(omega, decibel(np.abs(loop.response)), color=BLUE)
+        top.axhline(0.0, color=BLACK, linewidth=0.7, zorder=1.5)
+        top.set_ylabel("open loop |L|\n(dB)")
+        middle.semilogx(omega, turned, color=BLUE)
+        middle.axhline(-180.0, color=BLACK, linewidth=0.7, zorder=1.5)
+        middle.set_ylabel("phase of L\n(deg)")
+        degrees(middle)
+        _closed(bottom, loop)
+        if crossover is not None:
+            mark([top, middle], crossover)
+            middle.plot([crossover] * 2, [-180.0, loop.phase_margin - 180.0], **BAR)
+        if turnover is not None:
+            mark([top, middle], turnover)
+            top.plot([turnover] * 2, [0.0, -float(decibel(loop.gain_margin))], **BAR)
+        few_ticks([top, middle, bottom])
+        share_x([top, middle, bottom])
+        name_marks(top, marks)
+        bottom.set_xlabel("frequency (rad/s), up to half of the sampling's")
+        bottom.set_xlim(omega[0], omega[-1])
+    return figure
+
+
+def _closed(ax: Axes, loop: LoopAnalysis) -> None:
+    """|S| and |T| with their peaks."""
+    sensitivity = np.abs(1 / (1 + loop.response))
+    curves = {
+        "S": (sensitivity, loop.Ms, VERMILION, "-"),
+        "T": (np.abs(loop.response) * sensitivity, loop.Mt, GREEN, (0, (5, 2))),
+    }
+    for name, (curve, peak, colour, dashes) in curves.items():
+        label = f"|{name}|, M{name.lower()} = {number(peak)}"
+        ax.semilogx(loop.omega, decibel(curve), color=colour, linestyle=dashes, label=label)
+        k = int(np.argmax(curve))
+        ax.plot(loop.omega[k], decibel(curve[k]), marker="o", color=colour, markeredgecolor="white", zorder=3)
+    decibel_axis(ax, max(ax.dataLim.y0, FLOOR), ax.dataLim.y1 + 5)
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2, borderpad=0.2, borderaxespad=0.2)
+    ax.set_ylabel("closed loop\n(dB)")
+
+
+def _margins(loop: LoopAnalysis, crossover: float | None, turnover: float | None) -> Iterator[tuple[float, str]]:
+    """Words about the margins, at their frequencies [rad/s]."""
+    if crossover is not None:
+        delay = f" = {number(1e3 * loop.delay_margin)} ms" if np.isfinite(loop.delay_margin) else ""
+        yield crossover, f"crossover {number(crossover)} rad/s\nphase margin {number(loop.phase_margin)}°{delay}"
+    if turnover is not None:
+        depth = f"{number(loop.gain_margin)} = {number(float(decibel(loop.gain_margin)))} dB"
+        yield turnover, f"phase -180° at {number(turnover)} rad/s\ngain margin {depth}"
+
+
+def _loop_phase(loop: LoopAnalysis) -> np.ndarray:
+    """Phase (n,) [deg], unwrapped, on the turn on which the phase margin at the crossover is the one reported."""
+    unwrapped = np.degrees(np.unwrap(np.angle(loop.response)))
+    if not np.isfinite([loop.crossover, loop.phase_margin]).all():
+        return unwrapped - 360 * np.round(unwrapped[0] / 360)
+    at = np.interp(np.log(loop.crossover), np.log(loop.omega), unwrapped)
+    return unwrapped - 360 * np.round((at - loop.phase_margin + 180) / 360)
+
+
+def decibel(gain: np.ndarray | float) -> np.ndarray:
+    """20 log10 of a gain; far below every panel where it is nearly zero."""
+    return np.asarray(20 * np.log10(np.maximum(gain, 1e-12)))
+
+
+def decibel_axis(ax: Axes, low: float, high: float) -> None:
+    """Range and round ticks of a gain in dB, with a line at 0 dB."""
+    ax.axhline(0.0, color=BLACK, linewidth=0.7, zorder=1.5)
+    ax.set_ylim(low, high)
+    ax.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+
+
+def mark(axes: Sequence[Axes], frequency: float) -> None:
+    """A dotted line at a frequency [rad/s] through the panels."""
+    for ax in axes:
+        ax.axvline(frequency, color=GREY, linestyle=(0, (2, 2)), linewidth=0.9)
+
+
+class Mark(NamedTuple):
+    """Two lines of words above a panel, at a frequency [rad/s], so many steps up."""
+
+    frequency: float
+    words: str
+    side: str
+    level: int
+
+
+def arranged(marks: Iterable[tuple[float, str]], low: float, high: float, *, width: float) -> list[Mark]:
+    """Words at their frequencies [rad/s] on an axis from low to high, a step up where two would meet.
+
+    `width` is what words take of the axis' width. Words near an end of the axis are aligned with it.
+    """
+    ends: list[float] = []
+    placed = []
+    for frequency, words in sorted(marks):
+        place = np.log(frequency / low) / np.log(high / low)
+        side, start = "center", place - width / 2
+        if start < 0:
+            side, start = "left", place
+        elif start + width > 1:
+            side, start = "right", place - width
+        level = next((k for k, end in enumerate(ends) if start >= end), len(ends))
+        ends[level : level + 1] = [start + width]
+        placed.append(Mark(frequency, words, side, level))
+    return placed
+
+
+def height_of(marks: Iterable[Mark]) -> float:
+    """Room that the words need, in."""
+    return STEP * (1 + max((one.level for one in marks), default=-1)) + 0.08
+
+
+def name_marks(ax: Axes, marks: Iterable[Mark]) -> None:
+    """Write the words above the panel."""
+    for frequency, words, side, level in marks:
+        ax.annotate(
+            words, (frequency, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3 + 72 * STEP * level),
+            textcoords="offset points", ha=side, va="bottom", fontsize=8, color="#333333",
+        )  # fmt: skip
+
+
+def few_ticks(axes: Iterable[Axes]) -> None:
+    """Minor ticks at 2 and 5 only, on each logarithmic axis: all eight take half of the time of drawing."""
+    for ax in axes:
+        for axis in (ax.xaxis, ax.yaxis):
+            if axis.get_scale() == "log":
+                axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+                axis.set_minor_formatter(NullFormatter())
+
+
+def degrees(ax: Axes) -> None:
+    """Ticks at multiples of 45 or 90 deg, and the range that the curve takes."""
+    low, high = ax.dataLim.y0, ax.dataLim.y1
+    step = 45 if high - low <= 200 else 90
+    middle, half = (low + high) / 2, max((high - low) / 2 * 1.12, 60.0)
+    ax.set_ylim(middle - half, middle + half)
+    ax.yaxis.set_major_locator(MultipleLocator(step))

@@ -1,0 +1,95 @@
+"""Tables and facts that several kinds of results share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...core.text import unique_names
+from ...plant.file import both
+from ..page import DOUBT, Points, Section, State, Table
+from ..text import value_text
+
+#: Margin in a JSON -> its name, unit, what one of that unit is in the JSON's, and meaning.
+MARGINS = {
+    "crossover": ("crossover", "rad/s", 1.0, "frequency at which the loop gain is 1"),
+    "phase_margin": ("phase margin", "°", 1.0, "additional lag at the crossover that makes the loop unstable"),
+    "gain_margin": ("gain margin", "", 1.0, "factor on the gain that makes the loop unstable"),
+    "delay_margin": ("delay margin", "ms", 1e-3, "additional delay that makes the loop unstable"),
+    "Ms": ("Ms", "", 1.0, "peak of |S|: the largest amplification of a disturbance"),
+    "Mt": ("Mt", "", 1.0, "peak of |T|: the largest amplification of reference and noise"),
+    "disk_margin": ("disk margin", "", 1.0, "gain and phase may vary together within this disk"),
+    "current_noise": ("current from sensor noise, RMS", "mA", 1e-3, "RMS current that the sensors' noise causes"),
+}
+
+
+#: State of a fit by its quality.
+FITS: dict[str, State] = {"good": True, "fair": DOUBT, "poor": False}
+
+
+def margin(loop: Mapping[str, Any], key: str) -> str:
+    """A margin with its unit."""
+    _, unit, scale, _ = MARGINS[key]
+    return f"{value_text(loop[key], scale, 3)} {unit}".rstrip().replace(" °", "°")
+
+
+def margins_table(caption: str, loops: Sequence[Mapping[str, Any]]) -> Table:
+    """A row a margin, a column a controller."""
+    rows = [
+        [words, *(value_text(loop.get(key), scale) for loop in loops), unit, meaning]
+        for key, (words, unit, scale, meaning) in MARGINS.items()
+        if any(loop.get(key) is not None for loop in loops)
+    ]
+    return Table(caption, ["margin", *(str(loop["controller"]) for loop in loops), "unit", "meaning"], rows)
+
+
+def loop_sentence(loop: Mapping[str, Any]) -> str:
+    """Margins and stability of a loop."""
+    return (
+        f"crossover {margin(loop, 'crossover')}, phase margin {margin(loop, 'phase_margin')}, gain margin "
+        f"{margin(loop, 'gain_margin')}, delay margin {margin(loop, 'delay_margin')}, Ms {margin(loop, 'Ms')}, Mt "
+        f"{margin(loop, 'Mt')}; the linear closed loop is {'stable' if loop['stable'] else 'NOT STABLE'}."
+    )
+
+
+def fit_table(caption: str, columns: Mapping[str, Mapping[str, float | None]]) -> Table:
+    """Fits in percent: a row a channel, a column a run."""
+    channels = dict.fromkeys(channel for fits in columns.values() for channel in fits)
+    rows = [[channel, *(value_text(fits.get(channel)) for fits in columns.values())] for channel in channels]
+    return Table(caption, ["channel", *columns], rows)
+
+
+def settings_of(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Plant and parameters that were set for this run, as facts."""
+    given = ", ".join(f"{both(key)} = {value}" for key, value in content.get("settings", {}).items())
+    plant = str(content.get("plant", ""))
+    model = content.get("model")
+    return [("plant", f"{plant} ({model})" if model else plant), ("set for this run", given or "nothing")]
+
+
+def words_of(finding: Any) -> str:
+    """A finding about a log as a sentence; older results have it as text."""
+    return str(finding["sentence"] if isinstance(finding, Mapping) else finding)
+
+
+def findings_section(findings: Sequence[Any]) -> Section:
+    """What is doubtful in the logs; empty for none."""
+    return Section(
+        "Doubtful in the logs", [Points([words_of(each) for each in findings])] if findings else [], "findings"
+    )
+
+
+def steps_of(content: Mapping[str, Any]) -> list[str]:
+    """How the logs were read and prepared, in sentences; those about reading name the log themselves."""
+    steps = content.get("preparation") or []
+    logs = unique_names([str(step.get("log", "")) for step in steps])
+    named = ["log" in step and step["kind"] not in ("read", "caution") for step in steps]
+    words = [str(step["words"]) for step in steps]
+    return [f"{log}: {text}" if own else text for log, text, own in zip(logs, words, named, strict=True)]
+
+
+def plant_name(content: Mapping[str, Any]) -> str:
+    """The plant's name, where the command was given its file too."""
+    name = str(content["plant"])
+    return Path(name).stem if name.endswith(".toml") else name

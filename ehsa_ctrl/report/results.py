@@ -1,0 +1,215 @@
+"""Pages made from the files of a result: its JSON and its figures.
+
+One code makes the page that a command leaves with `--out`, the overview of a folder by `ehsa-ctrl report`, and that of
+`write_report` in Python. Nothing is simulated again.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from markupsafe import Markup
+from pydantic import BaseModel
+
+from ..core.errors import InputError
+from ..core.files import read_json
+from ..plant.file import both
+from .document import image, write_document
+from .kinds import kinds
+from .page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Table, anchors, pictures_in
+
+#: File of the overview.
+FILE = "overview.html"
+#: An SVG of more bytes than this makes a page slow: the PNG is shown where there is one.
+LARGEST = 600_000
+#: A file of more bytes is not a figure of this package, and would make the page useless.
+TOO_LARGE = 8_000_000
+#: Endings of figures, and what follows image/ in their type.
+TYPES = {".svg": "svg+xml", ".png": "png"}
+
+
+class Assumed(BaseModel):
+    """An assumed parameter in a JSON."""
+
+    plant: str
+    name: str
+    value: str
+    range: str
+    note: str
+
+
+class RestsOn(BaseModel):
+    """The provenance in a JSON, see `provenance.provenance`."""
+
+    assumed: list[Assumed] = []
+    files: dict[str, str] = {}
+    command: str = ""
+
+    def blocks(self) -> Iterator[Any]:
+        rows = [[row.plant, both(row.name), row.value, row.range, row.note] for row in self.assumed]
+        head = ["plant", "name", "value", "range", "note"]
+        yield Table("Assumed, not measured: other values change the results", head, rows)
+        if self.files:
+            yield Paragraph("Made from these files, with the first digits of their SHA-256:")
+            yield Points([f"{digits} {name}" for name, digits in self.files.items()])
+
+
+@dataclass(frozen=True)
+class StoredResult:
+    """A result on disk, as a page.
+
+    folder: of the JSON. place: the same as seen from the page's folder. anchor: its id in an overview.
+    """
+
+    kind: Kind
+    page: Page
+    folder: Path
+    place: str
+    rests_on: RestsOn
+    anchor: str = ""
+
+    @property
+    def doubtful(self) -> bool:
+        return self.page.state in (False, DOUBT)
+
+    @property
+    def failed(self) -> bool:
+        return self.page.state is False
+
+    @cached_property
+    def provenance(self) -> Section:
+        """Where the numbers come from."""
+        blocks = [Facts(self.page.facts), *self.rests_on.blocks(), Facts(list(self.page.versions.items()))]
+        if self.rests_on.command:
+            blocks += [Paragraph("Command:"), Paragraph(self.rests_on.command, code=True)]
+        return Section("Provenance", blocks, "provenance")
+
+    @cached_property
+    def images(self) -> dict[str, Markup]:
+        """The figures that exist, by their stems."""
+        verdict = " ".join(words for words, _ in self.page.sentences)
+        found = {}
+        for picture in pictures_in(self.page.sections):
+            drawn = _embedded(self.folder, picture.stem, f"{picture.heading}. {verdict}")
+            if drawn is not None:
+                found[picture.stem] = drawn
+        return found
+
+    @property
+    def sections(self) -> list[Section]:
+        """Those with something to show, the provenance last."""
+        return list(_filled([*self.page.sections, self.provenance], self.images))
+
+    @property
+    def file(self) -> str:
+        """The result's own page as seen from the overview; empty where there is none."""
+        there = (self.folder / self.kind.page).is_file()
+        return (Path(self.place) / self.kind.page).as_posix() if there else ""
+
+    @property
+    def link(self) -> str:
+        """The same as a URL: a folder may be called javascript:, or hold a # or %."""
+        return quote(os.fsencode(self.file))
+
+
+def write_result_page(folder: Path, name: str) -> Path:
+    """Write the page of one result beside its JSON `name` and its figures, and return its path."""
+    result = _read(kinds()[name], Path(folder), "")
+    return write_document("page.html.j2", Path(folder) / result.kind.page, result=result)
+
+
+def write_overview(results: Sequence[StoredResult], folder: Path, name: str) -> Path:
+    """Write `overview.html` to the folder and return its path.
+
+    results: from `results_in`. name: of the folder they are from, for the heading.
+    """
+    return write_document("overview.html.j2", Path(folder) / FILE, results=results, name=name)
+
+
+def results_in(root: Path, page: Path | None = None) -> tuple[list[StoredResult], list[str]]:
+    """Every result in a folder and below it, and sentences about files that could not be read.
+
+    page: folder of the page that will show them, the same one by default; links are relative to it.
+
+    Raises InputError where there is no such folder, or no result in it.
+    """
+    root = Path(root)
+    if not root.is_dir():
+        raise InputError(f"{root}: no such folder; give the one that a command wrote to with --out")
+    found, wrong = [], []
+    for kind, folder in _files(root):
+        try:
+            found.append(_read(kind, folder, os.path.relpath(folder, page or root)))
+        except InputError as error:
+            wrong.append(str(error))
+    if not found:
+        why = f" ({wrong[0]})" if wrong else ""
+        raise InputError(f"{root}: holds no result of ehsa-ctrl{why}; call a command with --out {root} first")
+    covered = [result.folder / name for result in found for name in result.page.covers]
+    shown = [result for result in found if result.folder not in covered]
+    ids = anchors(f"{result.kind.name.removesuffix('.json')}-{result.place}" for result in shown)
+    return [replace(result, anchor=anchor) for result, anchor in zip(shown, ids, strict=True)], wrong
+
+
+def _files(root: Path) -> Iterator[tuple[Kind, Path]]:
+    """The folder's own results first, then those of its folders in the order of their names."""
+    known = kinds()
+    for folder, below, files in os.walk(root):
+        below[:] = sorted(name for name in below if not name.startswith("."))
+        for name in sorted(known):
+            if name in files:
+                yield known[name], Path(folder)
+
+
+def _read(kind: Kind, folder: Path, place: str) -> StoredResult:
+    """Raises InputError for a file that is not a result of this kind."""
+    path = folder / kind.name
+    try:
+        content = read_json(path)
+        rests_on = RestsOn.model_validate(content.get("rests_on") or {})
+        result = StoredResult(kind, kind.read(content, folder), folder, place, rests_on)
+        # Texts are checked as the blocks are made, while it is still known which file is wrong.
+        _ = result.provenance
+        return result
+    except InputError as error:
+        # A message of the reader names the file; one about a unit within it does not.
+        if str(path) in str(error):
+            raise
+        raise InputError(f"{path}: is not what ehsa-ctrl writes under this name") from None
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
+        raise InputError(f"{path}: is not what ehsa-ctrl writes under this name") from None
+
+
+def _filled(blocks: Iterable[Any], images: Mapping[str, Markup]) -> Iterator[Any]:
+    """Blocks without empty ones and without figures that do not exist."""
+    for block in blocks:
+        if isinstance(block, Section):
+            inner = list(_filled(block.blocks, images))
+            if inner:
+                yield replace(block, blocks=inner)
+        elif block.stem in images if isinstance(block, Picture) else block:
+            yield block
+
+
+def _embedded(folder: Path, stem: str, words: str) -> Markup | None:
+    """A figure as an <img>: the SVG, the PNG where that is too large; None where neither exists."""
+    # Some stems come out of the JSON; none may lead out of the folder.
+    if Path(stem).name != stem:
+        return None
+    try:
+        files = [file for end in TYPES if (file := folder / f"{stem}{end}").is_file()]
+        if not files:
+            return None
+        file = files[-1] if files[0].stat().st_size > LARGEST else files[0]
+        if file.stat().st_size <= TOO_LARGE:
+            return image(file.read_bytes(), TYPES[file.suffix], words)
+        why = f"is larger than {TOO_LARGE // 1_000_000} MB"
+    except OSError as error:
+        why = f"can't be read ({error.strerror})"
+    return Markup('<p class="soft">The figure is left out: {} {}.</p>').format(stem, why)
