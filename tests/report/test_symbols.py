@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from ehsa_ctrl.identification.free import free_parameters
 
 from ehsa_ctrl import load_plant
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.json_text import plain
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.diagnosis import Cause, Diagnosis, Estimated
+from ehsa_ctrl.identification.parameters import free_parameters
 from ehsa_ctrl.report.kinds.diagnosis import KIND
 from ehsa_ctrl.scenario.sensitivity import Influence
 from ehsa_ctrl.scenario.uncertainty import UncertainParameter
