@@ -51,7 +51,7 @@ TOLERANCES = (1e-4, 1e-6, 1e-8)
 
 
 def parameter_rows(case: Case, runs: int = 1) -> Array:
-    """Parameter vectors (runs, n) of the engine; what the case does not name is neutral at 0."""
+    """Parameter vectors (runs, n) of the engine; parameters missing in the case are 0, their neutral value."""
     return np.tile([case.values.get(name, 0.0) for name in NONLINEAR.equations.parameter_names], (runs, 1))
 
 
@@ -117,7 +117,7 @@ def contenders() -> list[Row]:
     return rows
 
 
-#: Compiled peers, the first one for the headline: what a user who wants speed would take.
+#: Compiled peers, the first one for the headline: the choice for speed.
 PEERS = {
     "CasADi CVODES 1e-6, E3": casadi_cvodes,
     "diffrax Kvaerno3 1e-6, E3": partial(by_diffrax, solver="Kvaerno3", widths=E3),
@@ -126,7 +126,7 @@ PEERS = {
     "MuJoCo, smaller model, 0.1 ms": mujoco_tendon,
 }
 
-# What is told.
+# Output.
 
 Timings = dict[tuple[str, str], Timing]
 

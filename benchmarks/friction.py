@@ -28,7 +28,7 @@ from ehsa_ctrl.simulation.sensors import Sensors
 from ehsa_ctrl.simulation.slip_quantum import slip_quantum
 
 DT, HOLD, WAIT = 0.004, 5.0, 1.5
-#: Standard deviation of what Table 2 gives without one, relative.
+#: Relative standard deviation of the values of Table 2.
 UNKNOWN = 0.05
 SIZES = (0.001, 0.005, 0.02)
 DEFAULT = ("pid_position", "pid_friction", "cascade_position", "cascade_friction", "lqr_friction", "mpc_friction")
@@ -36,7 +36,7 @@ DEFAULT = ("pid_position", "pid_friction", "cascade_position", "cascade_friction
 
 @dataclass(frozen=True)
 class Step:
-    """One step there and one back: the worse of both."""
+    """The worse of a step and the step back."""
 
     settling: float
     ratio: float
@@ -76,7 +76,7 @@ def step(name: str, size: float, seed: int) -> Step:
                 hunting(time[held], x[held])["Slips"],
             )
         )
-    # np.max lets nan win: what never settles is worse than anything that does.
+    # np.max propagates nan: a step that never settles is the worst.
     return Step(*(float(np.max([getattr(one, key) for one in found])) for key in Step.__dataclass_fields__))
 
 

@@ -53,7 +53,7 @@ def parameter_table(kind: str, amplitude: float, found: Summary) -> Table:
 
 
 def lines(found: Summary) -> list[str]:
-    """What is told beside the table."""
+    """Text printed with the table."""
     worst = max(found.held_out, key=lambda key: found.held_out[key][0])
     lost = "  ".join(
         f"{kind} {channel} {most:.3f} ({median:.4f})" for (kind, channel), (most, median) in found.held_out.items()
@@ -148,7 +148,7 @@ def main() -> None:
 
     figures: dict[str, Any] = {"identification": {}}
     for kind, (amplitude, _) in plan.items():
-        # In the order of the seeds, whoever was ready first.
+        # In the order of the seeds.
         of_kind = [results[case] for case in cases if case.kind == kind and case in results]
         if any("failure" not in result for result in of_kind):
             found = summary(of_kind)

@@ -17,7 +17,7 @@ NEAR, DEVIATIONS = 0.03, 2.0
 
 @dataclass(frozen=True)
 class Share:
-    """A share of `count` cases with its 95 % interval; parameters of one log err together, so logs are the draws."""
+    """A share of `count` cases with its 95 % interval; errors within one log are correlated, so logs are the draws."""
 
     value: float
     lower: float
@@ -148,7 +148,7 @@ def summary(results: Sequence[Result]) -> Summary:
 
 
 def _lost(best: float, mine: float) -> float:
-    """Points of fit that the estimate is worse than the truth; a run that ended early has lost all."""
+    """Points of fit that the estimate loses against the truth; 100 for a run that ended early."""
     return best - mine if np.isfinite(mine) else 100.0
 
 

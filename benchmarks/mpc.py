@@ -45,7 +45,7 @@ def jumps(samples: int) -> np.ndarray:
 
 
 def parameters(law: Mpc, memory: np.ndarray, before: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """What this sample's problem depended on, from the law's memory after it and before it; it ends with a 1."""
+    """Data of this sample's problem, from the law's memory after and before it; the last entry is 1."""
     z = np.array([memory[law.traces[f"estimate_{name}"]] for name in (*law.model.states, *law.model.disturbances)])
     scale = np.r_[law.model.scale, law.model.disturbance_scale]
     given = law.traces["limit_passed"] + 1
@@ -86,7 +86,7 @@ def by_piqp(program: Condensed) -> Solve:
 
 
 def by_qpoases(program: Condensed) -> Solve:
-    """qpOASES as CasADi carries it, started from its last solution."""
+    """qpOASES of CasADi, started from its last solution."""
     import casadi as ca
 
     n, m = len(program.H), len(program.G)
@@ -105,7 +105,7 @@ def by_qpoases(program: Condensed) -> Solve:
 
 
 def contenders(program: Condensed, iterations: int) -> dict[str, Solve]:
-    """All solvers of this program; what is not installed is left out."""
+    """All solvers of this program; those not installed are omitted."""
     n, m = len(program.H), len(program.G)
     found = {
         f"{name}, as shipped": of_the_package(kind.make(program.H, program.G, iterations, None), n, m)
@@ -121,7 +121,7 @@ def contenders(program: Condensed, iterations: int) -> dict[str, Solve]:
 
 
 def timed(solve: Callable[[], Any]) -> tuple[Any, float, float]:
-    """What a call gives, its wall and its CPU seconds."""
+    """Result of a call, its wall and CPU seconds."""
     wall, cpu = time.perf_counter(), time.thread_time()
     found = solve()
     return found, time.perf_counter() - wall, time.thread_time() - cpu
@@ -153,7 +153,7 @@ def figures(rows: list[tuple[float, float]], errors: list[float], limit: float) 
 
 
 def compare(law: Mpc, samples: int) -> dict[str, dict[str, float]]:
-    """Figures of every contender on the same run."""
+    """Statistics of every solver on the same run."""
     plant = ehsa_ctrl.load_plant("ehsa")
     linear = ehsa_ctrl.three_state(ehsa_ctrl.load_plant("ehsa", model="linear"))
     controller = replace(ehsa_ctrl.load_controller("mpc_position", linear), law=law, trajectory=None)
@@ -208,7 +208,7 @@ def main() -> None:
     found = compare(law, chosen.samples)
     first = next(iter(found))
     table = Table(title=f"one sample of a position MPC, horizon {chosen.horizon}, at 250 Hz")
-    table.add_column("contender")
+    table.add_column("solver")
     for column in found[first]:
         table.add_column(column, justify="right")
     table.add_column("cpu / daqp's", justify="right")

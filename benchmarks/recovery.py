@@ -21,7 +21,7 @@ from ehsa_ctrl.plant.plant import Plant
 DT = 0.004  # s, 250 Hz
 #: Start values are the truth times one of these.
 OFF = (0.7, 1.3)
-#: Held out: excitation, amplitude [A], duration [s]. Their noise has seeds of its own.
+#: Held out: excitation, amplitude [A], duration [s]. Their noise has other seeds.
 HELD_OUT = (("steps", 1.5, 10.0), ("sine", 1.5, 10.0))
 #: Folders of the package that an estimate depends on.
 FOLDERS = ("core", "physics", "plant", "simulation", "identification")
@@ -42,7 +42,7 @@ def truth() -> Plant:
 
 
 def bench_log(kind: str, amplitude: float, duration: float, seed: int) -> Log:
-    """What the bench records of the true plant: noise on every channel, the current's too, the rod kept in place."""
+    """Bench log of the true plant: noise on every channel including the current, with the centring loop."""
     t, current = ehsa_ctrl.excitation(kind, amplitude=amplitude, duration=duration, sample_time=DT, seed=seed)
     log, run = ehsa_ctrl.record(truth(), t, current, seed=seed, centre=True)
     if run.stopped:
@@ -86,7 +86,7 @@ def recover(case: Case) -> dict[str, Any]:
 
 
 def fingerprint() -> str:
-    """Of everything an estimate comes from, so that results of an older package are not taken for those of this one."""
+    """Hash of all sources of an estimate, so that results of an older package are not reused."""
     package = Path(ehsa_ctrl.__file__).parent
     files = [file for folder in FOLDERS for file in (package / folder).rglob("*") if file.suffix in (".py", ".j2")]
     files += [ehsa_ctrl.plants["ehsa"], Path(__file__)]
@@ -97,7 +97,7 @@ def fingerprint() -> str:
 
 
 def kept(file: Path, package: str) -> dict[Case, dict[str, Any]]:
-    """Results of earlier runs with this package; a line that was cut off counts for nothing."""
+    """Results of earlier runs with this package; a truncated line is ignored."""
     found = {}
     for line in file.read_text().splitlines() if file.exists() else ():
         try:
@@ -110,7 +110,7 @@ def kept(file: Path, package: str) -> dict[Case, dict[str, Any]]:
 
 
 def recover_all(cases: list[Case], file: Path, jobs: int) -> Iterator[tuple[Case, dict[str, Any]]]:
-    """Results as they come, those kept in `file` first; new ones are written there at once."""
+    """Results in order of completion, those in `file` first; new ones are appended to it."""
     package = fingerprint()
     known = kept(file, package)
     for case in cases:

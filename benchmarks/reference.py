@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 SHAFT, ROD = 0, 1
 SPEED = (0, 3)  # where omega and v stand in the state
 
-#: A contact that has just broken away starts on its own switching surface; its stop is looked for only after this.
+#: A contact that has just broken away starts on its own switching surface; its stop is searched only after this time.
 BLIND = 1e-6  # s
 
 
@@ -31,12 +31,12 @@ class Physics:
         self.p = values
 
     def drive(self, contact: int, y: Array, current: float) -> float:
-        """Torque on the shaft or force on the rod, friction apart."""
+        """Torque on the shaft or force on the rod, without friction."""
         p, dP = self.p, float(y[1] - y[2])
         return p["K_T"] * current - p["D"] * dP if contact == SHAFT else p["A"] * dP - p["K_S"] * float(y[4])
 
     def breakaway(self, contact: int) -> float:
-        """What (8) holds against at speed 0."""
+        """Breakaway level of (8) at speed 0."""
         return self.p["A_FM"] + self.p["C_FM"] if contact == SHAFT else self.p["A_FR"] + self.p["C_FR"]
 
     def rates(self, u: float, slope: float, d: tuple[int, int]) -> Callable[[float, Array], list[float]]:
@@ -133,7 +133,7 @@ def event_driven(case: Case, method: str = "DOP853", rtol: float = 1e-12, every_
 
 
 def _settle(physics: Physics, y: Array, d: list[int], blind: list[bool], contact: int, current: float) -> None:
-    """A contact at rest starts to slide if it is driven harder than it holds."""
+    """A contact at rest starts to slide if the net force exceeds its breakaway level."""
     drive = physics.drive(contact, y, current)
     if abs(drive) > physics.breakaway(contact):
         d[contact], blind[contact] = int(np.sign(drive)), True
@@ -142,7 +142,7 @@ def _settle(physics: Physics, y: Array, d: list[int], blind: list[bool], contact
 def _events(
     physics: Physics, d: list[int], blind: list[bool], u: float, slope: float
 ) -> list[tuple[int, Callable[[float, Array], float]]]:
-    """For each contact what falls through zero when its mode ends."""
+    """Event function of each contact: it crosses zero when the mode ends."""
 
     def stop(contact: int) -> Callable[[float, Array], float]:
         direction, speed = d[contact], SPEED[contact]

@@ -61,7 +61,7 @@ class AnswerScore:
 
 
 def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | None) -> AnswerScore:
-    """`answer` is a diagnosis.json, or None where the tool gave none."""
+    """`answer` is a diagnosis.json, or None without an answer."""
     causes = [_accepted(effect) for effect in key["effects"]]
     truth = tuple(effect["id"] for effect in key["effects"])
     catalogued = [cause for cause, id in zip(causes, truth, strict=True) if id != OUTSIDE]
@@ -126,7 +126,7 @@ _PARAMETER_IDS = {
 
 
 def _places(effect: Mapping[str, Any]) -> list[str]:
-    """As the key has it, else by the id; a key of another bench need not say where an unknown effect acts."""
+    """From the key, otherwise by the id; keys of other benches may lack the place of an unknown effect."""
     if "place" in effect or effect["id"] not in IDS:
         return list(effect.get("place", []))
     return place_of(effect["id"], "")
@@ -142,7 +142,7 @@ def _name(effect: Mapping[str, Any]) -> Name:
 
 
 def _common_sizes(effect: Mapping[str, Any], answered: Mapping[str, Any]) -> set[str]:
-    """Numbers that both the key and the answer give."""
+    """Parameters that both the key and the answer have."""
     return set(effect.get("parameters") or {}) & set(answered.get("parameters") or {})
 
 

@@ -62,7 +62,7 @@ def key(
     total: Mapping[str, float],
     held_out_gap: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """`effects` largest cause first; `accepted` of each are the ids that are the same in principle."""
+    """`effects` largest cause first; `accepted` lists the equivalent ids of each."""
     counted = sorted((c for c in causes if c.counts), key=lambda c: -largest(c.alone))
     rows: dict[tuple[str, str | None], dict[str, Any]] = {}
     for cause in counted:

@@ -10,7 +10,7 @@ from rig import P_ATM
 
 @njit(cache=True, error_model="numpy")
 def saturated(current, k, law):
-    """Current that still makes torque; all laws fall as 1 - (k I)^2 at first."""
+    """Torque-producing current; all laws fall as 1 - (k I)^2 at first."""
     u = k * current
     if abs(u) < 1e-9:
         return current
@@ -66,7 +66,7 @@ def spring(x, K_S, k_3, law):
 
 @njit(cache=True, error_model="numpy")
 def contact(depth, speed, law):
-    """Push of an end stop [N]: 2e7 N/m, or a contact that stiffens with depth."""
+    """Force of an end stop [N]: 2e7 N/m, or a contact that stiffens with depth."""
     if depth <= 0.0:
         return 0.0
     stiff = 2e7 * depth if law == 0.0 else 1.5e9 * depth * sqrt(depth)
@@ -75,7 +75,7 @@ def contact(depth, speed, law):
 
 @njit(cache=True, error_model="numpy")
 def beyond(u, half):
-    """What is left of u outside a dead zone of +-half."""
+    """The part of u outside a dead zone of +-half."""
     if u > half:
         return u - half
     if u < -half:

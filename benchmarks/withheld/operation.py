@@ -35,7 +35,7 @@ class Operation:
         return Operation(loop, "mixed", excitation.mixed(n, rng), CENTRING_GAINS)
 
     def run(self, bench: Bench, noise: Mapping[str, float], rng: np.random.Generator) -> Run:
-        """The loop has an encoder and a potentiometer of its own, with the bench's noise."""
+        """The loop has its own encoder and potentiometer, with the bench's noise."""
         seen = rng.standard_normal((self.reference.size, 2)) * np.array([noise["speed"], noise["position"]])
         return simulate(bench.rig, self.reference, loop=self.loop, gains=self.gains, seen=seen)
 

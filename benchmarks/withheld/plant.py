@@ -25,7 +25,7 @@ LOOPS = {"open": 0.0, "centring": 1.0, "position": 2.0}
 
 @dataclass(frozen=True)
 class Run:
-    """What the plant did.
+    """Result of a run.
 
     current: (N,) A asked of the drive at each sample. dense: (DENSE N + 1, 5) speed, port pressures 1 and 2, rod
     position, force in the load cell, every ms. states: (N + 1, 5) speed, P1, P2, v, x at the samples.
@@ -37,13 +37,13 @@ class Run:
 
     @property
     def samples(self) -> np.ndarray:
-        """(N, 5) what ideal sensors show at the sample instants."""
+        """(N, 5) readings of ideal sensors at the sample times."""
         return self.dense[:-1:DENSE]
 
 
 @njit(cache=True, error_model="numpy")
 def _ask(loop, k, wanted, speed, x, memory, gains):
-    """Current asked at sample k: as it comes, with a slow pull to the middle, or from a position controller."""
+    """Current command at sample k: open loop, with the slow centring loop, or from a position controller."""
     if loop == 0.0:
         return wanted
     if loop == 1.0:
@@ -92,7 +92,7 @@ def _simulate(p, loop, wanted, seen, gains, disturbance, start, steps, dense, st
                 dense[i, 0], dense[i, 1], dense[i, 2] = w, P1 + drop_line, P2 - drop_line
                 dense[i, 3], dense[i, 4] = x, cell
 
-            # Operation.
+            # Drive.
             at = k * steps + j - delay
             asked = current[at // steps] if at >= 0 else 0.0
             if p.drive_step > 0.0:
@@ -242,7 +242,7 @@ def _simulate(p, loop, wanted, seen, gains, disturbance, start, steps, dense, st
 
 
 def _wander(n: int, seed: int) -> np.ndarray:
-    """(N,) shape of a force that wanders: a random walk pulled back over some seconds, about unit spread."""
+    """(N,) shape of a wandering force: a random walk with decay over some seconds, about unit standard deviation."""
     back = exp(-SAMPLE / 2.0)
     return lfilter([np.sqrt(1.0 - back * back)], [1.0, -back], np.random.default_rng(seed).standard_normal(n))
 

@@ -70,7 +70,7 @@ def case_names(cases: Path) -> list[str]:
 
 
 def verdict_lines(answers: Path, names: Sequence[str]) -> list[str]:
-    """Each case's verdict with what is named, a line a case."""
+    """Verdict and named effects, one line per case."""
     lines = []
     for name in names:
         file = answers / name / "diagnosis.json"

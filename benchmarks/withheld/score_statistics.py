@@ -87,7 +87,7 @@ def uniform_guess(rows: Rows) -> float:
 
 
 def probability_figures(rows: Rows) -> list[Figure]:
-    """Probabilities of the answers beside those of the uniform guess, over all cases whose causes are catalogued."""
+    """Probabilities of the answers and of the uniform guess, over all cases whose causes are catalogued."""
     rows = [r for r in rows if r.verdict != OUTSIDE]
     if not rows:
         return []
@@ -133,7 +133,7 @@ def several_figures(rows: Rows) -> list[Figure]:
 
 
 def shrinkage_figures(rows: Rows) -> list[Figure]:
-    """Gap closed on held-out data where causes of the catalogue are named, beside what the truth closes there."""
+    """Gap closed on held-out data where causes of the catalogue are named, compared with the true structure."""
     named = [r for r in rows if r.truth and OUTSIDE not in r.truth and r.answer in ("effect", "ambiguous")]
     both = [(r.closed, r.closable) for r in named if r.closed is not None and r.closable and r.closable > 0.0]
     part = [closed / closable for closed, closable in both]
@@ -198,7 +198,7 @@ def sections(rows: Rows) -> dict[str, list[Figure]]:
 
 
 def confusion(rows: Rows) -> tuple[list[str], list[str], np.ndarray]:
-    """Rows: every cause in the keys, "no_gap" where there is none. Columns: the id on top, or the verdict.
+    """Rows: every cause in the keys, "no_gap" without a cause. Columns: the first id, or the verdict.
 
     A case with several causes stands once in the row of each; where what is on top is one of them, in that column
     alone for its own row.

@@ -18,7 +18,7 @@ DECIMALS = {"t": 3, "current": 4, "speed": 3, "p1": 0, "p2": 0, "position": 5, "
 
 @dataclass(frozen=True)
 class Sensors:
-    """Each mapping goes from channel to size; a channel that is not there has none."""
+    """Each mapping goes from channel to size; a missing channel has none."""
 
     noise: dict[str, float] = field(default_factory=lambda: dict(NOISE))
     bias: dict[str, float] = field(default_factory=dict)
@@ -38,7 +38,7 @@ class Sensors:
         )
 
     def clean(self, run: Run, rng: np.random.Generator) -> np.ndarray:
-        """(N, 5) what the channels would show without noise."""
+        """(N, 5) channels without noise."""
         out = run.samples.copy()
         fine = np.arange(run.dense.shape[0]) * SAMPLE / DENSE
         t = fine[:-1:DENSE]
