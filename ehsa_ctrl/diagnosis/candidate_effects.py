@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..core.errors import InputError
+import numpy as np
+
 from ..core.log import Log
-from ..identification.balances import estimate_by_balances
+from ..identification.logged_inputs import logged_inputs
 from ..physics.effects import EFFECTS, CandidateEffect, DiagnosisContext
 from ..plant.arrays import needed_to_simulate
 from ..plant.plant import Plant
 from .hypothesis_model import HypothesisModel, without_dry_friction
+from .signals import noise_of
+from .unknown_inputs import signals_of, unknown_inputs
 
 #: The effort of a rod for which the smallest changes of an effect's symbols are stated [N].
 REFERENCE_EFFORT = 1e3
 #: A parameter that has to be positive may fall to this share of its nominal value.
 LEAST_SHARE = 0.02
+#: Samples in motion that friction levels need.
+LEAST_SAMPLES = 50
 
 
 def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
@@ -56,20 +61,26 @@ def wearing_parameters() -> frozenset[str]:
 def friction_levels(plant: Plant, log: Log) -> dict[str, float]:
     """Friction and offset that the balances show of a plant without dry friction, by symbol in the catalogue.
 
+    Least squares of each contact's unknown input on the sign of its speed, the speed and a constant, where it moves.
     Starting values: all of a missing friction is too far from none for a search by derivatives.
     """
     if not without_dry_friction(plant):
         return {}
-    system = plant.structure.system
     # Without effects, whose states nothing measures.
     plain = plant.with_structure(replace(plant.structure, effects=()))
-    missing = (e.groups[0][0] if e.groups else next(iter(e.symbols)) for e in EFFECTS.values() if e.from_balances)
-    viscous = (f"B_{contact.suffix}" for contact in system.contacts)
-    named = {symbol: system.own(symbol) for symbol in (*missing, *viscous)}
-    try:
-        found = estimate_by_balances(
-            plain, log, [name for name in dict.fromkeys(named.values()) if name in plain.parameters]
-        )
-    except InputError:
-        return {}
-    return {symbol: found[name] for symbol, name in named.items() if name in found.parameters}
+    drive, outside = logged_inputs(plain, log)
+    signals = signals_of(plain, log, drive, noise_of(log), outside=outside)
+    unknown = unknown_inputs(plain, signals).values
+    found: dict[str, float] = {}
+    for contact in plain.structure.system.contacts:
+        name, sign = ("torque", -1.0) if contact.name == "shaft" else ("force", 1.0)
+        if name not in unknown:
+            continue
+        speed = signals[contact.velocity][:-1]
+        moves = (np.abs(speed) > contact.stribeck_speed) & np.isfinite(unknown[name])
+        if np.count_nonzero(moves) >= LEAST_SAMPLES:
+            x = np.column_stack([np.sign(speed), speed, np.ones_like(speed)])[moves]
+            level, slope, offset = (sign * np.linalg.lstsq(x, unknown[name][moves], rcond=None)[0]).tolist()
+            found |= {f"A_{contact.suffix}": max(level, 0.0), f"B_{contact.suffix}": max(slope, 0.0)}
+            found |= {"F_0": offset} if name == "force" else {}
+    return found
