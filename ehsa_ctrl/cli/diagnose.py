@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..diagnosis.changed import Change
     from ..diagnosis.closed_loop import LoopComparison
     from ..diagnosis.diagnosis import Diagnosis
-    from ..diagnosis.next_experiment import Experiment
+    from ..diagnosis.next_experiment import NextExperiment
     from ..identification.preparation import Preparation
     from ..plant.plant import Plant
     from ..scenario.prepare import PreparedScenario
@@ -288,7 +288,7 @@ def file_names(plant: Plant, *, before: bool = False, closed: bool = False) -> l
     return [*names, "closed_loop.json"] if closed else names
 
 
-def next_lines(experiment: Experiment | None, out: Path | None) -> list[str]:
+def next_lines(experiment: NextExperiment | None, out: Path | None) -> list[str]:
     """The command that runs the proposed experiment on the virtual bench."""
     from ..diagnosis.next_experiment import FILE
 

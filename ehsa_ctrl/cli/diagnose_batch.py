@@ -15,7 +15,7 @@ from .output import OutputOptions, provenance, to_json
 
 if TYPE_CHECKING:
     from ..core.log import Log
-    from ..diagnosis.batch import Batch
+    from ..diagnosis.batch import LogBatch
     from ..diagnosis.diagnosis import Diagnosis
     from ..identification.preparation import Preparation
     from ..plant.plant import Plant
@@ -115,7 +115,7 @@ def _prepare(
     return ready, steps
 
 
-def _print(batch: Batch, out: Path | None) -> None:
+def _print(batch: LogBatch, out: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

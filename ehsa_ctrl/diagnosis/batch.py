@@ -79,7 +79,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Batch:
+class LogBatch:
     """What many logs of one rig say.
 
     Attributes
@@ -151,7 +151,7 @@ def diagnose_many(
     anew: bool = False,
     watch: Callable[[int, int], None] | None = None,
     keep: Callable[[str, Diagnosis], None] | None = None,
-) -> Batch:
+) -> LogBatch:
     """Diagnose many logs against the same plant, one thread each.
 
     Parameters
@@ -224,7 +224,7 @@ def diagnose_many(
             raise
         interrupted = True
     ordered = tuple(rows[name] for name in named if name in rows)
-    return Batch(plant.name, threshold, ordered, diagnoses, interrupted)
+    return LogBatch(plant.name, threshold, ordered, diagnoses, interrupted)
 
 
 def _one(plant: Plant, threshold: float, check: bool, job: tuple[str, Log, str]) -> tuple[str, Diagnosis | str, str]:

@@ -11,7 +11,7 @@ from ..core.log import Log
 from ..physics.effects import EFFECTS
 from ..plant.file import CHANNEL_UNITS
 from ..plant.plant import Plant
-from .diagnosis import Cause, Estimated
+from .diagnosis import Cause, CauseParameter
 from .hypothesis_model import law_switches
 from .model_selection import Selection
 from .scoring import CauseKey, ScoredHypothesis, Scoring, reported_ids, standard_deviations
@@ -88,7 +88,7 @@ def _further_candidates(selection: Selection, scoring: Scoring) -> list[Cause]:
 
 def _parameters(
     key: CauseKey, scored: ScoredHypothesis, scoring: Scoring, sd: Mapping[str, float]
-) -> dict[str, Estimated]:
+) -> dict[str, CauseParameter]:
     """The parameters of a cause; that of a sensor is called `value`, as the channel names it."""
     model, values = scoring.objective.model, scored.fit.values
     kinds = {
@@ -106,15 +106,15 @@ def _parameters(
         if name in switches:
             switch = switches[name]
             number = max(values[name], switch.threshold)
-            out[switch.reported] = Estimated(1.0 / number, deviation / number**2, kinds[switch.parameter])
+            out[switch.reported] = CauseParameter(1.0 / number, deviation / number**2, kinds[switch.parameter])
         elif not dot:
-            out[name] = Estimated(values[name], deviation, kinds[name])
+            out[name] = CauseParameter(values[name], deviation, kinds[name])
         elif key[1] is not None:
             unit = {"scale": "1", "bias": CHANNEL_UNITS[channel]}.get(setting, "s")
-            out["value"] = Estimated(values[name], deviation, unit)
+            out["value"] = CauseParameter(values[name], deviation, unit)
     for f in scored.fit.free:
         if (ids.get(f.name), None) == key and f.name not in out:
-            out[f.name] = Estimated(values[f.name], f.scale, kinds[f.name])
+            out[f.name] = CauseParameter(values[f.name], f.scale, kinds[f.name])
     return out
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from .gap_attribution import Location
-    from .next_experiment import Experiment
+    from .next_experiment import NextExperiment
 
 Verdict = Literal["no_gap", "effect", "ambiguous", "outside_catalogue", "underdetermined"]
 #: The models whose gaps are stated, and what they are.
@@ -35,7 +35,7 @@ MODELS = {
 
 
 @dataclass(frozen=True)
-class Estimated:
+class CauseParameter:
     """An estimated parameter: its new value, not the change, in SI units."""
 
     value: float
@@ -63,7 +63,7 @@ class Cause:
     channel: str | None
     place: str
     probability: float
-    parameters: Mapping[str, Estimated]
+    parameters: Mapping[str, CauseParameter]
     ambiguous_with: tuple[str, ...] = ()
     absorbed_by_refit: float = 0.0
     gap_closed: float = 0.0
@@ -147,7 +147,7 @@ class Diagnosis(TextResult):
     improved: Plant | None = field(default=None, repr=False)
     held_from: float | None = None
     next_experiment: str | None = None
-    experiment: Experiment | None = field(default=None, repr=False)
+    experiment: NextExperiment | None = field(default=None, repr=False)
     findings: tuple[str, ...] = ()
     seconds: float = 0.0
     runs: int = 0

@@ -53,7 +53,7 @@ Compared = tuple[ExperimentTrial, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Experiment(TextResult):
+class NextExperiment(TextResult):
     """A proposed experiment and what to expect of it.
 
     Attributes
@@ -119,7 +119,7 @@ def next_experiment(
     seconds: float = 24.0,
     seed: int = 0,
     present: HypothesisModel | None = None,
-) -> Experiment | None:
+) -> NextExperiment | None:
     """The experiment that best tells candidates apart: the nearest two are furthest apart.
 
     Parameters
@@ -160,7 +160,7 @@ def next_experiment(
     load = {word: models.with_load({}, trial.outputs.change).get(symbol) for word, symbol in LOAD_SYMBOLS.items()}
     distance = dict(zip(models.pairs, distances.tolist(), strict=True))
     alike = tuple(pair for pair, apart in zip(models.pairs, alive.tolist(), strict=True) if not apart)
-    return Experiment(
+    return NextExperiment(
         words=_words(trial, distance, dict(zip(models.pairs, now, strict=False)), alike),
         command=_command(plant, models, trial, seed),
         current=trial.input.current(trial.outputs.model.log.time, trial.amplitude),
@@ -175,7 +175,9 @@ def next_experiment(
     )
 
 
-def deciding_experiment(selection: Selection, hypotheses: Hypotheses, noise: Mapping[str, float]) -> Experiment | None:
+def deciding_experiment(
+    selection: Selection, hypotheses: Hypotheses, noise: Mapping[str, float]
+) -> NextExperiment | None:
     """The experiment that tells the chosen hypothesis from its alternatives; None where there is nothing to decide."""
     model = hypotheses.objective.model
     structure = model.plant.structure

@@ -1,6 +1,6 @@
 """The JSON of each kind of result, as commands leave it."""
 
-from ehsa_ctrl.diagnosis.batch import Batch, Row
+from ehsa_ctrl.diagnosis.batch import LogBatch, Row
 
 from .diagnoses import diagnosis
 
@@ -25,7 +25,7 @@ def contents(gentle, harsh, fitting):
         "results.json": {"scenarios": [gentle.to_dict(), harsh.to_dict()]},
         "identification.json": fitted,
         "diagnosis.json": found.to_dict(),
-        "summary.json": Batch("ehsa", 0.03, rows).to_dict(),
+        "summary.json": LogBatch("ehsa", 0.03, rows).to_dict(),
         "comparison.json": {
             "plant": "ehsa", "log": f"{AWKWARD}.csv", "settings": {}, "from": 0.0, "to": 4.0, "provenance": PROVENANCE,
             "models": {"linear": {"fit_percent": {"speed": -36.6, "p1": 63.6}, "stopped": ""},

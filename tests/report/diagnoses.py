@@ -8,7 +8,7 @@ import numpy as np
 
 import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.diagnosis import MODELS, Cause, Diagnosis, Estimated, RankedHypothesis
+from ehsa_ctrl.diagnosis.diagnosis import MODELS, Cause, Diagnosis, CauseParameter, RankedHypothesis
 from ehsa_ctrl.diagnosis.gap_attribution import Location
 from ehsa_ctrl.diagnosis.regimes import Regime
 from ehsa_ctrl.diagnosis.unknown_inputs import INPUTS
@@ -67,13 +67,23 @@ def gaps(size):
 
 
 LEAK = Cause(
-    "internal_leakage", None, "flow", 0.97, {"K_L": Estimated(4e-12, 3e-14, "m3/(Pa s)")}, (), 0.25, 0.81, gaps(0.15)
+    "internal_leakage",
+    None,
+    "flow",
+    0.97,
+    {"K_L": CauseParameter(4e-12, 3e-14, "m3/(Pa s)")},
+    (),
+    0.25,
+    0.81,
+    gaps(0.15),
 )
 FRICTION = Cause(
-    "rod_viscous_friction", None, "force", 0.93, {"B_FR": Estimated(900.0, 40.0, "N s/m")}, ("line_pressure_drop",),
+    "rod_viscous_friction", None, "force", 0.93, {"B_FR": CauseParameter(900.0, 40.0, "N s/m")}, ("line_pressure_drop",),
     0.25, 0.1, gaps(0.05), {"line_pressure_drop": "a laminar drop acts as viscous rod friction"},
 )  # fmt: skip
-BIAS = Cause("sensor_bias", "p1", "sensor", 0.6, {"value": Estimated(5e4, 500.0, "Pa")}, ("sensor_scale",), 0.0, 0.5)
+BIAS = Cause(
+    "sensor_bias", "p1", "sensor", 0.6, {"value": CauseParameter(5e4, 500.0, "Pa")}, ("sensor_scale",), 0.0, 0.5
+)
 
 
 @cache

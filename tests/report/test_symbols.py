@@ -7,7 +7,7 @@ from ehsa_ctrl import load_plant
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.json_text import plain
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.diagnosis import Cause, Diagnosis, Estimated
+from ehsa_ctrl.diagnosis.diagnosis import Cause, Diagnosis, CauseParameter
 from ehsa_ctrl.identification.parameters import free_parameters
 from ehsa_ctrl.report.kinds.diagnosis import KIND
 from ehsa_ctrl.scenario.sensitivity import Influence
@@ -36,7 +36,7 @@ def test_a_spring_that_was_set_goes_by_its_key(plant):
 
 def test_a_spring_that_is_the_cause_goes_by_its_key(plant, tmp_path):
     """In the print, on the page of what was set, and in an overview."""
-    cause = Cause("load_spring", None, "force", 0.9, {"K_S": Estimated(2e4, 100.0, "N/m")})
+    cause = Cause("load_spring", None, "force", 0.9, {"K_S": CauseParameter(2e4, 100.0, "N/m")})
     gaps = {model: {"p1": 0.1, "total": 0.1} for model in ("nominal", "with_effects")}
     log = Log(np.array([0.0, 0.004]), {})
     found = Diagnosis(
