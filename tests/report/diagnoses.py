@@ -8,7 +8,7 @@ import numpy as np
 
 import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.diagnosis import MODELS, Cause, Diagnosis, CauseParameter, RankedHypothesis
+from ehsa_ctrl.diagnosis.diagnosis import MODELS, Cause, CauseParameter, Diagnosis, RankedHypothesis
 from ehsa_ctrl.diagnosis.gap_attribution import Location
 from ehsa_ctrl.diagnosis.regimes import Regime
 from ehsa_ctrl.diagnosis.unknown_inputs import INPUTS
@@ -78,8 +78,8 @@ LEAK = Cause(
     gaps(0.15),
 )
 FRICTION = Cause(
-    "rod_viscous_friction", None, "force", 0.93, {"B_FR": CauseParameter(900.0, 40.0, "N s/m")}, ("line_pressure_drop",),
-    0.25, 0.1, gaps(0.05), {"line_pressure_drop": "a laminar drop acts as viscous rod friction"},
+    "rod_viscous_friction", None, "force", 0.93, {"B_FR": CauseParameter(900.0, 40.0, "N s/m")},
+    ("line_pressure_drop",), 0.25, 0.1, gaps(0.05), {"line_pressure_drop": "a laminar drop acts as viscous rod friction"},
 )  # fmt: skip
 BIAS = Cause(
     "sensor_bias", "p1", "sensor", 0.6, {"value": CauseParameter(5e4, 500.0, "Pa")}, ("sensor_scale",), 0.0, 0.5
