@@ -79,7 +79,8 @@ LEAK = Cause(
 )
 FRICTION = Cause(
     "rod_viscous_friction", None, "force", 0.93, {"B_FR": CauseParameter(900.0, 40.0, "N s/m")},
-    ("line_pressure_drop",), 0.25, 0.1, gaps(0.05), {"line_pressure_drop": "a laminar drop acts as viscous rod friction"},
+    ("line_pressure_drop",), 0.25, 0.1, gaps(0.05),
+    {"line_pressure_drop": "a laminar drop acts as viscous rod friction"},
 )  # fmt: skip
 BIAS = Cause(
     "sensor_bias", "p1", "sensor", 0.6, {"value": CauseParameter(5e4, 500.0, "Pa")}, ("sensor_scale",), 0.0, 0.5

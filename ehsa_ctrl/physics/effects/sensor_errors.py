@@ -1,7 +1,11 @@
 """Errors of a sensor, each with the channel that it concerns: bias, scale, delay and first-order filter."""
 
+from collections.abc import Callable
+
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, from_sensors
 from ._effect import Effect
+
+Candidates = Callable[[Effect, DiagnosisContext], list[CandidateEffect]]
 
 
 def biases(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
@@ -27,53 +31,36 @@ def delays(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """Every sensor, the drive's too. Slow logs may combine clocks of their own: up to 25 samples."""
     dt = context.log.sample_time
     size, longest = max(1e-3, 0.25 * dt), max(0.1, 25.0 * dt)
-    return from_sensors(
-        effect, context, lambda channel, _: FreeNumber(f"delay.{channel}", 0.0, size, 0.0, longest), 2.0, drive=True
-    )
+
+    def delay(channel: str, sd: float) -> FreeNumber:
+        return FreeNumber(f"delay.{channel}", 0.0, size, 0.0, longest)
+
+    return from_sensors(effect, context, delay, 2.0, drive=True)
 
 
 def filters(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """Every sensor, the drive's too."""
-    return from_sensors(
-        effect, context, lambda channel, _: FreeNumber(f"filter.{channel}", 0.0, 1e-3, 0.0, 0.2), 2.0, drive=True
+
+    def time_constant(channel: str, sd: float) -> FreeNumber:
+        return FreeNumber(f"filter.{channel}", 0.0, 1e-3, 0.0, 0.2)
+
+    return from_sensors(effect, context, time_constant, 2.0, drive=True)
+
+
+def sensor_error(setting: str, summary: str, fingerprint: str, candidates: Candidates) -> Effect:
+    """An effect that is a wrong setting of a sensor."""
+    return Effect(
+        f"sensor_{setting}", "sensor", summary, fingerprint, sensor=setting, candidates=candidates, source="definition"
     )
 
 
 effects = (
-    Effect(
-        name="sensor_bias",
-        place="sensor",
-        summary="constant error of a sensor",
-        fingerprint="one channel is off by a constant, the balances without it close",
-        sensor="bias",
-        candidates=biases,
-        source="definition",
+    sensor_error(
+        "bias", "constant error of a sensor", "one channel is off by a constant, the balances without it close", biases
     ),
-    Effect(
-        name="sensor_scale",
-        place="sensor",
-        summary="wrong scale of a sensor",
-        fingerprint="one channel is off in proportion to itself",
-        sensor="scale",
-        candidates=scales,
-        source="definition",
-    ),
-    Effect(
-        name="sensor_delay",
-        place="sensor",
-        summary="late reading of a sensor",
-        fingerprint="one channel is late against all others",
-        sensor="delay",
-        candidates=delays,
-        source="definition",
-    ),
-    Effect(
-        name="sensor_filter",
-        place="sensor",
-        summary="first-order filter in a sensor",
-        fingerprint="one channel is late and smooth against all others",
-        sensor="filter",
-        candidates=filters,
-        source="definition",
+    sensor_error("scale", "wrong scale of a sensor", "one channel is off in proportion to itself", scales),
+    sensor_error("delay", "late reading of a sensor", "one channel is late against all others", delays),
+    sensor_error(
+        "filter", "first-order filter in a sensor", "one channel is late and smooth against all others", filters
     ),
 )
