@@ -1,4 +1,4 @@
-"""Logs of other people: written in another way they hold the same numbers; what can be read in two ways is refused."""
+"""Logs from other programs: other formats hold the same numbers; a format with two meanings is refused."""
 
 import csv
 import io
@@ -70,14 +70,14 @@ def test_every_way_of_writing_holds_the_same_numbers(tmp_path, values, separator
 
 
 def test_a_log_of_our_own_is_not_talked_about(tmp_path, values):
-    """Nothing was assumed, so that nothing is said."""
+    """No assumption, no note."""
     Log(values.pop("t"), values).write(tmp_path / "log.csv")
 
     assert read_log(tmp_path / "log.csv", ["current"]).notes == ()
 
 
 def test_what_was_assumed_is_said_of_pieces_too(tmp_path):
-    """In the words that a user reads."""
+    """Notes survive segments and appear in the text of the log."""
     path = tmp_path / "rig.csv"
     path.write_text("t;current\n0,0;1,25\n0,1;1,5\n0,2;1,5\n")
     log = read_log(path, ["current"])
@@ -124,7 +124,7 @@ def test_thousands_are_not_taken_for_decimals(tmp_path, sign):
     ],
 )
 def test_what_is_in_doubt_is_one_sentence(tmp_path, text, says):
-    """With the file, and what to do."""
+    """The message names the file and the remedy."""
     path = tmp_path / "u.csv"
     path.write_text(text)
 
@@ -136,7 +136,7 @@ def test_what_is_in_doubt_is_one_sentence(tmp_path, text, says):
 
 @pytest.mark.parametrize("unit", ["1/min", "1/s", "Hz", "U/min"])
 def test_a_unit_of_turns_or_radians_is_refused(tmp_path, unit):
-    """1/min of a shaft is meant as turns, and is radians to a library of units."""
+    """1/min of a shaft means revolutions, but radians to a library of units."""
     path = tmp_path / "u.csv"
     path.write_text(f"t,speed\ns,{unit}\n0,1\n1,2\n")
 
@@ -145,7 +145,7 @@ def test_a_unit_of_turns_or_radians_is_refused(tmp_path, unit):
 
 
 def test_a_mapping_and_a_row_of_units_must_agree(tmp_path):
-    """A scale that is nearly the unit's is a calibration, one that only turns the direction is not enough."""
+    """A scale near the unit's is a calibration; one that only reverses the sign contradicts the unit."""
     path = tmp_path / "u.csv"
     path.write_text("t,n,p\ns,rpm,bar\n0,60,1\n1,120,2\n")
 
@@ -181,14 +181,14 @@ def test_numpys_header_in_a_comment_is_found(tmp_path):
 
 
 def test_a_spreadsheets_first_line_is_no_header(tmp_path):
-    """sep=; is for the spreadsheet alone."""
+    """A first line sep=; is skipped."""
     (tmp_path / "u.csv").write_text("sep=;\nt;current\n0,0;1,5\n0,1;1\n")
 
     assert read_log(tmp_path / "u.csv", ["current"])["current"] == pytest.approx([1.5, 1.0])
 
 
 def test_a_table_of_pandas_with_its_index_is_read(tmp_path, values):
-    """Its nameless first column is nobody's; empty columns at the end are left out."""
+    """The unnamed index column is no channel; empty columns at the end are dropped."""
     frame = pandas.DataFrame(values)
     frame[["", " "]] = np.nan
     frame.to_csv(tmp_path / "u.csv")
@@ -209,7 +209,7 @@ PLAIN = {"t": "s", "current": "A", "speed": "rad/s", "p1": "Pa", "p2": "Pa", "po
     ],
 )  # fmt: skip
 def test_plain_names_are_recognised(column, channel, scale):
-    """With their unit, however it is attached."""
+    """Names with their unit in any usual form."""
     (found,) = match_columns([column, "valve", "T_oil [°C]"], PLAIN).items()
 
     assert found[0] == channel and found[1].scale == pytest.approx(scale, rel=1e-6)
@@ -217,12 +217,12 @@ def test_plain_names_are_recognised(column, channel, scale):
 
 @pytest.mark.parametrize("columns", [["I [A]", "i_cmd"], ["n [1/min]"], ["p1 [mm]"], ["pressure"], ["I [V]"]])
 def test_what_is_not_plain_is_not_guessed(columns):
-    """Two that fit, a unit of another thing, turns that may be radians."""
+    """Two candidates, a unit of another quantity, revolutions that may be radians."""
     assert match_columns(columns, PLAIN) == {}
 
 
 def test_a_missing_column_comes_with_the_lines_to_write(tmp_path):
-    """For the required channels and for those that are wanted; what they say reads the file."""
+    """Suggestions cover required and wanted channels; applied as [log] they read the file."""
     path = tmp_path / "u.csv"
     path.write_text("time_ms;I [A];omega_rpm;oil\n0;1,5;60;4\n4;1,5;120;5\n")
 

@@ -1,4 +1,4 @@
-"""Reading a measured record: right ones as they are, wrong ones with file, column and row."""
+"""Reading measured logs; errors name file, column and row."""
 
 import sys
 
@@ -19,7 +19,7 @@ def write(path, text):
 
 
 def test_a_log_survives_writing_and_reading(tmp_path):
-    """What is written is read back to the decimals of its sensor."""
+    """Writing and reading keep the decimals of the sensor."""
     time = 0.004 * np.arange(5)
     log = Log(time, {"current": np.array([0, 1, -1, 0.12345, 2]), "position": np.linspace(0, 1e-3, 5)})
     log.write(tmp_path / "log.csv")
@@ -34,7 +34,7 @@ def test_a_log_survives_writing_and_reading(tmp_path):
 
 @pytest.mark.parametrize("channel", CHANNELS)
 def test_every_channel_has_an_si_unit(channel):
-    """One of them is one of the SI unit."""
+    """Every channel's unit is an SI unit."""
     assert factor(CHANNELS[channel].unit, CHANNELS[channel].unit) == 1.0
 
 
@@ -62,7 +62,7 @@ def test_every_channel_has_an_si_unit(channel):
     ],
 )
 def test_a_wrong_log_is_one_sentence(tmp_path, text, says):
-    """Each mistake names the file and where in it the mistake is."""
+    """Each message names the file and the place in it."""
     path = write(tmp_path / "u.csv", text)
 
     with pytest.raises(InputError, match=says) as caught:
@@ -75,7 +75,7 @@ def test_a_wrong_log_is_one_sentence(tmp_path, text, says):
 @pytest.mark.parametrize("content", [bytes(range(256)) * 20, b"\x89PNG\r\n\x1a\n\x00\x00", b"t\0,current\n1,2\n3,4\n"])
 @pytest.mark.parametrize("ending", ["csv", "mat", "parquet"])
 def test_binary_rubbish_is_one_sentence(tmp_path, content, ending):
-    """Whatever the bytes and the ending."""
+    """Any bytes with any ending."""
     path = tmp_path / f"u.{ending}"
     path.write_bytes(content)
 
@@ -86,7 +86,7 @@ def test_binary_rubbish_is_one_sentence(tmp_path, content, ending):
 
 
 def test_a_missing_file_and_a_folder_are_named(tmp_path):
-    """No traceback of pandas for a file that is not there, nor for a folder."""
+    """No pandas traceback for a missing file or a folder."""
     with pytest.raises(InputError, match="no such file"):
         read_log(tmp_path / "nothing.csv", ["current"])
     with pytest.raises(InputError, match="is a folder"):
@@ -133,7 +133,7 @@ def test_a_wrong_mat_file_is_one_sentence(tmp_path, content, says):
 
 
 def test_a_mat_file_of_version_73_asks_for_v7(tmp_path):
-    """They are HDF5 files, told by their header."""
+    """MAT 7.3 files are HDF5, recognised by their header."""
     header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
     (tmp_path / "u.mat").write_bytes(header + bytes(1000))
 
@@ -187,7 +187,7 @@ def test_mapped_columns_are_scaled_shifted_and_turned(tmp_path):
 
 
 def test_a_mapped_column_that_is_missing_is_named_with_its_channel(tmp_path):
-    """The file's word and ours."""
+    """The message names the column in the file and the channel."""
     path = write(tmp_path / "u.csv", "t,rpm,current\n0,60,1\n4,-120,2\n")
 
     with pytest.raises(InputError, match=r"no column 'p_up', where the plant's \[log\] looks for p1"):
@@ -195,7 +195,7 @@ def test_a_mapped_column_that_is_missing_is_named_with_its_channel(tmp_path):
 
 
 def test_a_log_of_our_own_is_read_whatever_is_mapped(tmp_path):
-    """None of the mapped columns is there: SI units and own names."""
+    """Without any mapped column the file is read in SI units and by channel names."""
     path = write(tmp_path / "u.csv", "t,speed\n0,60\n0.1,70\n")
 
     np.testing.assert_array_equal(read_log(path, ["speed"], columns={"speed": Column("rpm", 0.1)})["speed"], [60, 70])
@@ -203,13 +203,13 @@ def test_a_log_of_our_own_is_read_whatever_is_mapped(tmp_path):
 
 @pytest.mark.parametrize("number", [0.0, np.nan, np.inf])
 def test_a_scale_must_be_of_use(number):
-    """Zero would make every column the same."""
+    """A scale of zero would erase the column."""
     with pytest.raises(InputError, match=r"scale = .*: must be a finite number other than 0"):
         Column("x", scale=number)
 
 
 def test_jittered_time_is_read_only_when_asked_for(tmp_path):
-    """And a gap not even then."""
+    """Jitter may be accepted, a gap never."""
     jitter = write(tmp_path / "j.csv", "t,current\n0,1\n0.1,1\n0.25,1\n0.3,1\n0.45,1\n0.5,1\n")
     gap = write(tmp_path / "g.csv", "t,current\n0,1\n0.1,1\n0.2,1\n0.9,1\n1.0,1\n")
 
@@ -219,7 +219,7 @@ def test_jittered_time_is_read_only_when_asked_for(tmp_path):
 
 
 def test_a_segment_holds_both_ends_and_remembers_what_was_before():
-    """Times are the log's own."""
+    """Start and stop are times of the log."""
     log = Log(np.arange(10) * 0.1 + 5.0, {"current": np.arange(10.0)})
 
     part = log.segment(5.3, 5.6)
@@ -233,7 +233,7 @@ def test_a_segment_holds_both_ends_and_remembers_what_was_before():
 
 @pytest.mark.parametrize(("start", "stop"), [(7.0, None), (None, 4.0), (5.4, 5.2), (5.41, 5.49)])
 def test_an_empty_segment_says_where_the_log_is(start, stop):
-    """Asked beyond its ends, or backwards, or between two samples."""
+    """A segment beyond the ends, reversed, or between two samples."""
     log = Log(np.arange(10) * 0.1 + 5.0, {"current": np.arange(10.0)})
 
     with pytest.raises(InputError, match=r"the log runs from 5 to 5.9 s"):
@@ -242,7 +242,7 @@ def test_an_empty_segment_says_where_the_log_is(start, stop):
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "pq", "mat"])
 def test_a_log_is_written_as_its_ending_says(tmp_path, ending):
-    """Each of them is read back; what is no CSV keeps every digit."""
+    """Every format is read back; all but CSV keep every digit."""
     time = 0.004 * np.arange(5)
     log = Log(time, {"current": np.array([0, 1, -1, 1 / 3, 2]), "p1": np.linspace(2e6, 2.1e6, 5) / 3})
     log.write(tmp_path / f"log.{ending}")

@@ -1,4 +1,4 @@
-"""A folder is a registry."""
+"""Registries of modules in a folder."""
 
 import sys
 
@@ -33,7 +33,7 @@ def test_a_new_file_is_a_new_member(tmp_path, monkeypatch):
 
 
 def test_a_name_taken_twice_is_an_error_at_import(tmp_path, monkeypatch):
-    """Two files can't claim the same word."""
+    """Two files can't have the same name."""
     family = package(tmp_path, monkeypatch, one=MEMBER.format(name="same"), two=MEMBER.format(name="same"))
 
     with pytest.raises(TypeError, match=r"two\.py: the name 'same' is taken"):
@@ -41,7 +41,7 @@ def test_a_name_taken_twice_is_an_error_at_import(tmp_path, monkeypatch):
 
 
 def test_a_file_without_a_member_is_an_error_at_import(tmp_path, monkeypatch):
-    """A forgotten definition does not go unnoticed."""
+    """A module without the attribute is an error."""
     family = package(tmp_path, monkeypatch, empty="")
 
     with pytest.raises(TypeError, match=r"empty\.py: .* must define `law`"):

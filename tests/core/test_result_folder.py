@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, and never over a user's own."""
+"""Results are written completely or not at all, and never over a user's files."""
 
 import errno
 import hashlib
@@ -37,7 +37,7 @@ def test_a_result_is_in_its_folder_with_a_list_of_its_files(tmp_path):
 
 
 def test_an_earlier_result_is_replaced_only_with_force(tmp_path):
-    """Then all of it: what the new one lacks goes, with a folder that is empty then; the user's files stay."""
+    """With force, obsolete files and empty folders are removed; the user's files stay."""
     write(tmp_path, {"x": "1", "sub/y": "2"})
     (tmp_path / "notes").write_text("mine")
     with pytest.raises(InputError, match=r"x: there is a result already; choose another folder or say --force$"):
@@ -49,7 +49,7 @@ def test_an_earlier_result_is_replaced_only_with_force(tmp_path):
 
 
 def test_files_that_the_new_result_lacks_can_stay(tmp_path):
-    """They are still the command's own, so that a later one may replace them."""
+    """Kept files still belong to the command and may be replaced later."""
     write(tmp_path, {"a": "1"})
     write(tmp_path, {"b": "2"}, force=True, keep=True)
     write(tmp_path, {"a": "3"}, force=True, keep=True)
@@ -59,7 +59,7 @@ def test_files_that_the_new_result_lacks_can_stay(tmp_path):
 
 @pytest.mark.parametrize("force", [False, True])
 def test_a_users_file_is_refused_by_name(tmp_path, force):
-    """Force or not, and before the work where the name is known."""
+    """With or without force, and before the work if the name is known."""
     (tmp_path / "x").write_text("mine")
     with pytest.raises(InputError, match="x: is not listed as written by bench; move it away or choose another folder"):
         ResultFolder(tmp_path, "bench", force).check("x")
@@ -90,7 +90,7 @@ def test_two_commands_do_not_replace_each_others_files(tmp_path):
 
 
 def test_a_result_that_is_refused_after_the_work_is_not_lost(tmp_path):
-    """A file in the way that could not be known of: the new result goes to a folder of its own, which is named."""
+    """If an unexpected file is in the way, the new result goes to a separate folder, which the message names."""
     (tmp_path / "late").write_text("mine")
     for place in ("bench-new", "bench-new-2"):
         with pytest.raises(InputError, match=rf"late: is not listed .* \(the new result is kept in \S+{place}\)"):
@@ -102,7 +102,7 @@ def test_a_result_that_is_refused_after_the_work_is_not_lost(tmp_path):
 @pytest.mark.parametrize("stop", [FULL, KeyboardInterrupt(), RuntimeError()], ids=type)
 @pytest.mark.parametrize("moved", range(8))
 def test_a_result_that_breaks_off_leaves_the_old_one_whole(tmp_path, monkeypatch, stop, moved):
-    """Wherever the swap is stopped, by whatever: the same files with the same content, and no draft."""
+    """Wherever the swap is interrupted, the old files are unchanged and no draft is left."""
     write(tmp_path, {"x": "1", "y": "2", "z": "3"})
     before, replace, count = seen(tmp_path), Path.replace, 0
 
@@ -150,7 +150,7 @@ def test_a_folder_that_cannot_be_is_said_before_the_work(tmp_path):
 
 @pytest.mark.parametrize("listed", ["../outside", "/etc/hostname"])
 def test_a_manifest_does_not_reach_beyond_its_folder(tmp_path, listed):
-    """Whatever is written in it; one that is no JSON lists nothing."""
+    """Any content of a manifest is harmless; an invalid one lists no file."""
     outside = tmp_path / "outside"
     outside.write_text("mine")
     write(tmp_path / "in", {"x": "1"})
@@ -168,7 +168,7 @@ def test_a_manifest_does_not_reach_beyond_its_folder(tmp_path, listed):
 
 @pytest.mark.parametrize("stop", [FULL, KeyboardInterrupt()], ids=type)
 def test_a_single_file_is_replaced_whole_or_not_at_all(tmp_path, stop):
-    """What was there stays; a folder that was made for it goes."""
+    """Existing files stay; a folder created for the result is removed."""
 
     def broken(path):
         with atomic_write(path) as draft:
@@ -186,7 +186,7 @@ def test_a_single_file_is_replaced_whole_or_not_at_all(tmp_path, stop):
 
 @pytest.mark.skipif(os.name != "posix", reason="links as Unix has them")
 def test_a_link_stays_a_link(tmp_path):
-    """What it points to is replaced."""
+    """The target of the link is replaced."""
     (tmp_path / "there").write_text("old")
     (tmp_path / "link").symlink_to(tmp_path / "there")
     write_text(tmp_path / "link", "new")
@@ -195,7 +195,7 @@ def test_a_link_stays_a_link(tmp_path):
 
 
 def test_a_named_file_is_replaced_only_with_force(tmp_path):
-    """Its name was given, so that an edited one is replaced too; a folder of that name never is."""
+    """A file named by the user is replaced even if edited; a folder never is."""
     (tmp_path / "x").write_text("")
     with pytest.raises(InputError, match="x: is there already; choose another name or say --force"):
         refuse_existing(tmp_path / "x", force=False)
@@ -209,7 +209,7 @@ def kept(path, *, anew=False, mark=1):
 
 
 def test_kept_results_are_replaced_when_there_is_a_new_one(tmp_path):
-    """Beginning anew loses nothing until then; a file of something else is never begun anew."""
+    """anew keeps the old results until the first new one, and never replaces another kind of file."""
     file = tmp_path / "kept"
     kept(file).append(["1", "2"])
     new = kept(file, anew=True, mark=2)
@@ -226,7 +226,7 @@ def test_kept_results_are_replaced_when_there_is_a_new_one(tmp_path):
 
 
 def test_a_full_disk_loses_no_kept_result(tmp_path, monkeypatch):
-    """A line that was cut is dropped when the file is continued, and that too is done whole or not at all."""
+    """A truncated line is removed when the file is continued, atomically."""
     file = tmp_path / "kept"
     kept(file).append(["1", "2"])
     with file.open("a") as end:

@@ -1,4 +1,4 @@
-"""Words of sentences: lists, and files that are told apart."""
+"""Text for messages: lists of words, unique names of files."""
 
 from pathlib import Path
 
@@ -24,18 +24,18 @@ def test_a_list_reads_as_a_sentence():
     ],
 )
 def test_files_of_one_name_are_called_by_their_folders(files, names):
-    """By no more of them than it takes."""
+    """With as few folders as necessary."""
     assert unique_names(files) == names
 
 
 def test_results_of_one_name_get_folders_of_their_own():
-    """Without the ending, unless that alone tells them apart."""
+    """Without the ending, unless only the ending differs."""
     assert folder_names(["a/log.csv", "b/log.csv", "c.csv"]) == ["a/log", "b/log", "c"]
     assert folder_names(["log.csv", "log.mat"]) == ["log.csv", "log.mat"]
 
 
 def test_logs_know_what_they_are_called_beside_others():
-    """One alone goes by its file's name, one from memory has none."""
+    """A single log has its file's name; a log in memory has none."""
     logs = [Log([0.0, 1.0], {}, Path(path)) for path in ("a/log.csv", "b/log.csv")]
 
     assert [log.name for log in named([*logs, Log([0.0, 1.0], {})])] == ["a/log.csv", "b/log.csv", "a log"]

@@ -1,4 +1,4 @@
-"""Units at the edges."""
+"""Units in the user's texts."""
 
 from contextlib import suppress
 
@@ -52,7 +52,7 @@ def test_text_becomes_si(text, expected, value):
     ],
 )
 def test_wrong_text_is_a_sentence(text, expected, says):
-    """What can't be read says why."""
+    """Errors give the reason."""
     with pytest.raises(InputError, match=says):
         parse(text, expected)
 
@@ -96,7 +96,7 @@ def test_a_unit_beside_si_has_no_base_units():
     ],
 )  # fmt: skip
 def test_what_is_no_unit_is_refused_at_once(unit):
-    """No text is evaluated; names, small exponents, products, quotients and brackets are all that there is."""
+    """No text is evaluated: only names, small exponents, products, quotients and brackets are allowed."""
     with pytest.raises(InputError, match=r"is not known|does not fit") as caught:
         factor(unit, "m")
 
@@ -105,7 +105,7 @@ def test_what_is_no_unit_is_refused_at_once(unit):
 
 @pytest.mark.parametrize("text", ["1e999 m", "9" * 5000 + " m", "1e308 km", " " * 100_000 + "m", "inf m", "nan m"])
 def test_a_number_beyond_any_meaning_is_refused(text):
-    """Also where the unit makes it too large."""
+    """Also if the conversion overflows."""
     with pytest.raises(InputError, match=r"is too large; expected a finite number|is no quantity"):
         parse(text, "m")
 
@@ -113,6 +113,6 @@ def test_a_number_beyond_any_meaning_is_refused(text):
 @given(st.text("mNsPa/*^()-.0123 ²°%\u0660_'\"", max_size=70))
 @settings(max_examples=300, derandomize=True)
 def test_any_text_is_a_unit_or_a_sentence(text):
-    """Whatever stands there."""
+    """Any text."""
     with suppress(InputError):
         assert np.isfinite(factor(text, "m"))

@@ -31,14 +31,14 @@ def test_draws_have_the_sd_and_stay_within(linear):
 
 
 def test_the_same_seed_gives_the_same_plants(linear):
-    """And another one others."""
+    """Another seed gives other plants."""
     values = [[one["M"] for one in draw(linear, 5, seed=seed, unknown=0.1)] for seed in (3, 3, 4)]
 
     assert values[0] == values[1] != values[2]
 
 
 def test_a_covariance_is_drawn_together(linear):
-    """What trades places in the covariance does so in the draws, which stay in the ellipsoid of two deviations."""
+    """Draws have the correlation of the covariance and stay within the ellipsoid of two standard deviations."""
     names = ("J_M", "B_FM")
     sd = np.array([1e-5, 1e-4])
     matrix = np.outer(sd, sd) * np.array([[1.0, -0.95], [-0.95, 1.0]])
@@ -52,7 +52,7 @@ def test_a_covariance_is_drawn_together(linear):
 
 
 def test_every_draw_is_inside_its_bounds(plant):
-    """A normal draw outside the bounds is drawn again; with assumed=True what is assumed fills its bounds."""
+    """Normal draws respect the bounds; with assumed=True assumed parameters are uniform between theirs."""
     plant = with_sd(plant, tau_FR=0.01)
     drawn = draw(plant, 300, seed=5, names=["tau_FR", "K_T"], assumed=True)
     tau, K_T = (np.array([one[name] for one in drawn]) for name in ("tau_FR", "K_T"))
@@ -69,7 +69,7 @@ def test_what_is_assumed_stays_unless_it_is_asked_for(linear):
 
 
 def test_a_covariance_is_read_from_an_identification(tmp_path, plant):
-    """null is infinite: such a parameter is not drawn from it."""
+    """null is an infinite variance: the parameter is not drawn."""
     content = {"correlation": {"names": ["M", "K_L"], "covariance": [[0.04, 0.0], [0.0, None]]}}
     (tmp_path / "identification.json").write_text(json.dumps(content))
     covariance = read_covariance(tmp_path / "identification.json")
@@ -90,14 +90,14 @@ def test_a_covariance_is_read_from_an_identification(tmp_path, plant):
     ],
 )
 def test_draws_that_make_no_sense_are_refused(linear, arguments, words):
-    """In a sentence."""
+    """One sentence."""
     with pytest.raises(InputError, match=words):
         draw(linear, 3, **arguments)
 
 
 @pytest.mark.parametrize("text", ["{}", "nothing", '{"correlation": {"names": [], "covariance": []}}'])
 def test_a_file_without_covariance_is_refused(tmp_path, text):
-    """Named by its path."""
+    """The message names the path."""
     (tmp_path / "a.json").write_text(text)
 
     with pytest.raises(InputError, match=r"a\.json"):
@@ -105,7 +105,7 @@ def test_a_file_without_covariance_is_refused(tmp_path, text):
 
 
 def test_conditions_are_combined_and_named(linear):
-    """Two springs and two masses are four models, which have them."""
+    """Two springs and two masses make four models."""
     models = operating_points(linear, conditions(stiffnesses=[0.0, 50e3], masses=[0.0, 100.0]))
     last = models["K_S (load.stiffness) = 50 kN/m, m_L (load.mass) = 100 kg"]
 
@@ -114,7 +114,7 @@ def test_conditions_are_combined_and_named(linear):
 
 
 def test_the_operating_point_is_felt_by_the_nonlinear_plant_alone(plant, linear):
-    """Another position changes the volumes there; the linear set knows none."""
+    """Position changes the volumes of the nonlinear set only."""
     at = conditions(positions=[0.0, 0.08])
     near, far = operating_points(plant, at).values()
     same, still = operating_points(linear, at).values()
@@ -124,7 +124,7 @@ def test_the_operating_point_is_felt_by_the_nonlinear_plant_alone(plant, linear)
 
 
 def test_draws_take_the_conditions_in_turn(linear):
-    """Each label says at which condition its plant is, and what is different, the largest change first."""
+    """Each label contains the condition and the differences, the largest first."""
     drawn = draw(linear, 3, unknown=0.05)
     models = drawn_models(linear, drawn, conditions(stiffnesses=[0.0, 50e3]))
     labels = list(models)
@@ -136,7 +136,7 @@ def test_draws_take_the_conditions_in_turn(linear):
 
 
 def test_a_difference_is_told_by_its_size(linear):
-    """In percent, the largest first; what was zero in its unit."""
+    """In percent, the largest first; a change from zero in the unit."""
     assert difference(linear.set(M=1.1 * linear["M"], J_M=0.8 * linear["J_M"]), linear) == "J_M -20 %, M +10 %"
     assert difference(linear.set(m_L=20.0), linear) == "m_L (load.mass) 20 kg"
     assert difference(linear, linear) == "nominal"
@@ -149,11 +149,11 @@ def test_a_condition_without_a_speed_is_refused():
 
 
 def test_a_plant_that_sticks_has_no_linear_model(plant):
-    """As linearise says."""
+    """The same message as from linearise."""
     with pytest.raises(InputError, match="sticks at rest"):
         Condition(velocity=0.0).model(plant)
 
 
 def test_the_paper_file_gives_no_deviation():
-    """If it ever does, the examples with an assumed spread should use it."""
+    """The shipped plant states no sd; if it did, the examples should use it."""
     assert all(p.sd is None for p in load_plant("ehsa").parameters.values())

@@ -59,7 +59,7 @@ def test_six_and_seven_agree_on_what_the_input_reaches(linear):
 
 
 def test_six_has_a_mode_that_no_input_reaches(linear):
-    """P_1 + P_2 stays where it is: the controllability matrix of (6) lacks a rank."""
+    """P_1 + P_2 is uncontrollable: the controllability matrix of (6) lacks a rank."""
     system = four_state(linear)
     scale = np.diag([1e2, 1e5, 1e5, 1e-1, 1e-2])
     a, b = np.linalg.solve(scale, system.A @ scale) / 300, np.linalg.solve(scale, system.B)
@@ -69,7 +69,7 @@ def test_six_has_a_mode_that_no_input_reaches(linear):
 
 @pytest.mark.parametrize("velocity", [0.0, 0.1, -0.3])
 def test_linearising_the_linear_plant_gives_six(linear, velocity):
-    """The equations wired by name and the matrices written by hand are the same model, wherever one looks."""
+    """The wired equations and the explicit matrices are the same model at any operating point."""
     loaded = linear.set(K_S=5e4, m_L=20.0)
     a, b = linearise(loaded, velocity=velocity), four_state(loaded)
 
@@ -122,19 +122,19 @@ def test_python_control_linearises_to_the_same(plant):
 
 
 def test_at_rest_there_is_no_linear_model_of_a_plant_that_sticks(plant):
-    """The user is told what to do instead."""
+    """The message gives the remedy."""
     with pytest.raises(InputError, match="sticks at rest"):
         linearise(plant, velocity=0.0)
 
 
 def test_seven_is_refused_for_a_plant_with_dry_friction(plant):
-    """(7) can't show dry friction, so it is not quietly left out."""
+    """(7) has no dry friction, so a plant with it is refused."""
     with pytest.raises(InputError, match="model='linear'"):
         three_state(plant)
 
 
 def test_seven_of_a_linear_set_that_got_friction_is_its_viscous_part(linear):
-    """The same matrices as before, and a name that says it."""
+    """The matrices are those of the viscous part, which the name states."""
     structure = replace(linear.structure, shaft_friction="stribeck", effects=("current_offset",))
     rig = linear.with_structure(structure, A_FM=0.7, C_FM=0.1, tau_FM=10.0)
 

@@ -27,7 +27,7 @@ def edited(tmp_path):
 
 @pytest.mark.parametrize("model", ["linear", "nonlinear"])
 def test_every_number_has_unit_and_source(model):
-    """Nothing in the catalogue is a bare number."""
+    """Every number of the catalogue has unit and source."""
     plant = load_plant("ehsa", model=model)
 
     for parameter in [*plant.parameters.values(), *plant.limits.values()]:
@@ -75,7 +75,7 @@ def test_a_mistake_in_the_file_is_one_sentence(edited, old, new, says):
 
 
 def test_a_missing_parameter_is_named(tmp_path):
-    """A plant without C_FR can't be simulated with the paper's law, and says so."""
+    """A plant without C_FR can't use the paper's friction law."""
     lines = [line for line in TEXT.splitlines() if not line.startswith("C_FR")]
     path = tmp_path / "rig.toml"
     path.write_text("\n".join(lines))
@@ -101,7 +101,7 @@ def test_a_wrong_setting_is_one_sentence(settings, says):
 
 
 def test_settings_take_units_and_leave_a_trace():
-    """50 kN/m and 50e3 are the same; the parameter then says that it was given."""
+    """50 kN/m equals 50e3; the source of the parameter is then "given"."""
     a = load_plant("ehsa", settings={"load.stiffness": "50 kN/m"})
     b = load_plant("ehsa", settings={"load.stiffness": 50e3})
 
@@ -130,7 +130,7 @@ def test_an_impossible_filter_is_one_sentence(edited, value):
 
 
 def test_what_cant_be_estimated_is_not_free_unless_asked_for(edited):
-    """A dead time has no derivative, and what never happens can't be moved; other identified symbols are free."""
+    """Identified symbols are free, except a dead time and infinite values."""
     symbols = """K_relief = { value = 1e-7, unit = "m3/(s Pa^0.5)", source = "identified" }
 P_crack = { value = inf, unit = "Pa", source = "identified" }
 T_d = { value = 4, unit = "ms", source = "identified" }
@@ -156,7 +156,7 @@ def test_the_users_own_folder_comes_first(tmp_path, monkeypatch):
 
 
 def test_an_unknown_plant_offers_the_nearest():
-    """A wrong name is answered with what there is."""
+    """The message lists the known names."""
     with pytest.raises(InputError, match="no plant 'ehsb'; did you mean 'ehsa'"):
         load_plant("ehsb")
 
@@ -181,6 +181,6 @@ def test_a_structure_that_needs_more_says_what(plant):
 
 
 def test_an_effect_of_friction_needs_a_law_that_has_its_symbol(plant):
-    """A tight spot is a share of A_FR; a plant without A_FR is told so."""
+    """A tight spot is a share of A_FR, so a plant without A_FR is refused."""
     with pytest.raises(InputError, match="'position_dependent_friction' needs A_FR, which rod_friction = 'viscous'"):
         plant.with_structure(Structure("stribeck", "viscous")).with_effects("position_dependent_friction")

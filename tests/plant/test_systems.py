@@ -1,4 +1,4 @@
-"""Systems beside the EHSA: what their plants must say, what their equations give, and that the engine runs them."""
+"""Systems other than the EHSA: their files, equations and simulations."""
 
 import contextlib
 from dataclasses import replace
@@ -70,7 +70,7 @@ def test_symbols_are_those_of_the_system(emps):
     ],
 )
 def test_what_a_system_does_not_have_is_one_sentence(tmp_path, name, old, new, says):
-    """A contact, a volume, a limit, a sensor, a load or an effect that means nothing there."""
+    """A contact, volume, limit, sensor, load or effect that the system does not have."""
     path = edited(tmp_path, name, old, new)
 
     with pytest.raises(InputError, match=says) as caught:
@@ -81,7 +81,7 @@ def test_what_a_system_does_not_have_is_one_sentence(tmp_path, name, old, new, s
 
 @pytest.mark.parametrize("name", ["ehsa", "emps", "mbari_pto"])
 def test_balances_vanish_at_the_rates_of_the_equations(name):
-    """What is estimated from and what is simulated is the same physics: with the model's own rates nothing is left."""
+    """Balances and simulation share the physics: with the model's own rates the residuals vanish."""
     plant = load_plant(name)
     equations = plant.structure.equations
     rng = np.random.default_rng(4)
@@ -232,7 +232,7 @@ def test_derivatives_of_a_run(name):
 
 @pytest.mark.slow
 def test_a_controller_gets_what_there_is(emps):
-    """A closed loop around a carriage: its position is measured, what it lacks reads zero."""
+    """A closed loop around a carriage: its position is measured; channels that it lacks read zero."""
     loop = run_closed_loop(emps, _Centring(0.004), np.tile([40.0, 0.0, 0.0], (200, 1)))
 
     assert loop.trajectory["F_M"][0] == 40.0 and loop.trajectory["x"][-1] > 0.01
@@ -241,7 +241,7 @@ def test_a_controller_gets_what_there_is(emps):
 
 
 def test_linear_models_are_for_the_actuator(emps):
-    """(6), (7), operating points and figures are made for the EHSA; another system is told so."""
+    """(6), (7), operating points and figures are for the EHSA; another system is refused."""
     with pytest.raises(InputError, match="'positioning' system"):
         simulate(emps, np.zeros(3)).plot()
     for asked in (four_state, linearise):

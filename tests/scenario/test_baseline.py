@@ -1,4 +1,4 @@
-"""Baselines: kept by the run that made them, left by another one, recorded with a reason."""
+"""Baselines: comparison with the recorded run, and recording with a reason."""
 
 import json
 from dataclasses import replace
@@ -20,7 +20,7 @@ def recorded(project):
 
 
 def test_a_run_keeps_to_its_own_baseline(recorded):
-    """Recorded, read and held against a new run: passed, with the file and the reason in the result."""
+    """A new run passes against the recorded one; the result contains file and reason."""
     result = ehsa_ctrl.run(recorded)
 
     assert result.verdict == "pass"
@@ -59,19 +59,19 @@ def test_a_small_change_stays_within(recorded, project):
 
 
 def test_tolerances_of_zero_let_nothing_through(recorded, project):
-    """The recorded values are rounded to six digits: a tube without height is left."""
+    """Recorded values are rounded to six digits, so a tube without height is violated."""
     path = project(add='\n[baseline]\ntime = "0 s"\nposition = "0 mm"\n')
 
     assert any("x leaves its tube" in line for line in ehsa_ctrl.run(path).failures)
 
 
 def test_another_checked_plant_is_not_held_against_it(recorded):
-    """--plant checks on something else: the recorded run says nothing about that."""
+    """A run on another plant is compared with no baseline."""
     assert ehsa_ctrl.run(recorded, plant="ehsa").baseline is None
 
 
 def test_updating_records_what_is_new_and_leaves_what_is_kept(recorded, project):
-    """A run that keeps to its baseline leaves the file as it is; one that does not gets a new one, with its reason."""
+    """A run within the tolerances keeps the file; one outside records a new one with its reason."""
     file = baseline_path(ehsa_ctrl.run(recorded))
     before = file.read_bytes()
     same, nothing = update_baseline(ehsa_ctrl.run(recorded), "no reason at all")
@@ -84,7 +84,7 @@ def test_updating_records_what_is_new_and_leaves_what_is_kept(recorded, project)
 
 
 def test_a_run_that_fails_its_limits_is_not_recorded(project):
-    """A baseline of a failure would make it right."""
+    """A failing run is not recorded."""
     result = ehsa_ctrl.run(project(add='\n[limits]\nMaxError = { max = "1 um" }\n'))
 
     assert update_baseline(result, "never mind") == (result, ())
@@ -93,7 +93,7 @@ def test_a_run_that_fails_its_limits_is_not_recorded(project):
 
 
 def test_a_reason_is_needed(project):
-    """Without one nothing is written."""
+    """Without a reason nothing is written."""
     result = ehsa_ctrl.run(project())
     with pytest.raises(InputError, match="say why"):
         write_baseline(result, "  ")
@@ -107,7 +107,7 @@ def test_a_scenario_that_asks_for_nothing_is_untested(project):
 
 
 def test_a_run_that_ends_early_leaves_its_baseline(recorded):
-    """Half of a run is not the run."""
+    """A run that ends early deviates."""
     result = ehsa_ctrl.run(recorded)
     half = replace(result, nonlinear=result.nonlinear.first(150))
 
@@ -116,7 +116,7 @@ def test_a_run_that_ends_early_leaves_its_baseline(recorded):
 
 @pytest.mark.parametrize("text", ["", "{}", '{"metrics": {}, "signals": {}}', '{"metrics": {"IAE": [1]}}'])
 def test_a_broken_file_is_a_sentence(tmp_path, text):
-    """It names the file and what to do."""
+    """The message names the file and the remedy."""
     file = tmp_path / "b.json"
     file.write_text(text)
     with pytest.raises(InputError, match=r"b\.json: is no baseline .* --update-baselines"):
@@ -124,7 +124,7 @@ def test_a_broken_file_is_a_sentence(tmp_path, text):
 
 
 def test_its_figure_and_table_show_the_tube(recorded):
-    """One row a sample; the run lies within the bounds."""
+    """One row per sample; the run lies within the bounds."""
     result = ehsa_ctrl.run(recorded)
     table = result.baseline.to_pandas(result)
 

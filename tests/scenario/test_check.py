@@ -1,4 +1,4 @@
-"""What check refuses, and that run, montecarlo and design refuse the same with the same words."""
+"""Mistakes that check refuses; run, montecarlo and design refuse them with the same message."""
 
 import pytest
 
@@ -60,7 +60,7 @@ def test_what_cannot_be_meant_is_refused_where_it_is_read(tmp_path, kind, name, 
 
 
 def test_estimation_refuses_a_negative_cutoff(tmp_path):
-    """And a window of no width."""
+    """A window must have a width."""
     for word, value in (("cutoff", "-5 Hz"), ("parallel", "0 Hz"), ("width", "0 s")):
         path = edited(tmp_path, "plants", "ehsa", "[nonlinear]", f'[nonlinear]\nestimation = {{ {word} = "{value}" }}')
 
@@ -69,7 +69,7 @@ def test_estimation_refuses_a_negative_cutoff(tmp_path):
 
 
 def test_a_lag_as_long_as_the_run_is_refused(tmp_path):
-    """There would be no current at all."""
+    """A lag as long as the run would leave no current."""
     path = edited(tmp_path, "scenarios", "slow_sine", "[reference]", "[sensors]\nlag = 50\n\n[reference]")
     lines = path.read_text().splitlines()
     path.write_text("\n".join('duration = "0.06 s"' if line.startswith("duration") else line for line in lines))
@@ -89,7 +89,7 @@ def test_a_lag_as_long_as_the_run_is_refused(tmp_path):
     ],
 )
 def test_what_is_no_definition_is_a_sentence(tmp_path, content, says):
-    """Nesting that would fill the stack, integers that no TOML may hold, other encodings, nothing."""
+    """Deep nesting, integers beyond 64 bits, other encodings, empty files."""
     path = tmp_path / "mine.toml"
     path.write_bytes(content)
 
@@ -98,7 +98,7 @@ def test_what_is_no_definition_is_a_sentence(tmp_path, content, says):
 
 
 def test_a_byte_order_mark_is_no_mistake(tmp_path):
-    """Editors write one."""
+    """A byte order mark is accepted."""
     path = tmp_path / "mine.toml"
     path.write_bytes(b"\xef\xbb\xbf" + catalogue.shipped("controllers")["pid_position"].read_bytes())
 
@@ -107,7 +107,7 @@ def test_a_byte_order_mark_is_no_mistake(tmp_path):
 
 @pytest.mark.parametrize("name", ["a" * 300, "a" * 300 + ".toml", "a\0b.toml", "a\0b", "\udcff.toml", ".", "/"])
 def test_a_name_that_no_file_has_is_a_sentence(name, tmp_path, monkeypatch):
-    """Too long, with a zero byte, in no encoding, a folder."""
+    """Paths that are too long, contain a zero byte or no valid text, and folders."""
     monkeypatch.chdir(tmp_path)
     for load in (e.load_plant, e.load_scenario, lambda text: e.read_log(text, ["current"])):
         with pytest.raises(e.InputError):
@@ -116,7 +116,7 @@ def test_a_name_that_no_file_has_is_a_sentence(name, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("word", ["class", "None", "print", "3 rigs", "", "PlantSlave", "rüg"])
 def test_an_fmu_is_a_class_whatever_its_plant_is_called(word):
-    """A word of Python would be none."""
+    """Messages contain no Python types."""
     name = identifier(word)
 
     assert name.isidentifier() and name.isascii()

@@ -1,4 +1,4 @@
-"""Faults and supervision: from a scenario's TOML to what the loop does."""
+"""Faults and supervision from a scenario's TOML to the loop."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def fault(**words):
 
 
 def test_a_stuck_sensor_gives_its_last_value(short):
-    """From its time on, for its duration; then the truth again."""
+    """The reading is stuck for the fault's duration and correct again after it."""
     result = ehsa_ctrl.run(short(**fault(kind="stuck", channel="position", start="0.2 s", duration="0.1 s")))
     loop = result.nonlinear
     time, read = loop.trajectory.time, loop.measured[:, POSITION]
@@ -26,7 +26,7 @@ def test_a_stuck_sensor_gives_its_last_value(short):
 
 
 def test_lost_samples_are_no_numbers_and_are_bridged(short):
-    """Five lost samples are within what supervision bridges: the loop goes on."""
+    """Supervision tolerates five lost samples: the loop continues."""
     result = ehsa_ctrl.run(short(**fault(kind="lost", channel="position", start="0.2 s", duration="20 ms")))
 
     assert np.count_nonzero(np.isnan(result.nonlinear.measured[:, POSITION])) == 5
@@ -35,7 +35,7 @@ def test_lost_samples_are_no_numbers_and_are_bridged(short):
 
 
 def test_a_position_that_stays_lost_stops_the_loop(short):
-    """After the time that supervision allows: the current is zero from then on, and the rod comes to rest."""
+    """After the tolerated time the current is zero and the rod comes to rest."""
     lost = fault(kind="lost", channel="position", start="0.2 s")
     result = ehsa_ctrl.run(short(**lost, supervision={"lost": "20 ms"}))
     loop = result.nonlinear
@@ -67,14 +67,14 @@ def test_a_contradiction_stops_the_loop_and_travel_is_the_plants(short):
 
 
 def test_supervision_that_is_not_asked_for_changes_nothing(short):
-    """Neutral values to the last bit."""
+    """Supervision without limits changes no bit."""
     plain, wide = (ehsa_ctrl.run(scenario).nonlinear for scenario in (short(), short(supervision={})))
 
     assert np.array_equal(plain.trajectory.states, wide.trajectory.states)
 
 
 def test_no_fault_is_an_empty_table():
-    """Nothing listed, nothing wrong."""
+    """Without faults nothing is disturbed."""
     fault, ceiling = faults_of([]).tables(np.arange(5.0))
 
     assert not fault.any() and np.isinf(ceiling).all()

@@ -1,4 +1,4 @@
-"""What cures hunting is measured: cured controllers come to rest near the target and stay there, plain PIDs do not."""
+"""Friction compensation: compensated controllers rest near the target; plain PIDs hunt."""
 
 from dataclasses import replace
 
@@ -59,7 +59,7 @@ def test_a_long_step_is_nearly_as_fast_as_can_be(spring, model, name):
 
 @pytest.mark.slow
 def test_a_plain_pid_hunts(spring, model):
-    """Static friction above Coulomb friction: its integral winds up and lets the rod slip to and fro for ever."""
+    """With static friction above Coulomb friction the integral causes a limit cycle."""
     controller = load_controller("pid_tuned", model)
     time, x = hold(spring, controller, 0.02, seconds=25)
     found = hunting(time[time > 5], x[time > 5])

@@ -1,4 +1,4 @@
-"""Metrics that are right for a plant that sticks; python-control's step_info where both apply."""
+"""Metrics of a plant that sticks, compared with python-control's step_info where both apply."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def second_order(damping):
 
 @pytest.mark.parametrize("damping", [0.3, 0.5, 0.7])
 def test_a_full_step_agrees_with_step_info(damping):
-    """Where python-control is right (0 to 1, ends at 1), the numbers agree."""
+    """For steps from 0 to 1 that end at 1 the numbers agree with python-control."""
     time = np.linspace(0, 20, 4001)
     y = control.step_response(control.tf([4], [1, 4 * damping, 4]), time).outputs
     theirs = control.step_info(y, time, final_output=1.0)
@@ -63,7 +63,7 @@ def test_overshoot_is_of_the_step_not_of_the_final_value():
 
 
 def test_undershoot_is_the_wrong_way_at_first():
-    """(1 - s) / (1 + s)^2 goes the wrong way first, farthest at t = 1/2, where its derivative is zero."""
+    """(1 - s) / (1 + s)^2 has its largest undershoot at t = 1/2, where the derivative is zero."""
     y = 1 - np.exp(-TIME) - 2 * TIME * np.exp(-TIME)
     least = 1 - np.exp(-0.5) - np.exp(-0.5)
 
@@ -78,7 +78,7 @@ def test_what_was_left_of_the_error_before_a_step_is_no_undershoot():
 
 
 def test_a_swing_back_beyond_the_start_is_no_undershoot():
-    """A loop that swings by more than the step goes below its start later on: that is not the wrong way at first."""
+    """A later oscillation below the initial value is no undershoot."""
     y = 1 - np.exp(0.1 * TIME) * (np.cos(4 * TIME) - 0.025 * np.sin(4 * TIME))
     found = step_metrics(TIME, y, 0.0, 1.0)
 
@@ -97,7 +97,7 @@ def test_stuck_short_of_the_target_never_settles():
 
 
 def test_a_step_back_to_zero_counts_like_one_away_from_it():
-    """Final value 0 divides nothing by zero."""
+    """A final value of 0 causes no division by zero."""
     away = step_metrics(TIME, second_order(0.4), 0.0, 1.0)
     back = step_metrics(TIME, 1 - second_order(0.4), 1.0, 0.0)
 
@@ -113,7 +113,7 @@ def test_crossings_are_interpolated():
 
 
 def test_no_step_gives_nan_not_an_exception():
-    """Target = old target: nothing to measure but the standing error."""
+    """Without a change of target only the steady-state error is defined."""
     found = step_metrics(TIME, np.full(TIME.size, 2.0), 1.0, 1.0)
 
     assert np.isnan(found["Overshoot"]) and found["SteadyStateError"] == 1.0
@@ -134,7 +134,7 @@ def test_hunting_is_amplitude_period_and_slips():
 
 
 def test_creeping_one_way_is_no_hunting():
-    """Slips that all go the same way are slips, not a limit cycle."""
+    """Slips in one direction are no limit cycle."""
     found = hunting(TIME[:-1], np.cumsum(np.where(TIME[:-1] % 1 < 0.1, 1.0, 0.0)))
 
     assert found["Slips"] == 5
@@ -142,7 +142,7 @@ def test_creeping_one_way_is_no_hunting():
 
 
 def test_a_slip_between_two_samples_is_found():
-    """Stuck at both samples, but elsewhere: that was a slip, which sampled directions do not show."""
+    """A rod that sticks at both samples, but at different positions, has slipped in between."""
     assert hunting(np.arange(5.0), np.array([1.0, 1.0, 2.0, 2.0, 2.0]))["Slips"] == 1
 
 
@@ -213,7 +213,7 @@ def test_a_stop_is_told_from_the_fault_on():
 
 
 def test_settling_ratio_is_against_the_shortest_time():
-    """A step that is over at once would be faster than possible; the ratio says how slow a real one is."""
+    """An instant step would beat the shortest possible time; the ratio measures a real one."""
     result = ehsa_ctrl.run("steps_spring")
     pair = result.metrics
 
@@ -230,7 +230,7 @@ def test_every_metric_is_shown_in_a_unit_that_fits():
 
 
 def test_lengths_of_a_table_share_a_unit_and_so_do_times():
-    """Metrics of one quantity can be compared without converting: no um beside mm, no s beside ms."""
+    """Metrics of one quantity share the shown unit."""
     units = {}
     for metric in METRICS.values():
         units.setdefault(metric.unit, set()).add(metric.shown)
@@ -239,7 +239,7 @@ def test_lengths_of_a_table_share_a_unit_and_so_do_times():
 
 
 def test_a_target_that_is_given_again_is_no_jump():
-    """Metrics of a step are those of the steps that there are; a "step" of no size has none."""
+    """Step metrics need a step; a repeated target is none."""
     steps = Steps(kind="steps", times=["0 s", "1 s", "2 s"], positions=["0 mm", "5 mm", "5 mm"])
 
     assert steps.jumps() == [1.0]
@@ -251,5 +251,5 @@ def test_a_target_that_is_given_again_is_no_jump():
      (np.inf, np.inf, True), (np.inf, 1.0, False), (0.0, 0.01, True)],
 )  # fmt: skip
 def test_close_is_a_floor_and_a_share(old, new, close):
-    """5 % and 12 ms; what did not happen is close to nothing but itself."""
+    """5 % and 12 ms; nan is close to nan only."""
     assert METRICS["SettlingTime"].close(old, new, 0.05) is close

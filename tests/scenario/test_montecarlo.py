@@ -1,4 +1,4 @@
-"""Monte Carlo: the same draws whoever makes them, resumed after an interrupt, an interval that holds what it says."""
+"""Monte Carlo: reproducible draws, resumption after an interrupt, coverage of the interval."""
 
 import json
 
@@ -36,7 +36,7 @@ def test_the_result_does_not_depend_on_who_runs_it(scenario):
 
 @pytest.mark.slow
 def test_processes_give_the_same(scenario):
-    """As threads do: what a controller in plain Python needs."""
+    """Processes, which a controller in plain Python needs, give the outcomes of threads."""
     with joblib.parallel_config(backend="loky"):
         processes = monte_carlo(scenario, runs=24, jobs=2)
 
@@ -55,7 +55,7 @@ def test_a_run_of_a_campaign_is_a_run_of_the_scenario(scenario):
 
 
 def test_a_controller_can_be_handed_over(scenario):
-    """Designed already, it gives what its name gives."""
+    """A loaded controller gives the same as its name."""
     ready = prepare(scenario).controller
 
     assert monte_carlo(scenario, runs=3, controller=ready).outcomes == monte_carlo(scenario, runs=3).outcomes
@@ -71,12 +71,12 @@ def test_settings_hold_in_every_run(scenario):
 
 
 def test_more_runs_begin_with_the_same(scenario):
-    """Run k has its draw whatever the number of runs."""
+    """Run k has the same draw for any number of runs."""
     assert monte_carlo(scenario, runs=12).outcomes[:5] == monte_carlo(scenario, runs=5).outcomes
 
 
 def test_an_interrupted_campaign_goes_on(scenario, tmp_path):
-    """Stopped after some runs, with a line cut off: only the rest is run, and the result is that of one go."""
+    """After an interrupt with a truncated line only the missing runs are made; the result is the same."""
     file = tmp_path / "runs.jsonl"
     seen = []
 
@@ -97,7 +97,7 @@ def test_an_interrupted_campaign_goes_on(scenario, tmp_path):
 
 
 def test_a_file_of_another_campaign_is_refused(scenario, project, tmp_path):
-    """Another seed, another limit: their results may not be mixed."""
+    """Results of another seed or limit are refused."""
     file = tmp_path / "runs.jsonl"
     monte_carlo(scenario, runs=2, file=file)
     with pytest.raises(InputError, match="another campaign"):
@@ -164,7 +164,7 @@ def test_the_parameter_that_decides_is_found():
 
 
 def test_where_all_pass_the_margin_tells():
-    """No failure: what the least margin goes along with; margins that are minus infinity rank last."""
+    """Without failures the rank correlation with the margin counts; infinite margins rank last."""
     rng = np.random.default_rng(1)
     outcomes = [outcome(k, True, margin=-(a**3), A_FR=a, J_M=b) for k, (a, b) in enumerate(rng.uniform(size=(60, 2)))]
     first, _ = influences(outcomes, ("J_M", "A_FR"))
@@ -174,7 +174,7 @@ def test_where_all_pass_the_margin_tells():
 
 
 def test_chance_is_shared_among_all_that_were_looked_at():
-    """Of 40 parameters that do nothing, at most some seldom one is called decisive."""
+    """Of 40 parameters without influence hardly one is called decisive."""
     rng = np.random.default_rng(2)
     names = [f"p{k}" for k in range(40)]
     called = 0
@@ -200,7 +200,7 @@ def test_draws_have_the_spread_that_was_asked_for(plant):
 
 
 def test_draws_have_the_covariance_of_the_identification(plant, tmp_path):
-    """Two estimates that trade places are drawn together."""
+    """Correlated estimates are drawn jointly."""
     file = tmp_path / "identification.json"
     sd = np.array([1e-5, 0.02])
     covariance = np.array([[1.0, 0.9], [0.9, 1.0]]) * np.outer(sd, sd)
@@ -255,13 +255,13 @@ def test_what_can_not_be_run_is_said(scenario, arguments, says):
 
 
 def test_a_scenario_without_limits_has_nothing_to_pass(project):
-    """Every run would."""
+    """Without a limit every run would pass."""
     with pytest.raises(InputError, match="sets no limit"):
         monte_carlo(project(add=""), runs=2)
 
 
 def test_result_prints_and_draws(scenario):
-    """A sentence with the interval, a table with a row a run, a figure."""
+    """Text with the interval, table with one row per run, figure."""
     found = monte_carlo(scenario, runs=10)
 
     assert "of 10 runs pass, probability" in str(found)

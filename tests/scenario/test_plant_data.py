@@ -1,4 +1,4 @@
-"""What a review is told of a plant."""
+"""Data of a plant for a review."""
 
 from math import isnan
 
@@ -20,7 +20,7 @@ def test_a_nonlinear_plant_tells_its_friction_and_its_stroke(plant):
 
 
 def test_a_linear_plant_tells_its_noise_alone(linear):
-    """That nothing sticks in it does not say that nothing sticks."""
+    """The linear set does not stick, so it provides no friction."""
     found = known_of(linear)
 
     assert isnan(found.static) and isnan(found.coulomb) and isnan(found.reach)

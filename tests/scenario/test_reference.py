@@ -28,7 +28,7 @@ def reference(kind, content):
 
 @pytest.mark.parametrize("kind", MOVING)
 def test_speed_and_acceleration_are_derivatives(kind):
-    """By differences, but at the instants where they jump."""
+    """By finite differences, except at jumps."""
     signal = reference(kind, MOVING[kind]).signal(TIME)
     for column in (1, 2):
         slope = np.gradient(signal[:, column - 1], TIME)
@@ -40,7 +40,7 @@ def test_speed_and_acceleration_are_derivatives(kind):
 
 @pytest.mark.parametrize("kind", ["moves", "ramp", "trapezoid"])
 def test_a_hold_is_a_hold(kind):
-    """From its start to its end the target stands still, at what was asked for."""
+    """During a hold the target is constant."""
     form = reference(kind, MOVING[kind])
     signal = form.signal(TIME)
     positions = {"moves": [20e-3, -5e-3], "ramp": [-8e-3], "trapezoid": [50e-3, 45e-3]}[kind]
@@ -70,7 +70,7 @@ def write(tmp_path, text):
 
 
 def test_a_file_is_followed_from_row_to_row(tmp_path):
-    """Lines between rows, the slope as speed, the last position held; the path is the scenario's own folder's."""
+    """Linear interpolation, the slope as speed, the last position held; the path is relative to the scenario."""
     form = write(tmp_path, "t,position\n0,0\n1,0.01\n3,0.03\n3.5,0.03\n")
     signal = form.signal(np.array([0.5, 1.5, 2.5, 5.0]))
 
@@ -108,7 +108,7 @@ SCENARIO = {
 
 
 def test_a_force_cuts_a_hold():
-    """What is held under another force is another hold; edges outside a hold or the run cut nothing."""
+    """A change of force splits a hold; edges outside a hold or the run do not."""
     force = [{"force": "1 kN", "start": "1 s", "duration": "0.5 s"}, {"force": "1 kN", "start": "3 s"}]
     definition = validate(SCENARIO | {"disturbance": force}, ScenarioFile, "x")
 

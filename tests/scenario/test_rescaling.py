@@ -1,4 +1,4 @@
-"""What belongs to a plant comes from the plant: a shipped controller's numbers on another one."""
+"""Rescaling of a shipped controller's numbers to another plant."""
 
 import tomllib
 
@@ -45,7 +45,7 @@ def changes(name, plant):
 
 @pytest.mark.parametrize("name", list(controllers))
 def test_on_the_shipped_plant_every_shipped_number_stays(name):
-    """And none of them is more than that plant allows."""
+    """No rescaled number exceeds the plant's limits."""
     path = controllers[name]
 
     assert changes(name, "ehsa") == {}
@@ -53,7 +53,7 @@ def test_on_the_shipped_plant_every_shipped_number_stays(name):
 
 
 def test_limits_period_and_weights_are_the_same_share_of_another_plant(rig):
-    """Half the stroke halves what is a length, a third of the current what is a current; as many seconds of horizon."""
+    """Half the stroke halves lengths, a third of the current scales currents; the horizon keeps its duration."""
     found = changes("mpc_position", rig(SMALL))
     expected = {
         "sample_time": "2 ms", "current_limit": "2 A", "horizon": 40, "limits.stroke": "47.5 mm",
@@ -103,7 +103,7 @@ def test_of_a_motor_with_its_peak_torque_alone_the_current_is_the_same_share(rig
 
 
 def test_what_a_plant_does_not_state_stays_and_is_named(rig):
-    """Without [limits] nothing is known of currents and strokes."""
+    """Without [limits] currents and strokes are not rescaled."""
     limits = EHSA[EHSA.index("[limits]") : EHSA.index("[sampling]")]
     bare = rig({limits: ""})
     content = tomllib.loads(controllers["mpc_position"].read_text())
@@ -126,7 +126,7 @@ def test_what_a_plant_does_not_state_stays_and_is_named(rig):
     ],
 )  # fmt: skip
 def test_a_controller_that_asks_for_more_than_its_plant_allows_is_refused(rig, name, changed, says):
-    """By run and by check alike, with both values and how to go on."""
+    """By run and by check, with both values and the remedy."""
     path = rig(changed)
     says = f"{name}.toml: {says}.*; lower it, or begin a controller .* new controller NAME --plant rig"
 
@@ -149,7 +149,7 @@ def test_ratings_are_read_from_the_plants_limits():
 
 
 def test_a_controller_without_a_sample_time_runs_at_the_plants_period(rig, tmp_path):
-    """Of two milliseconds there; without a plant it is 4 ms as ever."""
+    """2 ms on that plant; 4 ms without a plant."""
     plant = rig(SMALL)
     mine = tmp_path / "mine.toml"
     mine.write_text(controllers["pid_position"].read_text().replace('sample_time = "4 ms"\n', ""))

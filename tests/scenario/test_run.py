@@ -1,4 +1,4 @@
-"""Scenarios: what is run, compared and judged."""
+"""Scenarios: runs, comparison and limits."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ def edited(tmp_path):
 
 
 def test_prediction_and_outcome_share_one_time_base():
-    """Every metric is there for both. That the shipped scenarios pass is tested by `pytest scenarios`."""
+    """Every metric exists for both models. `pytest scenarios` tests that the shipped scenarios pass."""
     result = run("fault_stuck_position")
 
     assert np.array_equal(result.linear.trajectory.time, result.nonlinear.trajectory.time)
@@ -80,13 +80,13 @@ def test_a_controller_that_is_designed_already_is_run_as_it_is(project):
 
 
 def test_what_is_no_controller_is_refused(project):
-    """In a sentence that says what is one."""
+    """One sentence with the expected types."""
     with pytest.raises(InputError, match=r"run: controller is 5; expected a controller: its name, the path"):
         run(project(), controller=5)
 
 
 def test_the_seed_makes_the_run(edited):
-    """The same seed gives the same bits, another one another run."""
+    """The same seed gives identical bits, another seed another run."""
     a, b = run("steps_spring"), run("steps_spring")
     c = run(edited(add="\n[sensors]\nseed = 7\n"))
 
@@ -104,7 +104,7 @@ def test_a_scenario_can_change_a_sensor(edited):
 
 
 def test_a_parameter_that_only_the_nonlinear_set_has_can_be_set(edited):
-    """More rod friction in the check; the prediction can't know it."""
+    """More rod friction affects the check, not the prediction."""
     result = run(edited(add='\n[settings]\nA_FR = "1500 N"\n'))
 
     assert result.plant["A_FR"] == 1500
@@ -112,7 +112,7 @@ def test_a_parameter_that_only_the_nonlinear_set_has_can_be_set(edited):
 
 
 def test_a_limit_on_what_never_happens_fails(edited):
-    """A step that never settles keeps no limit on its settling time: nan is no success."""
+    """A step that never settles violates its limit: nan is no success."""
     result = run(edited('max = "2.5 s"', 'max = "2.5 s"', add='\n[settings]\nA_FM = "8 N m"\n'))
 
     assert any("SettlingTime did not happen" in failure for failure in result.failures)
@@ -189,7 +189,7 @@ def test_what_is_set_beyond_belief_is_told(edited):
 
 
 def test_the_sensors_noise_is_among_what_is_assumed():
-    """The plant's file marks it so."""
+    """By the source in the plant's file."""
     assert run("steps_spring").to_dict()["assumed"]["position noise"] == pytest.approx(20e-6)
 
 

@@ -1,4 +1,4 @@
-"""Assumed parameters at the ends of their ranges: the right plants are run, and a verdict that flips is seen."""
+"""Sensitivity to assumed parameters at the ends of their ranges."""
 
 import math
 
@@ -32,7 +32,7 @@ def result():
 
 
 def test_every_assumed_parameter_with_a_range_is_tried(result):
-    """Those, and no others; at both ends of what the plant's file says."""
+    """Exactly the assumed parameters, at both ends of the file's range."""
     expected = {
         p.name: (p.lower, p.upper)
         for p in result.plant.parameters.values()
@@ -75,7 +75,7 @@ def test_a_limit_between_both_ends_flips_the_verdict(result):
 
 
 def test_by_default_nothing_more_is_run():
-    """In Python it has to be asked for; None leaves it to what the controller costs."""
+    """Off by default in Python; None depends on the controller."""
     assert run(scenario()).sensitivities is None
     assert run(scenario(), assumed=None).sensitivities
 

@@ -1,4 +1,4 @@
-"""The tube around a recorded signal, held against one that is made of rectangles."""
+"""The tube around a recorded signal, compared with a union of rectangles."""
 
 import numpy as np
 import pytest
