@@ -1,4 +1,4 @@
-"""Plants and laws whose margins are known by hand."""
+"""Plants and laws with margins in closed form."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 @dataclass
 class Made:
-    """A controller that is nothing but its linear law, and what else a test gives it."""
+    """A controller with a given linear law, and the other attributes that a test needs."""
 
     law: control.StateSpace
     sample_time: float = 0.004

@@ -230,12 +230,12 @@ def test_the_droop_of_a_gain_is_the_one_by_hand(linear, system):
     assert loop.compliance >= abs(loop.static_compliance) * 0.999
 
 
-def test_rounding_is_no_lasting_answer(system):
-    """With an integral a lasting force moves the rod by nothing, however the equations are rounded."""
+def test_rounding_is_no_static_compliance(system):
+    """With integral action the static compliance is zero, whatever the rounding."""
     loop = analyse_loop(system, load_controller("lqr_position", system))
 
     assert loop.static_compliance == 0.0 < loop.compliance
-    assert "lasting 0 um/kN" in str(loop)
+    assert "static 0 um/kN" in str(loop)
 
 
 def test_an_integrator_that_is_switched_off_is_no_pole(system):
@@ -283,7 +283,7 @@ def test_noise_of_all_sensors_adds_by_squares(system):
     ],
 )
 def test_what_does_not_fit_is_refused_in_a_sentence(system, change, words):
-    """The error says what was got and what was expected."""
+    """The error names the given and the expected value."""
     model, controller = change(system)
     if not hasattr(controller, "sample_time"):
         controller.sample_time = H

@@ -241,7 +241,7 @@ WRONG = {
 
 @pytest.mark.parametrize("text", WRONG)
 def test_what_is_outside_the_subset_is_a_sentence(tmp_path, text):
-    """File, line and function, what was got and what is expected."""
+    """The error names file, line, function, the given code and the expected one."""
     head = "def g(part: np.ndarray) -> float:\n    part[0] += 1.0\n    return part[0]\n\n\n"
     made = module(tmp_path, f"{head}def f(m: np.ndarray, a: float, k: int) -> float:\n    {text}\n    return a\n")
     with pytest.raises(InputError) as caught:
@@ -273,7 +273,7 @@ def test_a_wrong_head_is_a_sentence(tmp_path, head, what):
 
 
 def test_functions_without_text_are_a_sentence():
-    """Built in, or made while the program runs."""
+    """Built-in functions, and functions made at run time."""
     made = {}
     exec("def f(a: float) -> float:\n    return a\n", made)
 
@@ -298,7 +298,7 @@ def readings(samples, seed=0):
     reference[2 * samples // 3 :, 1] = 0.03
     wander = np.cumsum(rng.normal(size=(samples, 5)), axis=0)
     measured = wander * [1.0, 2e4, 2e4, 1e-4, 20.0] + [0.0, 2e6, 2e6, 0.0, 0.0]
-    # A rest at the target, for the cures that wait for one.
+    # A rest at the target, so that friction compensation at rest acts.
     quiet = slice(samples // 5, samples // 2)
     measured[quiet] = [0.0, 2e6, 2e6, 0.02, 100.0] + rng.normal(size=(samples // 2 - samples // 5, 5)) * 1e-5
     measured[samples // 3 : samples // 3 + 4] = np.nan

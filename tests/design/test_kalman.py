@@ -79,7 +79,7 @@ def test_the_filter_agrees_with_python_control(model):
 
 
 def test_the_covariance_is_what_the_errors_have(model):
-    """Driven by the noise that it was told of, the filter errs by as much as it says."""
+    """Driven by noise of the assumed covariance, the estimation error has the computed covariance."""
     kalman = design_kalman(model, Observer(friction="1 A", load="300 N"))
     rng = np.random.default_rng(1)
     samples, burn = 60000, 2000
@@ -95,7 +95,7 @@ def test_the_covariance_is_what_the_errors_have(model):
 
 
 def test_the_first_estimate_shows_the_measurement_and_stays(model):
-    """A filter that starts under a load shows what is measured, and its prediction without current stays there."""
+    """A filter that starts under a load reproduces the measurement, and its prediction without current is constant."""
     kalman = design_kalman(model, Observer())
     y = np.array([0.4, 13e5, 0.02])
     z = kalman.start(still=(0,)) @ y

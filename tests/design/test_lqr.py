@@ -126,7 +126,7 @@ def test_linear_is_what_the_text_does(system, name, tmp_path):
 @pytest.mark.parametrize("name", ["lqr", "lqi"])
 @pytest.mark.parametrize("disturbance", [{"load": 2000.0}, {"friction": -1.2}, {"load": -800.0, "friction": 0.5}])
 def test_no_error_stands(system, model, name, disturbance, tmp_path):
-    """A lasting force or a lasting current at the motor leaves no error of the position."""
+    """A constant force or a constant current at the motor leaves no steady-state error."""
     law = free(load(TEXTS[name], system, tmp_path).law)
     position, _, _ = run(law, still(1500, 0.004), plant=model, **disturbance)
 
@@ -143,7 +143,7 @@ def test_the_estimate_is_the_disturbance(lqr):
 
 
 def test_without_either_the_error_stands(model):
-    """A state feedback that neither estimates nor integrates gives way to a load, by K's stiffness."""
+    """A state feedback without estimated disturbances and integral has the static stiffness of K under a load."""
     bare = model.without_disturbance
     law = StateFeedback(
         bare, solve_target(bare), design_kalman(bare, Observer()), design_regulator(bare, cost_of(bare)), 1e9
@@ -179,7 +179,7 @@ def test_the_start_has_no_kick(system, name, tmp_path):
 
 
 def test_hold_keeps_what_it_has_learnt(model, lqr, lqi):
-    """While the rod is to rest, disturbance estimates and integral stand still; afterwards they take up the load."""
+    """While hold is set, disturbance estimates and integral are constant; afterwards they compensate the load."""
     hold = np.where(np.arange(400) < 200, 1.0, 0.0)
     for law, names in ((lqr.law, ("friction", "load", "leak")), (lqi.law, ())):
         position, _, memory = run(free(law), still(400), load=800.0, hold=hold, plant=model)
@@ -278,7 +278,7 @@ def test_a_stuck_rod_does_not_mislead_the_observer(plant, lqr):
     ],
 )
 def test_wrong_files_are_sentences(tmp_path, system, old, new, says):
-    """What was got and what was expected, with the file."""
+    """The error names the file, the given and the expected value."""
     assert old in LQR
 
     with pytest.raises(InputError, match=says) as caught:
@@ -297,6 +297,6 @@ def test_wrong_files_are_sentences(tmp_path, system, old, new, says):
     ],
 )
 def test_wrong_weights_are_sentences(model, cost, says):
-    """Weights of the wrong shape or sign, or such that do not see a mode that must be stabilised."""
+    """Weights of the wrong shape or sign, or without effect on a mode that must be stabilised."""
     with pytest.raises(InputError, match=says):
         design_regulator(model, cost)

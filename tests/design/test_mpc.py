@@ -129,7 +129,7 @@ def test_osqp_agrees(mpc):
 
 
 def test_scaled_and_unscaled_states_give_one_plan(system, mpc):
-    """Units of the states are the solver's business: a model in SI units gives the same currents."""
+    """The scaling of the states does not matter: a model in SI units gives the same currents."""
     from ehsa_ctrl.design.kinds.lqr import Weights, cost_of
     from ehsa_ctrl.design.state_space.model import design_model
     from ehsa_ctrl.design.state_space.regulator import design_regulator, solve_target
@@ -185,7 +185,7 @@ def test_no_solver_is_spoilt_by_a_problem_without_solution(kind, lower):
 
 
 def test_no_solver_takes_what_is_no_number(kind):
-    """A gradient that is no number is a failure, said without asking the solver; so are such bounds."""
+    """A gradient or bounds of nan are a failure without a call of the solver."""
     solver, f = small(kind)
     status = solve(solver, np.array([np.nan, 1.0]), [-1, -1, -1], [1, 1, 1]).status
 
@@ -235,7 +235,7 @@ def test_a_target_beyond_the_stroke_stops_at_it(mpc):
 
 
 def test_a_rod_that_already_is_too_fast_is_slowed_down(mpc):
-    """A start at five times the speed limit is no failure: the limit is passed, said so, and kept again soon."""
+    """A start at five times the speed limit is no failure: the violation is reported and soon ends."""
     law = with_limits(mpc, speed=100.0)
     steady = law.problem.target.Pi[:, 1] * law.model.scale
     start = steady * 500.0 / steady[law.model.states.index("omega")]
@@ -247,7 +247,7 @@ def test_a_rod_that_already_is_too_fast_is_slowed_down(mpc):
 
 
 def test_a_plan_goes_on_within_its_own_speed():
-    """Braking ends at standstill where the parabola says; an acceleration is not taken to go on."""
+    """Braking ends at standstill at the end of its parabola; an acceleration is not extrapolated."""
     braked, motion = np.empty((31, 3)), np.empty((31, 3))
     motion_ahead(np.array([0.0, 0.1, -2.0]), T, 30, braked.reshape(-1))
     motion_ahead(np.array([0.0, -0.1, -2.0]), T, 30, motion.reshape(-1))
@@ -259,7 +259,7 @@ def test_a_plan_goes_on_within_its_own_speed():
 
 
 def test_no_error_stands(mpc):
-    """A lasting load and friction leave no error of the position, without any further setting."""
+    """A constant load and friction leave no steady-state error, without any further setting."""
     position, _, memory = run(mpc, still(1500, 0.004), load=1500.0, friction=-0.8)
 
     assert abs(position[-1] - 0.004) < 1e-9
@@ -386,7 +386,7 @@ def test_the_horizon_is_in_the_size(mpc):
     ],
 )
 def test_wrong_files_are_sentences(tmp_path, system, old, new, says):
-    """What was got and what was expected, with the file."""
+    """The error names the file, the given and the expected value."""
     assert old in MPC
 
     with pytest.raises(InputError, match=says) as caught:

@@ -166,7 +166,7 @@ def test_conditional_integration_never_goes_further_into_the_limit(seed, slow, e
 
 
 def test_back_calculation_brings_the_wanted_current_to_its_balance():
-    """With a lasting error e the excess over the limit tends to T_t k_i e, instead of growing for ever."""
+    """With a constant error e the excess over the limit tends to T_t k_i e instead of growing without bound."""
     T_t, e = 0.05, 0.1
     law = pid(Gains(100.0, 400.0), limit=1.0, T_t=T_t)
 

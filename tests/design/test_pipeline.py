@@ -48,7 +48,7 @@ def test_plain_and_compiled_are_equal_to_the_bit(full):
 
 
 def test_neutral_stages_change_nothing(pid):
-    """Without any stage the pipeline gives what the law gives, to the bit."""
+    """Without any stage the pipeline returns the law's current, to the bit."""
     rng = np.random.default_rng(4)
     memory, alone = pid.initial_memory(), pid.law.initial_memory()
     for _ in range(200):
@@ -59,7 +59,7 @@ def test_neutral_stages_change_nothing(pid):
 
 
 def test_every_stage_has_its_own_place(full):
-    """The vectors are as long as the stages say, and the law's part stands last."""
+    """The vectors have the sizes of the stages, with the law's part at the end."""
     assert full.settings().size == S_LAW + full.law.settings().size
     assert full.initial_memory().size == M_LAW + full.law.initial_memory().size
     assert M_LAW - M_REST == REST_MEMORY
@@ -67,7 +67,7 @@ def test_every_stage_has_its_own_place(full):
 
 
 def test_lost_readings_end_in_zero_current(full):
-    """A position that stays away stops the loop; the current is zero from then on, though the error is large."""
+    """A position that stays lost stops the loop; the current is zero from then on, even for a large error."""
     memory = full.initial_memory()
     currents = []
     for k in range(60):

@@ -1,4 +1,4 @@
-"""The review: each test says what is true of a design, and warns where it should."""
+"""The design review: result and verdict of each check."""
 
 import math
 from dataclasses import replace
@@ -68,7 +68,7 @@ def test_the_stick_band_of_a_gain_is_breakaway_over_gain(system):
 
 
 def test_an_integral_breaks_away_when_it_has_built_up(system):
-    """k_p e + k_i e t passes breakaway at t = (1.076 / 1e-4 - 400) / 4000 s, as the review says for 100 um."""
+    """k_p e + k_i e t passes breakaway at t = (1.076 / 1e-4 - 400) / 4000 s, as reported for 100 um."""
     k_p, k_i = 400.0, 4000.0
     found = review(system, integral(k_p, k_i), known=FRICTION)
 
@@ -95,7 +95,7 @@ def test_breakaway_must_be_within_the_limit(system, limit, verdict):
 
 
 def test_a_spring_needs_its_own_current(linear, plant):
-    """At 50 mm against 50 kN/m: what motion_current gives for the load, on top of breakaway."""
+    """At 50 mm against 50 kN/m: the load current of motion_current, on top of breakaway."""
     stiff = linear.set(K_S=50e3)
     needed = motion_current(plant.set(K_S=50e3))["stiffness"] * 0.05
     found = review(three_state(stiff), proportional(100.0), known=replace(FRICTION, reach=0.05))
@@ -111,7 +111,7 @@ def test_the_creep_is_leakage_over_area(linear, system):
 
 
 def test_droop_is_a_warning_without_integral_action(system):
-    """A gain gives way under a lasting force, a PI does not."""
+    """A proportional gain has a static compliance, a PI has none."""
     assert review(system, proportional(100.0))["droop under load"].verdict == "warning"
     assert review(system, integral(100.0, 100.0))["droop under load"].verdict == "good"
 
@@ -142,7 +142,7 @@ def test_a_solver_must_be_in_time(system, time, verdict):
 
 
 def test_the_worst_plant_is_in_the_review():
-    """With its name, judged by the same limits as the nominal loop."""
+    """With its name, against the same limits as the nominal loop."""
     controller = proportional(0.5 / 0.004)
     robust = robust_margins({"weak": integrator(), "three times": integrator(3.0)}, controller)
     found = review(integrator(), controller, robust=robust)

@@ -38,7 +38,7 @@ def test_p_on_an_integrator_is_the_closed_form(integrator):
 
 
 def test_the_force_is_paid_for_by_the_integral(linear):
-    """A lasting force leaves no error, and takes the current F n / K_T, n = D / A, but for the leakage."""
+    """A constant force leaves no error and needs the current F n / K_T, n = D / A, apart from leakage."""
     found = step_response(ehsa_ctrl.three_state(linear), controller(60.0, 60.0), 8.0)
 
     assert abs(found.position["force"][-1]) < 1e-3 * np.max(np.abs(found.position["force"]))
