@@ -69,8 +69,8 @@ class Identification(TextResult):
     uncertainty: covariance and correlation.
     fit: the minimum of the simulation error; None if only the balances were used.
     balances: the estimate from balances, if the system has any.
-    starts: name of each start and the cost that it reached. starts_agree: two of them reached the same minimum, or one
-        fits as well as noise allows.
+    starts: name of each start and the cost that it reached. starts_agree, disagreement: see
+        `multi_start.SearchResult`.
     train, validation: free runs of the logs used, and of those held out.
     residual_tests: whether the residuals hold anything that a better model could explain.
     findings: results of `check_log`.
@@ -90,6 +90,7 @@ class Identification(TextResult):
     balances: BalanceEstimate | None
     starts: tuple[tuple[str, float], ...]
     starts_agree: bool
+    disagreement: tuple[float, float] | None
     train: FreeRuns = field(repr=False)
     validation: FreeRuns = field(repr=False)
     residual_tests: tuple[Correlation, ...] = field(repr=False)
@@ -157,6 +158,12 @@ class Identification(TextResult):
             found.append(
                 f"{starts}: a lower one may exist, so that no parameter counts as well determined; try more with "
                 "--starts"
+            )
+        if self.disagreement is not None:
+            low, high = self.disagreement
+            found.append(
+                f"starts agree in the parameters but not in the cost ({low:.5g} and {high:.5g} times the noise's "
+                "variance): slips of the rod separate local minima, and a lower one may exist; try more with --starts"
             )
         return tuple(found)
 

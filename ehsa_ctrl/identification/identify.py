@@ -136,6 +136,7 @@ def identify(
         balances=balances,
         starts=() if search is None else search.starts,
         starts_agree=search is None or search.agree,
+        disagreement=None if search is None else search.disagreement,
         train=_free_runs(identified, plant, logs),
         validation=_free_runs(identified, plant, validate),
         residual_tests=() if search is None else _residual_tests(search.best),

@@ -25,6 +25,8 @@ LOOSE = 0.3
 WINDOW_DRAWS, WINDOW_SPREAD, PATIENCE = 10, 0.15, 3
 #: Two ends whose costs differ by less than this (squared standard deviations) are the same minimum.
 SAME_COST = 10.0
+#: Ends whose costs differ by more than this (ten standard deviations, squared) differ by several slips.
+APART = 100.0
 #: Ends agree if all parameters are within this many standard deviations of the best; minimum number of such ends.
 SAME_DEVIATIONS, LEAST_ENDS = 3.0, 3
 #: Residuals within this many standard deviations of the noise's size are acceptable as noise.
@@ -55,14 +57,17 @@ class SearchResult:
     """The outcome of a multi-start search.
 
     best: lowest minimum. windows: those of its cost. starts: (name, noise ratio or residual size) of each start.
-    agree: two starts reached the same minimum. spread (k, k): mean square distance of acceptable other ends from the
-    best, zero if two have the same cost. fell_back: short windows were fitted, because no start could follow the logs.
+    agree: two starts reached the same minimum, or all that fit within the noise have the same parameters. disagreement:
+    noise ratios of the two lowest of the latter, if their costs are far apart; else None. spread (k, k): mean square distance
+    of acceptable other ends from the best, zero if two have the same cost. fell_back: short windows were fitted,
+    because no start could follow the logs.
     """
 
     best: Fit
     windows: tuple[ShootingWindow, ...]
     starts: tuple[tuple[str, float], ...]
     agree: bool
+    disagreement: tuple[float, float] | None
     spread: np.ndarray
     fell_back: bool
     interrupted: bool
@@ -114,10 +119,10 @@ def multi_start(
         failed, interrupted = None, True
     if failed is not None:
         return failed
-    best = search.lowest
     return SearchResult(
-        best, tuple(search.windows), tuple(search.starts), search.agree, search.spread(), search.fell_back, interrupted
-    )
+        search.lowest, tuple(search.windows), tuple(search.starts), search.agree, search.disagreement(),
+        search.spread(), search.fell_back, interrupted,
+    )  # fmt: skip
 
 
 class _Search:
@@ -339,6 +344,14 @@ class _Search:
         """Number of ends with the cost of the lowest one."""
         lowest = min(end.objective for end in self.ends)
         return sum(end.objective < lowest + SAME_COST for end in self.ends)
+
+    def disagreement(self) -> tuple[float, float] | None:
+        """Noise ratios of the two lowest acceptable ends, if they agree in the parameters while their costs are far
+        apart; else None."""
+        ends = sorted(self._acceptable_ends(), key=lambda end: end.objective)[:2]
+        if not self.agree or len(ends) < 2 or ends[1].objective - ends[0].objective < APART:
+            return None
+        return ends[0].noise_ratio, ends[1].noise_ratio
 
     def spread(self) -> np.ndarray:
         """Mean square distance (k, k) of other plausible ends from the best, where no two have the same cost."""

@@ -240,6 +240,19 @@ def test_one_start_in_a_local_minimum_is_not_trusted(truth):
 
 
 @pytest.mark.slow
+def test_starts_that_agree_in_a_local_minimum_are_warned_of(truth):
+    """K_T and beta free, 17 and 29 % off: the lowest minimum is found, or a warning says that costs disagree."""
+    wrong = {"J_M": 4.3e-4, "A_FM": 0.56, "B_FM": 1.76e-3, "V_10": 2.67e-3, "A_FR": 598, "B_FR": 11900}
+    log = bench_log(truth, "noise", 3.0, 20.0, 0)
+
+    free = ["K_T", "beta"]
+    lowest = identify(truth, log, free=free, starts=3).fit.objective
+    found = identify(truth.set(**wrong, K_T=1.0, beta=1.0e9), log, free=free)
+
+    assert found.fit.objective < lowest + 50.0 or found.search_warnings
+
+
+@pytest.mark.slow
 def test_windows_are_searched_for_a_start(truth):
     """Both starts lie in a wrong minimum, by windows too; values between them do not."""
     log, draws = bench_log(truth, "multisine", 2.0, 20.0, 12), np.random.default_rng([12, 30])
