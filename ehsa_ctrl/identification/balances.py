@@ -22,28 +22,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from ..core.errors import InputError, choices
 from ..core.log import Log
 from ..core.text import TextResult
 from ..plant.arrays import array_evaluator, needs
 from ..plant.plant import Plant
-from ..plant.system import Balance, ParameterKind
+from ..plant.system import Balance
+from .balance_regression import RATIO, RowFilter, row_filter, solve_balance
 from .balance_signals import MeasuredSignals, Method, balance_signals
 
 if TYPE_CHECKING:
     import pandas
-
-#: A parameter with a larger relative standard deviation is not determined.
-VAGUE = 0.5
-#: Reason to take a parameter as known where all terms of a balance have a free parameter.
-RATIO = "only its ratio to the others is determined"
-#: Length of a test function in samples, and the distance to the next.
-TEST_SAMPLES, STRIDE = 12, 4
-#: Order of the low-pass filters, and the sampling frequency after decimation as a multiple of the low-pass: rows at a
-#: higher rate would repeat each other.
-ORDER, DECIMATED = 4, 2.5
 
 
 @dataclass(frozen=True)
@@ -153,7 +143,7 @@ def estimate_by_balances(
     if method not in ("weak", "filtered"):
         raise InputError(f"method = {method!r}; {choices(method, ('weak', 'filtered'))}")
     kinds = {kind.name: kind for kind in equations.parameters}
-    records = [(balance_signals(plant, log, method, cutoff), _operator(log, method, width, parallel)) for log in logs]
+    records = [(balance_signals(plant, log, method, cutoff), row_filter(log, method, width, parallel)) for log in logs]
     found: dict[str, BalanceParameter] = {}
     fits: list[BalanceFit] = []
     # Parameters taken as known in a ratio: others depend on their nominal value, so that no later balance may move it.
@@ -176,7 +166,7 @@ def estimate_by_balances(
         X, y, terms = (np.concatenate(parts) for parts in zip(*used, strict=True))
         lags = max(operator.lags for row, (_, operator) in zip(rows, records, strict=True) if row is not None)
         nominal = np.array([current[name] for name in free], dtype=float)
-        values, sd, reasons = _solve(X, y, nominal, [kinds[name] for name in free], terms, lags)
+        values, sd, reasons = solve_balance(X, y, nominal, [kinds[name] for name in free], terms, lags)
         for name, value, spread, reason in zip(free, values, sd, reasons, strict=True):
             if reason:
                 undetermined[name] = f"{reason} ({balance.name})"
@@ -212,52 +202,13 @@ def first_estimate(plant: Plant, logs: Log | Sequence[Log], free: Sequence[str])
     }
 
 
-@dataclass(frozen=True)
-class _Operator:
-    """Filter of both sides of a balance: (values (N, k), usable (N,)) -> rows; `lags`: number of overlapping rows."""
-
-    test_function: np.ndarray | None
-    sos: np.ndarray | None
-    stride: int
-    lags: int
-
-    def __call__(self, values: np.ndarray, usable: np.ndarray) -> np.ndarray:
-        if self.test_function is not None:
-            windows, length = np.lib.stride_tricks.sliding_window_view, self.test_function.size
-            fine = windows(usable, length)[:: self.stride].all(axis=1)
-            return np.asarray(windows(values, length, axis=0)[:: self.stride][fine] @ self.test_function)
-        if self.sos is not None:
-            values = sosfiltfilt(self.sos, values, axis=0)
-        return np.asarray(values[:: self.stride][usable[:: self.stride]])
-
-
-def _operator(log: Log, method: Method, width: float | None, parallel: float | None) -> _Operator:
-    dt = log.sample_time
-    if method == "weak":
-        samples = TEST_SAMPLES if width is None else int(round(width / dt))
-        if not 3 <= samples <= len(log) // 4:
-            raise InputError(
-                f"{log.path or 'the log'}: bumps of {samples} samples do not fit a log of {len(log)} samples; expected "
-                "at least 3 samples and at most a quarter of the log"
-            )
-        weights = np.sin(np.pi * (np.arange(samples) + 0.5) / samples) ** 2
-        stride = max(samples * STRIDE // TEST_SAMPLES, 1)
-        return _Operator(weights / weights.sum(), None, stride, samples // stride)
-    if parallel is None:
-        return _Operator(None, None, 1, 10)
-    if not 0.0 < parallel < 0.5 / dt:
-        raise InputError(f"parallel = {parallel:g} Hz; expected more than 0 and less than {0.5 / dt:g} Hz")
-    stride = max(int(round(1.0 / (DECIMATED * parallel * dt))), 1)
-    return _Operator(None, butter(ORDER, parallel, fs=1.0 / dt, output="sos"), stride, 2)
-
-
 def _rows(
     plant: Plant,
     balance: Balance,
     residuals: Sequence[str],
     free: Sequence[str],
     signals: MeasuredSignals,
-    operator: _Operator,
+    operator: RowFilter,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """A balance on one record: X (n, k), y (n,) with residual = y + X values, and the size of its term (n,).
 
@@ -309,61 +260,3 @@ def _nonlinear(
                     if not linear and name not in found:
                         found.append(name)
     return found
-
-
-def _solve(
-    X: np.ndarray, y: np.ndarray, nominal: np.ndarray, kinds: Sequence[ParameterKind], term: np.ndarray, lags: int
-) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Least squares of y + X values = 0, without the parameters that the rows don't determine, dropped one by one.
-
-    Returns values (k,), nominal where dropped, their standard deviations (k,), and the reasons for dropping.
-    """
-    values, sd = nominal.copy(), np.full(nominal.size, np.nan)
-    reasons = [""] * nominal.size
-    size = np.sqrt(np.mean(X**2, axis=0)) if nominal.size else np.zeros(0)
-    level = float(np.sqrt(np.mean(term**2)))
-    while True:
-        active = [i for i in range(nominal.size) if not reasons[i]]
-        if not active:
-            return values, sd, reasons
-        dropped = [i for i in range(nominal.size) if reasons[i]]
-        constant = y + X[:, dropped] @ values[dropped]
-        silent = [i for i in active if size[i] * max(abs(nominal[i]), 1e-300) == 0.0]
-        if silent:
-            reasons[silent[0]] = "has no effect in these records"
-            continue
-        if np.sqrt(np.mean(constant**2)) < 1e-9 * max(level, 1e-300):
-            # Everything known is zero: only ratios are determined, so the largest term is taken as known.
-            reasons[max(active, key=lambda i: size[i] * abs(nominal[i]))] = RATIO
-            continue
-        scale = size[active]
-        found, spread = _least_squares(X[:, active] / scale, -constant, lags)
-        values[active], sd[active] = found / scale, spread / scale
-        relative_sd = {}
-        for i in active:
-            natural = abs(values[i]) if kinds[i].lower >= 0.0 else level / size[i]
-            relative_sd[i] = sd[i] / max(natural, 1e-300)
-            if not kinds[i].lower <= values[i] <= kinds[i].upper or (kinds[i].lower_open and values[i] <= 0.0):
-                relative_sd[i] = np.inf
-        worst = max(relative_sd, key=lambda i: relative_sd[i])
-        if relative_sd[worst] <= VAGUE:
-            return values, sd, reasons
-        reasons[worst] = (
-            f"{values[worst]:.3g} {kinds[worst].unit} would be impossible"
-            if relative_sd[worst] == np.inf
-            else f"known to {100 * relative_sd[worst]:.0f} % only"
-        )
-        values[worst], sd[worst] = nominal[worst], np.nan
-
-
-def _least_squares(X: np.ndarray, y: np.ndarray, lags: int) -> tuple[np.ndarray, np.ndarray]:
-    """Solution (k,) and its standard deviations (k,), by Newey and West for residuals correlated over some rows."""
-    inverse = np.linalg.pinv(X.T @ X, hermitian=True)
-    solution: np.ndarray = np.linalg.lstsq(X, y, rcond=None)[0]
-    scores = X * (y - X @ solution)[:, None]
-    middle = scores.T @ scores
-    reach = max(2 * lags, int(np.ceil(4.0 * (y.size / 100.0) ** (2.0 / 9.0))))
-    for lag in range(1, min(reach, y.size - 1) + 1):
-        cross = scores[lag:].T @ scores[:-lag]
-        middle += (1.0 - lag / (reach + 1.0)) * (cross + cross.T)
-    return solution, np.sqrt(np.maximum(np.diag(inverse @ middle @ inverse), 0.0))

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from ..core.errors import SimulationError
+from ..core.errors import InputError, SimulationError
+from ..core.unit import factor
 from ..plant.plant import Plant
 from ..simulation.bench import record
 from ..simulation.engine import simulate_batch
 from ..simulation.limits import NAMES, SHOWN, reached, scale_of
 from ..simulation.trajectory import Trajectory
 from .parameters import FreeParameter, with_values
+
+#: Amplitudes below this share of the first trial are not searched; the largest amplitude without any limit [A].
+LEAST_AMPLITUDE, MOST_AMPLITUDE = 1e-2, 1e4
 
 
 @dataclass(frozen=True)
@@ -122,3 +126,102 @@ def _all_reached(plants: Sequence[Plant], time: np.ndarray, current: np.ndarray,
         values = {} if status else reached(plant, current, states, extremes)
         found.append(diverged if status else ReachedLimits(values, limit_shares(plant, values)))
     return found
+
+
+@dataclass(frozen=True)
+class AdmissibleRuns:
+    """Runs of a plant and of its variations under an input, checked against the limits.
+
+    margin: share of the way to each limit that the nominal plant has to leave. amplitude: largest current, A, or None.
+    """
+
+    plant: Plant
+    others: Sequence[Plant]
+    margin: float
+    amplitude: float | None
+
+    @property
+    def largest_peak(self) -> float | None:
+        """The largest peak of the current that could be allowed [A]."""
+        peaks = [] if self.amplitude is None else [self.amplitude]
+        if "motor_torque" in self.plant.limits:
+            peaks.append((1.0 - self.margin) * self.plant.limits["motor_torque"].value / self.plant["K_T"])
+        return min(peaks, default=None)
+
+    def run(
+        self, time: np.ndarray, current: np.ndarray, plant: Plant | None = None, *, centre: bool = True
+    ) -> Trajectory | None:
+        """The nominal plant, or another, with the rod held in its stroke; None if the run diverges."""
+        try:
+            return record(plant or self.plant, time, current, sensor_noise=False, centre=centre)[1]
+        except SimulationError:
+            return None
+
+    def exceeded(self, run: Trajectory | None) -> str:
+        """The limit that a run of the nominal plant exceeds, "range" or "amplitude"; "" for none."""
+        if run is None or run.stopped:
+            return "range"
+        used = reached_limits(run).shares
+        if used and max(used.values()) > 1.0 - self.margin:
+            return max(used, key=lambda name: used[name])
+        cap = np.inf if self.amplitude is None else self.amplitude
+        return "amplitude" if np.max(np.abs(run.current)) > cap * (1 + 1e-9) else ""
+
+    def exceeded_by_any(self, current: np.ndarray, time: np.ndarray, others: int) -> str:
+        """The limit that the nominal plant exceeds, or without margin one of the first `others` variations."""
+        why = self.exceeded(self.run(time, current))
+        if why:
+            return why
+        used = worst_of(self.others[:others], time, current, centre=True).shares
+        worst = max(used, key=lambda name: used[name], default="")
+        return worst if worst and used[worst] > 1.0 else ""
+
+    def check_rest(self, time: np.ndarray) -> None:
+        """Raise InputError if a limit is exceeded without any input."""
+        nothing, name = np.zeros(time.size), self.plant.name
+        why = self.exceeded(self.run(time, nothing))
+        if why in self.plant.limits:
+            raise InputError(
+                f"{name}: {limit_words(self.plant, why)} less a margin of {100 * self.margin:.0f} % is passed without "
+                "any input; no input can keep it"
+            )
+        if why:
+            raise InputError(f"{name}: can't be simulated even without an input")
+        why = self.exceeded_by_any(nothing, time, len(self.others))
+        if why:
+            raise InputError(
+                f"{name}: {limit_words(self.plant, why)} is passed without any input by a plant with slightly "
+                "different parameters (less friction does not hold the load); lower the load, or the spread of the "
+                "parameters"
+            )
+
+
+def largest_amplitude(exceeded: Callable[[float], str], top: float | None, refine: int) -> tuple[float, str]:
+    """The largest amplitude [A] that exceeds nothing, within some percent, and what a larger one exceeds.
+
+    0 if there is none down to LEAST_AMPLITUDE of the first trial.
+    """
+    low, high = 0.0, top or 1.0
+    while not (beyond := exceeded(high)) and top is None and high < MOST_AMPLITUDE:
+        low, high = high, 2.0 * high
+    if not beyond:
+        return high, ""
+    trial, least = high, LEAST_AMPLITUDE * high
+    while low == 0.0 or refine:
+        if low == 0.0:
+            trial *= 0.6
+            if trial < least:
+                return 0.0, beyond
+        else:
+            trial, refine = float(np.sqrt(low * high)), refine - 1
+        why = exceeded(trial)
+        if why:
+            beyond, high = why, trial
+        else:
+            low = trial
+    return low, beyond
+
+
+def limit_words(plant: Plant, name: str) -> str:
+    limit = plant.limits[name]
+    return f"the limit {name} = {limit.value / factor(SHOWN[name], limit.unit):.4g} {SHOWN[name]}"

@@ -14,12 +14,18 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..core.errors import InputError, SimulationError
-from ..core.unit import factor
 from ..plant.plant import Plant
-from ..simulation.bench import record
-from ..simulation.limits import SHOWN
 from ..simulation.trajectory import Trajectory
-from .input_limits import LimitUse, reached_limits, variations, worst_of
+from .input_limits import (
+    LEAST_AMPLITUDE,
+    AdmissibleRuns,
+    LimitUse,
+    largest_amplitude,
+    limit_words,
+    reached_limits,
+    variations,
+    worst_of,
+)
 from .input_shapes import InputShape, joined, single_shapes
 from .parameters import FreeParameter
 from .predicted_accuracy import MonteCarloCheck, PredictedAccuracy, check_accuracy, predict_accuracy
@@ -39,8 +45,6 @@ PAIRED = 60
 CHECKED = 3
 #: Score of an input that moves nothing.
 NOTHING = 1e9
-#: Amplitudes below this share of the first trial are not searched; the largest amplitude without any limit [A].
-LEAST_AMPLITUDE, MOST_AMPLITUDE = 1e-2, 1e4
 
 Watch = Callable[[str, int, int], None]
 Rank = tuple[int, float]
@@ -147,18 +151,14 @@ class InputSearch:
         """The plant for the screening: with high friction an input may fail to move anything."""
         return self.others[1] if len(self.others) > 1 else self.plant
 
-    @property
-    def largest_peak(self) -> float | None:
-        """The largest peak of the current that could be allowed [A]."""
-        peaks = [] if self.amplitude is None else [self.amplitude]
-        if "motor_torque" in self.plant.limits:
-            peaks.append((1.0 - self.margin) * self.plant.limits["motor_torque"].value / self.plant["K_T"])
-        return min(peaks, default=None)
+    @cached_property
+    def runs(self) -> AdmissibleRuns:
+        return AdmissibleRuns(self.plant, self.others, self.margin, self.amplitude)
 
     def candidates(self, kind: str) -> list[InputCandidate]:
         """Inputs tried in full, the best first. Raises InputError where there is none."""
         shapes = list(single_shapes(kind, self.seed, SEEDS))
-        self._check_rest()
+        self.runs.check_rest(self.short)
         screening, screened = self.stiff, self._screen_all(shapes, self.stiff)
         if not screened and self.stiff is not self.plant:
             screening, screened = self.plant, self._screen_all(shapes, self.plant)
@@ -198,7 +198,7 @@ class InputSearch:
 
     def worst_relative(self, chosen: InputCandidate) -> dict[str, float]:
         """Name -> the largest relative sd over the plant and its variations under this input."""
-        runs = [self._run(self.time, chosen.current, other, centre=chosen.centre) for other in self.others]
+        runs = [self.runs.run(self.time, chosen.current, other, centre=chosen.centre) for other in self.others]
         found = [here.relative if here is not None else {} for here in self._each("variations", self._accuracy, runs)]
         own = chosen.forecast.relative
         return {name: max(own[name], *(each.get(name, np.inf) for each in found)) for name in own} if found else own
@@ -217,87 +217,15 @@ class InputSearch:
                     self.watch(stage, len(found), len(items))
         return found
 
-    # Limits
-
-    def _run(
-        self, time: np.ndarray, current: np.ndarray, plant: Plant | None = None, *, centre: bool = True
-    ) -> Trajectory | None:
-        """The nominal plant, or another, with the rod held in its stroke; None if the run diverges."""
-        try:
-            return record(plant or self.plant, time, current, sensor_noise=False, centre=centre)[1]
-        except SimulationError:
-            return None
-
-    def _exceeded(self, run: Trajectory | None) -> str:
-        """The limit that a run of the nominal plant exceeds, "range" or "amplitude"; "" for none."""
-        if run is None or run.stopped:
-            return "range"
-        used = reached_limits(run).shares
-        if used and max(used.values()) > 1.0 - self.margin:
-            return max(used, key=lambda name: used[name])
-        cap = np.inf if self.amplitude is None else self.amplitude
-        return "amplitude" if np.max(np.abs(run.current)) > cap * (1 + 1e-9) else ""
-
-    def _exceeded_by_any(self, current: np.ndarray, time: np.ndarray, others: int) -> str:
-        """The limit that the nominal plant exceeds, or without margin one of the first `others` variations."""
-        why = self._exceeded(self._run(time, current))
-        if why:
-            return why
-        used = worst_of(self.others[:others], time, current, centre=True).shares
-        worst = max(used, key=lambda name: used[name], default="")
-        return worst if worst and used[worst] > 1.0 else ""
-
-    def _largest(self, exceeded: Callable[[float], str], top: float | None, refine: int) -> tuple[float, str]:
-        """The largest amplitude [A] that exceeds nothing, within some percent, and what a larger one exceeds.
-
-        0 if there is none down to LEAST_AMPLITUDE of the first trial.
-        """
-        low, high = 0.0, top or 1.0
-        while not (beyond := exceeded(high)) and top is None and high < MOST_AMPLITUDE:
-            low, high = high, 2.0 * high
-        if not beyond:
-            return high, ""
-        trial, least = high, LEAST_AMPLITUDE * high
-        while low == 0.0 or refine:
-            if low == 0.0:
-                trial *= 0.6
-                if trial < least:
-                    return 0.0, beyond
-            else:
-                trial, refine = float(np.sqrt(low * high)), refine - 1
-            why = exceeded(trial)
-            if why:
-                beyond, high = why, trial
-            else:
-                low = trial
-        return low, beyond
-
-    def _check_rest(self) -> None:
-        """The limits have to hold without any input."""
-        nothing = np.zeros(self.short.size)
-        why = self._exceeded(self._run(self.short, nothing))
-        if why in self.plant.limits:
-            raise InputError(
-                f"{self.plant.name}: {_limit_words(self.plant, why)} less a margin of {100 * self.margin:.0f} % is "
-                "passed without any input; no input can keep it"
-            )
-        if why:
-            raise InputError(f"{self.plant.name}: can't be simulated even without an input")
-        why = self._exceeded_by_any(nothing, self.short, len(self.others))
-        if why:
-            raise InputError(
-                f"{self.plant.name}: {_limit_words(self.plant, why)} is passed without any input by a plant with "
-                "slightly different parameters (less friction does not hold the load); lower the load, or the spread "
-                "of the parameters"
-            )
-
     def _nothing_moves(self) -> str:
         """The sentence for the case that no shape moves the plant: what limits a large sine."""
         time, shape = self.short, next(single_shapes("sine", self.seed, 1))
-        _, why = self._largest(lambda a: self._exceeded(self._run(time, shape.current(time, a))), self.largest_peak, 3)
+        _, why = largest_amplitude(
+            lambda a: self.runs.exceeded(self.runs.run(time, shape.current(time, a))), self.runs.largest_peak, 3
+        )
         within = "within the limits"
         if why in self.plant.limits:
-            within = f"within the limits, above all {_limit_words(self.plant, why)},"
+            within = f"within the limits, above all {limit_words(self.plant, why)},"
         elif self.amplitude is not None:
             within = f"of no more than {self.amplitude:g} A"
         return (
@@ -325,15 +253,15 @@ class InputSearch:
         """A shape over the short time, at fractions of the largest amplitude; empty if it moves nothing."""
         time = self.short
         # The first variation is enough here: with its low friction it moves furthest.
-        largest, _ = self._largest(
-            lambda a: self._exceeded_by_any(shape.current(time, a), time, 1), self.largest_peak, 3
+        largest, _ = largest_amplitude(
+            lambda a: self.runs.exceeded_by_any(shape.current(time, a), time, 1), self.runs.largest_peak, 3
         )
         found: list[ScreenedInput] = []
 
         def score(logarithm: float) -> float:
             """The criterion at a share of the largest amplitude; undetermined parameters count most."""
             amplitude = float(np.exp(logarithm)) * largest
-            here = self._accuracy(self._run(time, shape.current(time, amplitude), plant))
+            here = self._accuracy(self.runs.run(time, shape.current(time, amplitude), plant))
             if here is None:
                 return NOTHING
             information = here.fit.information
@@ -384,15 +312,15 @@ class InputSearch:
         """A shape over the whole time at no more than an amplitude, on the plant and on its variations."""
         time = self.time
         # The two corners are the hardest variations; the random ones are checked at the end.
-        amplitude, _ = self._largest(lambda a: self._exceeded_by_any(shape.current(time, a), time, 2), most, 2)
+        amplitude, _ = largest_amplitude(lambda a: self.runs.exceeded_by_any(shape.current(time, a), time, 2), most, 2)
         while amplitude > LEAST_AMPLITUDE * most:
             raw = shape.current(time, amplitude)
-            if not self._exceeded_by_any(raw, time, len(self.others)):
+            if not self.runs.exceeded_by_any(raw, time, len(self.others)):
                 break
             amplitude *= 0.9
         else:
             return None
-        run = self._run(time, raw)
+        run = self.runs.run(time, raw)
         here = self._accuracy(run)
         if run is None or here is None:
             return None
@@ -412,14 +340,9 @@ class InputSearch:
         )  # fmt: skip
         found = rank(here.fit.information, here.sizes, self.criterion)
         if screening is not self.plant:
-            other = self._accuracy(self._run(time, current, screening, centre=centre))
+            other = self._accuracy(self.runs.run(time, current, screening, centre=centre))
             if other is None:
                 found = (len(self.parameters), np.inf)
             else:
                 found = max(found, rank(other.fit.information, other.sizes, self.criterion))
         return InputCandidate(shape, amplitude, current, centre, limits, here, found)
-
-
-def _limit_words(plant: Plant, name: str) -> str:
-    limit = plant.limits[name]
-    return f"the limit {name} = {limit.value / factor(SHOWN[name], limit.unit):.4g} {SHOWN[name]}"

@@ -58,9 +58,9 @@ class SearchResult:
 
     best: lowest minimum. windows: those of its cost. starts: (name, noise ratio or residual size) of each start.
     agree: two starts reached the same minimum, or all that fit within the noise have the same parameters. disagreement:
-    noise ratios of the two lowest of the latter, if their costs are far apart; else None. spread (k, k): mean square distance
-    of acceptable other ends from the best, zero if two have the same cost. fell_back: short windows were fitted,
-    because no start could follow the logs.
+    noise ratios of the two lowest of the latter, if their costs are far apart; else None. spread (k, k): mean square
+    distance of acceptable other ends from the best, zero if two have the same cost. fell_back: short windows were
+    fitted, because no start could follow the logs.
     """
 
     best: Fit

@@ -106,7 +106,7 @@ def test_the_amplitude_that_is_found_is_a_minimum(plant):
     trials = search.screen(shape, plant)
 
     amplitudes = np.linspace(0.3, 1.0, 15) * max(trial.amplitude for trial in trials)
-    runs = (search._accuracy(search._run(search.short, shape.current(search.short, a))) for a in amplitudes)
+    runs = (search._accuracy(search.runs.run(search.short, shape.current(search.short, a))) for a in amplitudes)
     grid = [rank(here.fit.information, here.sizes, "worst") for here in runs if here is not None]
 
     assert min(trial.rank for trial in trials)[0] == 0 and len(trials) > 3
