@@ -25,7 +25,7 @@ from scipy.optimize import lsq_linear
 from ..core.errors import SimulationError
 from ..plant.plant import Plant
 from .fit_result import Diverged, Fit, Iterate, Progress
-from .parameters import FreeParameter, with_values
+from .parameters import FreeParameter, bounds_of, with_values
 from .residuals import WindowRun, simulate_window
 from .shooting import ShootingWindow
 
@@ -162,8 +162,7 @@ class _Problem:
         self.plant, self.windows, self.parameters = plant, windows, parameters
         self.drive_errors, self.weights, self.tolerance = drive_errors, weights, tolerance
         self.names = tuple(parameter.name for parameter in parameters)
-        self.lower = np.array([parameter.lower for parameter in parameters])
-        self.upper = np.array([parameter.upper for parameter in parameters])
+        self.lower, self.upper = bounds_of(parameters)
         self.prior = np.array([parameter.value for parameter in parameters])
         self.prior_weight = np.array([1.0 / p.prior_sd if p.prior_sd else 0.0 for p in parameters])
 

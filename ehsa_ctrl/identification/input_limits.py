@@ -16,7 +16,7 @@ from ..simulation.bench import record
 from ..simulation.engine import simulate_batch
 from ..simulation.limits import NAMES, SHOWN, reached, scale_of
 from ..simulation.trajectory import Trajectory
-from .parameters import FreeParameter, with_values
+from .parameters import FreeParameter, bounds_of, with_values
 
 #: Amplitudes below this share of the first trial are not searched; the largest amplitude without any limit [A].
 LEAST_AMPLITUDE, MOST_AMPLITUDE = 1e-2, 1e4
@@ -92,9 +92,8 @@ def variations(plant: Plant, parameters: Sequence[FreeParameter], spread: float,
     lossy = np.array([p.name in losses for p in symbols], dtype=float)
     random = np.random.default_rng([seed, 78])
     corners = [-lossy, lossy, *random.uniform(-1.0, 1.0, (max(draws - 2, 0), len(symbols)))][:draws]
-    lower, upper = np.array([p.lower for p in symbols]), np.array([p.upper for p in symbols])
     names = [p.name for p in symbols]
-    return [with_values(plant, names, np.clip(values + corner * reach, lower, upper)) for corner in corners]
+    return [with_values(plant, names, np.clip(values + corner * reach, *bounds_of(symbols))) for corner in corners]
 
 
 def worst_of(plants: Sequence[Plant], time: np.ndarray, current: np.ndarray, *, centre: bool) -> ReachedLimits:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,16 +13,11 @@ from ..plant.plant import Plant
 from .fit_result import Diverged, Fit, Iterate, Progress
 from .gauss_newton import INTERRUPTED, fit
 from .initial_state import sensor_sd
-from .parameters import FreeParameter
+from .parameters import FreeParameter, bounds_of
 from .shooting import ShootingWindow, shooting_windows
 from .uncertainty import SLIP_DEVIATIONS, parameter_covariance, within_noise
+from .window_stage import LOOSE, MISFIT, SHORT, WindowEnd, WindowStage
 
-#: Length of the windows of the first stage [s]: some events of sticking, not many.
-SHORT = 0.4
-#: Relative standard deviation of the priors that hold the parameters near their start in that stage.
-LOOSE = 0.3
-#: Largest number of random starts of the first stage, their relative spread, and how many in a row may gain nothing.
-WINDOW_DRAWS, WINDOW_SPREAD, PATIENCE = 10, 0.15, 3
 #: Two ends whose costs differ by less than this (squared standard deviations) are the same minimum.
 SAME_COST = 10.0
 #: Ends whose costs differ by more than this (ten standard deviations, squared) differ by several slips.
@@ -39,9 +34,6 @@ FAR_DEVIATIONS = 30.0
 REPAIRS, REPAIR_SAMPLES = 4, 20
 #: Input errors that are tried there, in standard deviations.
 REPAIR_ERRORS = (0.0, 1.5, -1.5, 3.0, -3.0)
-#: Residuals of short windows above this multiple of the noise's variance are model error, which no parameters remove.
-#: The channels are then weighted by their residuals instead of their noise, and the logged input is taken as exact.
-MISFIT = 3.0
 #: Above this multiple the logs could not be followed in free run; short windows may be.
 NOT_FOLLOWED = 1.5
 #: Number of window-stage results from which the fallback to short windows starts.
@@ -71,14 +63,6 @@ class SearchResult:
     spread: np.ndarray
     fell_back: bool
     interrupted: bool
-
-
-class _WindowEnd(NamedTuple):
-    """Result of the window stage: cost per residual, name of the start, parameter values."""
-
-    cost: float
-    name: str
-    values: np.ndarray
 
 
 def multi_start(
@@ -141,8 +125,7 @@ class _Search:
         self.short = [piece for log in logs for piece in shooting_windows(plant, log, SHORT)]
         self.windows = [piece for log in logs for piece in shooting_windows(plant, log, window)]
         self.random = np.random.default_rng(seed)
-        self.lower = np.array([parameter.lower for parameter in parameters])
-        self.upper = np.array([parameter.upper for parameter in parameters])
+        self.bounds = bounds_of(parameters)
         self.best: Fit | None = None
         self.best_size = np.inf
         self.ends: list[Fit] = []
@@ -158,7 +141,8 @@ class _Search:
         """All stages; Diverged if no start could be simulated."""
         nominal = np.array([parameter.value for parameter in self.parameters])
         balances = np.array([first.get(parameter.name, parameter.value) for parameter in self.parameters])
-        ends = self._window_stage({"balances": balances, "plant": nominal} if first else {"plant": nominal})
+        candidates = {"balances": balances, "plant": nominal} if first else {"plant": nominal}
+        ends = WindowStage(self.plant, self.parameters, self.short, self.watch).run(candidates, self.random)
         if isinstance(ends, Diverged):
             return ends
         # One start with a bad fit is a bad start as long as another one fits; otherwise the model is wrong.
@@ -193,67 +177,6 @@ class _Search:
         if self.best.noise_ratio > NOT_FOLLOWED:
             self._fall_back([end.values for end in fitting[:FALLBACK_STARTS]], lost)
         return None
-
-    # Short windows
-
-    def _window_stage(self, candidates: Mapping[str, np.ndarray]) -> list[_WindowEnd] | Diverged:
-        """Each candidate fitted over short windows, the best first.
-
-        Windows have wrong minima too, but a fit to them is cheap and its cost shows it: while none is as small as
-        noise, values between the candidates are drawn, until some in a row gain nothing.
-        """
-        ends: list[_WindowEnd] = []
-        best: Fit | None = None
-        diverged: Diverged | None = None
-        named, first = list(candidates.items()), np.array(list(candidates.values()))
-        without_gain, fine = 0, False
-        for number in range(len(named) + WINDOW_DRAWS):
-            if number < len(named):
-                name, values = named[number]
-            else:
-                share = self.random.random(first.shape[1])
-                away = np.exp(WINDOW_SPREAD * self.random.standard_normal(first.shape[1]))
-                name = f"window draw {number - len(named) + 1}"
-                values = away * (share * first[0] + (1.0 - share) * first[-1])
-            found = self._fit_short(name, values, self.short)
-            if isinstance(found, Diverged):
-                diverged = found
-                continue
-            lowest = best.reduced_cost if best is not None else np.inf
-            without_gain = 0 if found.reduced_cost < 0.995 * lowest else without_gain + 1
-            ends.append(_WindowEnd(found.reduced_cost, name, found.values))
-            best = found if found.reduced_cost < lowest else best
-            fine = fine or within_noise(found, 1.0)
-            if number + 1 >= len(named) and (fine or without_gain >= PATIENCE):
-                break
-        if best is None:
-            assert diverged is not None
-            return diverged
-        ends.sort(key=lambda end: end.cost)
-        if best.reduced_cost <= MISFIT:
-            ends[:0] = self._without_missed_slips(best)
-        return ends
-
-    def _without_missed_slips(self, best: Fit) -> list[_WindowEnd]:
-        """The best start again over the windows that fit: one with a missed slip biases the parameters."""
-        excess = [size for size, _ in best.worst_blocks]
-        windows = [w for w, size in zip(self.short, excess, strict=True) if size < 2.0 * SLIP_DEVIATIONS]
-        if len(windows) == len(self.short) or 2 * len(windows) < len(self.short):
-            return []
-        name = "without misses"
-        found = self._fit_short(name, best.values, windows)
-        return [] if isinstance(found, Diverged) else [_WindowEnd(found.reduced_cost, name, found.values)]
-
-    def _fit_short(self, name: str, values: np.ndarray, windows: Sequence[ShootingWindow]) -> Fit | Diverged:
-        """Fit over short windows with a loose prior around the start values."""
-        held = [
-            replace(parameter, value=float(value), prior_sd=parameter.prior_sd or LOOSE * abs(value) or None)
-            for parameter, value in zip(self.parameters, np.clip(values, self.lower, self.upper), strict=True)
-        ]
-        return fit(
-            self.plant, windows, held, stage=f"{name}, windows of {SHORT:g} s", steps=15, enough=1e-2,
-            drive_errors=False, watch=self.watch,
-        )  # fmt: skip
 
     # The logs as they are
 
@@ -317,7 +240,7 @@ class _Search:
             values, sd = self.best.values, parameter_covariance(self.best).sd
             size = np.maximum(np.abs(values), 1e-300)
             spread = np.clip(deviations * np.where(np.isfinite(sd), sd, size) / size, 1e-3 * deviations, LOOSE)
-        return np.clip(values * np.exp(spread * self.random.standard_normal(values.size)), self.lower, self.upper)
+        return np.clip(values * np.exp(spread * self.random.standard_normal(values.size)), *self.bounds)
 
     # Agreement of ends
 
@@ -365,7 +288,7 @@ class _Search:
 
     # Models that do not fit, and logs that can't be followed
 
-    def _weight_by_residuals(self, ends: Sequence[_WindowEnd], starts: int) -> Diverged | None:
+    def _weight_by_residuals(self, ends: Sequence[WindowEnd], starts: int) -> Diverged | None:
         """Minimise the product of the channels' residual variances, from the first starts that can be simulated.
 
         The weights are the residuals of the iteration before: maximum likelihood with an unknown variance for each

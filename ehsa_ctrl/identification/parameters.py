@@ -53,6 +53,11 @@ class FreeParameter:
         return max(abs(value), logs[0].sample_time) if word in ("delay", "filter") else abs(value)
 
 
+def bounds_of(parameters: Sequence[FreeParameter]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds (k,)."""
+    return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
+
+
 def free_parameters(
     plant: Plant,
     *,
