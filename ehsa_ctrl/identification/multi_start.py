@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ..core.log import Log
 from ..plant.plant import Plant
 from .fit_result import Diverged, Fit, Iterate, Progress
-from .gauss_newton import INTERRUPTED, fit
+from .gauss_newton import ENOUGH_COST, INTERRUPTED, fit
 from .initial_state import sensor_sd
 from .parameters import FreeParameter, bounds_of
 from .shooting import ShootingWindow, shooting_windows
@@ -172,7 +171,7 @@ class _Search:
         if not self.agree and not lost and within_noise(self.best):
             self._search_near_best()
         if not lost:
-            self._continue_from(self.best.iterate, "best")
+            self._fit_log("best", begin=self.best.iterate)
             self._repair_missed_slips()
         if self.best.noise_ratio > NOT_FOLLOWED:
             self._fall_back([end.values for end in fitting[:FALLBACK_STARTS]], lost)
@@ -180,9 +179,20 @@ class _Search:
 
     # The logs as they are
 
-    def _fit_log(self, **how: Any) -> Fit | Diverged:
+    def _fit_log(
+        self,
+        stage: str,
+        *,
+        start: np.ndarray | None = None,
+        begin: Iterate | None = None,
+        steps: int = 40,
+        enough: float = ENOUGH_COST,
+    ) -> Fit | Diverged:
         """Fit over the windows of the cost and keep the result if it is the lowest; also when interrupted."""
-        found = fit(self.plant, self.windows, self.parameters, watch=self.watch, interruptible=True, **how)
+        found = fit(
+            self.plant, self.windows, self.parameters, start=start, begin=begin, steps=steps, enough=enough,
+            stage=stage, watch=self.watch, interruptible=True,
+        )  # fmt: skip
         if not isinstance(found, Diverged):
             if self.best is None or found.objective <= self.best.objective:
                 self.best = found
@@ -192,16 +202,12 @@ class _Search:
 
     def _fit_from(self, name: str, values: np.ndarray) -> Diverged | None:
         """One start over the logs, to its end."""
-        found = self._fit_log(start=values, stage=name, steps=25, enough=1e-4)
+        found = self._fit_log(name, start=values, steps=25, enough=1e-4)
         if isinstance(found, Diverged):
             return found
         self.starts.append((name, found.noise_ratio))
         self.ends.append(found)
         return None
-
-    def _continue_from(self, begin: Iterate, stage: str) -> None:
-        """From an iterate to the minimum that it leads to."""
-        self._fit_log(begin=begin, stage=stage)
 
     def _search_near_best(self) -> None:
         """Starts around the best end, where none from afar reached it: do they lead back to it, or lower?"""
@@ -226,7 +232,7 @@ class _Search:
             for error in REPAIR_ERRORS:
                 errors = [each.copy() for each in best.iterate.errors]
                 errors[run][max(at - REPAIR_SAMPLES, 0) : at + REPAIR_SAMPLES] = error * sd
-                self._continue_from(replace(best.iterate, errors=tuple(errors), runs=()), f"repair {attempt + 1}")
+                self._fit_log(f"repair {attempt + 1}", begin=replace(best.iterate, errors=tuple(errors), runs=()))
                 if self.lowest.objective < best.objective - SAME_COST:
                     break
             else:
