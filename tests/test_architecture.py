@@ -63,13 +63,6 @@ def test_design_does_not_see_the_nonlinear_plant():
     assert ALLOWED["design"] == {"core"}
 
 
-#: Class names that two modules still share; the list only shrinks.
-SHARED_NAMES = {
-    "Candidate", "Case", "Column", "Finding", "Judge", "Loop", "Metric", "Point",
-    "Refit", "Search", "Section", "Table", "Trajectory", "Trial", "Uncertainty", "Variable",
-}  # fmt: skip
-
-
 def test_no_two_classes_share_a_name():
     """A class name says which class is meant wherever it is read, without the module."""
     modules = {}
@@ -77,7 +70,7 @@ def test_no_two_classes_share_a_name():
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ClassDef):
                 modules.setdefault(node.name, set()).add(path.relative_to(PACKAGE).as_posix())
-    shared = {name: sorted(paths) for name, paths in modules.items() if len(paths) > 1 and name not in SHARED_NAMES}
+    shared = {name: sorted(paths) for name, paths in modules.items() if len(paths) > 1}
 
     assert not shared
 

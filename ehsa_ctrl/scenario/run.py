@@ -71,7 +71,7 @@ def run(
         settings=case.settings,
     )
     if assumed or (assumed is None and case.controller.compiled is not None):
-        result = replace(result, sensitivities=assumption_sensitivity(case, kept=not result.limit_failures))
+        result = replace(result, sensitivities=assumption_sensitivity(case, nominal_passed=not result.limit_failures))
     # A baseline belongs to the scenario's own plant and to a controller from a file.
     recorded = not plant and not design and not settings and (controller is None or isinstance(controller, str | Path))
     path = baseline_path(result) if recorded else None

@@ -46,14 +46,14 @@ class RangeEnd:
 class AssumptionSensitivity:
     """Effect of one assumed parameter on a scenario over the parameter's range.
 
-    parameter: as in the plant's file. low, high: the scenario at the ends of the range. kept: whether the limits hold
+    parameter: as in the plant's file. low, high: the scenario at the ends of the range. nominal_passed: whether the limits hold
     at the nominal value.
     """
 
     parameter: Parameter
     low: RangeEnd
     high: RangeEnd
-    kept: bool
+    nominal_passed: bool
 
     @property
     def ends(self) -> tuple[RangeEnd, RangeEnd]:
@@ -62,7 +62,7 @@ class AssumptionSensitivity:
     @property
     def flips(self) -> bool:
         """Whether the verdict at an end differs from the nominal one."""
-        return any(end.passed != self.kept for end in self.ends)
+        return any(end.passed != self.nominal_passed for end in self.ends)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for results.json, SI units."""
@@ -76,21 +76,21 @@ class AssumptionSensitivity:
                 for e in self.ends
             ],
             "flips": self.flips,
-            "kept": self.kept,
+            "kept": self.nominal_passed,
         }
 
 
-def assumption_sensitivity(case: PreparedScenario, kept: bool) -> tuple[AssumptionSensitivity, ...]:
+def assumption_sensitivity(case: PreparedScenario, nominal_passed: bool) -> tuple[AssumptionSensitivity, ...]:
     """Run a scenario with each assumed parameter at both ends of its range, one parameter at a time.
 
     The controller keeps its design for the nominal values, as it would on the rig. Parameters that were set for this
     run, and those without bounds in the file, are left out. `monte_carlo` covers combinations of parameters.
 
-    kept: whether the limits of scenario and plant hold at the nominal values.
+    nominal_passed: whether the limits of scenario and plant hold at the nominal values.
     """
     plant = case.nonlinear
     return tuple(
-        AssumptionSensitivity(p, _range_end(case, name, p.lower), _range_end(case, name, p.upper), kept)
+        AssumptionSensitivity(p, _range_end(case, name, p.lower), _range_end(case, name, p.upper), nominal_passed)
         for name, p in plant.parameters.items()
         if p.source == "assumed" and isfinite(p.lower) and isfinite(p.upper)
     )

@@ -57,7 +57,7 @@ def test_what_a_setting_gave_is_not_assumed():
     """A value set for the run counts as certain: it has no range."""
     case = prepare(scenario(settings={"K_T": "1.1 N m/A"}))
 
-    assert "K_T" not in {swing.parameter.name for swing in assumption_sensitivity(case, kept=True)}
+    assert "K_T" not in {swing.parameter.name for swing in assumption_sensitivity(case, nominal_passed=True)}
 
 
 def test_a_limit_between_both_ends_flips_the_verdict(result):
@@ -94,7 +94,7 @@ def test_a_run_that_can_not_be_made_is_a_failure_and_no_crash(monkeypatch):
         return whole(self, plant, seed)
 
     monkeypatch.setattr(PreparedScenario, "simulate", stops)
-    swing = next(s for s in assumption_sensitivity(case, kept=True) if s.parameter.name == "K_T")
+    swing = next(s for s in assumption_sensitivity(case, nominal_passed=True) if s.parameter.name == "K_T")
 
     assert swing.low.passed and swing.high.failures == ("left the range of its equations",)
     assert swing.flips and swing.high.metrics == {}
