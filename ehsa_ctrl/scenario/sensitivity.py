@@ -46,8 +46,8 @@ class RangeEnd:
 class AssumptionSensitivity:
     """Effect of one assumed parameter on a scenario over the parameter's range.
 
-    parameter: as in the plant's file. low, high: the scenario at the ends of the range. nominal_passed: whether the limits hold
-    at the nominal value.
+    parameter: as in the plant's file. low, high: the scenario at the ends of the range.
+    nominal_passed: whether the limits hold at the nominal value.
     """
 
     parameter: Parameter
