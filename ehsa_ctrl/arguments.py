@@ -259,7 +259,7 @@ _NAMES = {
     WHOLE: "direction draws jobs lag n points rehearsals runs shortest starts",
     SEED: "seed",
     FLAG: "anew assumed centre check compiled raise_on_failure sensor_noise uniform",
-    TEXT: "address backend chambers criterion kind label method name rod_friction shaft_friction system_name",
+    TEXT: "chambers criterion kind label method name rod_friction shaft_friction system_name",
     TEXT | PATH: "file folder identification path",
     ARRAY: "current force measured reference simulated start time",
     NUMBERS: "betas masses positions stiffnesses velocities",

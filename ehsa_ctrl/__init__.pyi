@@ -1,0 +1,334 @@
+"""Types of the public names, which are loaded on first use; where a name or path will do, its type says so."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import control
+import numpy as np
+import numpy.typing as npt
+
+from .core.catalogue import controllers as controllers
+from .core.catalogue import plants as plants
+from .core.catalogue import scenarios as scenarios
+from .core.controller_interface import Controller
+from .core.errors import EhsaError as EhsaError
+from .core.errors import InputError as InputError
+from .core.errors import SimulationError as SimulationError
+from .core.log import Column
+from .core.log import Log as Log
+from .design.analysis.loop import LoopAnalysis
+from .design.analysis.robustness import RobustMargins
+from .design.analysis.system import Analysis
+from .design.controller import SampledController
+from .design.review import Known as Known
+from .design.review import Review
+from .diagnosis.batch import Batch as _LogBatch
+from .diagnosis.changed import Change
+from .diagnosis.diagnosis import Diagnosis as Diagnosis
+from .identification.checks import LogFinding
+from .identification.comparison import Comparison
+from .identification.experiment import ExperimentDesign
+from .identification.fit_result import Progress
+from .identification.identification import Identification
+from .identification.predicted_accuracy import PredictedAccuracy
+from .identification.preparation import Preparation as Preparation
+from .identification.refits import Profile
+from .plant.conditions import Condition
+from .plant.draws import Covariance
+from .plant.plant import Model
+from .plant.plant import Plant as Plant
+from .plant.structure import Structure as Structure
+from .scenario.definition import Scenario
+from .scenario.montecarlo import MonteCarlo
+from .scenario.result import ScenarioResult
+from .simulation.closed_loop import ClosedLoop
+from .simulation.engine import Batch as _RunBatch
+from .simulation.engine import Hold
+from .simulation.faults import Faults
+from .simulation.reference import ReferenceRun
+from .simulation.sensitivity import Sensitivities
+from .simulation.sensors import Sensors
+from .simulation.stepped_run import SteppedRun as SteppedRun
+from .simulation.trajectory import Trajectory
+
+_PlantLike = Plant | str | Path
+_LogLike = Log | str | Path
+_SystemLike = control.StateSpace | Plant | str | Path
+_ControllerLike = Controller | str | Path
+_ArrayLike = npt.NDArray[np.number] | Sequence[float]
+
+__version__: str
+__all__: list[str]
+
+def analyse(system: _SystemLike) -> Analysis: ...
+def analyse_loop(
+    system: _SystemLike,
+    controller: _ControllerLike,
+    *,
+    lag: int = 0,
+    delay: float = 0.0,
+    noise: Mapping[str, float] | None = None,
+    points: int = 1200,
+) -> LoopAnalysis: ...
+def check_log(log: _LogLike, plant: _PlantLike) -> tuple[LogFinding, ...]: ...
+def conditions(
+    *,
+    positions: Sequence[float] = (0.0,),
+    velocities: Sequence[float] = (0.05,),
+    stiffnesses: Sequence[float] = (),
+    masses: Sequence[float] = (),
+    betas: Sequence[float] = (),
+) -> list[Condition]: ...
+def design_experiment(
+    plant: _PlantLike,
+    *,
+    duration: float = 20.0,
+    kind: str = "best",
+    free: str | Iterable[str] = (),
+    fix: str | Iterable[str] = (),
+    amplitude: float | None = None,
+    criterion: str = "worst",
+    margin: float = 0.15,
+    spread: float = 0.3,
+    draws: int = 8,
+    rehearsals: int = 6,
+    seed: int = 0,
+    jobs: int | None = None,
+    watch: Callable[[str, int, int], None] | None = None,
+) -> ExperimentDesign: ...
+def diagnose(
+    plant: _PlantLike,
+    log: _LogLike,
+    *,
+    validate: _LogLike | None = None,
+    threshold: float = 0.03,
+    jobs: int | None = None,
+    watch: Callable[[str, int, int], None] | None = None,
+    check: bool = True,
+) -> Diagnosis: ...
+def diagnose_many(
+    plant: _PlantLike,
+    logs: Sequence[str | Path | Log],
+    *,
+    threshold: float = 0.03,
+    check: bool = True,
+    jobs: int = 1,
+    file: str | Path | None = None,
+    anew: bool = False,
+    watch: Callable[[int, int], None] | None = None,
+    keep: Callable[[str, Diagnosis], None] | None = None,
+) -> _LogBatch: ...
+def draw(
+    plant: _PlantLike,
+    n: int,
+    *,
+    seed: int = 0,
+    within: float = 2.0,
+    covariance: Covariance | None = None,
+    names: str | Iterable[str] | None = None,
+    unknown: float = 0.0,
+    assumed: bool = False,
+) -> list[Plant]: ...
+def drawn_models(
+    plant: _PlantLike, plants: Iterable[Plant], conditions: Sequence[Condition] = ...
+) -> dict[str, control.StateSpace]: ...
+def excitation(
+    name: str, *, amplitude: float = 1.5, duration: float = 10.0, sample_time: float = 0.004, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]: ...
+def export_fmu(plant: _PlantLike, path: str | Path, *, force: bool = False) -> Path: ...
+def fit_percent(measured: _ArrayLike, simulated: _ArrayLike) -> float: ...
+def forecast(
+    plant: _PlantLike,
+    time: _ArrayLike,
+    current: _ArrayLike,
+    *,
+    free: str | Iterable[str] = (),
+    fix: str | Iterable[str] = (),
+    centre: bool = False,
+) -> PredictedAccuracy: ...
+def four_state(plant: _PlantLike) -> control.StateSpace: ...
+def gap(plant: _PlantLike, log: _LogLike) -> dict[str, float]: ...
+def identify(
+    plant: _PlantLike,
+    logs: _LogLike | Sequence[_LogLike],
+    *,
+    validate: Sequence[_LogLike] | str | Path = (),
+    free: str | Iterable[str] = (),
+    fix: str | Iterable[str] = (),
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, float | None] | None = None,
+    method: Literal["simulation", "balances"] | None = None,
+    window: float | None = None,
+    starts: int = 6,
+    seed: int = 0,
+    watch: Callable[[Progress], None] | None = None,
+    check: bool = True,
+) -> Identification: ...
+def known_of(plant: _PlantLike) -> Known: ...
+def linearise(
+    plant: _PlantLike, *, position: float = 0.0, pressure_level: float | None = None, velocity: float = 0.05
+) -> control.StateSpace: ...
+def load_controller(
+    name: str | Path, system: _SystemLike, *, sample_time: float | None = None
+) -> SampledController: ...
+def load_plant(
+    name: str | Path, *, model: Model = "nonlinear", settings: Mapping[str, str | float] | None = None
+) -> Plant: ...
+def load_scenario(name: str | Path) -> Scenario: ...
+def monte_carlo(
+    scenario: str | Path | Scenario,
+    *,
+    runs: int = 1000,
+    seed: int = 0,
+    controller: str | Path | Controller | None = None,
+    plant: str | Path | Plant | None = None,
+    design: str | Path | Plant | None = None,
+    settings: Mapping[str, str | float] | None = None,
+    identification: str | Path | None = None,
+    jobs: int = 1,
+    file: str | Path | None = None,
+    anew: bool = False,
+    watch: Callable[[int, int], None] | None = None,
+) -> MonteCarlo: ...
+def profile(found: Identification, name: str) -> Profile: ...
+def read_log(
+    path: str | Path,
+    required: str | Sequence[str],
+    *,
+    columns: Mapping[str, Column] | None = None,
+    shortest: int = 2,
+    uniform: bool = True,
+    wanted: str | Sequence[str] = (),
+    span: tuple[float | None, float | None] = (None, None),
+) -> Log: ...
+def read_plant_log(
+    path: str | Path,
+    plant: _PlantLike,
+    *,
+    shortest: int = 25,
+    uniform: bool = True,
+    span: tuple[float | None, float | None] = (None, None),
+) -> Log: ...
+def record(
+    plant: _PlantLike,
+    time: _ArrayLike,
+    current: _ArrayLike,
+    *,
+    seed: int = 0,
+    sensor_noise: bool = True,
+    centre: bool = False,
+    tolerance: float = 1e-06,
+) -> tuple[Log, Trajectory]: ...
+def replay(plant: _PlantLike, log: _LogLike, *, before: _LogLike | None = None) -> Comparison: ...
+def review(
+    system: _SystemLike,
+    controller: _ControllerLike,
+    *,
+    known: Known | None = None,
+    robust: RobustMargins | None = None,
+    lag: int = 0,
+) -> Review: ...
+def robust_margins(
+    systems: Mapping[str, control.StateSpace],
+    controller: _ControllerLike,
+    *,
+    lag: int = 0,
+    delay: float = 0.0,
+    points: int = 300,
+) -> RobustMargins: ...
+def run(
+    scenario: str | Path | Scenario,
+    *,
+    controller: str | Path | Controller | None = None,
+    plant: str | Path | Plant | None = None,
+    design: str | Path | Plant | None = None,
+    assumed: bool | None = False,
+    settings: Mapping[str, str | float] | None = None,
+) -> ScenarioResult: ...
+def run_closed_loop(
+    plant: _PlantLike,
+    controller: _ControllerLike,
+    reference: _ArrayLike,
+    *,
+    force: _ArrayLike | None = None,
+    sensors: Sensors | None = None,
+    lag: int = 0,
+    faults: Faults | None = None,
+    start: _ArrayLike | None = None,
+    tolerance: float = 1e-06,
+    compiled: bool | None = None,
+    raise_on_failure: bool = True,
+) -> ClosedLoop: ...
+def sensitivities(
+    plant: _PlantLike,
+    parameters: str | Sequence[str],
+    current: _ArrayLike,
+    *,
+    initial_states: str | Sequence[str] = (),
+    force: _ArrayLike | None = None,
+    hold: Hold = "zero_order",
+    start: _ArrayLike | None = None,
+    sample_time: float | None = None,
+    tolerance: float = 1e-06,
+) -> Sensitivities: ...
+def shortest_time(
+    plant: _PlantLike,
+    distance: float,
+    current_limit: float,
+    *,
+    start: float = 0.0,
+    band: float = 0.0,
+    speed_limit: float | None = None,
+) -> float: ...
+def simulate(
+    plant: _PlantLike,
+    current: _ArrayLike | control.TimeResponseData,
+    *,
+    force: _ArrayLike | None = None,
+    hold: Hold = "zero_order",
+    start: _ArrayLike | None = None,
+    sample_time: float | None = None,
+    tolerance: float = 1e-06,
+    raise_on_failure: bool = True,
+) -> Trajectory: ...
+def simulate_batch(
+    plant: _PlantLike,
+    parameters: _ArrayLike,
+    current: _ArrayLike,
+    *,
+    force: _ArrayLike | None = None,
+    hold: Hold = "zero_order",
+    start: _ArrayLike | None = None,
+    sample_time: float | None = None,
+    tolerance: float = 0.0001,
+    jobs: int | None = None,
+) -> _RunBatch: ...
+def simulate_reference(
+    plant: _PlantLike,
+    current: _ArrayLike,
+    *,
+    force: _ArrayLike | None = None,
+    hold: Hold = "zero_order",
+    start: _ArrayLike | None = None,
+    sample_time: float | None = None,
+    method: str = "DOP853",
+    rtol: float = 1e-10,
+) -> ReferenceRun: ...
+def slip_quantum(
+    plant: _PlantLike, *, width: float | None = None, direction: int = 1, excess: float = 0.001
+) -> float: ...
+def three_state(plant: _PlantLike, *, position: bool = True) -> control.StateSpace: ...
+def to_iosystem(plant: _PlantLike, *, widths: dict[str, float] | None = None) -> control.NonlinearIOSystem: ...
+def what_changed(
+    plant: _PlantLike,
+    before: _LogLike,
+    after: _LogLike,
+    *,
+    threshold: float = 0.03,
+    jobs: int | None = None,
+    watch: Callable[[str, int, int], None] | None = None,
+    check: bool = True,
+) -> Change: ...
+def write_plant(path: str | Path, *plants: _PlantLike, force: bool = False) -> Path: ...
+def write_report(result: Any, folder: str | Path, *, force: bool = False) -> Path: ...
