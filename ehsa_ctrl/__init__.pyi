@@ -23,7 +23,7 @@ from .design.analysis.system import Analysis
 from .design.controller import SampledController
 from .design.review import Known as Known
 from .design.review import Review
-from .diagnosis.batch import Batch as _LogBatch
+from .diagnosis.batch import LogBatch
 from .diagnosis.changed import Change
 from .diagnosis.diagnosis import Diagnosis as Diagnosis
 from .identification.checks import LogFinding
@@ -43,8 +43,7 @@ from .scenario.definition import Scenario
 from .scenario.montecarlo import MonteCarlo
 from .scenario.result import ScenarioResult
 from .simulation.closed_loop import ClosedLoop
-from .simulation.engine import Batch as _RunBatch
-from .simulation.engine import Hold
+from .simulation.engine import Batch, Hold
 from .simulation.faults import Faults
 from .simulation.reference import ReferenceRun
 from .simulation.sensitivity import Sensitivities
@@ -118,7 +117,7 @@ def diagnose_many(
     anew: bool = False,
     watch: Callable[[int, int], None] | None = None,
     keep: Callable[[str, Diagnosis], None] | None = None,
-) -> _LogBatch: ...
+) -> LogBatch: ...
 def draw(
     plant: _PlantLike,
     n: int,
@@ -303,7 +302,7 @@ def simulate_batch(
     sample_time: float | None = None,
     tolerance: float = 0.0001,
     jobs: int | None = None,
-) -> _RunBatch: ...
+) -> Batch: ...
 def simulate_reference(
     plant: _PlantLike,
     current: _ArrayLike,
