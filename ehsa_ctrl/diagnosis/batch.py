@@ -1,4 +1,4 @@
-"""Many logs of one rig, diagnosed one beside the other; an interrupt keeps what is done."""
+"""Diagnoses of many logs of one rig; an interrupt keeps those that are done."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.checkpoint import Checkpoint, open_checkpoint
+from ..core.checkpoint import open_checkpoint
 from ..core.errors import EhsaError, InputError
 from ..core.files import parse_json
 from ..core.log import Log
@@ -29,16 +29,20 @@ if TYPE_CHECKING:
     import pandas
 
 
+#: Fields of a row that are numbers.
+NUMBERS = ("probability", "gap_before", "gap_after", "seconds")
+
+
 @dataclass(frozen=True)
 class Row:
-    """What a diagnosis found in one log, in a line of a table.
+    """The diagnosis of one log as a row of a table.
 
     Attributes
     ----------
     file: the log. verdict: as in `Diagnosis`; empty where it could not be diagnosed, for the reason in `error`.
-    cause: name of the first cause; set: it and what this log can't tell from it; probability: of the first cause.
-    place: with the largest share. gap_before, gap_after: in total on held-out data, as believed and with the causes.
-    seconds: it took. digest: of the log's content.
+    cause: name of the first cause; set: it and those that this log can't tell from it; probability: of the first cause.
+    place: with the largest share. gap_before, gap_after: in total on held-out data, nominal and with the causes.
+    seconds: of computation. digest: of the log's content.
     """
 
     file: str
@@ -69,22 +73,31 @@ class Row:
             digest=digest,
         )
 
+    @classmethod
+    def from_line(cls, line: str) -> Row:
+        """From a line of JSON."""
+        content = parse_json(line)
+        numbers = {name: math.nan if content[name] is None else float(content[name]) for name in NUMBERS}
+        return cls(**(content | numbers | {"set": tuple(content["set"])}))
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values; null where there is none."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {
-            name: None if isinstance(value, float) and not math.isfinite(value) else value
-            for name, value in values.items()
-        } | {"set": list(self.set)}
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {
+            "set": list(self.set),
+            **{name: getattr(self, name) if math.isfinite(getattr(self, name)) else None for name in NUMBERS},
+        }
+
+    def to_line(self) -> str:
+        return json.dumps(self.to_dict())
 
 
 @dataclass(frozen=True)
 class LogBatch:
-    """What many logs of one rig say.
+    """The diagnoses of many logs of one rig.
 
     Attributes
     ----------
-    plant: name of what was believed. threshold: a gap from which on it matters.
+    plant: name of the nominal plant. threshold: a gap from which on it matters.
     rows: of the logs that are done, in the order in which they were given.
     diagnoses: file -> diagnosis, of those that were made in this call and not handed to `keep`.
     interrupted: not all logs are done.
@@ -103,12 +116,11 @@ class LogBatch:
 
     @property
     def counts(self) -> dict[str, int]:
-        """First causes, or the verdict where none was named, and in how many logs; the most frequent first."""
+        """First cause, or verdict where none is named -> number of logs; the most frequent first."""
         found: dict[str, int] = {}
         for row in self.rows:
-            word = "failed" if row.error else row.verdict
-            if row.verdict in ("effect", "ambiguous"):
-                word = row.cause
+            named = row.verdict in ("effect", "ambiguous")
+            word = "failed" if row.error else row.cause if named else row.verdict
             found[word] = found.get(word, 0) + 1
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
@@ -160,11 +172,11 @@ def diagnose_many(
     logs: files, or logs that were read already.
     jobs: workers; -1 for all; by default those of joblib's context (`joblib.parallel_config`), else 1. Without a
         backend in that context: processes, as a good part of a diagnosis holds Python's lock.
-    file: where each row is appended as it comes, a JSON line each. A file of the same plant and threshold is
-        continued: logs that it has are not diagnosed again unless they have changed; those that failed are.
-    watch: called with how many logs are done and how many there will be.
-    anew: begin the file again instead, once the first row is there.
-    keep: called with each file and its diagnosis as it comes, which is not kept in the result then.
+    file: each row is appended to it when it is done, as a line of JSON. A file of the same plant and threshold is
+        continued: its logs are not diagnosed again unless they have changed or failed.
+    watch: called with the numbers of logs done and in all.
+    anew: begin the file again with the first row.
+    keep: called with each file and its diagnosis when it is done; the result does not contain it then.
 
     Returns
     -------
@@ -184,8 +196,18 @@ def diagnose_many(
     labels = dict(zip(named, unique_names(named), strict=True))
     if not 0.0 < threshold < 1.0:
         raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
-    kept = _earlier(None if file is None else Path(file), _mark(plant, threshold, check), anew)
-    earlier = {row.file: row for row in kept.results}
+    checkpoint = open_checkpoint(
+        None if file is None else Path(file),
+        "diagnoses",
+        _mark(plant, threshold, check),
+        Row.from_line,
+        anew=anew,
+        none="is no file of diagnoses; give another one",
+        other="holds diagnoses against another plant or with another threshold; give another folder, or --force to "
+        "begin anew",
+        wrong="is no row of a diagnosis",
+    )
+    earlier = {row.file: row for row in checkpoint.results}
     rows: dict[str, Row] = {}
     diagnoses: dict[str, Diagnosis] = {}
     todo: list[tuple[str, Log, str]] = []
@@ -201,7 +223,7 @@ def diagnose_many(
             rows[name] = before
         else:
             todo.append((name, replace(read, label=labels[name]), digest))
-    kept.append(_line(row) for row in rows.values() if row.error)
+    checkpoint.append(row.to_line() for row in rows.values() if row.error)
     interrupted = False
     count = min(worker_count(jobs), max(len(todo), 1))
     try:
@@ -216,11 +238,11 @@ def diagnose_many(
                         diagnoses[name] = found
                     else:
                         keep(name, found)
-                kept.append([_line(rows[name])])
+                checkpoint.append([rows[name].to_line()])
                 if watch is not None:
                     watch(len(rows), len(named))
     except KeyboardInterrupt:
-        if not any(not row.error for row in rows.values()):
+        if all(row.error for row in rows.values()):
             raise
         interrupted = True
     ordered = tuple(rows[name] for name in named if name in rows)
@@ -228,14 +250,14 @@ def diagnose_many(
 
 
 def _one(plant: Plant, threshold: float, check: bool, job: tuple[str, Log, str]) -> tuple[str, Diagnosis | str, str]:
-    """A diagnosis, or why there is none; on a worker."""
+    """A diagnosis, or the reason why there is none; on a worker."""
     name, log, digest = job
     try:
         return name, diagnose(plant, log, threshold=threshold, jobs=1, check=check), digest
     except EhsaError as error:
         return name, str(error), digest
     except (ArithmeticError, ValueError, LookupError) as error:
-        # One log must not take the others' results with it.
+        # One log must not lose the results of the others.
         return name, f"{name}: the diagnosis broke off ({type(error).__name__}: {error})", digest
 
 
@@ -246,7 +268,7 @@ def _name(log: str | Path | Log, number: int) -> str:
 
 
 def _digest(log: Log) -> str:
-    """What makes two logs the same."""
+    """A hash of a log's content."""
     found = hashlib.sha256(log.time.tobytes())
     for name, values in log.channels.items():
         found.update(name.encode() + values.tobytes())
@@ -254,37 +276,6 @@ def _digest(log: Log) -> str:
 
 
 def _mark(plant: Plant, threshold: float, check: bool) -> str:
-    """What makes the rows of two batches comparable: they may stand in one file."""
+    """A hash of what the rows of one file have in common."""
     parts = [str(plant.structure), plant.values, [str(s) for s in plant.sensors.values()], threshold, check]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def _earlier(path: Path | None, mark: str, anew: bool) -> Checkpoint[Row]:
-    """Rows that are in this file; the last of each log counts.
-
-    Raises InputError for a file of another plant or threshold, or one that is none.
-    """
-    return open_checkpoint(
-        path,
-        "diagnoses",
-        mark,
-        _row,
-        anew=anew,
-        none="is no file of diagnoses; give another one",
-        other="holds diagnoses against another plant or with another threshold; give another folder, or --force to "
-        "begin anew",
-        wrong="is no row of a diagnosis",
-    )
-
-
-def _row(line: str) -> Row:
-    content = parse_json(line)
-    numbers = {
-        name: math.nan if content[name] is None else float(content[name])
-        for name in ("probability", "gap_before", "gap_after", "seconds")
-    }
-    return Row(**(content | numbers | {"set": tuple(content["set"])}))
-
-
-def _line(row: Row) -> str:
-    return json.dumps(row.to_dict())
