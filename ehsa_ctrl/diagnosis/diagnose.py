@@ -11,6 +11,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -102,7 +103,8 @@ def diagnose(
     segments = split_log(prepared)
     gaps = segments.whole.gap({})
     if largest(gaps) < threshold:
-        return _no_gap(prepared, segments, gaps, began)
+        gap = dict.fromkeys(MODELS, segments.held_out.gap({}))
+        return _result(prepared, segments, gaps, {}, began, verdict="no_gap", where=(), effects=(), gap=gap, runs=2)
     objective, columns = _objective(prepared, segments.training)
     lumped = without_dry_friction(prepared.model.plant)
     pool = Pool(jobs or os.cpu_count() or 1, watch)
@@ -113,7 +115,7 @@ def diagnose(
     selection = select_model(scores, Reference.of(scoring), threshold)
     nominal_refit = _refit_nominal(objective, columns, 1.0 if lumped else LOOSE)
     known = [*superseded, *scores]
-    return _build(prepared, segments, gaps, hypotheses, scoring, selection, known, nominal_refit, began)
+    return _explained(prepared, segments, gaps, hypotheses, scoring, selection, known, nominal_refit, began)
 
 
 def prepare_log(plant: Plant, log: Log, validate: Log | None, threshold: float, *, check: bool) -> PreparedLog:
@@ -189,30 +191,37 @@ def _refit_nominal(objective: Objective, columns: Mapping[str, np.ndarray], loos
     return {} if found is None else found.values
 
 
-def _no_gap(prepared: PreparedLog, segments: Segments, gaps: Mapping[str, float], began: float) -> Diagnosis:
+def _result(
+    prepared: PreparedLog,
+    segments: Segments,
+    gaps: Mapping[str, float],
+    values: Mapping[str, Setting],
+    began: float,
+    findings: Sequence[str] = (),
+    **found: Any,
+) -> Diagnosis:
+    """A diagnosis with what every verdict has: logs, noise, segments and free runs over the whole log."""
     held_out = segments.held_out
+    own = held_out.model.log
+    runs = {model: segments.whole.simulate(setting) for model, setting in {"nominal": {}, **values}.items()}
     return Diagnosis(
         plant=prepared.plant,
         log=prepared.log,
         threshold=prepared.threshold,
-        verdict="no_gap",
-        where=(),
-        effects=(),
-        gap=dict.fromkeys(MODELS, held_out.gap({})),
         whole=gaps,
         held_out=held_out.name,
-        held_from=_held_from(held_out, prepared.log),
+        held_from=float(own.time[held_out.first]) if own.path == prepared.log.path and held_out.first > 0 else None,
         noise_sd=prepared.noise,
-        values={},
-        simulated=_runs(segments.whole, {"nominal": {}}),
-        findings=prepared.findings,
+        values=values,
+        simulated={model: run for model, run in runs.items() if run is not None},
+        findings=tuple(dict.fromkeys([*prepared.findings, *findings])),
         seconds=time.monotonic() - began,
-        runs=2,
         provenance=versions(),
+        **found,
     )
 
 
-def _build(
+def _explained(
     prepared: PreparedLog,
     segments: Segments,
     gaps: Mapping[str, float],
@@ -239,37 +248,27 @@ def _build(
     verdict = "ambiguous" if ambiguous else selection.verdict
     experiment = deciding_experiment(selection, hypotheses, prepared.noise)
     changed = {n: v for n, v in chosen.fit.values.items() if v != prepared.model.nominal_value(n)}
-    caveats = [EFFECTS[id].caveat for id, _ in chosen.causes if selection.named]
-    return Diagnosis(
-        plant=plant,
-        log=log,
-        threshold=prepared.threshold,
+    least = selection.ranked[0].deviance
+    return _result(
+        prepared,
+        segments,
+        gaps,
+        values,
+        began,
+        findings=[EFFECTS[id].caveat for id, _ in chosen.causes if selection.named and EFFECTS[id].caveat],
         verdict=verdict,
         where=_where(location, causes),
         effects=causes,
         gap=gap,
-        whole=gaps,
-        held_out=held_out.name,
-        held_from=_held_from(held_out, log),
-        noise_sd=prepared.noise,
-        values=values,
-        simulated=_runs(segments.whole, values),
         candidates=tuple(
-            RankedHypothesis(
-                tuple(name_of(key) for key in one.label),
-                one.deviance - selection.ranked[0].deviance,
-                largest(one.held_out),
-            )
+            RankedHypothesis(tuple(map(name_of, one.label)), one.deviance - least, largest(one.held_out))
             for one in selection.ranked
         ),
         location=location,
         next_experiment=experiment.words if experiment else advice(verdict, causes, plant.structure.system),
         experiment=experiment,
         improved=improved_plant(plant, chosen.fit.candidates, changed, sd) if selection.named else None,
-        findings=tuple(dict.fromkeys([*prepared.findings, *filter(None, caveats)])),
-        seconds=time.monotonic() - began,
         runs=hypotheses.objective.count.total,
-        provenance=versions(),
     )
 
 
@@ -287,12 +286,6 @@ def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, floa
     return tuple(sorted(shares.items(), key=lambda row: -row[1]))
 
 
-def _held_from(held_out: Segment, log: Log) -> float | None:
-    """Where in the log the held-out part starts [s]; None if it is another log."""
-    own = held_out.model.log
-    return float(own.time[held_out.first]) if own.path == log.path and held_out.first > 0 else None
-
-
 def _upper_bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[str, float]:
     """What a model of any form could reach: the nominal gap without the parts that unknown inputs close over the whole
     log, or the best model's gap if that is less."""
@@ -305,9 +298,3 @@ def _upper_bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> 
         bound[signal] = min(free, *(gaps[signal] for gaps in gap.values()))
     bound["total"] = float(np.sqrt(np.mean([value**2 for value in bound.values()])))
     return bound
-
-
-def _runs(whole: Segment, values: Mapping[str, Setting]) -> dict[str, dict[str, np.ndarray]]:
-    """Free runs over the whole log, without those that stopped."""
-    found = {model: whole.simulate(setting) for model, setting in values.items()}
-    return {model: run for model, run in found.items() if run is not None}
