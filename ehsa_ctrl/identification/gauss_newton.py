@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from ..core.errors import SimulationError
+from ..core.errors import InputError, SimulationError
 from ..plant.plant import Plant
 from .fit_result import Diverged, Fit, Iterate, Progress
 from .parameters import FreeParameter, bounds_of, with_values
@@ -169,15 +169,18 @@ class _Problem:
     def simulate(
         self, values: np.ndarray, starts: Sequence[np.ndarray], errors: Sequence[np.ndarray]
     ) -> Iterate | None:
-        """Simulate all windows; None if one of them diverges."""
+        """Simulate all windows; None if one of them diverges, or for values that the plant can't have."""
         try:
             plant = with_values(self.plant, self.names, values)
+        except InputError:
+            return None
 
-            def one(window: ShootingWindow, start: np.ndarray, error: np.ndarray) -> WindowRun:
-                return simulate_window(
-                    plant, window, start, self.names, errors=error, weights=self.weights, tolerance=self.tolerance
-                )
+        def one(window: ShootingWindow, start: np.ndarray, error: np.ndarray) -> WindowRun:
+            return simulate_window(
+                plant, window, start, self.names, errors=error, weights=self.weights, tolerance=self.tolerance
+            )
 
+        try:
             if len(self.windows) == 1:
                 runs = [one(self.windows[0], starts[0], errors[0])]
             else:

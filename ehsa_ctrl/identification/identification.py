@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,13 +11,13 @@ import numpy as np
 from ..core.errors import InputError, choices
 from ..core.plotting import draw
 from ..core.text import TextResult
-from ..plant.file import both
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .balances import BalanceEstimate
 from .checks import LogFinding
-from .comparison import Comparison, fit_cell, fit_words
+from .comparison import Comparison
 from .fit_result import Fit
+from .identification_text import identification_text
 from .initial_state import sensor_sd
 from .residual_tests import Correlation
 from .uncertainty import Estimate, ParameterCovariance, within_noise
@@ -313,75 +312,7 @@ class Identification(TextResult):
         """Measured, before and after, on the validation logs if there are any, else on those used."""
         return draw(self)
 
-    def _lines(self) -> Iterator[str]:
-        free_run = "free run" if self.window is None else f"windows of {self.window:.3g} s"
-        by_balances = self.balances if self.method == "balances" else None
-        how = free_run if by_balances is None else f"balances, {by_balances.method}"
-        used = ", ".join(run.log.name for run in self.train.after)
-        yield f"{self.plant.name} ({self.plant.model}) identified from {used}, {how}; computed in {self.seconds:.1f} s"
-        if self.interrupted:
-            yield "  interrupted: this is the best so far, not the minimum"
-        yield from self._parameter_lines()
-        if by_balances is not None:
-            for balance in by_balances.balances:
-                yield f"  {balance.name} balance: relative error {100 * balance.relative_error:.2f} %"
-            yield from self._other_method_lines(free_run)
-        elif self.fit is not None:
-            yield (
-                f"  residuals {self.noise_ratio:.3g} times the noise's variance"
-                + ("" if self.explained else ": more than noise is left, standard deviations are from the residuals")
-                + (", and so are the channels' weights" if self.fit.weighted else "")
-            )
-        yield from (f"  warning: {sentence}" for sentence in self.warnings)
-        yield "  fit in free run, %   " + "".join(f"{channel:>11}" for channel in self.train.fit_percent)
-        for name, runs in (("used", self.train), ("held out", self.validation)):
-            for word, fits in (("before", runs.fit_percent_before), ("after", runs.fit_percent)):
-                if runs.after:
-                    yield f"    {name + ', ' + word:<19}" + "".join(f"{fit_cell(value):>11}" for value in fits.values())
-        where, runs = ("held out", self.validation) if self.validation.after else ("on the logs used", self.train)
-        if words := fit_words(runs.fit_percent):
-            yield f"  fit {where}: {words}"
-        failed = [test for test in self.residual_tests if not test.passed]
-        if failed:
-            largest = ", ".join(f"{test.channel} with {test.against} ({test.largest:.2g})" for test in failed[:4])
-            more = f" and {len(failed) - 4} more" if len(failed) > 4 else ""
-            yield f"  left in the residuals, largest correlation: {largest}{more}"
-
-    def _parameter_lines(self) -> Iterator[str]:
-        width = max(12, *(len(both(e.name)) for e in self.estimates))
-        yield f"  {'':<{width}} {'value':>11} {'sd':>9} {'':>8} {'start':>11} {'unit':<10}"
-        for e in self.estimates:
-            relative = f"{100 * e.relative_sd:.2g} %" if e.relative_sd < 10 else "-"
-            words: str = "" if e.identifiable else e.verdict
-            if e.at_bound:
-                words += f", at its {e.at_bound} bound"
-            if e.trades and not e.identifiable:
-                words += f", trades with {', '.join(map(both, e.trades))}"
-            numbers = f"  {both(e.name):<{width}} {e.value:>11.5g} {_sd_cell(e):>9} {relative:>8} {e.start:>11.5g}"
-            yield f"{numbers} {e.unit:<10} {words}".rstrip()
-
-    def _other_method_lines(self, free_run: str) -> Iterator[str]:
-        """The estimate by simulation beside that from balances, and why they may differ."""
-        if self.no_simulation:
-            yield f"  no estimate by simulation: {self.no_simulation}"
-        if not self.other_estimates:
-            return
-        yield f"  by simulation ({free_run}):"
-        for e in self.other_estimates:
-            words = "" if e.identifiable else e.verdict
-            yield f"    {both(e.name):<10} {e.value:>11.5g} {_sd_cell(e):>9} {e.unit:<10} {words}".rstrip()
-        differ = ", ".join(map(both, self.differing))
-        yield (
-            (f"  {differ} differ: " if differ else "  no parameter differs by more than two deviations: ")
-            + "balances weight the error of a force at every instant, the simulation its accumulated effect; what the "
-            "model lacks changes different parameters in each"
-        )
-
     def __str__(self) -> str:
-        return "\n".join(self._lines())
+        return identification_text(self)
 
     __repr__ = __str__
-
-
-def _sd_cell(estimate: Estimate) -> str:
-    return f"{estimate.sd:.2g}" if math.isfinite(estimate.sd) else "-"

@@ -36,8 +36,12 @@ def _refit(best: Fit, name: str, value: float, *, steps: int, enough: float) -> 
     weights = None
     if measured.input_sd == 0.0:
         weights = dict(zip(measured.channels, measured.sd.tolist(), strict=True))
+    try:
+        plant = with_values(best.plant, [name], [value])
+    except InputError:
+        return Diverged(best.plant.name, (name,), np.array([value]))
     return fit(
-        with_values(best.plant, [name], [value]),
+        plant,
         [run.window for run in best.iterate.runs],
         [best.parameters[i] for i in others],
         begin=replace(best.iterate, values=best.values[others], runs=()),
