@@ -148,7 +148,7 @@ def evaluate_sets(case: InjectionCase) -> PlaceSets:
         heads += [p for p in found if shafts[1] in p and found[p].cost < 0.15 and p not in heads]
     flows, with_flow = _flow_forms(case), []
     for head in heads:
-        others = [{place: beside[place] for place in head}]
+        others = [{place: beside[place] for place in forms if place in head}]
         if head == {"force"} and beside["force"] is not chosen["force"]:
             others.append({"force": chosen["force"]})
         usable = [flow for flow in flows if "torque" not in flow.inputs or not head & {"torque", "drive"}]

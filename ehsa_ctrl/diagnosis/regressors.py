@@ -7,7 +7,7 @@ of a delay, a lag, a rate limit or a dead band.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -101,48 +101,43 @@ def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]
     """Regressors of an unknown torque; orders: periods per turn of a ripple."""
     held, dt = s["current"][:-1], s.sample_time
     omega, rate, time = (s[n][:-1] for n in ("omega", "omega_rate", "time"))
-    sign = _sure_sign(s, "shaft", "d_M")
-    one, size = np.ones((held.size, 1)), np.abs(held)
+    sign, push, size = _sure_sign(s, "shaft", "d_M"), np.sign(held), np.abs(held)
+    speed, current, against = "the shaft's speed", "the current", "time, against the motion"
     found = [
-        Regressors("constant", "time", "s", time, one),
+        Regressors("constant", "time", "s", time, np.ones((held.size, 1))),
         Regressors("time", "time", "s", time, hats(time, 14)),
-        Regressors("sign", "the sign of the shaft's speed", "", sign, sign[:, None]),
-        Regressors("speed", "the shaft's speed", "rad/s", omega, odd_hats(omega, sign, 7)),
-        Regressors("line", "the shaft's speed", "rad/s", omega, omega[:, None]),
+        Regressors("sign", f"the sign of {speed}", "", sign, sign[:, None]),
+        Regressors("speed", speed, "rad/s", omega, odd_hats(omega, sign, 7)),
+        Regressors("line", speed, "rad/s", omega, omega[:, None]),
         Regressors("rate", "the shaft's acceleration", "rad/s2", rate, rate[:, None]),
-        Regressors("gain", "the current", "A", held, held[:, None]),
-        Regressors("saturation", "the current", "A", held, np.column_stack([held, held * size, held**3])),
-        Regressors("signed time", "time, against the motion", "s", time, sign[:, None] * hats(time, 8), sign=sign),
+        Regressors("gain", current, "A", held, held[:, None]),
+        Regressors("saturation", current, "A", held, np.column_stack([held, held * size, held**3])),
+        Regressors("signed time", against, "s", time, sign[:, None] * hats(time, 8), sign=sign),
+        Regressors("gain in time", "time, with the current", "s", time, held[:, None] * hats(time, 8), sign=push),
         Regressors(
-            "gain in time", "time, with the current", "s", time, held[:, None] * hats(time, 8), sign=np.sign(held)
+            "brake", f"the size of {current}, against the motion", "A", size, odd_hats(held, sign, 10), sign=sign
         ),
-        Regressors(
-            "brake", "the size of the current, against the motion", "A", size, odd_hats(held, sign, 10), sign=sign
-        ),
-        Regressors("current", "the current", "A", held, hats(held, 80)),
+        Regressors("current", current, "A", held, hats(held, 80)),
     ]
     if "P_1" in s and "P_2" in s:
-        dP = (s["P_1"] - s["P_2"])[:-1]
+        dP, drop = (s["P_1"] - s["P_2"])[:-1], "the pressure difference"
+        loss = (sign * np.abs(dP))[:, None]
         found += [
-            Regressors("line", "the pressure difference", "Pa", dP, dP[:, None]),
-            Regressors("pressure", "the pressure difference", "Pa", dP, odd_hats(dP, np.sign(dP), 7)),
-            Regressors(
-                "loss",
-                "the pressure difference, against the motion",
-                "Pa",
-                np.abs(dP),
-                (sign * np.abs(dP))[:, None],
-                sign=sign,
-            ),
+            Regressors("line", drop, "Pa", dP, dP[:, None]),
+            Regressors("pressure", drop, "Pa", dP, odd_hats(dP, np.sign(dP), 7)),
+            Regressors("loss", f"{drop}, against the motion", "Pa", np.abs(dP), loss, sign=sign),
         ]
     found += [_ripple(shaft_angle(s), order) for order in orders]
-    found += drive_regressors(plant, s, "late", dt * np.array([0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15]))
-    found += drive_regressors(plant, s, "lag", dt * np.array([0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15]))
+    times = dt * np.array([0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15])
     top = float(np.max(size)) if np.any(held) else 1.0
-    found += drive_regressors(
-        plant, s, "slope", top / dt * np.array([0.005, 0.01, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.3])
-    )
-    return found + drive_regressors(plant, s, "dead band", top * np.array([0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2]))
+    for family, numbers in {
+        "late": times,
+        "lag": times,
+        "slope": top / dt * np.array([0.005, 0.01, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.3]),
+        "dead band": top * np.array([0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2]),
+    }.items():
+        found += drive_regressors(plant, s, family, numbers)
+    return found
 
 
 def drive_regressors(plant: Plant, s: BalanceSignals, family: str, numbers: np.ndarray) -> list[Regressors]:
@@ -166,40 +161,27 @@ def drive_regressors(plant: Plant, s: BalanceSignals, family: str, numbers: np.n
 
 def force_regressors(s: BalanceSignals) -> list[Regressors]:
     """Regressors of an unknown force."""
-    x, v, time = (s[n][:-1] for n in ("x", "v", "time"))
+    x, v, time, rate = (s[n][:-1] for n in ("x", "v", "time", "v_rate"))
     sign = _sure_sign(s, "rod", "d_R")
-    rate = s["v_rate"][:-1]
+    place, speed, against = "the rod's position", "the rod's speed", "against the motion"
     found = [
         Regressors("constant", "time", "s", time, np.ones((x.size, 1))),
-        Regressors("sign", "the sign of the rod's speed", "", sign, sign[:, None]),
-        Regressors(
-            "sides", "the sign of the rod's speed, not alike", "", sign, split_hats(np.zeros_like(sign), sign, 2)
-        ),
-        Regressors("speed", "the rod's speed", "m/s", v, split_hats(v, sign, 6)),
-        Regressors("line", "the rod's speed", "m/s", v, v[:, None]),
+        Regressors("sign", f"the sign of {speed}", "", sign, sign[:, None]),
+        Regressors("sides", f"the sign of {speed}, not alike", "", sign, split_hats(np.zeros_like(sign), sign, 2)),
+        Regressors("speed", speed, "m/s", v, split_hats(v, sign, 6)),
+        Regressors("line", speed, "m/s", v, v[:, None]),
         Regressors("rate", "the rod's acceleration", "m/s2", rate, rate[:, None]),
-        Regressors("position", "the rod's position", "m", x, hats(x, 12)),
-        Regressors("line", "the rod's position", "m", x, x[:, None]),
-        Regressors(
-            "signed position",
-            "the rod's position, against the motion",
-            "m",
-            x,
-            sign[:, None] * hats(x, 20),
-            sign=sign,
-        ),
+        Regressors("position", place, "m", x, hats(x, 12)),
+        Regressors("line", place, "m", x, x[:, None]),
+        Regressors("signed position", f"{place}, {against}", "m", x, sign[:, None] * hats(x, 20), sign=sign),
         Regressors("time", "time", "s", time, hats(time, 20)),
-        Regressors("signed time", "time, against the motion", "s", time, sign[:, None] * hats(time, 14), sign=sign),
+        Regressors("signed time", f"time, {against}", "s", time, sign[:, None] * hats(time, 14), sign=sign),
     ]
     if "P_1" in s and "P_2" in s:
-        dP = (s["P_1"] - s["P_2"])[:-1]
-        loaded = sign[:, None] * hats(np.abs(dP), 6)
-        found.append(
-            Regressors(
-                "loss", "the size of the pressure difference, against the motion", "Pa", np.abs(dP), loaded, sign=sign
-            )
-        )
-        found.append(Regressors("pressure", "the pressure difference", "Pa", dP, hats(dP, 10)))
+        dP, drop = (s["P_1"] - s["P_2"])[:-1], "the pressure difference"
+        loss = sign[:, None] * hats(np.abs(dP), 6)
+        found.append(Regressors("loss", f"the size of {drop}, {against}", "Pa", np.abs(dP), loss, sign=sign))
+        found.append(Regressors("pressure", drop, "Pa", dP, hats(dP, 10)))
     return found
 
 
@@ -207,12 +189,12 @@ def flow_regressors(s: BalanceSignals, chamber: str, orders: tuple[float, ...]) 
     """Regressors of an unknown flow into a chamber."""
     P, rate = s[f"P_{chamber}"][:-1], s[f"P_{chamber}_rate"][:-1]
     dP, omega, x, v, time = (s["P_1"] - s["P_2"])[:-1], *(s[n][:-1] for n in ("omega", "x", "v", "time"))
-    here, speed = f"the pressure in chamber {chamber}", "the shaft's speed"
-    pumped = omega * np.abs(dP)
+    here, speed, drop = f"the pressure in chamber {chamber}", "the shaft's speed", "the pressure difference"
+    pumped, leak = omega * np.abs(dP), dP[:, None] * hats(time, 8)
     found = [
         Regressors("constant", "time", "s", time, np.ones((P.size, 1))),
-        Regressors("line", "the pressure difference", "Pa", dP, dP[:, None]),
-        Regressors("pressure", "the pressure difference", "Pa", dP, hats(dP, 14)),
+        Regressors("line", drop, "Pa", dP, dP[:, None]),
+        Regressors("pressure", drop, "Pa", dP, hats(dP, 14)),
         Regressors("level", here, "Pa", P, hats(P, 14)),
         Regressors("speed", speed, "rad/s", omega, hats(omega, 13)),
         Regressors("line", speed, "rad/s", omega, omega[:, None]),
@@ -221,21 +203,13 @@ def flow_regressors(s: BalanceSignals, chamber: str, orders: tuple[float, ...]) 
         Regressors("volume", f"the rod's position, times the rate of {here}", "m", x, rate[:, None] * hats(x, 5)),
         Regressors("line", "the rod's speed", "m/s", v, v[:, None]),
         Regressors("time", "time", "s", time, hats(time, 14)),
-        Regressors(
-            "pressure in time",
-            "time, with the pressure difference",
-            "s",
-            time,
-            dP[:, None] * hats(time, 8),
-            sign=np.sign(dP),
-        ),
-        Regressors("pumped", f"{speed} times the size of the pressure difference", "rad/s Pa", pumped, pumped[:, None]),
+        Regressors("pressure in time", f"time, with {drop}", "s", time, leak, sign=np.sign(dP)),
+        Regressors("pumped", f"{speed} times the size of {drop}", "rad/s Pa", pumped, pumped[:, None]),
     ]
-    angle = shaft_angle(s)
     for order in orders:
-        wave = _ripple(angle, order)
+        wave = _ripple(shaft_angle(s), order)
         columns = np.column_stack([wave.columns, omega[:, None] * wave.columns])
-        found.append(Regressors("ripple", wave.against, "rad", wave.variable, columns, False, order))
+        found.append(replace(wave, columns=columns))
     return found
 
 
