@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.controller_interface import MEASURED
 from ..core.errors import InputError
-from ..plant.file import both, symbol_of
+from ..plant.file import label, symbol_of
 from ..scenario.metrics import METRICS
 from ..scenario.result import failures_of
 from .signals import gap, scored, signal_noise
@@ -94,7 +94,7 @@ def check_replay(case: PreparedScenario, nominal: Plant, log: Log) -> None:
     for symbol, value in _settings(case, nominal).items():
         if not np.isclose(nominal[symbol], value, rtol=1e-9, atol=0.0):
             raise InputError(
-                f"--replay: {both(symbol)} is {value:g} in scenario {case.scenario.name} and {nominal[symbol]:g} in "
+                f"--replay: {label(symbol)} is {value:g} in scenario {case.scenario.name} and {nominal[symbol]:g} in "
                 "the plant of the log; give both the same value with --set"
             )
 

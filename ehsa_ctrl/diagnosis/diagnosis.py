@@ -12,7 +12,7 @@ from ..core.log import Log
 from ..core.plotting import draw
 from ..core.text import TextResult
 from ..physics.effects import EFFECTS
-from ..plant.file import both
+from ..plant.file import label
 from ..plant.plant import Plant, Sensor
 from .signals import SIGNALS, gap, scored, signal_noise
 from .verdict_text import name_of, nearest_sentence, verdict_sentence
@@ -256,7 +256,7 @@ class Diagnosis(TextResult):
             )
         for cause in self.effects:
             numbers = ", ".join(
-                f"{both(n)} = {p.value:.4g} +- {p.sd:.2g} {p.unit}" for n, p in cause.parameters.items()
+                f"{label(n)} = {p.value:.4g} +- {p.sd:.2g} {p.unit}" for n, p in cause.parameters.items()
             )
             lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")
             if cause.ambiguous_with:

@@ -23,7 +23,7 @@ from ..core.errors import InputError, choices
 from ..core.files import write_text
 from ..core.plotting import draw
 from ..core.text import TextResult
-from ..plant.file import both
+from ..plant.file import label
 from ..plant.plant import Plant
 from ..simulation.trajectory import Trajectory, versions
 from .input_limits import LimitUse
@@ -177,8 +177,8 @@ class ExperimentDesign(TextResult):
         yield f"{self.plant.name} ({self.plant.model}): {self.chosen.words}; {self.time[-1]:g} s from rest"
         yield self.forecast.table(self.at_worst if self.draws else None)
         for name, trades in self.undetermined.items():
-            others = f"; it trades with {', '.join(map(both, trades))}" if trades else ""
-            yield f"  {both(name)}: no candidate determines it{others}"
+            others = f"; it trades with {', '.join(map(label, trades))}" if trades else ""
+            yield f"  {label(name)}: no candidate determines it{others}"
         others = f"; at worst of {self.draws} plants with parameters up to {100 * self.spread:.0f} % off"
         yield "limits" + (others if self.draws else "")
         for use in self.limits:

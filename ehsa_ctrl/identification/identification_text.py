@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ..plant.file import both
+from ..plant.file import label
 from .comparison import fit_cell, fit_words
 from .uncertainty import Estimate
 
@@ -55,7 +55,7 @@ def _lines(found: Identification) -> Iterator[str]:
 
 
 def _parameter_lines(found: Identification) -> Iterator[str]:
-    width = max(12, *(len(both(e.name)) for e in found.estimates))
+    width = max(12, *(len(label(e.name)) for e in found.estimates))
     yield f"  {'':<{width}} {'value':>11} {'sd':>9} {'':>8} {'start':>11} {'unit':<10}"
     for e in found.estimates:
         relative = f"{100 * e.relative_sd:.2g} %" if e.relative_sd < 10 else "-"
@@ -63,8 +63,8 @@ def _parameter_lines(found: Identification) -> Iterator[str]:
         if e.at_bound:
             words += f", at its {e.at_bound} bound"
         if e.trades and not e.identifiable:
-            words += f", trades with {', '.join(map(both, e.trades))}"
-        numbers = f"  {both(e.name):<{width}} {e.value:>11.5g} {_sd_cell(e):>9} {relative:>8} {e.start:>11.5g}"
+            words += f", trades with {', '.join(map(label, e.trades))}"
+        numbers = f"  {label(e.name):<{width}} {e.value:>11.5g} {_sd_cell(e):>9} {relative:>8} {e.start:>11.5g}"
         yield f"{numbers} {e.unit:<10} {words}".rstrip()
 
 
@@ -77,8 +77,8 @@ def _other_method_lines(found: Identification, free_run: str) -> Iterator[str]:
     yield f"  by simulation ({free_run}):"
     for e in found.other_estimates:
         words = "" if e.identifiable else e.verdict
-        yield f"    {both(e.name):<10} {e.value:>11.5g} {_sd_cell(e):>9} {e.unit:<10} {words}".rstrip()
-    differ = ", ".join(map(both, found.differing))
+        yield f"    {label(e.name):<10} {e.value:>11.5g} {_sd_cell(e):>9} {e.unit:<10} {words}".rstrip()
+    differ = ", ".join(map(label, found.differing))
     yield (
         (f"  {differ} differ: " if differ else "  no parameter differs by more than two deviations: ")
         + "balances weight the error of a force at every instant, the simulation its accumulated effect; what the "

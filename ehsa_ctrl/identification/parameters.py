@@ -12,7 +12,7 @@ import numpy as np
 from ..core.errors import InputError, choices
 from ..core.log import Log
 from ..core.unit import parse
-from ..plant.file import both, symbol_of
+from ..plant.file import label, symbol_of
 from ..plant.plant import SENSOR_WORDS, Plant
 
 #: Lower bound of a mass, volume or inertia, as a share of its nominal value.
@@ -108,7 +108,7 @@ def free_parameters(
 
 
 def _free_list(names: Sequence[str]) -> str:
-    return f"free are {', '.join(map(both, names)) or 'none'}"
+    return f"free are {', '.join(map(label, names)) or 'none'}"
 
 
 def known_names(plant: Plant) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from scipy import stats
 from ..core.errors import EhsaError, InputError, SimulationError, choices
 from ..core.log import Log
 from ..core.text import TextResult
-from ..plant.file import both
+from ..plant.file import label
 from ..plant.plant import Plant
 from ..simulation.bench import record
 from ..simulation.sensors import shown
@@ -87,8 +87,8 @@ class PredictedAccuracy(TextResult):
             if relative[e.name] == np.inf and np.isfinite(e.sd):
                 words = "nominally zero, so that it has no relative sd"
             if e.trades and words:
-                words += f", trades with {', '.join(map(both, e.trades))}"
-            lines.append(f"  {both(e.name):<14} {e.value:>11.5g} {sd:>12} {share}  {e.unit:<10} {words}".rstrip())
+                words += f", trades with {', '.join(map(label, e.trades))}"
+            lines.append(f"  {label(e.name):<14} {e.value:>11.5g} {sd:>12} {share}  {e.unit:<10} {words}".rstrip())
         return "\n".join(lines)
 
     def to_pandas(self) -> pandas.DataFrame:

@@ -8,7 +8,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
-from .file import both
+from .file import label
 from .linear import three_state
 from .linearise import linearise, reduce_to_difference
 from .plant import Plant
@@ -61,7 +61,7 @@ class Condition:
         parts = []
         for name in self.named:
             symbol, unit, scale = WORDS[name]
-            parts.append(f"{both(symbol)} = {getattr(self, name) / scale:.6g} {unit}")
+            parts.append(f"{label(symbol)} = {getattr(self, name) / scale:.6g} {unit}")
         return ", ".join(parts)
 
 

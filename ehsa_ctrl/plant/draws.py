@@ -13,7 +13,7 @@ import numpy as np
 from ..core.errors import InputError, choices
 from ..core.files import read_json
 from .conditions import Condition, operating_points
-from .file import both
+from .file import label
 from .plant import Plant
 
 if TYPE_CHECKING:
@@ -198,7 +198,7 @@ def difference(plant: Plant, nominal: Plant, *, most: int = 4) -> str:
             continue
         relative = (parameter.value - before) / abs(before) if before else math.inf
         words = f"{100 * relative:+.2g} %" if before else f"{parameter.value:g} {parameter.unit}"
-        parts.append((abs(relative), f"{both(name)} {words}"))
+        parts.append((abs(relative), f"{label(name)} {words}"))
     ordered = [words for _, words in sorted(parts, key=lambda part: -part[0])]
     return ", ".join(ordered[:most] + ["..."] * (len(ordered) > most)) or "nominal"
 

@@ -51,7 +51,7 @@ def key_of(symbol: str) -> str:
     return _KEYS.get(symbol, symbol)
 
 
-def both(symbol: str) -> str:
+def label(symbol: str) -> str:
     """A symbol with its key, for messages: K_S (load.stiffness)."""
     return f"{symbol} ({_KEYS[symbol]})" if symbol in _KEYS else symbol
 

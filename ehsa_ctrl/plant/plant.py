@@ -16,7 +16,7 @@ from ..core.parameter import Parameter, check_range
 from ..core.text import TextResult
 from ..core.unit import read_value
 from ..physics.effects import EFFECTS
-from .file import EstimationFile, both, key_of
+from .file import EstimationFile, key_of, label
 from .structure import Structure
 
 if TYPE_CHECKING:
@@ -125,9 +125,9 @@ class Plant(TextResult):
         """Warnings about values set for one run: outside the file's range, or so far from the file's value that another
         unit was probably meant."""
         return tuple(
-            (p.far and both(p.name) + p.far.removeprefix(p.name).replace(p.name, key_of(p.name)))
-            or f"{both(p.name)} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the plausible "
-            f"range of {self.name}"
+            (p.far and label(p.name) + p.far.removeprefix(p.name).replace(p.name, key_of(p.name)))
+            or f"{label(p.name)} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the "
+            f"plausible range of {self.name}"
             for p in self.parameters.values()
             if p.source == "given" and (p.far or not p.lower <= p.value <= p.upper)
         )
@@ -186,7 +186,7 @@ class Plant(TextResult):
             lines.append(f"  chambers: {structure.chambers}")
         if structure.effects:
             lines.append(f"  effects: {', '.join(structure.effects)}")
-        lines += [f"  {both(p.name):<22} {p.value:>12.6g} {p.unit:<10} {p.source}" for p in self.parameters.values()]
+        lines += [f"  {label(p.name):<22} {p.value:>12.6g} {p.unit:<10} {p.source}" for p in self.parameters.values()]
         return "\n".join(lines)
 
     def to_pandas(self) -> pandas.DataFrame:

@@ -19,7 +19,7 @@ from pydantic import BaseModel
 
 from ..core.errors import InputError
 from ..core.files import read_json
-from ..plant.file import both
+from ..plant.file import label
 from .document import image, write_document
 from .kinds import kinds
 from .page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Table, anchors, pictures_in
@@ -52,7 +52,7 @@ class RestsOn(BaseModel):
     command: str = ""
 
     def blocks(self) -> Iterator[Any]:
-        rows = [[row.plant, both(row.name), row.value, row.range, row.note] for row in self.assumed]
+        rows = [[row.plant, label(row.name), row.value, row.range, row.note] for row in self.assumed]
         head = ["plant", "name", "value", "range", "note"]
         yield Table("Assumed, not measured: other values change the results", head, rows)
         if self.files:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.errors import InputError, SimulationError
 from ..core.parameter import Parameter
-from ..plant.file import both
+from ..plant.file import label
 
 if TYPE_CHECKING:
     from .montecarlo import Outcome
@@ -131,7 +131,7 @@ class Influence:
         return vars(self) | {"decisive": self.decisive}
 
     def __str__(self) -> str:
-        name = both(self.name)
+        name = label(self.name)
         if not self.decisive:
             return f"no parameter decides it: the nearest is {name} (probability of chance {self.chance:.2g})"
         if self.measure == "ks":

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator
 
 from ..core.errors import InputError, shown
 from ..plant.draws import plausible_range, read_covariance
-from ..plant.file import both, key_of, symbol_of
+from ..plant.file import key_of, label, symbol_of
 from ..plant.load import read_settings
 from ..plant.plant import Plant
 
@@ -50,8 +50,8 @@ class UncertainParameter:
 
     def __str__(self) -> str:
         if self.sd is None:
-            return f"{both(self.name)} evenly between {self.lower:g} and {self.upper:g} {self.unit}"
-        return f"{both(self.name)} = {self.value:g} {self.unit}, sd {self.sd:g}"
+            return f"{label(self.name)} evenly between {self.lower:g} and {self.upper:g} {self.unit}"
+        return f"{label(self.name)} = {self.value:g} {self.unit}, sd {self.sd:g}"
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl as e
-from ehsa_ctrl.plant.file import both
+from ehsa_ctrl.plant.file import label
 from ehsa_ctrl.report.text import number, unit
 from ehsa_ctrl.scenario.metrics import METRICS
 
@@ -166,7 +166,7 @@ def test_the_end_has_the_provenance(page, gentle):
     """Assumed parameters with value, unit and note; settings of the runs and versions."""
     rows = {row[1]: row for row in page.table("plant", "name", "value")}
     runs = page.table("scenario", "controller", "sample time\nms")
-    assumed = {both(name) for name, p in gentle.plant.parameters.items() if p.source == "assumed"}
+    assumed = {label(name) for name, p in gentle.plant.parameters.items() if p.source == "assumed"}
     words = "".join(page.words)
 
     assert assumed <= set(rows) and "K_T" in assumed

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from ...core.plotting import draw
 from ...identification.experiment import ExperimentDesign
 from ...identification.uncertainty import POOR, WELL
-from ...plant.file import both
+from ...plant.file import label
 from ...scenario.montecarlo import MonteCarlo
 from ..signals import SIGNALS
 from ..style import BLUE, GREY, LIMIT, PRESSURES, PURPLE, ROLES, VERMILION
@@ -76,7 +76,7 @@ def _accuracy(ax: Axes, relative: dict[str, float], worst: dict[str, float]) -> 
     ax.set_xlim(smallest, largest)
     for bound in (WELL, POOR):
         ax.axvline(100 * bound, **LIMIT | {"linestyle": (0, (4, 2)), "linewidth": 0.9})
-    ax.set_yticks(range(len(relative)), [both(name).replace(" ", "\n") for name in relative])
+    ax.set_yticks(range(len(relative)), [label(name).replace(" ", "\n") for name in relative])
     ax.set_ylim(len(relative) - 0.4, -0.6)
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="y", visible=False)
@@ -111,7 +111,7 @@ def montecarlo_figure(result: MonteCarlo) -> Figure:
             ax.bar(edges[:-1], counts[0], color=BLUE, label="pass", **look)
             ax.bar(edges[:-1], counts[1], bottom=counts[0], color=VERMILION, hatch="///", label="fail", **look)
             words = unit(units[influence.name])
-            ax.set_xlabel(f"{both(influence.name)}, {words} ({'decisive' if influence.decisive else 'not decisive'})")
+            ax.set_xlabel(f"{label(influence.name)}, {words} ({'decisive' if influence.decisive else 'not decisive'})")
             ax.set_ylabel("runs")
             ax.set_xlim(edges[0], edges[-1])
         first = axes[names[0]]

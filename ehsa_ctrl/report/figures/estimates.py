@@ -18,7 +18,7 @@ from ...core.errors import InputError
 from ...identification.identification import Identification
 from ...identification.residual_tests import LEVEL, Correlation
 from ...identification.uncertainty import POOR, TRADES, WELL, Estimate
-from ...plant.file import both
+from ...plant.file import label
 from ..signals import shown
 from ..style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION
 from ..text import number
@@ -85,7 +85,7 @@ def parameters_figure(identification: Identification) -> Figure:
 
 
 def _name(estimate: Estimate) -> str:
-    name = both(estimate.name).replace(" ", "\n")
+    name = label(estimate.name).replace(" ", "\n")
     return f"{name}\n(at {estimate.at_bound} bound)" if estimate.at_bound else name
 
 
@@ -163,7 +163,7 @@ def correlation_figure(identification: Identification) -> Figure:
     # Balances are solved one after the other: the correlation of their errors is not known.
     blind = ~np.isfinite(found.sd) | (found.sd <= 0.0) | (identification.method == "balances")
     cell = min(CELL, ALL / count)
-    names = list(map(both, found.names))
+    names = list(map(label, found.names))
     plant = identification.plant
     note = f"framed: beyond ±{TRADES:g}, the two parameters compensate each other"
     title = f"{plant.name} ({plant.model}): correlation of the estimates"

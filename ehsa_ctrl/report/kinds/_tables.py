@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.text import unique_names
-from ...plant.file import both
+from ...plant.file import label
 from ..page import DOUBT, Points, Section, State, Table
 from ..text import value_text
 
@@ -62,7 +62,7 @@ def fit_table(caption: str, columns: Mapping[str, Mapping[str, float | None]]) -
 
 def settings_of(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Plant and parameters that were set for this run, as facts."""
-    given = ", ".join(f"{both(key)} = {value}" for key, value in content.get("settings", {}).items())
+    given = ", ".join(f"{label(key)} = {value}" for key, value in content.get("settings", {}).items())
     plant = str(content.get("plant", ""))
     model = content.get("model")
     return [("plant", f"{plant} ({model})" if model else plant), ("set for this run", given or "nothing")]

@@ -12,7 +12,7 @@ from ...core.unit import factor
 from ...diagnosis.diagnosis import MODELS
 from ...diagnosis.gap_attribution import PLACES
 from ...diagnosis.signals import SIGNALS
-from ...plant.file import both
+from ...plant.file import label
 from ...scenario.metrics import METRICS
 from ..outcome import OUTCOMES, after_model, after_words, models_shown, outcome
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence, State, Table
@@ -132,7 +132,7 @@ def _changed(content: Content) -> Section:
     """What changed since an earlier log."""
     before = content["before"]
     rows = [
-        [both(name), value_text(each["nominal"]), value_text(each["value"]), unit(each["unit"])]
+        [label(name), value_text(each["nominal"]), value_text(each["value"]), unit(each["unit"])]
         for name, each in before.get("parameters", {}).items()
     ]
     facts = [
@@ -278,7 +278,7 @@ def _numbers(cause: Content) -> list[list[str]]:
         nominal = number.get("nominal")
         words = "absent" if nominal is None and "nominal" in number else value_text(nominal, scale)
         value = uncertain(number["value"] / scale, sd / scale)
-        rows.append([both(number.get("name", name)), value, words, unit(usual), number.get("meaning", "")])
+        rows.append([label(number.get("name", name)), value, words, unit(usual), number.get("meaning", "")])
     return rows
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.text import join_words
-from ...plant.file import both
+from ...plant.file import label
 from ...simulation.limits import SHOWN, scale_of
 from ..page import DOUBT, Kind, Page, Picture, Section, Sentence, Table, mark
 from ..text import percent, unit, value_text
@@ -25,7 +25,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     nearest = max(content["limits"], key=lambda name: content["limits"][name]["worst_share"])
     sentences: list[Sentence] = [
         (f"{content['input']}, for {value_text(content['duration'])} s.", None),
-        (f"{determined}{'; not ' + join_words(map(both, poor)) if poor else ''}. The worst is {both(worst)}: "
+        (f"{determined}{'; not ' + join_words(map(label, poor)) if poor else ''}. The worst is {label(worst)}: "
          f"{percent(parameters[worst]['relative_sd'])} expected.", True if not poor else DOUBT),
         (f"It stays within the plant's limits; nearest is {nearest.replace('_', ' ')}, "
          f"{percent(content['limits'][nearest]['worst_share'], 2)} of the way even if parameters are "
@@ -40,7 +40,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
                 "Expected accuracy of the parameters",
                 ["name", "nominal", "expected sd", "relative", "at worst", "unit", "verdict"],
                 [
-                    [both(name), value_text(p["believed"]), value_text(p["sd"], 1.0, 2), percent(p["relative_sd"], 2),
+                    [label(name), value_text(p["believed"]), value_text(p["sd"], 1.0, 2), percent(p["relative_sd"], 2),
                      percent(p["relative_sd_at_worst"], 2), unit(p["unit"]),
                      mark(p["verdict"] == "well determined", p["verdict"])]
                     for name, p in parameters.items()

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...core.text import join_words, unique_names
 from ...identification.comparison import GOOD, POOR, quality
-from ...plant.file import both
+from ...plant.file import label
 from ..page import Kind, Page, Paragraph, Picture, Points, Section, Sentence, Table, mark
 from ..signals import shown
 from ..text import NOTHING, as_sentence, percent, quantity_in, uncertain, unit, value_text
@@ -112,7 +112,7 @@ def _parameters_sentence(each: Model) -> Sentence:
     others: dict[str, list[str]] = {}
     for name, p in parameters.items():
         if not p["identifiable"]:
-            others.setdefault(p["verdict"], []).append(both(name))
+            others.setdefault(p["verdict"], []).append(label(name))
     return "; ".join(
         [words, *(f"{verdict}: {join_words(names)}" for verdict, names in others.items())]
     ) + ".", not others
@@ -249,11 +249,11 @@ def _parameter(name: str, p: Model) -> list[str]:
     low, high = p["interval_95"]
     notes = [f"at its {p['at_bound']} bound"] if p["at_bound"] else []
     if p["trades_with"]:
-        notes.append(f"correlated with {join_words(map(both, p['trades_with']))}")
+        notes.append(f"correlated with {join_words(map(label, p['trades_with']))}")
     if p["prior_sd"] is not None:
         notes.append(f"prior {value_text(p['start'])} ± {value_text(p['prior_sd'])}")
     return [
-        both(name), uncertain(p["value"], sd), unit(p["unit"]), percent(relative, 2) if relative < 10.0 else NOTHING,
+        label(name), uncertain(p["value"], sd), unit(p["unit"]), percent(relative, 2) if relative < 10.0 else NOTHING,
         "\n".join([f"{MARKS.get(p['verdict'], '')} {p['verdict']}", *notes]), value_text(p["start"]),
         "unbounded" if low is None or high is None else f"{value_text(low)} to {value_text(high)}",
         p.get("meaning", ""),
@@ -298,7 +298,7 @@ def _other_method(each: Model) -> Iterator[Any]:
             sd = (sds[0] ** 2 + sds[1] ** 2) ** 0.5
             apart = value_text(round(abs(p["value"] - its["value"]) / sd, 1)) if 0.0 < sd < INFINITE else NOTHING
             values = (uncertain(p["value"], sds[0]), uncertain(its["value"], sds[1]))
-            rows.append([both(name), *values, unit(p["unit"]), apart])
+            rows.append([label(name), *values, unit(p["unit"]), apart])
     head = ["name", f"by {each['method']}", f"by {other['method']}", "unit", "difference\nstandard deviations"]
     yield Table(f"Estimates by {other['method']}: a difference of more than 2 is significant", head, rows)
     if rows:
@@ -326,12 +326,12 @@ def _ranges(each: Model) -> Iterator[Any]:
     yield Points([_range_sentence(each, tried) for tried in ranges])
     ends = [(tried, end) for tried in ranges for end in tried["ends"]]
     rows = [
-        [both(name), *(_moved(end["parameters"].get(name), p["value"]) for _, end in ends)]
+        [label(name), *(_moved(end["parameters"].get(name), p["value"]) for _, end in ends)]
         for name, p in each["parameters"].items()
     ]
     rows.append(["residual variance / noise variance", *(value_text(end["cost"], 1.0, 3) for _, end in ends)])
     rows.append(["the log", *("excludes it" if end["excluded"] else "allows it" for _, end in ends)])
-    head = ["name", *(f"{both(tried['name'])}\n{_end(tried, end)}" for tried, end in ends)]
+    head = ["name", *(f"{label(tried['name'])}\n{_end(tried, end)}" for tried, end in ends)]
     yield Table("Change of the estimates with an assumed parameter at an end of its range, one at a time", head, rows)
 
 
@@ -348,7 +348,7 @@ def _moved(value: float | None, estimate: float) -> str:
 
 def _range_sentence(each: Model, tried: Model) -> Sentence:
     """What follows from the range of one assumed parameter, and whether the estimates hold over it."""
-    name = both(tried["name"])
+    name = label(tried["name"])
     possible = [end for end in tried["ends"] if not end["excluded"]]
     excluded = [_end(tried, end) for end in tried["ends"] if end["excluded"]]
     if not possible:
@@ -363,7 +363,7 @@ def _range_sentence(each: Model, tried: Model) -> Sentence:
         return f"{name}: the plant could not be simulated at the ends of its range.", False
     size, moved, end = max(moves, key=lambda move: move[0])
     against = f"; the log excludes {join_words(excluded)}" if excluded else ""
-    words = f"{both(moved)} moves by {value_text(100.0 * size, 1.0, 2)} %"
+    words = f"{label(moved)} moves by {value_text(100.0 * size, 1.0, 2)} %"
     return f"{name}: at {_end(tried, end)}, which the log allows, {words}{against}.", size < MATTERS
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...plant.file import both
+from ...plant.file import label
 from ..page import DOUBT, Kind, Page, Picture, Section, Sentence, Table, anchors
 from ..text import percent, value_text
 
@@ -38,7 +38,7 @@ def _sentences(each: Mapping[str, Any]) -> list[Sentence]:
         ),
         _demand(each),
     ]
-    decisive = [both(item["name"]) for item in each["influences"] if item["decisive"]]
+    decisive = [label(item["name"]) for item in each["influences"] if item["decisive"]]
     if decisive:
         found.append((f"Decisive parameters, the strongest first: {', '.join(decisive)}.", None))
     if each["interrupted"]:
@@ -70,7 +70,7 @@ def _blocks(each: Mapping[str, Any], folder: Path) -> list[Any]:
         blocks.append(Table("What failed", ["limit", "runs"], rows))
     if each["influences"]:
         rows = [
-            [both(item["name"]), value_text(item["value"], 1.0, 2), value_text(item["chance"], 1.0, 2),
+            [label(item["name"]), value_text(item["value"], 1.0, 2), value_text(item["chance"], 1.0, 2),
              value_text(item["passing"]), value_text(item["failing"]), "yes" if item["decisive"] else "no"]
             for item in each["influences"][:LISTED]
         ]  # fmt: skip

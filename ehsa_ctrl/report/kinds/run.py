@@ -9,7 +9,7 @@ from typing import Any
 
 from ...core.text import join_words
 from ...core.unit import factor
-from ...plant.file import both
+from ...plant.file import label
 from ...scenario.metrics import METRICS
 from ...scenario.result import first_reasons
 from ..page import (
@@ -281,7 +281,7 @@ def _range_sentence(run: Run) -> tuple[str, bool]:
     """Whether the verdict holds over the ranges of all assumed parameters, in words too."""
     ranges, kept = run["assumed_ranges"], _keeps(run)
     flips = [
-        f"{both(each['name'])} = {_end(each, end)}" for each in ranges for end in each["ends"] if end["passed"] != kept
+        f"{label(each['name'])} = {_end(each, end)}" for each in ranges for end in each["ends"] if end["passed"] != kept
     ]
     words = {True: "kept", False: "not kept"}
     if flips:
@@ -309,7 +309,7 @@ def _ranges(run: Run) -> Table:
         for index, end in enumerate(each["ends"]):
             words = "✓ kept" if end["passed"] else f"✗ {'; '.join(end['failures'])}"
             metrics = [_metric(name, end["metrics"].get(name)) for name in names]
-            rows.append([both(each["name"]) if index == 0 else "", _end(each, end), *metrics, words])
+            rows.append([label(each["name"]) if index == 0 else "", _end(each, end), *metrics, words])
     head = ["assumed", "value", *map(_heading, names), "limits"]
     return Table("Assumed parameters at the ends of their ranges, one at a time, controller unchanged", head, rows)
 
