@@ -15,68 +15,61 @@ from .core.plotting import load_figures_from
 
 __version__ = "0.1.0"
 
-_WHERE = {
-    "plants": "core.catalogue",
-    "controllers": "core.catalogue",
-    "scenarios": "core.catalogue",
-    "EhsaError": "core.errors",
-    "InputError": "core.errors",
-    "SimulationError": "core.errors",
-    "load_plant": "plant.load",
-    "Plant": "plant.plant",
-    "Structure": "plant.structure",
-    "four_state": "plant.linear",
-    "three_state": "plant.linear",
-    "linearise": "plant.linearise",
-    "to_iosystem": "plant.iosystem",
-    "simulate": "simulation.engine",
-    "simulate_batch": "simulation.engine",
-    "sensitivities": "simulation.sensitivity",
-    "simulate_reference": "simulation.reference",
-    "run_closed_loop": "simulation.closed_loop",
-    "SteppedRun": "simulation.stepped_run",
-    "export_fmu": "simulation.fmu.export",
-    "record": "simulation.bench",
-    "Log": "core.log",
-    "read_log": "core.log_reader",
-    "read_plant_log": "identification.plant_log",
-    "check_log": "identification.checks",
-    "Preparation": "identification.preparation",
-    "replay": "identification.comparison",
-    "fit_percent": "identification.comparison",
-    "excitation": "simulation.excitation",
-    "design_experiment": "identification.experiment",
-    "forecast": "identification.predicted_accuracy",
-    "identify": "identification.identify",
-    "write_plant": "identification.plant_toml",
-    "profile": "identification.refits",
-    "diagnose": "diagnosis.diagnose",
-    "Diagnosis": "diagnosis.diagnosis",
-    "diagnose_many": "diagnosis.batch",
-    "what_changed": "diagnosis.changed",
-    "gap": "diagnosis.validation_segment",
-    "write_report": "report.write",
-    "load_controller": "design.load",
-    "load_scenario": "scenario.definition",
-    "run": "scenario.run",
-    "monte_carlo": "scenario.montecarlo",
-    "known_of": "scenario.plant_data",
-    "shortest_time": "simulation.minimum_time",
-    "slip_quantum": "simulation.slip_quantum",
-    "analyse": "design.analysis.system",
-    "analyse_loop": "design.analysis.loop",
-    "robust_margins": "design.analysis.robustness",
-    "review": "design.review",
-    "Known": "design.review",
-    "draw": "plant.draws",
-    "drawn_models": "plant.draws",
-    "conditions": "plant.conditions",
+#: Module -> its public names.
+_MODULES = {
+    "core.catalogue": "plants controllers scenarios",
+    "core.errors": "EhsaError InputError SimulationError",
+    "plant.load": "load_plant",
+    "plant.plant": "Plant",
+    "plant.structure": "Structure",
+    "plant.linear": "four_state three_state",
+    "plant.linearise": "linearise",
+    "plant.iosystem": "to_iosystem",
+    "simulation.engine": "simulate simulate_batch",
+    "simulation.sensitivity": "sensitivities",
+    "simulation.reference": "simulate_reference",
+    "simulation.closed_loop": "run_closed_loop",
+    "simulation.stepped_run": "SteppedRun",
+    "simulation.fmu.export": "export_fmu",
+    "simulation.bench": "record",
+    "core.log": "Log",
+    "core.log_reader": "read_log",
+    "identification.plant_log": "read_plant_log",
+    "identification.checks": "check_log",
+    "identification.preparation": "Preparation",
+    "identification.comparison": "replay fit_percent",
+    "simulation.excitation": "excitation",
+    "identification.experiment": "design_experiment",
+    "identification.predicted_accuracy": "forecast",
+    "identification.identify": "identify",
+    "identification.plant_toml": "write_plant",
+    "identification.refits": "profile",
+    "diagnosis.diagnose": "diagnose",
+    "diagnosis.diagnosis": "Diagnosis",
+    "diagnosis.batch": "diagnose_many",
+    "diagnosis.changed": "what_changed",
+    "diagnosis.validation_segment": "gap",
+    "report.write": "write_report",
+    "design.load": "load_controller",
+    "scenario.definition": "load_scenario",
+    "scenario.run": "run",
+    "scenario.montecarlo": "monte_carlo",
+    "scenario.plant_data": "known_of",
+    "simulation.minimum_time": "shortest_time",
+    "simulation.slip_quantum": "slip_quantum",
+    "design.analysis.system": "analyse",
+    "design.analysis.loop": "analyse_loop",
+    "design.analysis.robustness": "robust_margins",
+    "design.review": "review Known",
+    "plant.draws": "draw drawn_models",
+    "plant.conditions": "conditions",
 }
+_WHERE = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 # Results don't import the report: their figures are registered by type when the first one is drawn.
 load_figures_from("ehsa_ctrl.report.figures")
 
-#: Classes that users build by themselves, and the methods whose arguments are checked as those of functions are.
+#: Classes with constructors for users, and the methods whose arguments are converted as those of functions.
 _BUILT = {
     "SteppedRun": ("__init__",),
     "Log": ("__init__", "from_pandas", "segment"),
@@ -99,7 +92,7 @@ def __getattr__(name: str) -> Any:
         from .arguments import convert_method_arguments
 
         convert_method_arguments(thing, _BUILT[name])
-    # Kept: asked for again, a name is the same thing.
+    # The next access does not come here, and gives the same object.
     globals()[name] = thing
     return thing
 

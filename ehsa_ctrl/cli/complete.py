@@ -1,12 +1,11 @@
-"""What a shell offers after TAB: names from the three folders, the effects, the symbols of a plant.
+"""Shell completion: names of definitions, symbols of a plant, words of options.
 
-Nothing heavy is imported here: names come from the files' names and, where a name's meaning is shown or a plant's
-symbols are asked for, from their TOML alone.
+Nothing heavy is imported: names come from file names, titles and symbols from the TOML alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,33 +14,59 @@ import typer
 Offer = list[tuple[str, str]]
 
 
-def plants(incomplete: str) -> Offer:
-    return _definitions("plants", incomplete)
+def _definitions(kind: str) -> Callable[[str], Offer]:
+    """Names with their titles; TOML files where a path is begun."""
+
+    def offer(incomplete: str) -> Offer:
+        from ..core.catalogue import Catalogue
+
+        if "/" in incomplete or incomplete.startswith("."):
+            return files(incomplete, ".toml")
+        catalogue = Catalogue(kind)
+        names = [name for name in catalogue if name.startswith(incomplete)]
+        return [(name, str(_read(catalogue[name]).get("title", ""))) for name in names]
+
+    return offer
 
 
-def controllers(incomplete: str) -> Offer:
-    return _definitions("controllers", incomplete)
+def _kinds(catalogue: str, *keys: str) -> Callable[[str], list[str]]:
+    """Values of a key in the definitions of a catalogue."""
+
+    def offer(incomplete: str) -> list[str]:
+        from ..core.catalogue import Catalogue
+
+        words = set()
+        for path in Catalogue(catalogue).values():
+            content: Any = _read(path)
+            for key in keys:
+                content = content.get(key, {})
+            words.add(str(content or ""))
+        return sorted(word for word in words if word and word.startswith(incomplete))
+
+    return offer
 
 
-def scenarios(incomplete: str) -> Offer:
-    return _definitions("scenarios", incomplete)
+def _words(*words: str) -> Callable[[str], list[str]]:
+    def offer(incomplete: str) -> list[str]:
+        return [word for word in words if word.startswith(incomplete)]
+
+    return offer
+
+
+plants, controllers, scenarios = map(_definitions, ("plants", "controllers", "scenarios"))
+controller_kinds = _kinds("controllers", "kind")
+reference_kinds = _kinds("scenarios", "reference", "kind")
+listed_kinds = _words("plants", "controllers", "scenarios", "effects", "friction")
+models = _words("linear", "nonlinear")
+models_or_both = _words("linear", "nonlinear", "both")
+excitations = _words("noise", "steps", "sine", "ramp", "chirp", "multisine")
 
 
 def several_controllers(incomplete: str) -> Offer:
-    """A,B,C: the last one is completed, those before it are not offered again."""
+    """Complete the last name of A,B,C; those before it are not offered again."""
     *before, last = incomplete.split(",")
     start = "".join(f"{name}," for name in before)
     return [(f"{start}{name}", words) for name, words in controllers(last) if name not in before]
-
-
-def _definitions(kind: str, incomplete: str) -> Offer:
-    """Names with their titles; TOML files where a path is begun."""
-    from ..core.catalogue import Catalogue
-
-    if "/" in incomplete or incomplete.startswith("."):
-        return files(incomplete, ".toml")
-    catalogue = Catalogue(kind)
-    return [(name, _title(catalogue[name])) for name in catalogue if name.startswith(incomplete)]
 
 
 def files(incomplete: str, *endings: str) -> Offer:
@@ -56,10 +81,6 @@ def files(incomplete: str, *endings: str) -> Offer:
     return [(name, words) for name, words in found if name.startswith(incomplete)]
 
 
-def _title(path: Path) -> str:
-    return str(_read(path).get("title", ""))
-
-
 def _read(path: Path) -> Mapping[str, Any]:
     from ..core.errors import InputError
     from ..core.files import read_toml
@@ -70,54 +91,15 @@ def _read(path: Path) -> Mapping[str, Any]:
         return {}
 
 
-def _begun(words: Iterable[str], incomplete: str) -> list[str]:
-    return [word for word in words if word.startswith(incomplete)]
-
-
-def kinds_of_list(incomplete: str) -> list[str]:
-    from .listing import KINDS
-
-    return _begun(KINDS, incomplete)
-
-
-def controller_kinds(incomplete: str) -> list[str]:
-    """The words of the registry, which are those of its files' own `kind`, as the catalogue has them."""
-    from ..core.catalogue import Catalogue
-
-    catalogue = Catalogue("controllers")
-    words = {str(_read(catalogue[name]).get("kind", "")) for name in catalogue} - {""}
-    return _begun(sorted(words), incomplete)
-
-
-def reference_kinds(incomplete: str) -> list[str]:
-    from ..core.catalogue import Catalogue
-
-    catalogue = Catalogue("scenarios")
-    words = {str(_read(catalogue[name]).get("reference", {}).get("kind", "")) for name in catalogue} - {""}
-    return _begun(sorted(words), incomplete)
-
-
-def models(incomplete: str) -> list[str]:
-    return _begun(("linear", "nonlinear"), incomplete)
-
-
-def models_or_both(incomplete: str) -> list[str]:
-    return _begun(("linear", "nonlinear", "both"), incomplete)
-
-
-def excitations(incomplete: str) -> list[str]:
-    return _begun(("noise", "steps", "sine", "ramp", "chirp", "multisine"), incomplete)
-
-
 def symbols(ctx: typer.Context, incomplete: str) -> Offer:
-    """KEY= of --set: symbols and loads of the plant that the command names, with what they are now."""
+    """Complete KEY= of --set: symbols and loads of the plant on the command line, with their values."""
     if "=" in incomplete:
         return []
     return [(f"{name}=", words) for name, words in _symbols(ctx).items() if name.startswith(incomplete)]
 
 
 def several_symbols(ctx: typer.Context, incomplete: str) -> Offer:
-    """K_T,beta: the last one is completed."""
+    """Complete the last symbol of K_T,beta."""
     *before, last = incomplete.split(",")
     start = "".join(f"{name}," for name in before)
     return [
@@ -128,7 +110,7 @@ def several_symbols(ctx: typer.Context, incomplete: str) -> Offer:
 
 
 def _symbols(ctx: typer.Context) -> dict[str, str]:
-    """Key -> its value in the plant's file, as far as a plant is named; else in the paper's."""
+    """Key -> its value in the plant's file."""
     from ..core.catalogue import Catalogue
     from ..core.errors import InputError
 
@@ -145,7 +127,7 @@ def _symbols(ctx: typer.Context) -> dict[str, str]:
 
 
 def _plant(ctx: typer.Context) -> str:
-    """The plant on the line; before an option that still lacks its value, arguments are left over."""
+    """The plant on the command line; ehsa without one."""
     given = ctx.params.get("plant")
     if given is None and any(p.name == "plant" and p.param_type_name == "argument" for p in ctx.command.params):
         given = next(iter(ctx.args), None)

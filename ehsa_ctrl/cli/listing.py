@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from ..core.errors import InputError, choices
-from .complete import kinds_of_list
+from .complete import listed_kinds
 from .options import Json
 from .output import to_json
 
@@ -17,7 +17,7 @@ KINDS = ("plants", "controllers", "scenarios", "effects", "friction")
 def command(
     kind: Annotated[
         str | None,
-        typer.Argument(help="One of: " + ", ".join(KINDS) + "; all of them by default.", autocompletion=kinds_of_list),
+        typer.Argument(help="One of: " + ", ".join(KINDS) + "; all of them by default.", autocompletion=listed_kinds),
     ] = None,
     as_json: Json = False,
 ) -> None:
