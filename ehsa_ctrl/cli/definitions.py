@@ -50,7 +50,7 @@ def plant_toml(base: str, name: str) -> str:
     start, end = text.index("# Sensor of the channel"), text.index("# Columns of the rig's")
     sensors = (text[start:end].replace("CHANNEL", word).replace("UNIT", CHANNEL_UNITS[word]) for word in channels)
     given = _titled(path, name)
-    # Behind the examples stands what they convert; columns that the plant sets have no such comment.
+    # The comments describe the examples; columns that the plant sets have none.
     columns = re.sub("  # .*", "", text[end:]) if "log" in given else text[end:]
     text = text[:start] + "".join(sensors) + columns
     log = {row.key for part in sections(text) if part.name == "log" for row in part.rows if isinstance(row, KeyLine)}

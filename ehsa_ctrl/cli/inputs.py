@@ -84,7 +84,7 @@ class LogWithSteps:
         size = "3 to 10 % where the drive changes at every sample" if uneven else "1 to 5 %"
         return (
             f"{self.raw.path}: resampling makes a gap of its own, of about {size}, because it blurs the drive's steps "
-            "and colours the sensors' noise; don't believe a cause of that size, or set --threshold above it"
+            "and colours the sensors' noise; disregard a cause of that size, or set --threshold above it"
         )
 
 

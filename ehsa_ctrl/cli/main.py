@@ -1,6 +1,6 @@
-"""Entry point of `ehsa-ctrl`: the commands, and the one place where errors become sentences and exit statuses.
+"""Entry point of `ehsa-ctrl`: the commands, and the conversion of errors to sentences and exit statuses.
 
-Heavy imports stand inside the commands, so that `--help` answers at once.
+Commands import inside their functions, so that `--help` is fast.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ Start with: ehsa-ctrl run
 
 
 class Interrupted(Exception):  # noqa: N818 - Ctrl-C, not an error
-    """Ctrl-C; its text says what is kept."""
+    """Ctrl-C; the message says what is kept."""
 
 
 class Commands(TyperGroup):
-    """typer would leave with status 130 and without a word."""
+    """The group of commands: Ctrl-C becomes Interrupted, where typer would exit with 130 and no message."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         for word in args:
@@ -57,7 +57,7 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         if isinstance(sys.stdout, io.TextIOWrapper):
-            # Names of files that are found may be in any encoding.
+            # File names may be in any encoding.
             sys.stdout.reconfigure(errors="backslashreplace")
         try:
             return super().invoke(ctx)
@@ -86,7 +86,7 @@ app.add_typer(new.app, name="new")
 
 def main() -> None:
     """Run the command line and exit: 0, 1 or 2 as the epilog says."""
-    # Small matrices by the thousand: threads of the linear algebra cost several times what they bring.
+    # Many small matrices: threads in the linear algebra only slow them down.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _open_closed()
     if len(sys.argv) == 1:
@@ -102,7 +102,7 @@ def main() -> None:
         command = context.command_path if context is not None else "ehsa-ctrl"
         sentence = " ".join(error.format_message().split()).rstrip(".")
         if not sentence:
-            # A group of commands that was called alone has printed its help.
+            # A group without a command has printed its help.
             sentence = "say which: " + ", ".join(getattr(getattr(context, "command", None), "commands", ()))
         say(f"{sentence}; see {command} --help", who=f"{command}:")
         status = 2
@@ -118,12 +118,12 @@ def main() -> None:
     except OSError as error:
         unwritten, status = error, 2
     except SystemExit as stopped:
-        # rich leaves with 1 where nobody reads on; to us that is a limit that failed.
+        # rich exits with 1 on a closed pipe; here 1 means a limit that failed.
         status = stopped.code if isinstance(stopped.code, int) and stopped.code != 1 else 0
     try:
         sys.stdout.flush()
     except OSError as error:
-        # What is left goes nowhere; Python would try again at its end, and complain.
+        # Discard the rest: Python would try to flush again at exit and report it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
             status = 0
@@ -136,7 +136,7 @@ def main() -> None:
 
 
 def _open_closed() -> None:
-    """Let a stream that the caller has closed (`>&-`) lead nowhere: its number must not become that of a result."""
+    """Redirect a closed stream (`>&-`) to the null device, so that no result file gets its descriptor."""
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("r" if name == "stdin" else "w"))  # noqa: SIM115 - until the end

@@ -26,7 +26,8 @@ app = typer.Typer(
 )
 
 Name = Annotated[
-    str | None, typer.Argument(metavar="[NAME]", help="Of the file, without ending; else my_ and what it begins as.")
+    str | None,
+    typer.Argument(metavar="[NAME]", help="Name of the file, without ending; by default my_ and the name of its base."),
 ]
 
 
@@ -34,7 +35,7 @@ Name = Annotated[
 def plant(
     name: Name = None,
     base: Annotated[
-        str, typer.Option("--from", metavar="PLANT", help="The plant that it begins as.", autocompletion=plants)
+        str, typer.Option("--from", metavar="PLANT", help="Plant to start from.", autocompletion=plants)
     ] = "ehsa",
     as_json: Json = False,
     force: Force = False,
@@ -59,18 +60,18 @@ def controller(
     ] = None,
     base: Annotated[
         str | None,
-        typer.Option(
-            "--from", metavar="CONTROLLER", help="The controller that it begins as.", autocompletion=controllers
-        ),
+        typer.Option("--from", metavar="CONTROLLER", help="Controller to start from.", autocompletion=controllers),
     ] = None,
     plant: Annotated[
         str | None,
-        typer.Option(help="Plant whose limits, sample time and scales it gets; else ehsa's.", autocompletion=plants),
+        typer.Option(
+            help="Plant whose limits, sample time and scales it gets; by default ehsa.", autocompletion=plants
+        ),
     ] = None,
     as_json: Json = False,
     force: Force = False,
 ) -> None:
-    """Write ./controllers/NAME.toml: every key of its kind with unit and meaning, what can be added switched off.
+    """Write ./controllers/NAME.toml: every key of its kind with unit and meaning, optional ones switched off.
 
     Examples: ehsa-ctrl new controller mine --kind pid · ehsa-ctrl new controller calm --from lqr_friction ·
     ehsa-ctrl new controller strong --kind mpc --plant rig
@@ -93,18 +94,18 @@ def scenario(
     kind: Annotated[
         str | None,
         typer.Option(
-            help="Of the reference: steps, moves, ramp, sine, trapezoid or file.", autocompletion=reference_kinds
+            help="Kind of the reference: steps, moves, ramp, sine, trapezoid or file.", autocompletion=reference_kinds
         ),
     ] = None,
     base: Annotated[
         str | None,
-        typer.Option("--from", metavar="SCENARIO", help="The scenario that it begins as.", autocompletion=scenarios),
+        typer.Option("--from", metavar="SCENARIO", help="Scenario to start from.", autocompletion=scenarios),
     ] = None,
     plant: Annotated[
-        str | None, typer.Option(help="Its plant; else that of what it begins as.", autocompletion=plants)
+        str | None, typer.Option(help="Its plant; by default that of the base.", autocompletion=plants)
     ] = None,
     controller: Annotated[
-        str | None, typer.Option(help="Its controller; else that of what it begins as.", autocompletion=controllers)
+        str | None, typer.Option(help="Its controller; by default that of the base.", autocompletion=controllers)
     ] = None,
     as_json: Json = False,
     force: Force = False,
@@ -178,5 +179,5 @@ def _write(
         files = [str(path), *(str(target) for _, target in beside)]
         print(to_json({"written": files, "from": base, "next": following}))
         return
-    print(f"written to {path}, begun as {base}; edit it, then")
+    print(f"written to {path}, started from {base}; edit it, then")
     print("\n".join(f"  {line}" for line in following))

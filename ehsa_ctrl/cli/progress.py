@@ -1,10 +1,11 @@
-"""Progress on standard error, for people: nothing is shown where it is no terminal."""
+"""Progress on standard error, where that is a terminal."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 
@@ -20,28 +21,8 @@ class _Notice(logging.Handler):
 
 
 @contextmanager
-def watching() -> Iterator[Callable[[Any], None] | None]:
-    """A line on standard error that says where a fit is: stage, step, cost. None where that is no terminal."""
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield None
-        return
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("reading", total=None)
-
-        def watch(state: Any) -> None:
-            progress.update(task, description=f"{state.stage}: step {state.step}, cost {state.cost:.4g}")
-
-        yield watch
-
-
-@contextmanager
-def counting() -> Iterator[Callable[[str, int, int], None] | None]:
-    """A bar on standard error, a stage at a time. None where that is no terminal."""
+def _progress(*columns: Any) -> Iterator[Callable[..., None] | None]:
+    """Update function of a progress line on standard error; None where that is no terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -49,21 +30,29 @@ def counting() -> Iterator[Callable[[str, int, int], None] | None]:
     if not console.is_terminal:
         yield None
         return
-    with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("reading", total=None)
+    with Progress(*columns, console=console, transient=True) as progress:
+        yield partial(progress.update, progress.add_task("reading", total=None))
 
-        def watch(stage: str, done: int, total: int) -> None:
-            progress.update(task, description=stage, completed=done, total=total)
 
-        yield watch
+@contextmanager
+def watching() -> Iterator[Callable[[Any], None] | None]:
+    """A line with the state of a fit: stage, step, cost."""
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    with _progress(SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()) as update:
+        yield update and (lambda state: update(description=f"{state.stage}: step {state.step}, cost {state.cost:.4g}"))
+
+
+@contextmanager
+def counting() -> Iterator[Callable[[str, int, int], None] | None]:
+    """A bar, one stage after the other."""
+    with _progress() as update:
+        yield update and (lambda stage, done, total: update(description=stage, completed=done, total=total))
 
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Say on standard error when an engine has to be compiled first, so that nobody wonders at a slow first run.
-
-    Ctrl-C in this work says that it is lost, where it is not said otherwise.
-    """
+    """Report on standard error when an engine must be compiled first; Ctrl-C reports that the work is not kept."""
     logger = logging.getLogger("ehsa_ctrl.core.compiled")
     handler = _Notice()
     level = logger.level

@@ -1,4 +1,4 @@
-"""TOML in, checked definition out; every mistake is one sentence with file and key."""
+"""Validation of TOML files; every mistake is one sentence with file and key."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .unit import parse
 
 
 class Definition(BaseModel):
-    """Base of everything that a user writes in TOML: unknown keys are mistakes, values don't change afterwards.
+    """Base of all TOML forms: unknown keys are mistakes, values are frozen.
 
     Nothing is converted: true is no 1, "1" no 1, and a number is finite unless its field says otherwise.
     """
@@ -24,12 +24,12 @@ class Definition(BaseModel):
     )
 
 
-#: In SI units; what is larger, or smaller than its inverse, is a mistake that squares could not be computed of.
+#: Largest magnitude in SI units, its inverse the smallest: beyond them squares overflow or vanish.
 LARGEST = 1e30
 
 
 class In:
-    """Marks a text field as a quantity in an SI unit: `Annotated[float, In("m")]` reads "20 mm" as 0.02."""
+    """A quantity in an SI unit: `Annotated[float, In("m")]` reads "20 mm" as 0.02."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
@@ -91,14 +91,14 @@ def read_definition(path: Path, kind: type[D]) -> D:
 
 
 def validate(content: dict[str, Any], kind: type[D], where: str, context: dict[str, Any] | None = None) -> D:
-    """Validate parsed TOML; `where` is the file's name for messages, `context` what its validators may ask for."""
+    """Validate parsed TOML; `where` is the file's name for messages, `context` is passed to the validators."""
     try:
         return kind.model_validate(content, context=context)
     except ValidationError as error:
         raise InputError(f"{where}: {_sentence(error, kind)}") from None
 
 
-#: What pydantic misses, in words of TOML.
+#: Expected types of pydantic's errors, in terms of TOML.
 EXPECTED = {
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "a table"),
     **dict.fromkeys(("list_type", "tuple_type"), "an array"),
@@ -111,14 +111,14 @@ EXPECTED = {
 
 
 def _got(value: Any) -> str:
-    """A value as its writer knows it."""
+    """A value in terms of TOML."""
     if isinstance(value, bool):
         return str(value).lower()
     return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else shown(value)
 
 
 def _name(part: int | str) -> str:
-    """A key in a sentence: as it is, unless it is too long or odd for that."""
+    """A key as it is, quoted where it is long or not printable."""
     text = str(part)
     return text if len(text) <= 60 and text.isprintable() else shown(text)
 
@@ -152,7 +152,7 @@ def _sentence(error: ValidationError, kind: type[BaseModel]) -> str:
 
 
 def _fields(kind: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
-    """Names that are known in the table at `loc`."""
+    """Keys of the table at `loc`."""
     current: Any = kind
     for part in loc:
         if isinstance(current, type) and issubclass(current, BaseModel):
