@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..core.controller_interface import MEASURED
-from .analysis.closed_loop import INPUTS, OUTPUTS, closed_loop, discrete_response, linear_law, unit_step
+from .analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response, unit_step
 from .analysis.loop import LoopAnalysis
-from .analysis.sampled import hidden_modes, readings, sampled_plant, state_scales
+from .analysis.sampled import hidden_modes, readings, state_scales
 
 if TYPE_CHECKING:
     import control
@@ -91,8 +91,7 @@ class ReviewContext:
     ) -> None:
         self.system, self.controller, self.known, self.loop, self.robust = system, controller, known, loop, robust
         self.sample_time = float(controller.sample_time)
-        self.law = linear_law(controller)
-        self.closed = closed_loop(sampled_plant(system, self.sample_time, delay=lag * self.sample_time), self.law)
+        _, self.law, self.closed = close_loop(system, controller, lag * self.sample_time)
         self.feedback = getattr(controller, "law", controller)
         self.rests = getattr(controller, "rest", None) is not None
         self.current_limit = float(getattr(controller, "current_limit", inf))

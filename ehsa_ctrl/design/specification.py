@@ -20,9 +20,8 @@ from ..core.definition import validate
 from ..core.errors import InputError, choices
 from ..core.files import read_toml
 from ..core.unit import parse
-from .analysis.closed_loop import INPUTS, OUTPUTS, closed_loop, discrete_response, linear_law, spectral_radius
+from .analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response, spectral_radius
 from .analysis.loop import LoopAnalysis, analyse_loop
-from .analysis.sampled import sampled_plant
 from .controller import SampledController
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 from .load import build_controller
@@ -230,7 +229,7 @@ def bandwidth_of(system: control.StateSpace, controller: SampledController) -> f
 
     The gain crossover of a state feedback's loop at the current is that of its speed feedback and says nothing of it.
     """
-    closed = closed_loop(sampled_plant(system, controller.sample_time), linear_law(controller))
+    _, _, closed = close_loop(system, controller)
     if spectral_radius(closed.A) >= 1.0:
         return 0.0
     omega = np.geomspace(0.1, np.pi / controller.sample_time, 2000)

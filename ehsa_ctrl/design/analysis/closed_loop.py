@@ -76,6 +76,18 @@ def closed_loop(plant: control.StateSpace, law: control.StateSpace) -> control.S
     return control.ss(a, b, c, d, plant.dt, inputs=list(INPUTS), outputs=list(OUTPUTS))
 
 
+def close_loop(
+    system: control.StateSpace, controller: Any, delay: float = 0.0
+) -> tuple[control.StateSpace, control.StateSpace, control.StateSpace]:
+    """Sampled plant, linear law and closed loop of a controller on a continuous model, its current `delay` [s] late.
+
+    Raises InputError as `linear_law` and `sampled_plant` do.
+    """
+    law = linear_law(controller)
+    plant = sampled_plant(system, controller.sample_time, delay=delay)
+    return plant, law, closed_loop(plant, law)
+
+
 def spectral_radius(a: np.ndarray) -> float:
     """Largest |eigenvalue|; 0 without states."""
     return float(np.max(np.abs(np.linalg.eigvals(a)), initial=0.0))
@@ -141,9 +153,9 @@ class StepResponse:
 def step_response(system: control.StateSpace, controller: Controller, duration: float = 1.0) -> StepResponse:
     """Step responses over `duration` [s] of a continuous linear model with the controller's linear law.
 
-    Raises InputError for an unstable loop, and as `sampled_plant` and `linear_law` do.
+    Raises InputError for an unstable loop, and as `close_loop` does.
     """
-    closed = closed_loop(sampled_plant(system, controller.sample_time), linear_law(controller))
+    _, _, closed = close_loop(system, controller)
     if spectral_radius(closed.A) >= 1.0:
         raise InputError(f"the loop with {controller.name} is not stable; it has no step response to show")
     samples = max(round(duration / controller.sample_time), 1) + 1

@@ -14,17 +14,9 @@ from ...core.errors import InputError
 from ...core.log import CHANNELS
 from ...core.plotting import draw
 from ...core.text import TextResult
-from .closed_loop import (
-    INPUTS,
-    OUTPUTS,
-    closed_loop,
-    closed_loop_matrix,
-    discrete_response,
-    linear_law,
-    spectral_radius,
-)
+from .closed_loop import INPUTS, OUTPUTS, close_loop, closed_loop_matrix, discrete_response, spectral_radius
 from .margins import Margins, disk_range, frequency_grid, margins
-from .sampled import LATEST, sample, sampled_plant, scale_model
+from .sampled import LATEST, sample, scale_model
 
 if TYPE_CHECKING:
     import control
@@ -165,9 +157,7 @@ def analyse_loop(
         raise InputError(f"points = {points}; expected 10 to {MOST_POINTS}")
     h = controller.sample_time
     late = lag * h + delay
-    law = linear_law(controller)
-    plant = sampled_plant(system, h, delay=late)
-    closed = closed_loop(plant, law)
+    plant, law, closed = close_loop(system, controller, late)
     poles = np.linalg.eigvals(closed.A)
     stable = bool(np.max(np.abs(poles), initial=0.0) < 1.0 - STABILITY_TOLERANCE)
     open_poles = np.concatenate([np.linalg.eigvals(plant.A), np.linalg.eigvals(law.A)])
