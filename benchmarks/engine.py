@@ -15,6 +15,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from importlib.metadata import version
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -284,7 +285,7 @@ def main() -> None:
         figures = {
             "python": platform.python_version(),
             "machine": platform.machine(),
-            "versions": {package: version(package) for package in packages},
+            "versions": {package: version(package) for package in packages if find_spec(package)},
             "rows": [
                 {
                     "method": label, "test": name, "seconds": timing.duration, "failure": timing.failure,

@@ -80,7 +80,7 @@ def measure(
             try:
                 run = row.prepare(record)
                 timing.error = worst_error(run(), references[name][: record.current.size])
-            except (RuntimeError, ArithmeticError, ValueError) as failure:  # a failed solver is a result too
+            except (ImportError, RuntimeError, ArithmeticError, ValueError) as failure:  # shown in the table
                 timing.failure = " ".join(str(failure).split())
                 continue
             runs[row.label, name] = run
