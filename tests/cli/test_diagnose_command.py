@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pandas
 import pytest
-from ehsa_ctrl.report.closed_loop import closed_table
+from ehsa_ctrl.report.kinds.diagnosis import closed_table
 
 import ehsa_ctrl
 from ehsa_ctrl.cli.diagnose import prepare_case
