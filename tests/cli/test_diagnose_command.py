@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pandas
 import pytest
-from ehsa_ctrl.report.kinds.diagnosis import closed_table
 
 import ehsa_ctrl
 from ehsa_ctrl.cli.diagnose import prepare_case
@@ -14,6 +13,7 @@ from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.closed_loop import check_replay, compare_loops
 from ehsa_ctrl.diagnosis.diagnosis import MODELS, Diagnosis
+from ehsa_ctrl.report.kinds.diagnosis import closed_table
 
 SCENARIO = """\
 schema = 1
