@@ -221,7 +221,7 @@ class Identification(TextResult):
                 }
                 for e in self.estimates
             },
-            "doubts": list(self.search_warnings),
+            "search_warnings": list(self.search_warnings),
             "method": self.method,
             "beside": {
                 "method": "balances" if self.method == "simulation" else "simulation",

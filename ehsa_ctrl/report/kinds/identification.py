@@ -92,7 +92,7 @@ def _sentences(each: Model) -> Iterator[Sentence]:
     if each["interrupted"]:
         yield "The search was interrupted: this is the best point so far, not the minimum.", False
     yield _parameters_sentence(each)
-    for words in each.get("doubts", each["warnings"]):
+    for words in each.get("search_warnings", each["warnings"]):
         yield as_sentence(words), False
     yield _fit_sentence(each)
     yield _residual_sentence(each)
