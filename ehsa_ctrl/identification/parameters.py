@@ -84,7 +84,7 @@ def free_parameters(
     known = known_names(plant)
     for asked in (*names, *fix, *bounds, *priors):
         if symbol_of(asked) not in known:
-            raise InputError(f"{asked}: can't be estimated of {plant.name}; {choices(asked, known)}")
+            raise InputError(f"{asked}: can't be estimated for {plant.name}; {choices(asked, known)}")
     for name in fix:
         if symbol_of(name) not in names:
             raise InputError(f"{name}: can't be fixed, it is not free; {_free_list(names)}")

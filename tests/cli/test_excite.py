@@ -72,7 +72,7 @@ def test_what_is_not_determined_is_a_warning(run):
         (("ehsa", "--model", "cubic"), "expected linear or nonlinear"),
         (("ehsa", "--kind", "sin"), "did you mean 'sine'"),
         (("ehsa", "--duration", "0.1"), "expected 1 to 600 s"),
-        (("ehsa", "--free", "K_X"), "is nothing that can be estimated"),
+        (("ehsa", "--free", "K_X"), "can't be estimated"),
         (("ehsa", "--set", "load.preload=50e3", "--duration", "2"), "is passed without any input"),
         (("ehsa", "--amplitude", "0.2", "--kind", "sine", "--duration", "2"), "no input of no more than 0.2 A moves"),
         (("emps",), "inputs are designed for 'ehsa' systems alone"),

@@ -65,7 +65,7 @@ def test_both_models_beside_each_other(run, logs):
         (["nowhere.csv"], "no such file"),
         (["LOG", "--model", "cubic"], "expected linear, nonlinear or both"),
         (["LOG", "--method", "guess"], "expected simulation or balances"),
-        (["LOG", "--free", "K_X"], "K_X: is nothing that can be estimated"),
+        (["LOG", "--free", "K_X"], "K_X: can't be estimated"),
         (["LOG", "--bounds", "K_L"], "expected KEY=LOW:HIGH"),
         (["LOG", "--free", "K_T", "--prior", "K_T"], "needs a standard deviation"),
         (["LOG", "--from", "50"], "there are 0 samples"),
