@@ -191,7 +191,7 @@ def _old_baselines(out: Path) -> ResultFolder:
 def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: bool) -> list[ScenarioResult]:
     """Print the changes, ask for a reason unless there is one, and record the new baselines."""
     from ..report.figures import save
-    from ..scenario.baseline import baseline_changes, update_baseline
+    from ..scenario.baseline_file import baseline_changes, update_baseline
 
     changed = [(result, baseline_changes(result)) for result in results]
     for result, lines in changed:

@@ -21,7 +21,7 @@ from ..plant.load import has_setting, load_plant, with_settings
 from ..plant.plant import Model, Plant
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.sensors import Sensors
-from .baseline import baseline_files, read_baseline
+from .baseline_file import baseline_files, read_baseline
 from .definition import Scenario, load_scenario
 from .disturbances import faults_of
 from .metrics import loop_metrics

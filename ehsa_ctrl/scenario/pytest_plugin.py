@@ -96,7 +96,7 @@ class ScenarioTest(pytest.Item):
 
     def _update(self, result: ScenarioResult) -> ScenarioResult:
         """Record a run without baseline, or one that deviates from it; the session's end reports what changed."""
-        from .baseline import update_baseline
+        from .baseline_file import update_baseline
 
         new, changes = update_baseline(result, self.config.getoption("--ehsa-reason"))
         if changes:

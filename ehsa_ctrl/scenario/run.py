@@ -11,7 +11,7 @@ from ..core.controller_interface import Controller
 from ..design.analysis.loop import analyse_loop
 from ..design.controller import SampledController
 from ..plant.plant import Plant
-from .baseline import baseline_path, read_baseline
+from .baseline_file import baseline_path, read_baseline
 from .definition import Scenario
 from .metrics import METRICS
 from .prepare import prepare

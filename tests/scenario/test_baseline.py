@@ -8,7 +8,8 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.scenario.baseline import SIGNALS, baseline_path, read_baseline, update_baseline, write_baseline
+from ehsa_ctrl.scenario.baseline import SIGNALS
+from ehsa_ctrl.scenario.baseline_file import baseline_path, read_baseline, update_baseline, write_baseline
 
 
 @pytest.fixture
