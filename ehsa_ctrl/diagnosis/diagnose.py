@@ -33,7 +33,7 @@ from .next_experiment import deciding_experiment
 from .refit import NominalParameters, Objective, ResidualScale, nominal_parameters, refit
 from .scoring import ScoredHypothesis, Scoring, score_hypotheses, standard_deviations
 from .signals import largest, noise_of
-from .validation_segment import Segment, last_third, prepare_replay, replayed_effects, whole_log
+from .validation_segment import Segment, initial_state, last_third, prepare_replay, replayed_effects, whole_log
 from .verdict_text import advice, name_of
 
 #: A shorter log leaves too little to fit and to hold out [s].
@@ -126,8 +126,7 @@ def prepare_log(plant: Plant, log: Log, validate: Log | None, threshold: float, 
     findings = [*_checked(plant, [log, *others], check), *(e.caveat for e in replayed_effects(plant))]
     followed = prepare_replay(plant, log, everything=True)
     validation = prepare_replay(plant, others[0], followed, everything=True) if others else None
-    start = whole_log(plant, plant, log, {}).model.start
-    model = HypothesisModel(with_every_effect(plant), followed, start, _switched(plant))
+    model = HypothesisModel(with_every_effect(plant), followed, initial_state(plant, log), _switched(plant))
     return PreparedLog(plant, log, model, validation, noise_of(log), tuple(filter(None, findings)), threshold)
 
 

@@ -17,7 +17,7 @@ from ..core.errors import InputError
 from ..core.log import Log
 from ..identification.logged_inputs import invert_sensor, logged_inputs, undo_sensor
 from ..physics.effects import EFFECTS, Effect, LawSwitch
-from ..physics.friction import ABSENT
+from ..physics.friction import ABSENT, LAWS
 from ..plant.plant import Plant, Sensor
 from ..plant.structure import Structure
 from ..plant.system import Contact
@@ -36,7 +36,8 @@ def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
     """
     system, own = plant.structure.system, plant.structure.rod_friction
     contacts = {contact.name for contact in system.all_contacts}
-    law = rod_friction or ("lugre" if own == "lugre" else "stribeck")
+    with_state = own is not None and LAWS[own].state_rate is not None
+    law = rod_friction or (own if with_state else "stribeck")
     structure = replace(
         plant.structure,
         shaft_friction="stribeck" if "shaft" in contacts else None,

@@ -1,4 +1,4 @@
-"""What is scored: speed, both pressures and the rod's velocity, and the gap between measured and simulated in each."""
+"""The scored signals, speed, both pressures and rod velocity, and the gap between measured and simulated ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def velocity_samples(sample_time: float) -> int:
 
 
 def rod_velocity(position: np.ndarray, sample_time: float) -> np.ndarray:
-    """(x_k - x_(k-n)) / (n dt) [m/s], (N,) or (..., N); the first n samples, which have no past, stand still."""
+    """(x_k - x_(k-n)) / (n dt) [m/s], (N,) or (..., N); the first n samples are zero."""
     n = velocity_samples(sample_time)
     out = np.zeros_like(position)
     out[..., n:] = (position[..., n:] - position[..., :-n]) / (n * sample_time)
@@ -36,10 +36,10 @@ def scored(channels: Mapping[str, np.ndarray], sample_time: float) -> dict[str, 
 
 
 def noise_of(log: Log) -> dict[str, float]:
-    """Standard deviation of each channel's noise, from what changes from sample to sample beyond a smooth signal.
+    """Standard deviation of each channel's noise, from fourth differences.
 
-    Fourth differences leave little of a signal that the plant can make. A converter's steps hide small noise where
-    nothing moves, so that samples that equal their neighbours are left out.
+    These leave little of a signal that the plant can produce. The steps of a converter hide small noise at standstill,
+    so samples that equal their neighbours are left out.
     """
     return {name: _noise(values) for name, values in log.channels.items()}
 
@@ -66,8 +66,8 @@ def gap(
 ) -> dict[str, float]:
     """Gap of each scored signal, and `total`, their RMS.
 
-    RMS of measured minus simulated with the noise taken off in quadrature, over the standard deviation of the
-    measured signal. A signal that does not move has no gap. nan in a simulation that did not last makes it infinite.
+    RMS of measured minus simulated with the noise subtracted in quadrature, over the standard deviation of the measured
+    signal. A constant signal has no gap. NaN in a simulation that stopped makes it infinite.
     """
     gaps = {}
     for name in SIGNALS:

@@ -100,10 +100,14 @@ def whole_log(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, fl
 
     plant: nominal, gives the start. model_plant: what runs, see `with_every_effect`.
     """
-    found = find_initial_state(plant, log, log.before)
+    return Segment(HypothesisModel(model_plant, log, initial_state(plant, log)), 0, noise, log.name)
+
+
+def initial_state(plant: Plant, log: Log) -> dict[str, float] | None:
+    """State at the first sample of a log by name; None for a log that starts at rest."""
+    state = find_initial_state(plant, log, log.before).state
     names = [state.name for state in plant.structure.equations.states]
-    start = None if np.array_equal(found.state, plant.rest) else dict(zip(names, found.state.tolist(), strict=True))
-    return Segment(HypothesisModel(model_plant, log, start), 0, noise, log.name)
+    return None if np.array_equal(state, plant.rest) else dict(zip(names, state.tolist(), strict=True))
 
 
 def last_third(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, float]) -> tuple[Log, Segment]:

@@ -32,6 +32,14 @@ def test_a_new_file_is_a_new_member(tmp_path, monkeypatch):
     assert list(members(family, "law")) == ["one"]
 
 
+def test_a_file_may_define_several_members(tmp_path, monkeypatch):
+    """A tuple under the plural of the attribute."""
+    text = "from types import SimpleNamespace\nlaws = tuple(SimpleNamespace(name=n) for n in ('two', 'one'))\n"
+    family = package(tmp_path, monkeypatch, both=text)
+
+    assert set(members(family, "law")) == {"one", "two"}
+
+
 def test_a_name_taken_twice_is_an_error_at_import(tmp_path, monkeypatch):
     """Two files can't have the same name."""
     family = package(tmp_path, monkeypatch, one=MEMBER.format(name="same"), two=MEMBER.format(name="same"))

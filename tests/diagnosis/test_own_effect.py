@@ -38,6 +38,18 @@ def test_it_is_there_in_its_project_and_nowhere_else(project, tmp_path_factory, 
     assert "seal_pressure_friction" not in EFFECTS
 
 
+def test_one_file_may_hold_several(project, plant):
+    """A tuple `effects` adds each of them."""
+    text = (project / "effects" / "seal_pressure_friction.py").read_text(encoding="utf-8")
+    second = text.replace("seal_pressure_friction", "wiper_friction").replace("k_seal", "k_wiper")
+    tail = "\n\neffects = (effect, second)\n"
+    both = text + "\n" + second.split("import Effect, EffectParameter")[1].replace("effect = ", "second = ") + tail
+    (project / "effects" / "seal_pressure_friction.py").write_text(both, encoding="utf-8")
+
+    assert {"seal_pressure_friction", "wiper_friction"} <= set(EFFECTS)
+    assert {"k_seal", "k_wiper"} <= set(plant.with_effects("seal_pressure_friction", "wiper_friction").parameters)
+
+
 def test_a_plant_that_is_named_brings_its_project(project, tmp_path_factory, monkeypatch):
     """plants/rig.toml of another folder finds the effects/ beside plants/."""
     (project / "plants").mkdir()
