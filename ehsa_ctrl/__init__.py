@@ -1,6 +1,7 @@
 """Control design on an electro-hydrostatic actuator, from the paper's model to a checked closed loop.
 
-Imports: cli -> report -> scenario -> simulation -> plant -> physics -> core, and beside it scenario -> design -> core.
+Imports: cli -> report -> diagnosis -> scenario, identification -> simulation -> plant -> physics -> core, and beside it
+scenario -> design -> core.
 Names are loaded on first use, so that `import ehsa_ctrl` is fast; their types are in __init__.pyi. Where a function
 expects a plant, a log, a linear model or a controller, a name or a path will do; see `arguments`.
 """

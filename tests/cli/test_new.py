@@ -17,9 +17,13 @@ from ehsa_ctrl.plant.load import load_plant
 from ehsa_ctrl.scenario.definition import ScenarioFile
 from ehsa_ctrl.scenario.metrics import METRICS
 
-#: Templates with the model that validates them.
+#: Templates with the model that validates them; a kind of controller may do without one.
 FORMS = {
-    **{f"controller_{name}": kind.file for name, kind in CONTROLLER_KINDS.items()},
+    **{
+        f"controller_{name}": kind.file
+        for name, kind in CONTROLLER_KINDS.items()
+        if (FOLDER / f"controller_{name}.toml").exists()
+    },
     "scenario": ScenarioFile,
     "plant": PlantFile,
 }
