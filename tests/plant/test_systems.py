@@ -49,6 +49,15 @@ def test_symbols_are_those_of_the_system(emps):
     assert SYSTEMS["ehsa"].contacts[0].symbol("A") == "A_FM"
 
 
+def test_a_structure_may_lack_a_contact_and_chambers():
+    """The public Structure checks its arguments and accepts None where a system has no such part."""
+    import ehsa_ctrl
+
+    structure = ehsa_ctrl.Structure(None, "coulomb", None, system_name="positioning")
+
+    assert structure == load_plant("emps").structure
+
+
 @pytest.mark.parametrize(
     ("name", "old", "new", "says"),
     [
