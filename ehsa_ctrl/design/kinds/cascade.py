@@ -62,7 +62,7 @@ class CascadeFile(ControllerFile):
     position: PositionLoop = Field(description="outer loop")
 
     @model_validator(mode="after")
-    def _fit(self) -> CascadeFile:
+    def _check_crossovers(self) -> CascadeFile:
         nyquist = np.pi / self.sample_time
         if not 0 < self.position.crossover < self.speed.crossover < nyquist:
             raise ValueError(

@@ -37,7 +37,7 @@ class Weights(Definition):
     )
 
     @model_validator(mode="after")
-    def _positive(self) -> Weights:
+    def _check_positive(self) -> Weights:
         for name, value in self:
             if value is not None and not 0 < value < np.inf:
                 raise ValueError(f"{name} = {value:g}; expected a deviation greater than 0")
@@ -56,7 +56,7 @@ class StateFeedbackFile(ControllerFile):
     observer: Observer = Field(default=Observer(), description="noise levels of the Kalman filter")
 
     @model_validator(mode="after")
-    def _fitting(self) -> StateFeedbackFile:
+    def _check_weights(self) -> StateFeedbackFile:
         if (self.weights.integral is not None) != (self.offset_free == "integral"):
             raise ValueError('[weights] integral and offset_free = "integral" belong together; give both or neither')
         own = self.feedforward

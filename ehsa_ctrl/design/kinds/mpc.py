@@ -33,7 +33,7 @@ class SolverOptions(Definition):
 
     @field_validator("name")
     @classmethod
-    def _known(cls, name: str) -> str:
+    def _check_name(cls, name: str) -> str:
         if name not in QP_SOLVERS:
             raise ValueError(f"no solver {name!r}; {choices(name, QP_SOLVERS)}")
         return name

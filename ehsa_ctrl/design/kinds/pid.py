@@ -85,7 +85,7 @@ class PidGains(Definition):
     T_f: Second = Field(default=0.0, description="time constant of the derivative filter")
 
     @model_validator(mode="after")
-    def _fit(self) -> PidGains:
+    def _check_form(self) -> PidGains:
         own = FORMS[self.form]
         given = [name for name in ("k_p", "k_i", "k_d", "K", "T_i", "T_d") if getattr(self, name) is not None]
         foreign = [name for name in given if name not in own]
@@ -177,7 +177,7 @@ class PidLoopFile(ControllerFile):
     )
 
     @model_validator(mode="after")
-    def _windup(self) -> PidLoopFile:
+    def _check_tracking_time(self) -> PidLoopFile:
         if self.tracking_time is not None:
             if self.anti_windup != "back_calculation":
                 raise ValueError(f"tracking_time belongs to back_calculation, anti_windup is {self.anti_windup!r}")
@@ -230,7 +230,7 @@ class PidFile(PidLoopFile):
     )
 
     @model_validator(mode="after")
-    def _one(self) -> PidFile:
+    def _check_one_table(self) -> PidFile:
         given = [name for name in ("design", "tuning", "gains") if getattr(self, name) is not None]
         if len(given) != 1:
             raise ValueError(

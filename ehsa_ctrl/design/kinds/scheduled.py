@@ -45,7 +45,7 @@ class SchedulePoint(Definition):
     bulk_modulus: Annotated[float, Field(gt=0)] = Field(default=1.0, description="factor on the model's bulk modulus")
 
     @model_validator(mode="after")
-    def _fit(self) -> SchedulePoint:
+    def _check_gains_or_model(self) -> SchedulePoint:
         if self.gains is not None and (self.stiffness, self.mass, self.bulk_modulus) != (0.0, 0.0, 1.0):
             raise ValueError("a point has either gains or changes of the model (stiffness, mass, bulk_modulus)")
         return self
@@ -70,7 +70,7 @@ class Schedule(Definition):
     )
 
     @model_validator(mode="after")
-    def _rising(self) -> Schedule:
+    def _check_points(self) -> Schedule:
         values = self.values()
         if not np.all(np.diff(values) > 0):
             raise ValueError(f"the points' values {', '.join(f'{v:g}' for v in values)} must rise from one to the next")
@@ -102,7 +102,7 @@ class ScheduledFile(PidLoopFile):
     )
 
     @model_validator(mode="after")
-    def _one(self) -> ScheduledFile:
+    def _check_tables(self) -> ScheduledFile:
         methods = (self.design is not None) + (self.tuning is not None)
         needed = any(point.gains is None for point in self.schedule.points)
         if methods != int(needed):

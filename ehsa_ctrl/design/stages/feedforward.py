@@ -64,7 +64,7 @@ class Feedforward(Definition):
     force_time: Second = Field(default=0.01, description="time constant of the force filter")
 
     @model_validator(mode="after")
-    def _fit(self) -> Feedforward:
+    def _check_ranges(self) -> Feedforward:
         if self.coulomb < 0 or (self.static is not None and not self.coulomb <= self.static < inf):
             raise ValueError("coulomb must be at least 0 A and static at least coulomb")
         if not 0 < self.stribeck < inf:

@@ -107,7 +107,7 @@ class Knocker(Definition):
     period: Second = Field(default=0.02, description="time from pulse to pulse")
 
     @model_validator(mode="after")
-    def _fit(self) -> Knocker:
+    def _check_ranges(self) -> Knocker:
         if not 0 < self.first <= self.largest or self.growth <= 0:
             raise ValueError("first, growth and largest must be greater than 0 A, and first at most largest")
         if not 0 < self.width < self.period:
@@ -132,7 +132,7 @@ class Rest(Definition):
     knocker: Knocker | None = Field(default=None, description="pulses that move a rod stuck outside the band")
 
     @model_validator(mode="after")
-    def _fit(self) -> Rest:
+    def _check_ranges(self) -> Rest:
         if self.band <= 0 or self.speed <= 0 or self.filter_time < 0 or self.patience < 0:
             raise ValueError("band and speed must be greater than 0, filter_time and patience at least 0")
         if self.release is not None and self.release < self.band:
@@ -147,7 +147,7 @@ class Dither(Definition):
     frequency: Hertz = Field(description="frequency, below half the sample rate")
 
     @model_validator(mode="after")
-    def _fit(self) -> Dither:
+    def _check_ranges(self) -> Dither:
         if self.amplitude <= 0 or self.frequency <= 0:
             raise ValueError("amplitude and frequency must be greater than 0")
         return self

@@ -73,7 +73,7 @@ class TrajectoryLimits(Definition):
     )
 
     @model_validator(mode="after")
-    def _fit(self) -> TrajectoryLimits:
+    def _check_ranges(self) -> TrajectoryLimits:
         if not 0 < self.speed < inf or not 0 < self.acceleration < inf:
             raise ValueError("speed and acceleration must be greater than 0")
         if not 0 <= self.duration < inf:

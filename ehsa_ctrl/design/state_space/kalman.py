@@ -35,7 +35,7 @@ class Observer(Definition):
     leak: RadianPerSecond = Field(default=1.0, description="random walk of the leakage disturbance in one second")
 
     @model_validator(mode="after")
-    def _positive(self) -> Observer:
+    def _check_positive(self) -> Observer:
         for name, value in self:
             if not 0 < value < np.inf:
                 raise ValueError(f"{name} = {value:g}; expected a standard deviation greater than 0")

@@ -22,8 +22,6 @@ from ..analysis.sampled import readings, state_scales
 if TYPE_CHECKING:
     import control
 
-#: Disturbances in the order of their columns in E, with unit; for tables and traces.
-DISTURBANCES = {"friction": "A", "load": "N", "leak": "rad/s"}
 #: SI value of a force of 1, so that all disturbances are of similar size.
 FORCE_SCALE = 1e3
 #: Measured signals in the order of y, each a combination of channels.

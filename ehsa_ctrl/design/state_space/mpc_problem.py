@@ -52,7 +52,7 @@ class Limits(Definition):
     penalty: Annotated[float, In("1")] = Field(default=10.0, description="weight of soft limits, see speed")
 
     @model_validator(mode="after")
-    def _room(self) -> Limits:
+    def _check_positive(self) -> Limits:
         for name, value in self:
             if value is not None and not 0 < value < np.inf:
                 raise ValueError(f"{name} = {value:g} leaves no room; expected a limit greater than 0")

@@ -61,7 +61,7 @@ class Tuning(Definition):
     lag: Annotated[int, Field(ge=0)] = Field(default=0, description="samples of delay between measurement and current")
 
     @model_validator(mode="after")
-    def _fit(self) -> Tuning:
+    def _check_criterion(self) -> Tuning:
         if "I" not in self.terms and (self.minimise == "IE" or self.response == "load"):
             raise ValueError(
                 f"terms = {self.terms!r} leaves a steady-state error after a load step, so that there is nothing to "
