@@ -1,9 +1,9 @@
-"""What a solver of quadratic programs is to an MPC.
+"""The interface of a quadratic programme solver.
 
     minimise 1/2 x' H x + f' x    subject to    lower <= (x, A x) <= upper
 
-H and A stay, f and the bounds change from sample to sample. A solver keeps nothing of a solution: the caller hands
-the last one back as the start of the next, so that a run does not depend on the run before it.
+H and A are constant, f and the bounds change from sample to sample. A solver keeps no solution: the caller passes the
+last one as the start of the next, so that a run does not depend on earlier runs.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from typing import Protocol
 
 import numpy as np
 
-#: How a solve ended; `LIMIT` is that of iterations or of time.
+#: Status of a solution; LIMIT is that of iterations or time.
 SOLVED, INFEASIBLE, LIMIT, FAILED = 0, 1, 2, 3
-#: A bound of this size is none.
+#: A bound of this size means no bound.
 NO_BOUND = 1e30
 
 
 @dataclass(frozen=True, slots=True)
 class QpSolution:
-    """How a solve ended.
+    """Result of a solver.
 
     Attributes
     ----------
-    status: SOLVED, INFEASIBLE, LIMIT or FAILED; x and y mean something only if it is SOLVED.
+    status: SOLVED, INFEASIBLE, LIMIT or FAILED; x and y are valid only if SOLVED.
     x: (n,). y: (n + m,) multipliers, above 0 at an upper bound and below 0 at a lower one.
     iterations: the solver's own count.
     """
@@ -38,11 +38,11 @@ class QpSolution:
 
 
 class QpSolver(Protocol):
-    """A solver with its H and A."""
+    """A solver for given H and A."""
 
     def solve(self, f: np.ndarray, lower: np.ndarray, upper: np.ndarray, x: np.ndarray, y: np.ndarray) -> QpSolution:
-        """Solve for these f (n,) and bounds (n + m,), starting from x (n,) and y (n + m,) of a problem nearby; from
-        zeros without one."""
+        """Solve for these f (n,) and bounds (n + m,), starting from x (n,) and y (n + m,) of a similar problem, or
+        from zeros."""
         ...
 
 
@@ -52,9 +52,9 @@ class QpKind:
 
     Attributes
     ----------
-    name: the word in `[solver] name` of a controller's TOML.
+    name: `[solver] name` in a controller's TOML.
     summary: one line.
-    exact: whether its solution is that of the problem up to rounding, not up to a tolerance of its iteration.
+    exact: whether its solution is exact up to rounding, not up to a tolerance of its iteration.
     make: (H (n, n), A (m, n), largest number of iterations, time limit [s] or None) -> a solver.
     """
 

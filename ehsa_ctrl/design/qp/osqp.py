@@ -1,4 +1,4 @@
-"""OSQP: an operator-splitting method, as exact as its tolerance, warm-started.
+"""OSQP: an operator-splitting method, accurate to its tolerance, warm-started.
 
 B. Stellato, G. Banjac, P. Goulart, A. Bemporad, S. Boyd, "OSQP: an operator splitting solver for quadratic programs",
 Math. Programming Computation 12, 2020.
@@ -13,11 +13,11 @@ import numpy as np
 
 from ._solver import FAILED, INFEASIBLE, LIMIT, SOLVED, QpKind, QpSolution
 
-#: Tolerance of its residuals. At its own 1e-3 single currents of an MPC are wrong by tenths of their limit.
+#: Tolerance of its residuals. With its default of 1e-3, currents of an MPC were wrong by tenths of their limit.
 TOLERANCE = 1e-6
-#: One iteration is cheap: this many of them stand for one of an active-set method in a limit of iterations.
+#: Its iterations are cheap: this many count as one of an active-set method in a limit of iterations.
 ITERATIONS = 50
-#: Its own words for how a solve ended.
+#: Its words for a status.
 WORDS = {
     "solved": SOLVED,
     "primal infeasible": INFEASIBLE,
