@@ -255,7 +255,7 @@ def _print_closed(closed: LoopComparison) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from ..report.kinds.diagnosis import OTHER, closed_table
+    from ..report.closed_loop import OTHER, closed_table
 
     console = Console(highlight=False)
     console.print(f"\n{closed.scenario} with {closed.controller}:")

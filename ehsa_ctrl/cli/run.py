@@ -260,7 +260,7 @@ def _summary(results: list[ScenarioResult]) -> Table:
 
 def _metrics(results: list[ScenarioResult]) -> Table:
     """Of one controller the linear prediction, the nonlinear outcome and their gap; of several the outcomes."""
-    from ..report.kinds.diagnosis import CLOSED_LOOP
+    from ..report.closed_loop import CLOSED_LOOP
 
     frames = [result.table() for result in results]
     if len(results) == 1:

@@ -1,7 +1,7 @@
 """A page as data: sentences of the verdict, then sections of text, facts, tables and figures.
 
-Every kind of result is turned into a `Page` (see `kinds`), and one template renders all of them. The constructors
-check that every text is one, so that a JSON that was edited is refused while its file can still be named.
+Every kind of result is turned into a `Page` (see `kinds`), and one template renders all of them. `check` makes sure
+that every text is one, so that a JSON that was edited is refused while its file can still be named.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 #: How a number begins as pages show them, with or without a unit; nothing, a dash and "not defined" count as numbers.
 NUMBER = re.compile(r"(● )?\(?[-−]?(\d|∞)|–?$|not defined$")
@@ -26,7 +26,7 @@ LOOKS: dict[State, tuple[str, str]] = {
 #: Class of the banner of a state.
 BANNERS: dict[State, str] = {True: "", False: " fail", DOUBT: " look", None: " plain"}
 #: Sentences to look at that an overview repeats of one result.
-LED = 3
+REPEATED = 3
 
 
 def worst_of(sentences: Iterable[Sentence]) -> State:
@@ -67,54 +67,32 @@ class Link(str):
         return link
 
 
-@dataclass(frozen=True)
-class Paragraph:
+class Paragraph(NamedTuple):
     """A paragraph, with a mark where its state is not None; `code` is shown in letters of equal width."""
 
     words: str
     state: State = None
     code: bool = False
-    name = "text"
-
-    def __post_init__(self) -> None:
-        _check(self.words)
 
 
-@dataclass(frozen=True)
-class Points:
+class Points(NamedTuple):
     """A list of sentences; one with a state has its mark."""
 
     items: Sequence[str | Sentence]
-    name = "points"
-
-    def __post_init__(self) -> None:
-        _check(*(words for words, _ in self.sentences))
-
-    def __len__(self) -> int:
-        return len(self.items)
 
     @property
     def sentences(self) -> list[Sentence]:
         return [(item, None) if isinstance(item, str) else item for item in self.items]
 
 
-@dataclass(frozen=True)
-class Facts:
+class Facts(NamedTuple):
     """Names and what they are."""
 
     rows: Sequence[tuple[str, str]]
-    name = "facts"
-
-    def __post_init__(self) -> None:
-        _check(*(words for row in self.rows for words in row))
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
 
-@dataclass(frozen=True)
-class Table:
-    """A table of texts; the first column names the row, "\\n" in a heading breaks the line.
+class Table(NamedTuple):
+    """A table of texts; the first column names the row, "\n" in a heading breaks the line.
 
     A cell that begins with ✓ is shown as good, with ✗ as bad, with △ as one to look at.
     """
@@ -122,15 +100,6 @@ class Table:
     caption: str
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
-    name = "table"
-
-    def __post_init__(self) -> None:
-        _check(self.caption, *self.head, *(cell for row in self.rows for cell in row))
-        if any(len(row) != len(self.head) for row in self.rows):
-            raise ValueError(f"the table {self.caption!r} is ragged")
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
     @property
     def numbers(self) -> list[bool]:
@@ -139,8 +108,7 @@ class Table:
         return [k > 0 and all(NUMBER.match(cell) for cell in column) for k, column in enumerate(columns)]
 
 
-@dataclass(frozen=True)
-class Picture:
+class Picture(NamedTuple):
     """A figure that lies beside the JSON: its file without the ending, what it shows, and what to look for.
 
     It is left out where the file is absent. In a page it has a heading of its own only with `headed`.
@@ -150,29 +118,20 @@ class Picture:
     heading: str
     caption: str = ""
     headed: bool = False
-    name = "picture"
-
-    def __post_init__(self) -> None:
-        _check(self.stem, self.heading, self.caption)
 
 
-@dataclass(frozen=True)
-class Section:
-    """A heading and what is below it, with sections in it. key: for links, unique in a page."""
+class Section(NamedTuple):
+    """A heading and the blocks below it, sections among them. key: for links, unique in a page."""
 
     heading: str
     blocks: Sequence[Any]
     key: str = ""
     state: State = None
-    name = "section"
-
-    def __post_init__(self) -> None:
-        _check(self.heading, self.key)
 
 
 @dataclass(frozen=True)
 class Page:
-    """What one result's JSON says.
+    """The content of one result's JSON as a page.
 
     Attributes
     ----------
@@ -191,9 +150,6 @@ class Page:
     versions: Mapping[str, str] = field(default_factory=dict)
     covers: Sequence[str] = ()
 
-    def __post_init__(self) -> None:
-        _check(self.title, *self.notes, *(words for words, _ in self.sentences), *self.covers)
-
     @property
     def state(self) -> State:
         """The worst of its sentences."""
@@ -201,11 +157,11 @@ class Page:
 
     @property
     def lead(self) -> list[str]:
-        """What an overview says: the first sentence, and what to look at; of much of it, how much more there is."""
+        """For an overview: the first sentence, and those to look at; of many the first ones and how many more."""
         first = [words for words, _ in self.sentences][:1]
         doubtful = [words for words, state in self.sentences[1:] if state in (False, DOUBT)]
-        left = len(doubtful) - LED
-        return [*first, *doubtful] if left <= 1 else [*first, *doubtful[:LED], f"And {left} more."]
+        left = len(doubtful) - REPEATED
+        return [*first, *doubtful] if left <= 1 else [*first, *doubtful[:REPEATED], f"And {left} more."]
 
 
 @dataclass(frozen=True)
@@ -223,8 +179,17 @@ class Kind:
     page: str = "report.html"
 
 
-def _check(*texts: Any) -> None:
-    if not all(isinstance(text, str) for text in texts):
+def check(content: Any) -> None:
+    """Check some blocks, or the texts of a page, with all that is in them.
+
+    Raises TypeError for what is neither text nor a state, ValueError for a ragged table.
+    """
+    if isinstance(content, list | tuple):
+        if isinstance(content, Table) and any(len(row) != len(content.head) for row in content.rows):
+            raise ValueError(f"the table {content.caption!r} is ragged")
+        for item in content:
+            check(item)
+    elif not isinstance(content, str | bool | None):
         raise TypeError("a text of a page is not a string")
 
 

@@ -15,14 +15,13 @@ from typing import Any
 from urllib.parse import quote
 
 from markupsafe import Markup
-from pydantic import BaseModel
 
 from ..core.errors import InputError
 from ..core.files import read_json
 from ..plant.file import label
 from .document import image, write_document
 from .kinds import kinds
-from .page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Table, anchors, pictures_in
+from .page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Table, anchors, check, pictures_in
 
 #: File of the overview.
 FILE = "overview.html"
@@ -32,32 +31,6 @@ LARGEST = 600_000
 TOO_LARGE = 8_000_000
 #: Endings of figures, and what follows image/ in their type.
 TYPES = {".svg": "svg+xml", ".png": "png"}
-
-
-class Assumed(BaseModel):
-    """An assumed parameter in a JSON."""
-
-    plant: str
-    name: str
-    value: str
-    range: str
-    note: str
-
-
-class RestsOn(BaseModel):
-    """The provenance in a JSON, see `provenance.provenance`."""
-
-    assumed: list[Assumed] = []
-    files: dict[str, str] = {}
-    command: str = ""
-
-    def blocks(self) -> Iterator[Any]:
-        rows = [[row.plant, label(row.name), row.value, row.range, row.note] for row in self.assumed]
-        head = ["plant", "name", "value", "range", "note"]
-        yield Table("Assumed, not measured: other values change the results", head, rows)
-        if self.files:
-            yield Paragraph("Made from these files, with the first digits of their SHA-256:")
-            yield Points([f"{digits} {name}" for name, digits in self.files.items()])
 
 
 @dataclass(frozen=True)
@@ -71,7 +44,7 @@ class StoredResult:
     page: Page
     folder: Path
     place: str
-    rests_on: RestsOn
+    rests_on: Mapping[str, Any]
     anchor: str = ""
 
     @property
@@ -82,12 +55,25 @@ class StoredResult:
     def failed(self) -> bool:
         return self.page.state is False
 
+    @property
+    def assumed(self) -> Sequence[Mapping[str, str]]:
+        return self.rests_on.get("assumed", [])
+
     @cached_property
     def provenance(self) -> Section:
-        """Where the numbers come from."""
-        blocks = [Facts(self.page.facts), *self.rests_on.blocks(), Facts(list(self.page.versions.items()))]
-        if self.rests_on.command:
-            blocks += [Paragraph("Command:"), Paragraph(self.rests_on.command, code=True)]
+        """Where the numbers come from: facts, assumed parameters, files, versions and the command."""
+        head = ["plant", "name", "value", "range", "note"]
+        rows = [[label(row[key]) if key == "name" else row[key] for key in head] for row in self.assumed]
+        files = [f"{digits} {name}" for name, digits in self.rests_on.get("files", {}).items()]
+        command = self.rests_on.get("command")
+        blocks = [
+            Facts(self.page.facts),
+            Table("Assumed, not measured: other values change the results", head, rows),
+            *([Paragraph("Made from these files, with the first digits of their SHA-256:")] if files else []),
+            Points(files),
+            Facts(list(self.page.versions.items())),
+            *([Paragraph("Command:"), Paragraph(command, code=True)] if command else []),
+        ]
         return Section("Provenance", blocks, "provenance")
 
     @cached_property
@@ -172,10 +158,10 @@ def _read(kind: Kind, folder: Path, place: str) -> StoredResult:
     path = folder / kind.name
     try:
         content = read_json(path)
-        rests_on = RestsOn.model_validate(content.get("rests_on") or {})
-        result = StoredResult(kind, kind.read(content, folder), folder, place, rests_on)
-        # Texts are checked as the blocks are made, while it is still known which file is wrong.
-        _ = result.provenance
+        result = StoredResult(kind, kind.read(content, folder), folder, place, content.get("rests_on") or {})
+        # Checked now, while it is still known which file is wrong.
+        page = result.page
+        check([page.title, page.sentences, page.notes, page.covers, page.sections, result.provenance])
         return result
     except InputError as error:
         # A message of the reader names the file; one about a unit within it does not.
@@ -192,8 +178,11 @@ def _filled(blocks: Iterable[Any], images: Mapping[str, Markup]) -> Iterator[Any
         if isinstance(block, Section):
             inner = list(_filled(block.blocks, images))
             if inner:
-                yield replace(block, blocks=inner)
-        elif block.stem in images if isinstance(block, Picture) else block:
+                yield block._replace(blocks=inner)
+        elif isinstance(block, Picture):
+            if block.stem in images:
+                yield block
+        elif block[-1] or isinstance(block, Paragraph):
             yield block
 
 

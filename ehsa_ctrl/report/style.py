@@ -1,7 +1,7 @@
 """How figures look, in one place.
 
-A line is told from its neighbours by colour (the palette of M. Okabe and K. Ito, made for colour-blind readers) and, in
-black and white, by its dashes and its width. Nothing here changes matplotlib's state for others.
+Lines differ by colour (the palette of M. Okabe and K. Ito, made for colour-blind readers) and, in
+black and white, by dashes and width. Nothing here changes matplotlib's state for others.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ RASTER_POINTS = 20_000
 RC: dict[str, Any] = {
     "axes.axisbelow": True,
     "axes.edgecolor": "#555555",
-    # No power of ten in a corner: it would stand where the panel above ends.
+    # No power of ten in a corner: it would overlap the panel above.
     "axes.formatter.limits": (-5, 6),
     "axes.formatter.useoffset": False,
     "axes.grid": True,

@@ -54,7 +54,7 @@ def test_a_page_is_replaced_only_when_told(gentle, tmp_path):
 def test_what_has_no_page_is_said(gentle, fitting, tmp_path):
     """Which have, and what else there is; results of two kinds don't share one."""
     with pytest.raises(
-        e.InputError, match=r"kind Log has no page \(Change, Diagnosis, Identification, Comparison, Scenario"
+        e.InputError, match=r"kind Log has no page \(Change, Comparison, Diagnosis, Identification, Scenario"
     ):
         e.write_report(fitting.train.after[0].log, tmp_path)
     with pytest.raises(e.InputError, match=r"kind LoopAnalysis has no page .*; its plot\(\) draws it"):

@@ -55,8 +55,8 @@ def draw(ax: Axes, time: np.ndarray, values: np.ndarray, how: Mapping[str, Any])
     return line
 
 
-def fit(ax: Axes, signal: Signal) -> None:
-    """Label the panel and give it a range that holds its lines, and does not blow up the noise about a constant."""
+def set_range(ax: Axes, signal: Signal) -> None:
+    """Label the panel and give it a range that contains its lines without magnifying the noise about a constant."""
     ax.set_ylabel(signal.label)
     low, high = ax.dataLim.y0, ax.dataLim.y1
     if not np.isfinite([low, high]).all():
@@ -66,24 +66,24 @@ def fit(ax: Axes, signal: Signal) -> None:
     ax.set_ylim(middle - 0.56 * span, middle + 0.56 * span)
 
 
-def hold(ax: Axes, kept: Iterable[np.ndarray], before: np.ndarray | None) -> None:
-    """A range that holds all that is kept, and of a run before what is not far off."""
-    low, high = _ends(kept)
+def set_range_around(ax: Axes, signals: Iterable[np.ndarray], before: np.ndarray | None) -> None:
+    """A range that contains the given signals, and of a run before what is not far off."""
+    low, high = _extremes(signals)
     span = max(high - low, 1e-6 * max(abs(low), abs(high), 1e-300))
     if before is not None:
-        lowest, highest = _ends([before])
+        lowest, highest = _extremes([before])
         low, high = max(min(low, lowest), low - span), min(max(high, highest), high + span)
     span = high - low or span
     ax.set_ylim(low - 0.06 * span, high + 0.06 * span)
 
 
-def _ends(signals: Iterable[np.ndarray]) -> tuple[float, float]:
+def _extremes(signals: Iterable[np.ndarray]) -> tuple[float, float]:
     values = np.concatenate(list(signals))
     values = values[np.isfinite(values)]
     return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
 
 
-def beside(ax: Axes, lines: Sequence[Artist]) -> None:
+def panel_legend(ax: Axes, lines: Sequence[Artist]) -> None:
     """A legend of this panel's own, to its right."""
     if lines:
         ax.legend(
@@ -112,7 +112,7 @@ def levels(time: np.ndarray, force: np.ndarray) -> list[Phase]:
 
 
 def strip(ax: Axes, rows: Mapping[str, tuple[Sequence[Phase], str]]) -> None:
-    """Rows of bars that show when something holds: name -> (phases, colour); a phase's words stand in its bar."""
+    """Rows of bars that show when something holds: name -> (phases, colour); a phase's words are in its bar."""
     ax.set_gid("strip")
     ax.grid(axis="y", visible=False)
     start, end = ax.get_xlim()

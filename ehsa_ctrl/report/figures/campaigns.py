@@ -41,11 +41,11 @@ def experiment_figure(experiment: ExperimentDesign) -> Figure:
             ax = axes[name]
             if name == "pressures":
                 read = SIGNALS[name].read
-                panel.beside(ax, [panel.draw(ax, run.time, read(run[p]), how) for p, how in PRESSURES.items()])
+                panel.panel_legend(ax, [panel.draw(ax, run.time, read(run[p]), how) for p, how in PRESSURES.items()])
             else:
                 held = {"drawstyle": "steps-post"} if name == "current" else {}
                 line = panel.draw(ax, run.time, SIGNALS[name].read(run[name]), look | held)
-            panel.fit(ax, SIGNALS[name])
+            panel.set_range(ax, SIGNALS[name])
         share_x([axes[name] for name in names])
         axes["x"].set_xlim(run.time[0], run.time[-1])
         axes["x"].set_xlabel("time (s)")

@@ -74,7 +74,7 @@ def overlay_figure(
             ax = axes[label]
             for role, values in roles.items():
                 lines[role] = panel.draw(ax, time, np.asarray(values, dtype=float), ROLES[role])
-            panel.fit(ax, Signal(label.rpartition(" (")[0], "1", "1", 0.0))
+            panel.set_range(ax, Signal(label.rpartition(" (")[0], "1", "1", 0.0))
             ax.set_ylabel("\n(".join(label.rsplit(" (", 1)))
             ax.set_xlim(time[0], time[-1])
         header_legend(axes["header"], [lines[role] for role in ROLES if role in lines])
@@ -177,7 +177,7 @@ def _trace(ax: Axes, time: np.ndarray, trace: Trace, samples: slice, labels: Map
     for role, line in values.items():
         drawn[role] = panel.draw(ax, time, line, LOOKS[role] | ({"label": labels[role]} if role in labels else {}))
         drawn[role].set_rasterized(line.size > POINTS)
-    panel.hold(ax, [line for role, line in values.items() if role != "before"], values.get("before"))
+    panel.set_range_around(ax, [line for role, line in values.items() if role != "before"], values.get("before"))
     return drawn
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,8 +23,6 @@ from ._layout import XLABEL, share_x, sheet
 SHOWN = {"omega": "rad/s", "dP": "bar", "v": "mm/s", "x": "mm"}
 #: |S| and |T| are not shown below this, dB.
 FLOOR = -45.0
-#: Height of two lines of words above a panel, in.
-STEP = 0.33
 #: A margin.
 BAR: dict[str, Any] = {"color": VERMILION, "linewidth": 3.0, "zorder": 3, "solid_capstyle": "butt"}
 
@@ -40,10 +38,10 @@ def bode_figure(analysis: Analysis) -> Figure:
     centres = [frequency for frequency, _ in poles] or [1.0]
     omega = np.geomspace(min(centres) / 50, 50 * max(centres), 2000)
     response = np.asarray(analysis.system(1j * omega))
-    marks = arranged(poles, omega[0], omega[-1], width=0.27)
     rows = [[f"{name} gain", f"{name} phase"] for name in outputs]
     title = f"{analysis.system.name}: from the current"
-    with sheet(title, rows, [1.5] * len(rows), extra=XLABEL + height_of(marks)) as (figure, axes):
+    notes = ["dotted: " + "; ".join(words for _, words in poles)] if poles else []
+    with sheet(title, rows, [1.5] * len(rows), notes=notes) as (figure, axes):
         for name, (left, right) in zip(outputs, rows, strict=True):
             channel = response[analysis.system.output_labels.index(name), 0]
             axes[left].loglog(omega, np.abs(channel) / factor(SHOWN[name], OUTPUTS[name]), color=BLUE)
@@ -56,7 +54,6 @@ def bode_figure(analysis: Analysis) -> Figure:
             share_x(column)
             column[-1].set_xlim(omega[0], omega[-1])
             column[-1].set_xlabel("frequency (rad/s)")
-            name_marks(column[0], marks)
             for frequency, _ in poles:
                 mark(column, frequency)
     return figure
@@ -74,7 +71,7 @@ def _poles(analysis: Analysis) -> list[tuple[float, str]]:
     for pole, frequency, damping in zip(analysis.poles, analysis.natural_frequencies, analysis.damping, strict=True):
         if frequency > 0:
             kind = f"ζ = {number(round(damping, 3))}" if pole.imag else ("real" if pole.real < 0 else "unstable")
-            found[f"{frequency:.6g} {kind}"] = (float(frequency), f"{number(frequency)} rad/s\n{kind}")
+            found[f"{frequency:.6g} {kind}"] = (float(frequency), f"{number(frequency)} rad/s, {kind}")
     return sorted(found.values())
 
 
@@ -82,16 +79,16 @@ def _poles(analysis: Analysis) -> list[tuple[float, str]]:
 def loop_figure(loop: LoopAnalysis) -> Figure:
     """Open loop: gain [dB] and phase [deg] over frequency [rad/s]; below |S| and |T| [dB] with their peaks.
 
-    Thick bars are the gain margin (top) and the phase margin (middle); their values are above the figure.
+    Thick bars are the gain margin (top) and the phase margin (middle); their values are above the panels.
     """
     omega, turned = loop.omega, _loop_phase(loop)
     crossover = loop.crossover if np.isfinite([loop.crossover, loop.phase_margin]).all() else None
     turnover = loop.gain_frequency if loop.gain_frequency > 0 else None
-    marks = arranged(_margins(loop, crossover, turnover), omega[0], omega[-1], width=0.28)
     stable = "" if loop.stable else ": NOT STABLE when closed"
     title = f"Position loop with {loop.controller}, broken at the current{stable}"
     rows = [["gain"], ["phase"], ["closed"]]
-    with sheet(title, rows, (2.0, 1.8, 1.8), extra=XLABEL + 0.25 + height_of(marks)) as (figure, axes):
+    notes = list(_margins(loop, crossover, turnover))
+    with sheet(title, rows, (2.0, 1.8, 1.8), extra=XLABEL + 0.25, notes=notes) as (figure, axes):
         top, middle, bottom = (axes[row[0]] for row in rows)
         top.semilogx(omega, decibel(np.abs(loop.response)), color=BLUE)
         top.axhline(0.0, color=BLACK, linewidth=0.7, zorder=1.5)
@@ -109,7 +106,6 @@ def loop_figure(loop: LoopAnalysis) -> Figure:
             top.plot([turnover] * 2, [0.0, -float(decibel(loop.gain_margin))], **BAR)
         few_ticks([top, middle, bottom])
         share_x([top, middle, bottom])
-        name_marks(top, marks)
         bottom.set_xlabel("frequency (rad/s), up to half of the sampling's")
         bottom.set_xlim(omega[0], omega[-1])
     return figure
@@ -132,14 +128,14 @@ def _closed(ax: Axes, loop: LoopAnalysis) -> None:
     ax.set_ylabel("closed loop\n(dB)")
 
 
-def _margins(loop: LoopAnalysis, crossover: float | None, turnover: float | None) -> Iterator[tuple[float, str]]:
-    """Words about the margins, at their frequencies [rad/s]."""
+def _margins(loop: LoopAnalysis, crossover: float | None, turnover: float | None) -> Iterator[str]:
+    """The margins in words, above the panels."""
     if crossover is not None:
         delay = f" = {number(1e3 * loop.delay_margin)} ms" if np.isfinite(loop.delay_margin) else ""
-        yield crossover, f"crossover {number(crossover)} rad/s\nphase margin {number(loop.phase_margin)}°{delay}"
+        yield f"crossover {number(crossover)} rad/s, phase margin {number(loop.phase_margin)}°{delay}"
     if turnover is not None:
         depth = f"{number(loop.gain_margin)} = {number(float(decibel(loop.gain_margin)))} dB"
-        yield turnover, f"phase -180° at {number(turnover)} rad/s\ngain margin {depth}"
+        yield f"phase -180° at {number(turnover)} rad/s, gain margin {depth}"
 
 
 def _loop_phase(loop: LoopAnalysis) -> np.ndarray:
@@ -167,49 +163,6 @@ def mark(axes: Sequence[Axes], frequency: float) -> None:
     """A dotted line at a frequency [rad/s] through the panels."""
     for ax in axes:
         ax.axvline(frequency, color=GREY, linestyle=(0, (2, 2)), linewidth=0.9)
-
-
-class Mark(NamedTuple):
-    """Two lines of words above a panel, at a frequency [rad/s], so many steps up."""
-
-    frequency: float
-    words: str
-    side: str
-    level: int
-
-
-def arranged(marks: Iterable[tuple[float, str]], low: float, high: float, *, width: float) -> list[Mark]:
-    """Words at their frequencies [rad/s] on an axis from low to high, a step up where two would meet.
-
-    `width` is what words take of the axis' width. Words near an end of the axis are aligned with it.
-    """
-    ends: list[float] = []
-    placed = []
-    for frequency, words in sorted(marks):
-        place = np.log(frequency / low) / np.log(high / low)
-        side, start = "center", place - width / 2
-        if start < 0:
-            side, start = "left", place
-        elif start + width > 1:
-            side, start = "right", place - width
-        level = next((k for k, end in enumerate(ends) if start >= end), len(ends))
-        ends[level : level + 1] = [start + width]
-        placed.append(Mark(frequency, words, side, level))
-    return placed
-
-
-def height_of(marks: Iterable[Mark]) -> float:
-    """Room that the words need, in."""
-    return STEP * (1 + max((one.level for one in marks), default=-1)) + 0.08
-
-
-def name_marks(ax: Axes, marks: Iterable[Mark]) -> None:
-    """Write the words above the panel."""
-    for frequency, words, side, level in marks:
-        ax.annotate(
-            words, (frequency, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3 + 72 * STEP * level),
-            textcoords="offset points", ha=side, va="bottom", fontsize=8, color="#333333",
-        )  # fmt: skip
 
 
 def few_ticks(axes: Iterable[Axes]) -> None:

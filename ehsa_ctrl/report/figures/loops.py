@@ -133,7 +133,7 @@ def step_figure(steps: StepResponse) -> Figure:
             for ax, signal, values in zip(column, ("x", "current"), (steps.position, steps.current), strict=True):
                 stepwise = "steps-post" if signal == "current" else "default"
                 ax.plot(steps.time, SIGNALS[signal].read(size * values[name]), color=BLUE, drawstyle=stepwise)
-                panel.fit(ax, SIGNALS[signal])
+                panel.set_range(ax, SIGNALS[signal])
                 if name == "force":
                     ax.set_ylabel("")
             column[-1].set_xlim(steps.time[0], steps.time[-1])

@@ -70,8 +70,8 @@ def _finish(places: Mapping[str, Axes], run: Trajectory, pressures: list[Artist]
     """Exceeded limits, labels and ranges, and legends beside the panels."""
     limits = panel.exceeded_limits(places, run)
     for name, ax in places.items():
-        panel.fit(ax, SIGNALS[name])
-        panel.beside(ax, (pressures if name == "pressures" else []) + limits[name])
+        panel.set_range(ax, SIGNALS[name])
+        panel.panel_legend(ax, (pressures if name == "pressures" else []) + limits[name])
 
 
 @draw.register
@@ -145,7 +145,7 @@ def baseline_figure(result: ScenarioResult) -> Figure:
             now = panel.draw(ax, run.time, read(run[name]), ROLES["nonlinear"] | {"label": "this run"})
             beyond = (run[name] > bounds.upper) | (run[name] < bounds.lower)
             ax.plot(run.time[beyond], read(run[name][beyond]), ".", color=PURPLE, markersize=4, zorder=3)
-            panel.fit(ax, SIGNALS[name])
+            panel.set_range(ax, SIGNALS[name])
         header_legend(axes["header"], [tube, now])
     return figure
 
@@ -178,7 +178,7 @@ def closed_figure(loops: Mapping[str, ClosedLoop], title: str) -> Figure:
             rows[f"{word}: sticks"] = (stuck, look["color"])
         axes["strip"].set_xlim(time[0], time[-1])
         for name, ax in places.items():
-            panel.fit(ax, SIGNALS[name])
+            panel.set_range(ax, SIGNALS[name])
         places["error"].axhline(0.0, color=GREY, linewidth=0.7, zorder=1.5)
         panel.strip(axes["strip"], rows)
         header_legend(axes["header"], lines)

@@ -8,16 +8,16 @@ from typing import Any
 
 from ...core.files import read_json
 from ...core.text import join_words
-from ...core.unit import factor
 from ...diagnosis.diagnosis import MODELS
 from ...diagnosis.gap_attribution import PLACES
 from ...diagnosis.signals import SIGNALS
 from ...plant.file import label
-from ...scenario.metrics import METRICS
+from ..closed_loop import closed_loop_section, closed_loop_sentences
 from ..outcome import OUTCOMES, after_model, after_words, models_shown, outcome
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence, State, Table
-from ..signals import BALANCES, shown, signal_shown, unit_of_number
-from ..text import NOTHING, as_sentence, percent, quantity, uncertain, unit, value_text
+from ..signals import BALANCES, shown, signal_shown
+from ..text import NOTHING, as_sentence, percent, quantity, unit, value_text
+from ._diagnosis_causes import cause_name, cause_section, causes_are_named, numbers_of
 from ._tables import settings_of, steps_of
 
 Content = Mapping[str, Any]
@@ -38,14 +38,6 @@ ORDER = {
     "outside_catalogue": ("where", "signals", "causes", "gaps", "candidates", "next"),
     "underdetermined": ("causes", "candidates", "next", "where", "signals", "gaps"),
 }
-#: Metrics of the closed loop that are shown, where a run has them.
-CLOSED_LOOP = (
-    "RiseTime", "SettlingTime", "SettlingRatio", "Overshoot", "SteadyStateError", "MaxError", "RMSError",
-    "HuntingAmplitude", "Slips", "SaturationShare", "CurrentRMS", "Energy", "StopTime", "TravelAfterStop",
-)  # fmt: skip
-#: A logged current that differs by more than this share of its standard deviation from what the controller computes
-#: was recorded under another loop.
-OTHER = 0.2
 
 
 def _read(content: Content, folder: Path) -> Page:
@@ -58,7 +50,7 @@ def _read(content: Content, folder: Path) -> Page:
     sentences: list[Sentence] = [(content["change"], None)] if "change" in content else []
     sentences += [(content["sentence"], state), *_glance(content)]
     if closed is not None:
-        sentences += list(_closed_sentences(closed))
+        sentences += list(closed_loop_sentences(closed))
     sentences += [(f"Doubtful in the log: {str(words).rstrip('.')}.", DOUBT) for words in content["findings"]]
     ordered = [parts[name](content) for name in ORDER.get(content["verdict"], tuple(parts))]
     model = f" ({content['model']})" if content.get("model") else ""
@@ -72,7 +64,7 @@ def _read(content: Content, folder: Path) -> Page:
         sections=[
             *([_changed(content)] if "change" in content else []),
             *ordered,
-            *([_closed_loop(closed)] if closed is not None else []),
+            *([closed_loop_section(closed)] if closed is not None else []),
             _recorded(content),
         ],
         facts=[
@@ -95,15 +87,6 @@ def _log(content: Content) -> str:
     return f"{log or 'a log'}{f' on {plant}' if plant else ''}"
 
 
-def _name(cause: Content) -> str:
-    return str(cause["id"]) + (f" ({cause['channel']})" if cause["channel"] else "")
-
-
-def _named(content: Content) -> bool:
-    """Whether causes are claimed."""
-    return content["verdict"] in ("effect", "ambiguous")
-
-
 def _glance(content: Content) -> Iterator[Sentence]:
     """Where, which and how far, a line each."""
     if content["verdict"] == "no_gap":
@@ -112,9 +95,12 @@ def _glance(content: Content) -> Iterator[Sentence]:
         shares = [f"{w['place']} {percent(w['share'], 2)}" for w in content["where"] if w["share"] >= 0.01]
         yield f"Where: {', '.join(shares)} of the gap over the whole log.", None
     for cause in content["effects"]:
-        numbers = ", ".join(f"{name} = {value} {of}".rstrip() for name, value, _, of, _ in _numbers(cause))
+        numbers = ", ".join(f"{name} = {value} {of}".rstrip() for name, value, _, of, _ in numbers_of(cause))
         others = f"; or {' or '.join(cause['ambiguous_with'])}" if cause["ambiguous_with"] else ""
-        yield f"Which: {_name(cause)}, probability {value_text(cause['probability'], 1.0, 2)}: {numbers}{others}.", None
+        yield (
+            f"Which: {cause_name(cause)}, probability {value_text(cause['probability'], 1.0, 2)}: {numbers}{others}.",
+            None,
+        )
     if not content["effects"]:
         nearest = content.get("nearest_sentence")
         yield f"Which: none of the catalogue{f'; {nearest}' if nearest else ''}.", None
@@ -171,7 +157,7 @@ def _reached(content: Content) -> str:
 def _where(content: Content) -> Section:
     if not content["where"]:
         return Section("Where", [])
-    location, named = content.get("location"), _named(content)
+    location, named = content.get("location"), causes_are_named(content)
     balances = location["shares"] if location is not None else {}
     causes = {w["place"]: w["share"] for w in content["where"]} if named or location is None else {}
     columns = [("by the causes", causes)] * bool(causes) + [("by the balances", balances)] * bool(balances)
@@ -233,57 +219,12 @@ def _closes(share: float | None) -> str:
 
 def _causes(content: Content) -> Section:
     titles = {"outside_catalogue": "Effects beside the unknown cause", "underdetermined": "Candidates"}
-    sections = [_cause(cause, content) for cause in content["effects"]]
+    sections = [cause_section(cause, content) for cause in content["effects"]]
     return Section(titles.get(content["verdict"], "Which cause"), sections, "causes")
 
 
-def _cause(cause: Content, content: Content) -> Section:
-    blocks: list[Any] = []
-    if "summary" in cause:
-        blocks.append(Paragraph(f"{as_sentence(cause['summary'])} In a log: {cause['fingerprint']}."))
-    head = ["name", "found", "nominal", "unit", "meaning"]
-    blocks.append(Table("Numbers, with one standard deviation", head, _numbers(cause)))
-    facts = [("place", str(cause["place"]))] if "place" in cause else []
-    if _named(content):
-        own = ", its own part" if len(content["effects"]) > 1 else ""
-        facts.append(("closes", f"{percent(cause['gap_closed'])} of the gap of all signals on held-out data{own}"))
-        words = "of what it closes: a refit of the nominal parameters would have closed this part as well"
-        facts.append(("absorbed by a refit", f"{percent(cause['absorbed_by_refit'])} {words}"))
-    alone = [f"{signal_shown(n).words} {percent(gap, 2)}" for n, gap in cause.get("alone", {}).items() if n != "total"]
-    if alone:
-        facts.append(("gap that it makes alone", f"{', '.join(alone)}, the larger of fitted and held-out data"))
-    blocks.append(Facts(facts))
-    why = cause.get("why_same", {})
-    here = [other for other in cause["ambiguous_with"] if other not in why]
-    if here:
-        blocks.append(
-            Paragraph(f"This log cannot distinguish it from {join_words(here)}: it lacks the motion for that.")
-        )
-    always = [f"{other}: {why[other]}" for other in cause["ambiguous_with"] if other in why]
-    if always:
-        blocks += [Paragraph("No log of these channels can distinguish it from:"), Points(always)]
-    certain = cause["probability"] >= 0.9 and not cause["ambiguous_with"]
-    heading = f"{_name(cause)}: probability {cause['probability']:.2f}"
-    return Section(heading, blocks, state=True if certain else DOUBT)
-
-
-def _numbers(cause: Content) -> list[list[str]]:
-    """Name, value found, nominal value, unit and meaning of each number of a cause, in the unit that is shown."""
-    rows = []
-    for name, number in cause["parameters"].items():
-        sd = INFINITE if number["sd"] is None else number["sd"]
-        usual, scale = number["unit"], 1.0
-        if number.get("belongs_to") != "plant":
-            usual, scale = unit_of_number(number["unit"], number["value"])
-        nominal = number.get("nominal")
-        words = "absent" if nominal is None and "nominal" in number else value_text(nominal, scale)
-        value = uncertain(number["value"] / scale, sd / scale)
-        rows.append([label(number.get("name", name)), value, words, unit(usual), number.get("meaning", "")])
-    return rows
-
-
 def _candidates(content: Content) -> Section:
-    causes = {_name(cause): cause["ambiguous_with"] for cause in content["effects"]}
+    causes = {cause_name(cause): cause["ambiguous_with"] for cause in content["effects"]}
     rows = []
     for candidate in content.get("candidates") or []:
         members = candidate["members"]
@@ -317,15 +258,15 @@ def _gaps(content: Content) -> Section:
         Picture("shrinkage", "Gap of each model", caption),
         Table("Gap, % of the signal's standard deviation; ● is relevant", head, rows),
     ]
-    if _named(content) and len(content["effects"]) > 1:
-        parts = [[_name(cause), percent(cause["gap_closed"])] for cause in content["effects"]]
+    if causes_are_named(content) and len(content["effects"]) > 1:
+        parts = [[cause_name(cause), percent(cause["gap_closed"])] for cause in content["effects"]]
         caption = "Part of each cause: the mean over all orders in which they can be added"
         blocks.append(Table(caption, ["cause", "closes"], parts))
     return Section("Gaps" if content["verdict"] == "no_gap" else "How far", blocks, "gaps")
 
 
 def _next(content: Content) -> Section:
-    words = [content["next_experiment"]] if content["next_experiment"] else []
+    words = [as_sentence(content["next_experiment"])] if content["next_experiment"] else []
     words += [as_sentence(each) for each in (content.get("location") or {}).get("untold", [])]
     return Section("Next experiment", [Paragraph(each) for each in words], "next")
 
@@ -347,48 +288,6 @@ def _recorded(content: Content) -> Section:
     blocks += [Paragraph("Preparation:"), Points(steps)] if steps else []
     caption = "Noise estimated from the log: one standard deviation"
     return Section("The log", [*blocks, Table(caption, ["channel", "noise", "unit"], rows)], "log")
-
-
-def _closed_sentences(closed: Content) -> Iterator[Sentence]:
-    for word, reasons in closed["failures"].items():
-        words = "; ".join(reasons) if reasons else "keeps the limits"
-        yield f"{closed['scenario']} with {closed['controller']} on the {word} plant: {words}.", not reasons
-
-
-def _closed_loop(closed: Content) -> Section:
-    """What the diagnosis means for a closed loop."""
-    head, rows = closed_table(closed)
-    caption = "The same controller on the plants, with the scenario's load, sampling and noise; bars: the rod sticks."
-    blocks: list[Any] = [
-        Paragraph(f"{closed['scenario']} with {closed['controller']}, the controller designed on the nominal plant."),
-        Picture("closed_loop", "The closed loop", caption),
-        Table("On the nonlinear plant", ["metric", *head, "unit"], rows),
-    ]
-    if len(closed["failures"]) == 1:
-        blocks.append(Paragraph("No cause was named, so that there is no other plant to compare."))
-    other = (closed.get("replay") or {}).get("current_not_of_this_loop")
-    if other is not None and other > OTHER:
-        words = f"differs by {100.0 * other:.0f} % from what this controller computes from the log's own measurements"
-        blocks.append(Paragraph(f"The logged current {words}: was it recorded under this loop?", DOUBT))
-    return Section("The closed loop", blocks, "closed")
-
-
-def closed_table(closed: Content) -> tuple[list[str], list[list[str]]]:
-    """Head (the plants) and rows (metric, a value a plant, unit) of a closed_loop.json."""
-    words = list(closed["plants"])
-    rows = []
-    for name in CLOSED_LOOP:
-        metric = METRICS[name]
-        cells = [
-            value_text((closed["metrics"].get(name) or {}).get(w), factor(metric.shown, metric.unit)) for w in words
-        ]
-        if set(cells) != {NOTHING}:
-            rows.append([name, *cells, unit(metric.shown)])
-    gaps = (closed.get("replay") or {}).get("gap", {})
-    for signal in gaps.get(words[0], ()):
-        cells = [value_text(gaps[word][signal], 0.01, 3) for word in words]
-        rows.append([f"gap in {signal.replace('_', ' ')}", *cells, "%"])
-    return [f"{word} plant" for word in words], rows
 
 
 KIND = Kind("diagnosis.json", "diagnosis", _read, page="diagnosis.html")

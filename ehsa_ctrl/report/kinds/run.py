@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from ...core.text import join_words
-from ...core.unit import factor
-from ...plant.file import label
 from ...scenario.metrics import METRICS
 from ...scenario.result import first_reasons
 from ..page import (
@@ -29,7 +27,16 @@ from ..page import (
     unique,
 )
 from ..provenance import merged_versions
-from ..text import quantity, quantity_in, unit, value_text
+from ..text import quantity, unit, value_text
+from ._metrics import (
+    bounds_text,
+    metric_exists,
+    metric_heading,
+    metric_of,
+    metric_text,
+    range_sentence,
+    ranges_table,
+)
 from ._tables import loop_sentence, margins_table
 
 Run = Mapping[str, Any]
@@ -39,8 +46,6 @@ SHOWN = (
     "RiseTime", "SettlingTime", "Overshoot", "SteadyStateError", "MaxError", "RMSError", "Slips", "StickShare",
     "CurrentRMS",
 )  # fmt: skip
-#: Metrics shown over the ranges of assumed parameters, where a scenario limits none.
-UNLIMITED = ("MaxError", "RMSError", "CurrentRMS")
 VERDICTS = {"pass": "✓ passed", "fail": "✗ failed", "untested": "– untested"}
 STATES = {"pass": True, "fail": False, "untested": None}
 #: How the numbers came about.
@@ -116,19 +121,19 @@ def _sentences(runs: Sequence[Run]) -> Iterator[Sentence]:
     tried = [run for run in runs if run.get("assumed_ranges")]
     decided = [run for run in tried if any(each["flips"] for each in run["assumed_ranges"])]
     for run in decided:
-        yield f"An assumed parameter decides the verdict of {_name(run)}. {_range_sentence(run)[0]}", DOUBT
+        yield f"An assumed parameter decides the verdict of {_name(run)}. {range_sentence(run)[0]}", DOUBT
     if tried and not decided:
         yield "No verdict changes at either end of the range of an assumed parameter.", True
 
 
 def _summary(runs: Sequence[Run], keys: Sequence[str]) -> Table:
-    columns = [name for name in SHOWN if any(_exists(run, name) for run in runs)]
-    head = ["scenario", "controller", "verdict", "limits\nkept", *(_heading(name) for name in columns)]
+    columns = [name for name in SHOWN if any(metric_exists(run, name) for run in runs)]
+    head = ["scenario", "controller", "verdict", "limits\nkept", *(metric_heading(name) for name in columns)]
     rows = [
         [
             Link(run["scenario"], key), run["controller"], VERDICTS[run["verdict"]],
             f"{sum(limit['passed'] for limit in run['limits'])} of {len(run['limits'])}",
-            *(_value(run, name) for name in columns),
+            *(metric_of(run, name) for name in columns),
         ]
         for key, run in zip(keys, runs, strict=True)
     ]  # fmt: skip
@@ -142,9 +147,9 @@ def _scenario(group: Sequence[tuple[str, Run]], keys: Mapping[str, str], loops: 
     blocks: list[Any] = [Paragraph(first["why"]), Facts(list(_conditions(first)))]
     if len(runs) > 1:
         rows = [
-            [name, *(_value(run, name) for run in runs), unit(METRICS[name].shown)]
+            [name, *(metric_of(run, name) for run in runs), unit(METRICS[name].shown)]
             for name in METRICS
-            if any(_exists(run, name) for run in runs)
+            if any(metric_exists(run, name) for run in runs)
         ]
         head = ["metric", *(run["controller"] for run in runs), "unit"]
         blocks.append(Table("Controllers side by side, on the nonlinear plant", head, rows))
@@ -160,8 +165,8 @@ def _run(stem: str, run: Run, loops: Mapping[str, str]) -> Iterator[Any]:
     limits = [
         [
             each["metric"],
-            _metric(each["metric"], each["value"]),
-            _bounds(each),
+            metric_text(each["metric"], each["value"]),
+            bounds_text(each),
             mark(each["passed"], _yes(each["passed"])),
         ]
         for each in run["limits"]
@@ -176,17 +181,17 @@ def _run(stem: str, run: Run, loops: Mapping[str, str]) -> Iterator[Any]:
     )
     yield Picture(stem, f"{_name(run)} over time", f"{caption}Pressures P₁ and P₂ are those of the nonlinear plant.")
     if run.get("assumed_ranges"):
-        words, holds = _range_sentence(run)
+        words, holds = range_sentence(run)
         yield Paragraph(words, True if holds else DOUBT)
-        yield _ranges(run)
+        yield ranges_table(run)
     yield Table(
         "Linear prediction and nonlinear plant",
         ["metric", "linear", "nonlinear", "difference", "unit", "meaning"],
         [
-            [name, *(_value(run, name, which) for which in ("linear", "nonlinear", "gap")), unit(METRICS[name].shown),
+            [name, *(metric_of(run, name, each) for each in ("linear", "nonlinear", "gap")), unit(METRICS[name].shown),
              METRICS[name].meaning]
             for name in METRICS
-            if _exists(run, name)
+            if metric_exists(run, name)
         ],
     )  # fmt: skip
     expected = run["expected_trips"]
@@ -275,76 +280,6 @@ def _settings(runs: Sequence[Run]) -> Table:
         )  # fmt: skip
     head = ["scenario", "controller", "sample time\nms", "seed", "sensor noise", "lag\nsamples", "tolerance"]
     return Table("Sampling, sensors and integration", head, rows)
-
-
-def _range_sentence(run: Run) -> tuple[str, bool]:
-    """Whether the verdict holds over the ranges of all assumed parameters, in words too."""
-    ranges, kept = run["assumed_ranges"], _keeps(run)
-    flips = [
-        f"{label(each['name'])} = {_end(each, end)}" for each in ranges for end in each["ends"] if end["passed"] != kept
-    ]
-    words = {True: "kept", False: "not kept"}
-    if flips:
-        return f"Limits are {words[kept]} with the nominal values, but {words[not kept]} at {join_words(flips)}.", False
-    many = f"{len(ranges)} assumed parameter{'s' if len(ranges) != 1 else ''}"
-    return f"Limits are {words[kept]} at both ends of the range of each of {many}, as with the nominal values.", True
-
-
-def _keeps(run: Run) -> bool:
-    """Whether the limits are kept with the nominal values; a baseline that differs is not a limit."""
-    return bool(run["assumed_ranges"][0].get("kept", run["passed"]))
-
-
-def _end(each: Mapping[str, Any], end: Mapping[str, Any]) -> str:
-    return quantity_in(end["value"], each.get("file_unit", each["unit"]), each["unit"])
-
-
-def _ranges(run: Run) -> Table:
-    """A row for the nominal values and one for each end of a range."""
-    names = [each["metric"] for each in run["limits"]] or list(UNLIMITED)
-    names = [name for name in dict.fromkeys(names) if _exists(run, name)]
-    kept = _keeps(run)
-    rows = [["nominal", "", *(_value(run, name) for name in names), mark(kept, "kept" if kept else "not kept")]]
-    for each in run["assumed_ranges"]:
-        for index, end in enumerate(each["ends"]):
-            words = "✓ kept" if end["passed"] else f"✗ {'; '.join(end['failures'])}"
-            metrics = [_metric(name, end["metrics"].get(name)) for name in names]
-            rows.append([label(each["name"]) if index == 0 else "", _end(each, end), *metrics, words])
-    head = ["assumed", "value", *map(_heading, names), "limits"]
-    return Table("Assumed parameters at the ends of their ranges, one at a time, controller unchanged", head, rows)
-
-
-def _heading(name: str) -> str:
-    shown = unit(METRICS[name].shown)
-    return f"{name}\n{shown}" if shown else name
-
-
-def _metric(name: str, value: float | None) -> str:
-    """A metric's SI value in the unit that is shown."""
-    return value_text(value, factor(METRICS[name].shown, METRICS[name].unit))
-
-
-def _value(run: Run, name: str, which: str = "nonlinear") -> str:
-    if name in run.get("not_defined", {}):
-        return "not defined"
-    return _metric(name, (run["metrics"].get(name) or {}).get(which))
-
-
-def _exists(run: Run, name: str) -> bool:
-    """Whether a metric happened in either run, or is known not to be defined."""
-    metric = run["metrics"].get(name) or {}
-    happened = any(metric.get(which) is not None for which in ("linear", "nonlinear"))
-    return happened or name in run.get("not_defined", {})
-
-
-def _bounds(limit: Mapping[str, Any]) -> str:
-    name = limit["metric"]
-    parts = [
-        f"{words} {_metric(name, limit[key])}"
-        for words, key in (("at least", "min"), ("at most", "max"))
-        if limit[key] is not None
-    ]
-    return f"{' and '.join(parts)} {unit(METRICS[name].shown)}".rstrip()
 
 
 def _yes(good: bool) -> str:

@@ -1,0 +1,69 @@
+"""Causes of a diagnosis on its page: numbers, what they close, what the log cannot distinguish them from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...core.text import join_words
+from ...plant.file import label
+from ..page import DOUBT, Facts, Paragraph, Points, Section, Table
+from ..signals import signal_shown, unit_of_number
+from ..text import as_sentence, percent, uncertain, unit, value_text
+
+Content = Mapping[str, Any]
+INFINITE = float("inf")
+
+
+def cause_name(cause: Content) -> str:
+    return str(cause["id"]) + (f" ({cause['channel']})" if cause["channel"] else "")
+
+
+def causes_are_named(content: Content) -> bool:
+    """Whether causes are claimed."""
+    return content["verdict"] in ("effect", "ambiguous")
+
+
+def cause_section(cause: Content, content: Content) -> Section:
+    blocks: list[Any] = []
+    if "summary" in cause:
+        blocks.append(Paragraph(f"{as_sentence(cause['summary'])} In a log: {cause['fingerprint']}."))
+    head = ["name", "found", "nominal", "unit", "meaning"]
+    blocks.append(Table("Numbers, with one standard deviation", head, numbers_of(cause)))
+    facts = [("place", str(cause["place"]))] if "place" in cause else []
+    if causes_are_named(content):
+        own = ", its own part" if len(content["effects"]) > 1 else ""
+        facts.append(("closes", f"{percent(cause['gap_closed'])} of the gap of all signals on held-out data{own}"))
+        words = "of what it closes: a refit of the nominal parameters would have closed this part as well"
+        facts.append(("absorbed by a refit", f"{percent(cause['absorbed_by_refit'])} {words}"))
+    alone = [f"{signal_shown(n).words} {percent(gap, 2)}" for n, gap in cause.get("alone", {}).items() if n != "total"]
+    if alone:
+        facts.append(("gap that it makes alone", f"{', '.join(alone)}, the larger of fitted and held-out data"))
+    blocks.append(Facts(facts))
+    why = cause.get("why_same", {})
+    here = [other for other in cause["ambiguous_with"] if other not in why]
+    if here:
+        blocks.append(
+            Paragraph(f"This log cannot distinguish it from {join_words(here)}: it lacks the motion for that.")
+        )
+    always = [f"{other}: {why[other]}" for other in cause["ambiguous_with"] if other in why]
+    if always:
+        blocks += [Paragraph("No log of these channels can distinguish it from:"), Points(always)]
+    certain = cause["probability"] >= 0.9 and not cause["ambiguous_with"]
+    heading = f"{cause_name(cause)}: probability {cause['probability']:.2f}"
+    return Section(heading, blocks, state=True if certain else DOUBT)
+
+
+def numbers_of(cause: Content) -> list[list[str]]:
+    """Name, value found, nominal value, unit and meaning of each number of a cause, in the unit that is shown."""
+    rows = []
+    for name, number in cause["parameters"].items():
+        sd = INFINITE if number["sd"] is None else number["sd"]
+        usual, scale = number["unit"], 1.0
+        if number.get("belongs_to") != "plant":
+            usual, scale = unit_of_number(number["unit"], number["value"])
+        nominal = number.get("nominal")
+        words = "absent" if nominal is None and "nominal" in number else value_text(nominal, scale)
+        value = uncertain(number["value"] / scale, sd / scale)
+        rows.append([label(number.get("name", name)), value, words, unit(usual), number.get("meaning", "")])
+    return rows
