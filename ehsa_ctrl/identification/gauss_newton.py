@@ -25,6 +25,7 @@ from scipy.optimize import lsq_linear
 from ..core.errors import InputError, SimulationError
 from ..plant.plant import Plant
 from .fit_result import Diverged, Fit, Iterate, Progress
+from .innovations import smooth_input_errors, whiten
 from .parameters import FreeParameter, bounds_of, with_values
 from .residuals import WindowRun, simulate_window
 from .shooting import ShootingWindow
@@ -216,7 +217,7 @@ class _Problem:
             if self.drive_errors:
                 total += _noise_cost(run)
             else:
-                total += float(np.sum(old.whitening.whiten(run.residual[:, :, None], run.errors) ** 2))
+                total += float(np.sum(whiten(old.whitening, run.residual[:, :, None], run.errors) ** 2))
         return total
 
     def linearise(self, iterate: Iterate) -> _Linearised | None:
@@ -230,7 +231,7 @@ class _Problem:
         for run, start in zip(iterate.runs, iterate.starts, strict=True):
             q = len(run.window.free)
             stack = np.concatenate([run.residual[:, :, None], run.by_start, run.by_parameter], axis=2)
-            white = run.whitening.whiten(stack, run.errors)
+            white = whiten(run.whitening, stack, run.errors)
             if not np.isfinite(white).all() or np.max(np.abs(white)) > 1e60:
                 return None
             samples = white.shape[0]
@@ -284,7 +285,7 @@ class _Problem:
             starts.append(moved)
             if self.drive_errors and run.measured.input_sd > 0.0:
                 left = window.white[:, :, 0] - window.white[:, :, 1:] @ np.concatenate([change, step])
-                errors.append(run.errors + share * (run.whitening.input_errors(left) - run.errors))
+                errors.append(run.errors + share * (smooth_input_errors(run.whitening, left) - run.errors))
             else:
                 errors.append(run.errors)
         return self.simulate(point.values + step, starts, errors), promised

@@ -18,6 +18,7 @@ from .checks import check_log, raise_on_error
 from .comparison import replay
 from .fit_result import Diverged, Fit, Progress
 from .identification import FreeRuns, Identification
+from .innovations import whiten
 from .multi_start import SearchResult, multi_start
 from .parameters import FreeParameter, free_parameters, with_values
 from .residual_tests import Correlation, correlations
@@ -220,7 +221,7 @@ def _window_length(search: SearchResult) -> float | None:
 def _residual_tests(best: Fit) -> tuple[Correlation, ...]:
     """Tests of the longest window's whitened residual against itself, the input, the direction and the position."""
     run = max(best.iterate.runs, key=lambda run: len(run.window))
-    white = run.whitening.whiten(run.residual[:, :, None], run.errors)[:, :, 0]
+    white = whiten(run.whitening, run.residual[:, :, None], run.errors)[:, :, 0]
     system, equations = best.plant.structure.system, best.plant.structure.equations
     drive = system.drives[system.inputs[0]]
     against = {drive: run.window.log[drive][run.window.first : run.window.last + 1]}

@@ -13,16 +13,14 @@ Source: innovations form of the likelihood, L. Ljung, "System Identification: Th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..core.compiled import cached_njit
-from ..simulation.sensitivity import Transitions
 
 
-@dataclass(frozen=True)
-class InnovationsFilter:
+class InnovationsFilter(NamedTuple):
     """The filter along one run, a fixed linear operator on sequences of measurements.
 
     by_state (N-1, n, n), by_input (N-1, n): transitions of the run. column (m,): state that a channel measures, scale
@@ -38,26 +36,14 @@ class InnovationsFilter:
     spread: np.ndarray
     input_sd: float
 
-    @classmethod
-    def along(
-        cls, run: Transitions, column: np.ndarray, scale: np.ndarray, sd: np.ndarray, input_sd: float
-    ) -> InnovationsFilter:
-        """The filter for channels (m,) with noise sd (m,) and an input with noise input_sd."""
-        by_state, by_input = np.ascontiguousarray(run.by_state), np.ascontiguousarray(run.by_input)
-        gains, spread = filter_gains(by_state, by_input, column, scale, sd, input_sd)
-        return cls(by_state, by_input, column, scale, gains, spread, input_sd)
 
-    def whiten(self, values: np.ndarray, errors: np.ndarray) -> np.ndarray:
-        """(N, m, q) measurements to (N, m, q) standard deviations; errors (N,): input errors that the run includes."""
-        return whiten(
-            self.by_state, self.by_input, self.column, self.scale, self.gains, self.spread, values, errors
-        )  # fmt: skip
-
-    def input_errors(self, white: np.ndarray) -> np.ndarray:
-        """Most probable input errors (N,), given the whitened residual (N, m)."""
-        return smooth_input_errors(
-            self.by_state, self.by_input, self.column, self.scale, self.gains, self.spread, white, self.input_sd
-        )
+def innovations_filter(
+    by_state: np.ndarray, by_input: np.ndarray, column: np.ndarray, scale: np.ndarray, sd: np.ndarray, input_sd: float
+) -> InnovationsFilter:
+    """The filter along a run with these transitions, for channels with noise sd (m,); see InnovationsFilter."""
+    by_state, by_input = np.ascontiguousarray(by_state), np.ascontiguousarray(by_input)
+    gains, spread = _filter_gains(by_state, by_input, column, scale, sd, input_sd)
+    return InnovationsFilter(by_state, by_input, column, scale, gains, spread, input_sd)
 
 
 @cached_njit(nogil=True)
@@ -85,7 +71,7 @@ def propagate_sensitivities(by_state: np.ndarray, by_parameter: np.ndarray, begi
 
 
 @cached_njit(nogil=True)
-def filter_gains(
+def _filter_gains(
     by_state: np.ndarray, by_input: np.ndarray, column: np.ndarray, scale: np.ndarray, sd: np.ndarray, input_sd: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gains (N, channels, n) and innovation standard deviations (N, channels) of the filter along a run.
@@ -114,62 +100,44 @@ def filter_gains(
 
 
 @cached_njit(nogil=True)
-def whiten(
-    by_state: np.ndarray,
-    by_input: np.ndarray,
-    column: np.ndarray,
-    scale: np.ndarray,
-    gains: np.ndarray,
-    spread: np.ndarray,
-    values: np.ndarray,
-    errors: np.ndarray,
-) -> np.ndarray:
+def whiten(run: InnovationsFilter, values: np.ndarray, errors: np.ndarray) -> np.ndarray:
     """Innovations (N, channels, q), in standard deviations, of q independent sequences of measurements.
 
     errors (N,): input errors that the run already includes. Their expected value is zero, so that the first sequence,
     the residual, is expected to deviate by their effect. The other sequences are derivatives.
     """
     samples, channels, q = values.shape
-    out, estimate = np.empty(values.shape), np.zeros((by_state.shape[1], q))
+    out, estimate = np.empty(values.shape), np.zeros((run.by_state.shape[1], q))
     for s in range(samples):
         for c in range(channels):
-            innovation = values[s, c] - scale[c] * estimate[column[c]]
-            out[s, c] = innovation / spread[s, c]
-            estimate += np.outer(gains[s, c], innovation)
+            innovation = values[s, c] - run.scale[c] * estimate[run.column[c]]
+            out[s, c] = innovation / run.spread[s, c]
+            estimate += np.outer(run.gains[s, c], innovation)
         if s + 1 < samples:
             moved = np.zeros(estimate.shape)
-            _add_product(by_state[s], estimate, moved)
+            _add_product(run.by_state[s], estimate, moved)
             estimate = moved
-            estimate[:, 0] -= by_input[s] * errors[s]
+            estimate[:, 0] -= run.by_input[s] * errors[s]
     return out
 
 
 @cached_njit(nogil=True)
-def smooth_input_errors(
-    by_state: np.ndarray,
-    by_input: np.ndarray,
-    column: np.ndarray,
-    scale: np.ndarray,
-    gains: np.ndarray,
-    spread: np.ndarray,
-    white: np.ndarray,
-    input_sd: float,
-) -> np.ndarray:
+def smooth_input_errors(run: InnovationsFilter, white: np.ndarray) -> np.ndarray:
     """Most probable input errors (N,), given the whitened residual (N, channels) of the whole run.
 
     Backward pass of the filter: the disturbance smoother of S. J. Koopman, Biometrika 80(1), 1993.
     """
     samples, channels = white.shape
-    out, r = np.zeros(samples), np.zeros((by_state.shape[1], 1))
+    out, r = np.zeros(samples), np.zeros((run.by_state.shape[1], 1))
     for s in range(samples - 1, -1, -1):
         if s + 1 < samples:
-            out[s] = input_sd * input_sd * np.sum(by_input[s] * r[:, 0])
+            out[s] = run.input_sd * run.input_sd * np.sum(run.by_input[s] * r[:, 0])
             back = np.zeros(r.shape)
-            _add_product(by_state[s].T, r, back)
+            _add_product(run.by_state[s].T, r, back)
             r = back
         for c in range(channels - 1, -1, -1):
-            total = white[s, c] / spread[s, c]
+            total = white[s, c] / run.spread[s, c]
             for i in range(r.size):
-                total -= gains[s, c, i] * r[i, 0]
-            r[column[c], 0] += scale[c] * total
+                total -= run.gains[s, c, i] * r[i, 0]
+            r[run.column[c], 0] += run.scale[c] * total
     return out

@@ -13,7 +13,7 @@ from ..plant.plant import Plant, Sensor
 from ..simulation.sensitivity import transitions
 from ..simulation.sensors import by_filter, first_order
 from .initial_state import sensor_sd
-from .innovations import InnovationsFilter, propagate_sensitivities
+from .innovations import InnovationsFilter, innovations_filter, propagate_sensitivities
 from .logged_inputs import acting_drive, logged_inputs
 from .shooting import ShootingWindow
 
@@ -135,7 +135,9 @@ def simulate_window(
         residual=np.column_stack([log[channel][rows] for channel in measured.channels]) - simulated,
         by_start=by_state[:, :, :q],
         by_parameter=by_parameter,
-        whitening=InnovationsFilter.along(run, measured.column, scale, measured.sd, measured.input_sd),
+        whitening=innovations_filter(
+            run.by_state, run.by_input, measured.column, scale, measured.sd, measured.input_sd
+        ),
     )
 
 

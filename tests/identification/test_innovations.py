@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from ehsa_ctrl.identification.innovations import filter_gains, propagate_sensitivities, smooth_input_errors, whiten
+from ehsa_ctrl.identification.innovations import (
+    innovations_filter,
+    propagate_sensitivities,
+    smooth_input_errors,
+    whiten,
+)
 
 N, STATES, COLUMN = 40, 3, np.array([0, 2])
 SCALE, SD, INPUT_SD = np.array([1.5, 1.0]), np.array([0.3, 0.2]), 0.7
@@ -40,35 +45,35 @@ def test_whitened_squares_are_those_of_the_dense_covariance(chain):
     e = np.random.default_rng(5).standard_normal((N, COLUMN.size, 2))
     C = covariance(chain)
 
-    gains, spread = filter_gains(*chain, COLUMN, SCALE, SD, INPUT_SD)
-    white = whiten(*chain, COLUMN, SCALE, gains, spread, e, np.zeros(N))
+    run = innovations_filter(*chain, COLUMN, SCALE, SD, INPUT_SD)
+    white = whiten(run, e, np.zeros(N))
 
     for q in range(2):
         flat = e[:, :, q].ravel()
         assert np.sum(white[:, :, q] ** 2) == pytest.approx(flat @ np.linalg.solve(C, flat), rel=1e-9)
-    assert 2 * np.sum(np.log(spread)) == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-9)
+    assert 2 * np.sum(np.log(run.spread)) == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-9)
 
 
-def test_smooth_input_errors_are_the_conditional_mean(chain):
+def test_smoothed_input_errors_are_the_conditional_mean(chain):
     """The backward sweep gives q G' C^-1 e."""
     e = np.random.default_rng(6).standard_normal((N, COLUMN.size, 1))
     expected = INPUT_SD**2 * response(chain).T @ np.linalg.solve(covariance(chain), e.ravel())
 
-    gains, spread = filter_gains(*chain, COLUMN, SCALE, SD, INPUT_SD)
-    white = whiten(*chain, COLUMN, SCALE, gains, spread, e, np.zeros(N))[:, :, 0]
-    found = smooth_input_errors(*chain, COLUMN, SCALE, gains, spread, white, INPUT_SD)
+    run = innovations_filter(*chain, COLUMN, SCALE, SD, INPUT_SD)
+    white = whiten(run, e, np.zeros(N))[:, :, 0]
+    found = smooth_input_errors(run, white)
 
     assert found[:-1] == pytest.approx(expected, rel=1e-8, abs=1e-12)
     assert found[-1] == 0.0
 
 
-def test_errors_that_a_run_has_taken_in_are_expected_to_be_undone(chain):
+def test_a_residual_from_the_input_errors_of_the_run_whitens_to_zero(chain):
     """A residual that is nothing but the response to -w whitens to zero when the run holds w."""
     w = np.random.default_rng(7).standard_normal(N)
     e = -(response(chain) @ w[:-1]).reshape(N, COLUMN.size, 1)
 
-    gains, spread = filter_gains(*chain, COLUMN, SCALE, SD, INPUT_SD)
-    white = whiten(*chain, COLUMN, SCALE, gains, spread, e, w)
+    run = innovations_filter(*chain, COLUMN, SCALE, SD, INPUT_SD)
+    white = whiten(run, e, w)
 
     assert white == pytest.approx(np.zeros_like(white), abs=1e-9)
 
@@ -77,13 +82,13 @@ def test_without_noise_on_the_input_it_divides_by_the_sensors_noise(chain):
     """Then nothing is filtered: eq. (13) with weights."""
     e = np.random.default_rng(8).standard_normal((N, COLUMN.size, 1))
 
-    gains, spread = filter_gains(*chain, COLUMN, SCALE, SD, 0.0)
-    white = whiten(*chain, COLUMN, SCALE, gains, spread, e, np.zeros(N))
+    run = innovations_filter(*chain, COLUMN, SCALE, SD, 0.0)
+    white = whiten(run, e, np.zeros(N))
 
     assert np.array_equal(white[:, :, 0], e[:, :, 0] / SD)
 
 
-def test_propagate_sensitivitiesd_derivatives_are_products(chain):
+def test_propagated_sensitivities_are_products(chain):
     """By the initial state the product of the transitions, by a parameter the sum of what each sample adds."""
     by_state = chain[0]
     by_parameter = np.random.default_rng(9).standard_normal((N - 1, STATES, 2))
