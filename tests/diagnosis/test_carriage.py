@@ -29,13 +29,13 @@ def logged(plant, duration=12.0, seed=0):
 
 
 def test_symbols_of_the_catalogue_have_their_own_names_here(carriage):
-    """A_FR is Fc, B_FR is Fv and F_0 the offset; what the system's equations have no place for is not in the twin."""
+    """A_FR is Fc, B_FR is Fv and F_0 the offset; the model contains the effects that the system's equations have a place for."""
     system = carriage.structure.system
-    twin = with_every_effect(carriage)
+    model = with_every_effect(carriage)
 
     assert [system.own(symbol) for symbol in ("A_FR", "B_FR", "F_0", "M")] == ["Fc", "Fv", "offset", "M"]
-    assert {"drive_delay", "asymmetric_friction", "end_stop"} <= set(twin.structure.effects)
-    assert not {"torque_ripple", "internal_leakage"} & set(twin.structure.effects)
+    assert {"drive_delay", "asymmetric_friction", "end_stop"} <= set(model.structure.effects)
+    assert not {"torque_ripple", "internal_leakage"} & set(model.structure.effects)
 
 
 def test_the_balance_shows_friction_and_offset(carriage):
@@ -77,7 +77,7 @@ def test_one_wrong_number_is_named(carriage):
 @pytest.mark.slow
 @pytest.mark.skipif(not SHARED.is_file(), reason="the measured record is not here")
 def test_the_published_record_shows_the_published_friction(carriage):
-    """Measured on a real axis, believed without any friction: within 15 % of what its authors found by other means.
+    """Measured on a real axis, modelled without any friction: within 15 % of what its authors found by other means.
 
     They fit one line of Coulomb and viscous friction; the Stribeck part that is found beside takes its share.
     """

@@ -43,7 +43,7 @@ def record(rig, seed, seconds=6.0):
 def test_what_both_logs_show_is_no_change(plant):
     """Rod friction is off in both logs, leakage in the second alone: leakage is what changed, and its size is found.
 
-    Against the plant as believed the second log shows the friction too."""
+    Against the nominal plant the second log shows the friction too."""
     nominal = plant.set(K_S=50e3)
     worn = nominal.set(A_FR=1.5 * nominal["A_FR"])
     leaking = worn.set(K_L=6.0 * nominal["K_L"])

@@ -15,8 +15,8 @@ from ehsa_ctrl.identification.comparison import replay
 
 def labelled(folder, name):
     """Believed plant, log and the ids of the causes."""
-    belief = json.loads((folder / f"{name}.json").read_text())
-    plant = load_plant("ehsa", model=belief["model"], settings={"load.stiffness": belief["spring_stiffness"]})
+    nominal = json.loads((folder / f"{name}.json").read_text())
+    plant = load_plant("ehsa", model=nominal["model"], settings={"load.stiffness": nominal["spring_stiffness"]})
     truth = [(e["id"], e["channel"]) for e in json.loads((folder / "key.json").read_text())[name]["effects"]]
     return plant, read_plant_log(folder / f"{name}.csv", plant), truth
 
@@ -91,11 +91,13 @@ def test_the_improved_plant_runs_as_the_diagnosis_says(shared_logs):
     run = replay(found.improved, log)
     noise = signal_noise(found.noise_sd, log.sample_time)
     left = gap(scored(log.channels, log.sample_time), scored(run.simulated, log.sample_time), noise)
-    twin = gap(scored(log.channels, log.sample_time), scored(found.simulated["with_effects"], log.sample_time), noise)
+    free_run = gap(
+        scored(log.channels, log.sample_time), scored(found.simulated["with_effects"], log.sample_time), noise
+    )
 
     assert found.improved.structure.effects == ("pump_torque_loss",)
     assert left["total"] < 0.4 * found.whole["total"]
-    assert left["total"] == pytest.approx(twin["total"], abs=0.01)
+    assert left["total"] == pytest.approx(free_run["total"], abs=0.01)
 
 
 @pytest.mark.slow

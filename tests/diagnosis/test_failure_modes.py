@@ -14,7 +14,7 @@ from ehsa_ctrl.physics.effects import CandidateEffect, Effect, FreeNumber
 
 @pytest.fixture(scope="module")
 def screened():
-    """A rig whose numbers are all a little other than believed and that does nothing else, after the screening."""
+    """A rig whose numbers are all slightly different from nominal and that has no effect, after the screening."""
     plant = ehsa_ctrl.load_plant("ehsa")
     off = {"J_M": 1.03, "A_FM": 0.99, "B_FM": 1.01, "K_L": 1.1, "M": 1.03, "A_FR": 1.01, "B_FR": 0.99, "C_FR": 1.05}
     rig = plant.set(**{name: factor * plant[name] for name, factor in off.items()})

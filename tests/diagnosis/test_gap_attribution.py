@@ -81,7 +81,7 @@ def test_a_flow_put_in_moves_the_pressure_as_oil_does(nominal):
 
 
 def test_a_constant_force_is_found_with_its_size(nominal):
-    """400 N on the rod that nobody believes in: force, constant, 400 N."""
+    """400 N on the rod that the nominal plant lacks: force, constant, 400 N."""
     current = drive()
     log = with_current(logged(nominal, current, force=np.full(current.size, 400.0)), current)
 

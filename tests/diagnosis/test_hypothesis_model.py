@@ -83,13 +83,13 @@ def test_a_spring_next_to_none_is_asked_as_none_is(plant, stiffness):
 
 
 def test_a_start_in_motion_is_as_the_believed_sensors_give_it(rig):
-    """What a setting believes of a sensor moves the state that was read from it, and nothing else does."""
+    """A sensor setting of a hypothesis changes the state that was read from that sensor, and nothing else does."""
     log = record(rig)
     plant = with_every_effect(wrong(rig))
-    twin = HypothesisModel(plant, log, {"P_1": 2e6, "P_2": 1.9e6, "omega": 10.0})
+    model = HypothesisModel(plant, log, {"P_1": 2e6, "P_2": 1.9e6, "omega": 10.0})
 
     def level(**values):
-        return twin._start(plant, values, log["current"])[plant.structure.equations.index("P_1")]
+        return model._start(plant, values, log["current"])[plant.structure.equations.index("P_1")]
 
     assert level() == pytest.approx(2e6, rel=1e-12)
     assert level(**{"bias.p1": 4e4}) == pytest.approx((1.2 * 2e6 + 3e4 - 4e4) / 1.2, rel=1e-12)

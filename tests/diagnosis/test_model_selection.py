@@ -27,14 +27,14 @@ def hypothesis(evidence, *ids, gap=0.005, own=0.1, numbers=1, chi=0.86, slow=NOT
     )
 
 
-def verdict(*judged, least=5000.0, most=60000.0):
+def verdict(*scores, least=5000.0, most=60000.0):
     """Verdict of hypotheses, with the ids of the chosen one."""
-    found = select_model(judged, Reference(least, most, 0.1, 0.74), 0.03)
+    found = select_model(scores, Reference(least, most, 0.1, 0.74), 0.03)
     return found.verdict, {id for id, _ in found.chosen.causes}, found
 
 
 def test_a_clear_winner_is_named():
-    """It explains all that is not noise, its rival plainly less."""
+    """It explains all that is not noise, its alternative clearly less."""
     word, ids, found = verdict(hypothesis(5000.0, "internal_leakage"), hypothesis(9000.0, "orifice_leakage"))
 
     assert (word, ids) == ("effect", {"internal_leakage"})

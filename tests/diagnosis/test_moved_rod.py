@@ -110,7 +110,7 @@ def test_what_the_motion_does_not_show_is_no_candidate(sealed):
 
 
 def test_a_valve_that_the_plant_has_is_sought_where_pressures_are(sealed):
-    """One that is believed to open above all that was seen is looked for lower down too."""
+    """One with a nominal level above all measured pressures is searched at lower levels too."""
     log = moved(sealed, 10.0)
     model = whole_log(sealed, with_every_effect(sealed), log, noise_of(log)).model
 
@@ -199,6 +199,6 @@ def test_the_take_offs_record_lacks_a_drain(sealed):
     where = attribute_gap(sealed, log, noise_of(log))
 
     assert where.place == "flow" and dict(where.shares)["flow"] > 0.9
-    twin = with_every_effect(sealed)
-    before, after = (whole_log(p, p, log, noise_of(log)).gap({}) for p in (twin, twin.set(K_e=2.4e-13)))
+    full = with_every_effect(sealed)
+    before, after = (whole_log(p, p, log, noise_of(log)).gap({}) for p in (full, full.set(K_e=2.4e-13)))
     assert before["total"] > 1.0 and after["total"] < 0.3 * before["total"]

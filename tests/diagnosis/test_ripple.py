@@ -90,7 +90,7 @@ def test_a_ripple_that_the_plant_believes_is_followed_too(plant):
 
 
 def test_a_plant_that_has_the_ripple_has_no_gap(plant):
-    """The improved plant is believed: what followed the measured angle in the fit follows it in the check, however
+    """The improved plant is nominal: what followed the measured angle in the fit follows it in the check, however
     the shaft stood when the log began."""
     rig = plant.with_effects("torque_ripple", T_c=0.3, n_c=4.0, phi_c=-2.0)
     time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=12.0, seed=2)
