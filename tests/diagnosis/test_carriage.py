@@ -29,7 +29,7 @@ def logged(plant, duration=12.0, seed=0):
 
 
 def test_symbols_of_the_catalogue_have_their_own_names_here(carriage):
-    """A_FR is Fc, B_FR is Fv and F_0 the offset; the model contains the effects that the system's equations have a place for."""
+    """A_FR is Fc, B_FR is Fv and F_0 the offset; effects for which the equations have no place are left out."""
     system = carriage.structure.system
     model = with_every_effect(carriage)
 

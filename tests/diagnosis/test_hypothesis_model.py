@@ -41,7 +41,7 @@ def worst(log, shown):
     return max(float(np.max(np.abs(shown[c] - log[c])) / np.std(log[c])) for c in shown)
 
 
-def test_what_the_plant_says_of_its_sensors_is_believed(rig):
+def test_sensor_settings_of_the_plant_are_applied(rig):
     """Bias, scale, filter and delay of the current too: a free run shows what the log has."""
     log = record(wrong(rig))
 
@@ -82,7 +82,7 @@ def test_a_spring_next_to_none_is_asked_as_none_is(plant, stiffness):
     assert spring.free[0].scale == 2e3
 
 
-def test_a_start_in_motion_is_as_the_believed_sensors_give_it(rig):
+def test_a_start_in_motion_is_as_the_nominal_sensors_give_it(rig):
     """A sensor setting of a hypothesis changes the state that was read from that sensor, and nothing else does."""
     log = record(rig)
     plant = with_every_effect(wrong(rig))

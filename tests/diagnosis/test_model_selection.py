@@ -41,7 +41,7 @@ def test_a_clear_winner_is_named():
     assert found.probability["internal_leakage", None] > 0.99
 
 
-def test_rivals_that_explain_as_much_are_a_set():
+def test_alternatives_that_explain_as_much_are_a_set():
     """The one with fewer free numbers comes first though it is a little worse."""
     word, ids, found = verdict(
         hypothesis(5000.0, "chamber_volume_variation", numbers=3), hypothesis(5060.0, "bulk_modulus")

@@ -77,7 +77,7 @@ def test_a_run_with_a_wrong_number_keeps_the_ripple_in_phase(plant):
     assert error(log, {**RIPPLE, **wrong}) > 5.0 * least
 
 
-def test_a_ripple_that_the_plant_believes_is_followed_too(plant):
+def test_a_ripple_of_the_nominal_plant_is_followed_too(plant):
     """A run that is given the ripple and a run of a plant that has it are one run."""
     rig = plant.with_effects("torque_ripple", **RIPPLE)
     log = with_angle(plant.values, logged(rig, 1.6))
