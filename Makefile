@@ -23,7 +23,7 @@ demo: $(READY)          ## the main job: log, identify, design, check on the non
 test: $(READY)          ## all tests; ARGS goes to pytest (ARGS=--cov measures coverage)
 	$(BIN)/python -m pytest -n auto $(ARGS)
 
-quick: $(READY)         ## the tests that take less than two minutes together
+quick: $(READY)         ## the tests that take about a minute together
 	$(BIN)/python -m pytest -n auto -m "not slow" $(ARGS)
 
 coverage:               ## the quick tests with the coverage floor of pyproject.toml

@@ -1,5 +1,7 @@
 """What all tests share: strict floating point, plants, and the folder of shared logs where there is one."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,18 @@ settings.register_profile("untimed", deadline=None, suppress_health_check=[Healt
 settings.load_profile("untimed")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def pytest_configure(config):
+    """Compile the simulation loops before the workers of `-n` start, side by side, so that no test waits for them."""
+    if not getattr(config.option, "numprocesses", None) or hasattr(config, "workerinput"):
+        return
+    loops = [f"import ehsa_ctrl.simulation.{name}_kernel" for name in ("open_loop", "sensitivity", "closed_loop")]
+    # The first one compiles what the two others share.
+    for together in (loops[:1], loops[1:]):
+        started = [subprocess.Popen([sys.executable, "-c", program]) for program in together]
+        for process in started:
+            process.wait()
 
 
 @pytest.fixture(autouse=True)

@@ -20,7 +20,7 @@ import sys
 import tempfile
 import uuid
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -28,6 +28,8 @@ from typing import Any
 
 log = logging.getLogger(__name__)
 
+#: Names of modules made from text.
+PREFIX = "ehsa_ctrl_compiled_"
 #: Bytes of the digest at the beginning of a file.
 DIGEST = hashlib.sha256().digest_size
 #: A process that waits longer for another one to compile does it itself [s].
@@ -115,7 +117,7 @@ def load_compiled(text: str, title: str) -> ModuleType:
     The first call ever for a text compiles what has a signature; later starts load the result.
     """
     key = _key(text)
-    name = f"ehsa_ctrl_compiled_{key}"
+    name = f"{PREFIX}{key}"
     file = f"<{name}>"
     # Where tracebacks, numba and `cached_njit` look for the source of a function.
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
@@ -176,8 +178,10 @@ def cached_njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]
         if dispatcher is function:  # by NUMBA_DISABLE_JIT
             return function
         dispatcher._cache = _Cache(function)
+        # What `load_compiled` compiles has its lock and its message already.
+        own_lock = not function.__module__.startswith(PREFIX)
         for each in signature:
-            with compile_once(dispatcher._cache.stem, f"the {function.__name__.replace('_', ' ')}"):
+            with compile_once(dispatcher._cache.stem, f"the {function.__name__}") if own_lock else nullcontext():
                 dispatcher.compile(each)
             dispatcher.disable_compile()
         return dispatcher
