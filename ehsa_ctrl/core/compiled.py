@@ -1,10 +1,10 @@
-"""From the text of a module to compiled functions, whose machine code is kept on disk between starts.
+"""Compiled functions with a cache of their machine code on disk.
 
-numba's own cache knows a function by the one file that it stands in, so that an edit of a function in another file
-would go unnoticed, and it runs whatever it finds. Here a file is named by the hash of the whole text that is compiled
-and of the versions that compile it, and it begins with the digest of what follows. It is written aside and moved into
-place. One that is cut, garbled or not ours is deleted and compiled again; the text itself is never read from the disk.
-The digest finds damage. Against others there is the folder: nobody else may write to it.
+numba's own cache identifies a function by its one source file, so that an edit of a function in another file goes
+unnoticed, and it runs any file that it finds. Here the hash of all source that is compiled, with the versions of the
+compilers, names a file, and the file begins with the SHA-256 of its content. Files are written aside and moved into
+place. A damaged file is deleted and compiled again. The digest detects damage; the permissions of the folder protect
+against other users.
 """
 
 from __future__ import annotations
@@ -32,16 +32,15 @@ log = logging.getLogger(__name__)
 PREFIX = "ehsa_ctrl_compiled_"
 #: Bytes of the digest at the beginning of a file.
 DIGEST = hashlib.sha256().digest_size
-#: A process that waits longer for another one to compile does it itself [s].
-PATIENCE = 600.0
+#: Longest wait for another process that compiles [s].
+LOCK_TIMEOUT = 600.0
 
 
 def cache_folder() -> Path | None:
-    """Where machine code is kept: EHSA_CTRL_CACHE, else the user's cache folder; where that can't be used a private
-    one among the temporary files; None where that can't be used either.
+    """Folder of the cache: EHSA_CTRL_CACHE, else the user's cache folder, else a private temporary folder, else None.
 
-    A folder is used if it belongs to the user, is no link, and nobody else may write to it. One that is not there is
-    made, for the user alone. The log says once why a folder is not used.
+    A folder must belong to the user, must not be a link and must not be writable by others. A missing one is created
+    with private access. A warning gives the reason once where a folder is not used.
     """
     import platformdirs
 
@@ -94,9 +93,9 @@ def _key(text: str) -> str:
 
 @contextmanager
 def compile_once(key: str, title: str) -> Iterator[None]:
-    """Several processes may start cold at once (parallel tests, workers): one compiles, the others wait and load.
+    """Lock under which one of several processes compiles while the others wait, then load; logs the start.
 
-    Without the lock each would compile, which is slow and no harm.
+    Without the lock each process would compile, which is slow but correct.
     """
     from filelock import FileLock
 
@@ -104,7 +103,7 @@ def compile_once(key: str, title: str) -> Iterator[None]:
     with ExitStack() as stack:
         if folder is not None:
             with suppress(OSError, NotImplementedError):
-                stack.enter_context(FileLock(folder / f"{key}.lock", timeout=PATIENCE))
+                stack.enter_context(FileLock(folder / f"{key}.lock", timeout=LOCK_TIMEOUT))
         if folder is None or not any(folder.glob(f"{key}-*.code")):
             log.info("compiling %s: once, some seconds, longer on a busy machine", title)
         yield
@@ -147,7 +146,7 @@ def load_functions(text: str) -> Mapping[str, int]:
     key = _key(text)
     names = re.findall(r"^define double @(\w+)\(", text, re.MULTILINE)
     codegen = cpu_target.target_context.codegen()
-    place = _Place(f"{key}-llvm", codegen)
+    place = _CacheFile(f"{key}-llvm", codegen)
     with global_compiler_lock:
         library = place.load(codegen.unserialize_library)
         if library is None:
@@ -166,7 +165,7 @@ _loaded: list[Any] = []
 
 
 def cached_njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """numba.njit with these options, whose machine code is kept on disk.
+    """numba.njit with these options and the cache of this module.
 
     signature: at most one; it is compiled, or loaded, at once. Without it each combination of types is at its first
     call. The function must depend on nothing but its module's text and other functions of this kind.
@@ -190,7 +189,7 @@ def cached_njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]
 
 
 class _Cache:
-    """The machine code of one function on disk, in the shape in which numba's dispatcher asks for a cache."""
+    """Cache of one function with the interface that numba's dispatcher expects."""
 
     cache_path = None
 
@@ -203,16 +202,16 @@ class _Cache:
         from numba.core.compiler import CompileResult
 
         target.refresh()
-        place = _Place(self.stem, target.codegen(), signature)
+        place = _CacheFile(self.stem, target.codegen(), signature)
         return place.load(lambda parts: CompileResult._rebuild(target, *parts))
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep a compiled function; where that is not possible the log says so once, and the program goes on."""
+        """Store a compiled function; a failure is logged once and has no other consequence."""
         if not compiled.library.has_dynamic_globals:
-            _Place(self.stem, compiled.target_context.codegen(), signature).save(compiled._reduce())
+            _CacheFile(self.stem, compiled.target_context.codegen(), signature).save(compiled._reduce())
 
     def flush(self) -> None:
-        """Part of numba's shape of a cache; files are named by what they hold, so that none is out of date."""
+        """Required by numba; file names contain the hash of the source, so no file is ever out of date."""
 
 
 def _sources(function: Callable[..., Any], found: dict[str, str] | None = None) -> dict[str, str]:
@@ -228,8 +227,8 @@ def _sources(function: Callable[..., Any], found: dict[str, str] | None = None) 
     return found
 
 
-class _Place:
-    """The file of one piece of machine code: for this processor, and for one signature of a function."""
+class _CacheFile:
+    """File of the machine code of one function signature, or one text, for this processor."""
 
     def __init__(self, stem: str, codegen: Any, signature: Any = None) -> None:
         self.key = stem, signature, codegen.magic_tuple()
@@ -238,7 +237,7 @@ class _Place:
         self.file = None if folder is None else folder / f"{stem}-{digits}.code"
 
     def load(self, rebuild: Callable[[Any], Any]) -> Any:
-        """What `rebuild` makes of the content; None where there is no file, or none that can be trusted."""
+        """Content after `rebuild`; None without a file or with a damaged one."""
         if self.file is None or not self.file.exists():
             return None
         try:
@@ -250,7 +249,7 @@ class _Place:
                 raise ValueError("another function")
             return rebuild(parts)
         except Exception as error:
-            # Whatever is wrong with it, compiling again mends it.
+            # Any defect of a file is repaired by compiling again.
             log.warning("%s: can't be loaded (%s); compiling again", self.file, error)
             with suppress(OSError):
                 self.file.unlink()

@@ -1,6 +1,6 @@
 """The equations evaluated in plain Python, by calling the physics functions one after the other.
 
-Slow and obvious: the reference that the compiled engine is held against, and what a person steps through.
+The slow reference for tests of the compiled engine, and for stepping through with a debugger.
 """
 
 from __future__ import annotations

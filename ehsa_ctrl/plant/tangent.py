@@ -88,7 +88,7 @@ class Tangent:
             case "log":
                 return (emit("/", one, args[0]),)
             case "sqrt":
-                # At zero the slope is infinite, and what stands behind it is constant (max(x, 0)): nothing comes of it.
+                # At zero the slope is infinite, but the argument is constant there (max(x, 0)): the product is 0.
                 zero = constant(0.0)
                 return (emit("select", emit("<", zero, ref), emit("/", constant(0.5), ref), zero),)
             case "sin":

@@ -82,8 +82,9 @@ def record(
 
     Returns
     -------
-    The log in the format of a measured one, and the true trajectory behind it. A rod that is driven so far beyond its
-    stroke that the equations end is no error: both then end there, and `stopped` of the trajectory says so.
+    The log in the format of a measured one, and the true trajectory behind it. A rod driven so far beyond its
+    stroke that the equations no longer hold is no error: both end there, and `stopped` of the trajectory gives the
+    reason.
 
     Raises
     ------

@@ -30,11 +30,11 @@ class ClosedLoop(TextResult):
 
     Attributes
     ----------
-    trajectory: true signals; its current is the one that acts.
-    reference: (N, 3) position, speed, acceleration asked for.
-    measured: (N, 5) what the controller got, in the order of core.controller_interface.MEASURED.
-    asked: (N,) the current the controller asked for at each sample.
-    traces: name -> (N,), what the controller's protocol names of its memory.
+    trajectory: true signals, with the acting current.
+    reference: (N, 3) position, speed, acceleration.
+    measured: (N, 5) readings of the controller, in the order of core.controller_interface.MEASURED.
+    asked: (N,) command of the controller at each sample [A].
+    traces: name -> (N,) entries of the controller's memory that it names in `traces`.
     """
 
     trajectory: Trajectory
@@ -68,7 +68,7 @@ class ClosedLoop(TextResult):
     __repr__ = __str__
 
     def first(self, samples: int) -> ClosedLoop:
-        """The first samples of this run, to be put beside a run that ended early."""
+        """The first samples of this run, for a comparison with a run that ended early."""
         run = self.trajectory
         names = ("time", "current", "outer_force", "states", "modes", "cell_force")
         cut = replace(run, **{name: getattr(run, name)[:samples] for name in names})
@@ -101,13 +101,12 @@ def run_closed_loop(
     faults: of sensors and drive; none by default.
     start: state (n,) at the first sample; at rest by default.
     compiled: False runs the controller's plain step; by default the compiled one if there is one.
-    raise_on_failure: False gives what there is of a run that could not be finished; its trajectory's `stopped` says
-        why.
+    raise_on_failure: False returns the samples up to the failure; `stopped` of the trajectory has the reason.
 
     Raises
     ------
     InputError: shapes that don't fit, values that are not finite.
-    SimulationError: the run could not be finished; says when and why.
+    SimulationError: the run could not be finished; the message has the time and the cause.
     """
     reference = np.array(reference, dtype=float, order="C")
     if reference.ndim != 2 or reference.shape[0] < 2 or reference.shape[1] != 3:
@@ -217,8 +216,8 @@ def run_closed_loop(
         tolerance=tolerance,
         stopped=stopped,
     )
-    kept = {name: traces[there, i] for i, name in enumerate(controller.traces)}
-    return ClosedLoop(trajectory, reference[there], measured[there], asked[there], kept)
+    by_name = {name: traces[there, i] for i, name in enumerate(controller.traces)}
+    return ClosedLoop(trajectory, reference[there], measured[there], asked[there], by_name)
 
 
 @lru_cache(maxsize=1)

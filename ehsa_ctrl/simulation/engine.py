@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Hold = Literal["zero_order", "first_order"]
 
 DONE, NO_CURRENT, UNFINISHED = 0, 3, 5
-#: What the engine's status words mean; the key is what it returns.
+#: Sentence for each status that the compiled loops return.
 STATUS = {
     0: "",
     1: "the step length fell below any use: a state or a parameter has left the range where the equations hold",
@@ -34,7 +34,7 @@ STATUS = {
 }
 
 
-#: Inputs beyond this, in SI units, are no numbers to compute with.
+#: Largest magnitude of an input, SI units.
 LARGEST = 1e30
 
 
@@ -123,10 +123,10 @@ def simulate(
     force: (N,) N from outside, positive when it resists extension; none by default.
     start: state (n,) at the first sample; at rest by default.
     sample_time: s; the plant's own by default.
-    tolerance: error per step in units of the states' scales. What comes of it over a run is measured, not promised:
-        with 1e-6 some 1e-5 of each signal's range on the benchmark's cases, and less than 0.5 um of rod position on
-        500 slow stops, but for those that no arithmetic with 16 digits decides (docs/theory/engine.md).
-    raise_on_failure: False gives what there is of a run that could not be finished; its `stopped` says why.
+    tolerance: error per step in units of the states' scales. Measured over whole runs with 1e-6: some 1e-5 of each
+        signal's range on the benchmark's cases, and less than 0.5 um of rod position on 500 slow stops, apart from
+        those that rounding in double precision decides (docs/theory/engine.md).
+    raise_on_failure: False returns the samples up to the failure; `stopped` has the reason.
 
     Returns
     -------
@@ -135,7 +135,7 @@ def simulate(
     Raises
     ------
     InputError: an input that is no vector, too short or not finite.
-    SimulationError: the run could not be finished; says when and why.
+    SimulationError: the run could not be finished; the message has the time and the cause.
     """
     if is_response(current):
         if sample_time is not None:
@@ -171,9 +171,9 @@ def simulate(
 def why_stopped(
     plant: Plant, status: int, time: float, states: np.ndarray, inputs: np.ndarray, modes: np.ndarray, who: str = ""
 ) -> str:
-    """The sentence for an engine's status, with what is stiff where the run stopped; empty for a run that was finished.
+    """Error message for a status, with the stiffest terms where the run stopped; empty for a finished run.
 
-    who: whom it is about, the plant alone by default.
+    who: subject of the sentence; by default the plant.
     """
     if status == DONE:
         return ""

@@ -1,4 +1,4 @@
-"""What goes wrong between sensors, controller and drive."""
+"""Faults of sensors and drive."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..core.controller_interface import MEASURED
 from ..core.errors import InputError, choices
 
-#: Kinds of a sensor's fault, as the engine knows them.
+#: Kinds of sensor fault and their codes in the compiled loop.
 KINDS = {"stuck": 1, "lost": 2}
 
 

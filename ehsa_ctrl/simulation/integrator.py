@@ -25,7 +25,7 @@ MAX_EVENTS_PER_SAMPLE = 1000
 MAX_STEPS_PER_SAMPLE = 20000
 # After so many steps, some tenths of a second, a compiled loop goes back to Python, which looks at signals.
 STEPS_PER_CALL = 1000000
-# Longest step of a contact that creeps, over the time in which a deviation grows e-fold: see `longest`.
+# Longest step of a creeping contact, over the time in which a deviation grows e-fold: see `longest`.
 SHORT, LONG, SHARE = 0.12, 0.3, 1.5
 
 # Places in `functions` and `shape`, see plant_code.py.
@@ -253,7 +253,7 @@ def advance(
 ):
     """Advance one sample: y, d, memory and extremes to its end; returns the status and the number of steps.
 
-    memory: what is kept from sample to sample: step length, inputs at the end of the last sample, rates there (n),
+    memory: state of the integrator between samples: step length, inputs at the end of the last sample, rates there (n),
     which contacts are fresh (see `margin`). extremes: lowest and highest states so far. work: 3 n + 2 contacts numbers.
     S, F, columns, width: sensitivities and their working memory (see sensitivity_kernel.py); width 0 for none.
     """

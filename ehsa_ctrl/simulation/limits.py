@@ -1,4 +1,4 @@
-"""The plant's limits, watched in every run."""
+"""The plant's limits, monitored in every run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..core.unit import factor
 from ..plant.plant import Plant
 
-#: The unit in which a person reads each limit.
+#: Unit in which each limit is printed.
 SHOWN = {
     "pump_speed": "rpm",
     "motor_speed": "rpm",
@@ -22,7 +22,7 @@ SHOWN = {
     "stroke": "mm",
 }
 
-#: What each limit is of, in words.
+#: Quantity of each limit in words.
 NAMES = {
     "pump_speed": "pump speed",
     "motor_speed": "motor speed",
@@ -36,13 +36,13 @@ NAMES = {
 
 
 def scale_of(limit: str, unit: str) -> float:
-    """By what a limit's value [unit] is divided to be read in SHOWN: NAMES calls half the stroke, from the middle."""
+    """Factor from the unit in SHOWN to a limit's own unit; the stroke is shown as the distance from the middle."""
     return factor(SHOWN[limit], unit) * (2.0 if limit == "stroke" else 1.0)
 
 
 @dataclass(frozen=True)
 class Exceedance:
-    """A limit that a run passed: its name, the limit, the worst value and when a sample first lay beyond it.
+    """A limit that a run exceeded: name, limit, worst value and time of the first sample beyond it.
 
     `first` is nan for averages over the run, and where only the time between two samples lay beyond.
     """
@@ -63,7 +63,7 @@ class Exceedance:
 
 
 def reached(plant: Plant, current: np.ndarray, states: np.ndarray, extremes: np.ndarray) -> dict[str, float]:
-    """What a run made of each thing that a limit can stand for, SI units; names as in `file.LIMIT_UNITS`.
+    """Largest (or smallest) value in a run of each limited quantity, SI units; names as in `file.LIMIT_UNITS`.
 
     current (N,), states (N, n), extremes (2, n) as in a Trajectory.
     """
@@ -73,7 +73,7 @@ def reached(plant: Plant, current: np.ndarray, states: np.ndarray, extremes: np.
 def exceedances(
     plant: Plant, time: np.ndarray, current: np.ndarray, states: np.ndarray, extremes: np.ndarray
 ) -> Iterator[Exceedance]:
-    """Every limit of the plant that was passed.
+    """Every limit of the plant that was exceeded.
 
     Speeds, pressures and stroke by the extremes between samples; torque by the asked current; power and current as
     averages over the run (the motor's continuous rating).
@@ -95,7 +95,7 @@ def exceedances(
 def _watched(
     plant: Plant, current: np.ndarray, states: np.ndarray, extremes: np.ndarray
 ) -> dict[str, tuple[float, np.ndarray]]:
-    """Limit -> its worst value in the run, and the signal (N,) that it watches; none for an average."""
+    """Limit -> worst value in the run and the monitored signal (N,), empty for an average."""
     index = plant.structure.equations.index
     has = {state.name for state in plant.structure.equations.states}
     watched: dict[str, tuple[float, np.ndarray]] = {}

@@ -1,4 +1,4 @@
-"""The shortest time in which a rod can be brought to a place: what a settling time is to be judged by."""
+"""Minimum time of a rod motion: a lower bound to compare settling times with."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..core.errors import InputError
 from ..plant.plant import Plant
 from ..plant.system import Contact
 
-#: Parts of the way on which the acceleration is taken for constant.
+#: Number of segments of the path with constant acceleration.
 PARTS = 200
 
 

@@ -1,9 +1,9 @@
 """Machine code of one structure: its equations, and one integration step of them, as text for LLVM.
 
 The equations come from the tape (`plant/tape.py`), which is already in the form that LLVM wants: every operation once,
-in order. Written this way a structure compiles in a fraction of the time that numba needs for the same operations in
-Python. Everything that has branches and loops, so above all the handling of events, is the same for all structures and
-stands in `integrator.py`, which calls these functions by their addresses.
+in order. A structure compiles this way in a fraction of the time that numba needs for the same operations in Python.
+Everything with branches and loops, mainly the handling of events, is the same for all structures: `integrator.py`
+calls these functions by their addresses.
 
 Functions and their arguments (vectors are pointers to doubles; y states, d sliding directions, c constants of the run;
 u, f the two inputs). Each returns one double.
@@ -232,7 +232,7 @@ class _Writer:
         """The sensitivities S (state, column) over a step that the states have taken: dS/dt = J S + F.
 
         The same Runge-Kutta step for the variational equations, so that S is the derivative of the numerical solution.
-        Column by column once the Jacobians of the stages are there, which lets LLVM work on several columns at a time.
+        The Jacobians of the stages come first, then a loop over the columns, which LLVM vectorises.
         """
         n, entries = len(self.names), len(self.jacobian)
         arguments = [*STEP, "ptr noalias %S", "ptr noalias %F", "ptr %columns", "i64 %width"]
@@ -324,9 +324,9 @@ MEASURED_STATES = ("omega", "P_1", "P_2", "x")
 
 @dataclass(frozen=True)
 class PlantCode:
-    """A structure as the integrator wants it.
+    """The compiled functions of a structure, with the sizes that the integrator needs.
 
-    functions: addresses in the order of NAMES and OF_A_CONTACT; 0 for what a structure does not have.
+    functions: addresses in the order of NAMES and OF_A_CONTACT; 0 for functions that a structure does not have.
     shape: numbers of states, contacts and constants, place of the dead time among the parameters (-1: none), states
         that a controller's sensors see (-1: none), then for each contact the state that is its speed, and 1 if
         it sticks.

@@ -1,7 +1,7 @@
 """The reference path: SciPy's integrators with events, on the physics functions themselves, in plain Python.
 
-A thousand times slower than the engine and independent of it in all but the equations: no tape, no generated text,
-another integrator (DOP853, Radau, LSODA), another way to find the instants.
+A thousand times slower than the engine and independent of it apart from the equations: no tape, no generated text,
+another integrator (DOP853, Radau, LSODA), another event location.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Runs as python-control's time responses, and time responses as what drives a run."""
+"""Conversion between runs and time responses of python-control."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def to_response(run: Trajectory) -> control.TimeResponseData:
-    """A run as python-control gives its own: inputs (2, N), states (n, N), outputs (n or more, N), SI units.
+    """A run as a time response of python-control: inputs (2, N), states (n, N), outputs (n or more, N), SI units.
 
     Labels are those of `to_iosystem`; beside the states there is dP where there are two pressures, so that the outputs
     of `three_state` and `four_state` are all found by name: response.to_pandas()["dP"].
@@ -49,7 +49,7 @@ def is_response(given: Any) -> bool:
 def signal_of(response: control.TimeResponseData, name: str) -> np.ndarray | None:
     """A signal (N,) of a response by its label, an input's before an output's; None where there is none.
 
-    Raises InputError for a response of several traces, of which nobody can tell which one is meant.
+    Raises InputError for a response of several traces, which is ambiguous.
     """
     if getattr(response, "ntraces", 0) > 1:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Derivatives of a run by parameters and initial states: exact through sticking, sliding and the instants between.
+"""Derivatives of a run by parameters and initial states, exact through stops and breakaways.
 
 Forward sensitivities along the run with the jump that each stop makes. A breakaway and a stop move in time with the
 parameters; differences of two runs see that as a jump wherever an instant crosses a sample, these derivatives don't.
@@ -109,7 +109,7 @@ def transitions(
     sample_time: float | None = None,
     tolerance: float = 1e-6,
 ) -> Transitions:
-    """Run the plant and linearise every sample of the run by itself: what a Kalman filter along the run needs.
+    """Run the plant and linearise each sample of the run, e.g. for a Kalman filter along the run.
 
     Arguments and errors as for `sensitivities`; parameters don't act through the initial state here.
     """

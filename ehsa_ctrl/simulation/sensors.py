@@ -1,4 +1,4 @@
-"""What the bench measures: filters, delays, scales, noise and converter steps on the true signals."""
+"""Sensor models: filter, delay, scale, noise and converter resolution on the true signals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..plant.file import CHANNEL_UNITS
 from ..plant.plant import Plant, Sensor
 from .trajectory import Trajectory
 
-#: Channel of the log and the signal of the plant it shows.
+#: Channel of the log -> signal of the plant.
 SIGNALS = {
     "current": "current",
     "speed": "omega",
@@ -55,7 +55,7 @@ class Sensors:
         return self.sensor(channel).noise * stream.standard_normal(samples)
 
     def measure(self, channel: str, true: np.ndarray, sample_time: float, *, held: bool = False) -> np.ndarray:
-        """What the sensor of `channel` gives for the true signal (N,): as `shown`, noisy and rounded."""
+        """Reading of `channel` for the true signal (N,): as `shown`, with noise and resolution."""
         sensor = self.by_channel[channel]
         value = shown(sensor, true, sample_time, held=held) + self.noise(channel, true.size)
         return np.round(value / sensor.step) * sensor.step if sensor.step > 0.0 else value
@@ -73,7 +73,7 @@ class Sensors:
         }
 
     def tables(self, samples: int, sample_time: float) -> tuple[np.ndarray, ...]:
-        """For the engine, of what a controller gets: scale (5,), noise with bias (samples, 5), resolution (5,), delay
+        """Tables of the compiled closed loop: scale (5,), noise with bias (samples, 5), resolution (5,), delay
         in samples (5,), weights of the filters (5, 3)."""
         sensors = [self.sensor(channel) for channel in MEASURED]
         scale = np.array([sensor.scale for sensor in sensors])
@@ -85,7 +85,7 @@ class Sensors:
 
 
 def shown(sensor: Sensor, true: np.ndarray, sample_time: float, *, held: bool = False) -> np.ndarray:
-    """What a sensor makes of a true signal (N,): filtered, then delayed, then scaled and biased; no noise, no steps.
+    """Reading of a true signal (N,) without noise and resolution: filtered, delayed, scaled and biased.
 
     Signals are straight between their samples; `held`: a drive's, which holds each value until the next one.
     """

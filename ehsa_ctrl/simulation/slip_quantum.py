@@ -1,4 +1,4 @@
-"""The smallest motion that a plant with static friction can be made to do from rest."""
+"""Slip quantum: the smallest motion from rest of a plant with static friction."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from ..core.errors import InputError
 from ..plant.plant import Plant
 from .engine import simulate_batch
 
-#: Heights of the pulse that are tried at once, and how often the range is narrowed to its decisive part.
+#: Pulse heights of one search round, and number of rounds, each within the interval found by the one before.
 HEIGHTS, ROUNDS = 16, 8
-#: s, what the rod is given to come to rest again, and A, the highest pulse that is tried.
+#: Time for the rod to come to rest again [s], highest pulse [A].
 REST, HIGHEST = 0.4, 1e3
-#: m, below which nothing has slipped.
+#: Smallest displacement that counts as a slip [m].
 NOTHING = 1e-9
 
 
 def slip_quantum(plant: Plant, *, width: float | None = None, direction: int = 1, excess: float = 1e-3) -> float:
     """Length of the shortest slip that a pulse of current causes from rest at x_0 [m].
 
-    The lowest pulse at which the rod breaks away is looked for by simulation, then one that is higher by `excess`, as
-    no drive meets a height exactly. What static friction exceeds Coulomb friction by is set free at breakaway and
-    carries the rod on: the length rises within a ten-thousandth of the height from nothing to some tens of micrometres
+    A search by simulation finds the lowest pulse at which the rod breaks away; the result is the slip of a pulse that
+    is higher by `excess`, as no drive meets a height exactly. At breakaway friction drops from its static to its
+    Coulomb level, which carries the rod on: the length rises within a ten-thousandth of the height to some tens of um
     and slowly from there. A standing error below it can't be corrected, only avoided.
 
     Parameters

@@ -1,4 +1,4 @@
-"""A run whose clock somebody else keeps: the plant on the engine of `simulate`, a step of any length at a time."""
+"""A run in steps of any length for an external master: the plant on the engine of `simulate`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ..plant.plant import Plant
 from .engine import DONE, LARGEST, checked_start, initial_carry, initial_modes, run_open_loop, why_stopped
 from .plant_code import plant_code
 
-#: Two instants that are this much of a step apart are the same one: sums of steps round.
-SAME = 1e-9
+#: Instants closer than this share of a step are equal: sums of steps round.
+TIME_TOLERANCE = 1e-9
 #: The longest step [s].
 LONGEST = 3600.0
 
@@ -26,7 +26,7 @@ class SteppedRun:
 
     Attributes
     ----------
-    plant: as it is believed.
+    plant: the nominal plant.
     time: s since the start.
     states: (n,) in the order of the structure's states, SI units.
     modes: (contacts,) sliding direction, 0 while it sticks.
@@ -39,7 +39,7 @@ class SteppedRun:
         first = checked_start(plant, start)
         self.plant, self.tolerance, self.time = plant, tolerance, 0.0
         self._code = plant_code(plant.structure)
-        # The engine looks back over the samples of a run, of which a step has none: the dead time is kept here.
+        # The engine takes late currents from the samples of a run, which a step has not: they are stored here.
         self._dead_time = 0.0 if plant.structure.delay is None else plant[plant.structure.delay]
         late = {} if plant.structure.delay is None else {plant.structure.delay: 0.0}
         values = {**plant.values, **late}
@@ -48,7 +48,7 @@ class SteppedRun:
         self._modes = initial_modes(plant, self._states)
         self._carry = initial_carry(plant, 1, plant.sample_time)
         self._extremes = np.stack([self._states, self._states], axis=1)
-        #: What the current will be: (seconds from now on, A), and what it is.
+        #: Future changes of the late current (seconds from now, A), and the acting current.
         self._coming: list[tuple[float, float]] = []
         self._acting: float | None = None
 
@@ -66,7 +66,7 @@ class SteppedRun:
         Raises
         ------
         InputError: an input that is not finite, a duration that is negative.
-        SimulationError: the engine could not go on; says when and why. The run stays where it was before.
+        SimulationError: the engine could not go on; the message has time and cause. The run stays where it was before.
         """
         if not all(isinstance(value, int | float | np.number) for value in (current, force, duration)):
             raise InputError(
@@ -91,9 +91,9 @@ class SteppedRun:
         acting = current if self._acting is None else self._acting
         coming = [*self._coming, (self._dead_time, current)]
         pieces, done = [], 0.0
-        while coming and coming[0][0] < duration * (1.0 - SAME):
+        while coming and coming[0][0] < duration * (1.0 - TIME_TOLERANCE):
             at, value = coming.pop(0)
-            if at > done + SAME * duration:
+            if at > done + TIME_TOLERANCE * duration:
                 pieces.append((at - done, acting))
                 done = at
             acting = value

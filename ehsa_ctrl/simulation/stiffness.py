@@ -17,7 +17,7 @@ COUNTS = 0.3
 
 
 def stiffest(plant: Plant, states: np.ndarray, inputs: np.ndarray, modes: np.ndarray) -> str:
-    """What is stiff where a run stopped, in words; empty if nothing is.
+    """Sentence on the stiffest state where a run stopped; empty if none is stiff.
 
     Parameters
     ----------

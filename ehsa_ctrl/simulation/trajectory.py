@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
-    """Versions of what a simulated number depends on."""
+    """Versions of the packages that a simulation result depends on."""
     names = ("ehsa_ctrl", "numpy", "numba", "scipy", "control")
     return {"python": platform.python_version(), **{name: version(name) for name in names}}
 
@@ -36,13 +36,13 @@ class Trajectory(TextResult):
 
     Attributes
     ----------
-    plant: as it was believed in this run.
+    plant: the plant of this run.
     time: (N,) s.
     current: (N,) A, acting on the motor from each sample on; the first input of a system other than the EHSA.
     outer_force: (N,) N, F_D(t), positive when it resists extension; the second input of another system.
     states: (N, n) in the order of the structure's states, SI units.
     modes: (N, contacts) sliding direction of shaft and rod, 0 while it sticks.
-    cell_force: (N,) N, what a load cell between rod and load feels; zero where the system has none.
+    cell_force: (N,) N, force in a load cell between rod and load; zero where the system has none.
     extremes: (2, n) smallest and largest value of each state, between the samples too.
     hold: "zero_order" or "first_order".
     tolerance: relative tolerance of the engine.
@@ -91,7 +91,7 @@ class Trajectory(TextResult):
 
     @cached_property
     def exceeded(self) -> tuple[Exceedance, ...]:
-        """Limits of the plant that this run passed, in words and figures."""
+        """Limits of the plant that this run exceeded, as sentences."""
         return tuple(exceedances(self.plant, self.time, self.current, self.states, self.extremes))
 
     def explained(self) -> Trajectory:

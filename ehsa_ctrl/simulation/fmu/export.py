@@ -42,8 +42,8 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
 
     Inputs, outputs and parameters are those of `variables_of`, in SI units: for the EHSA inputs current and F_D,
     outputs speed, p1, p2, velocity, position, force, shaft_sticks and rod_sticks, and every symbol of the plant as a
-    parameter that can be set before the run. Friction laws, effects and the values that are believed go along; sensors
-    do not: outputs are true signals. The engine of `simulate` runs inside, inputs held over each step of the master.
+    parameter that can be set before the run. The FMU contains friction laws, effects and nominal values, but no
+    sensors: outputs are true signals. The engine of `simulate` runs inside, inputs held over each step of the master.
 
     The FMU needs Python with ehsa_ctrl where it is run, and Windows or Linux on 64-bit Intel, for which pythonfmu has
     binaries. On Linux a tool that is not itself Python has to be started with LD_PRELOAD=libpython3.X.so.
@@ -73,7 +73,7 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
     known_paths, module = list(sys.path), f"{name}_slave"
     with atomic_write(path) as draft, tempfile.TemporaryDirectory() as folder:
         files = write_exported(plant, Path(folder))
-        # The same plant gives the same FMU, but for its date: what runs may be told apart by what it is.
+        # The same plant gives the same identifier, so that FMUs with one identifier behave alike.
         guid = uuid.uuid5(uuid.NAMESPACE_URL, "".join(file.read_text(encoding="utf-8") for file in files))
         script = Path(folder) / f"{module}.py"
         title = plant.title.replace("\\", " ").replace('"', "'")
@@ -97,7 +97,7 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
 def identifier(name: str) -> str:
     """A plant's name as FMI wants a model's: letters, digits and underscores, no digit first.
 
-    It is also a class in Python, so that no word of that language may stand alone.
+    It is also the name of a Python class, so that keywords and built-in names get a leading underscore.
     """
     word = re.sub(r"\W", "_", name, flags=re.ASCII)
     own = keyword.iskeyword(word) or hasattr(builtins, word) or word == "PlantSlave"

@@ -1,4 +1,4 @@
-"""A plant as the files inside an FMU: its TOML to be read, and what is believed beyond it, to the last digit."""
+"""The files of a plant inside an FMU: its TOML, and the exact structure and nominal values beside it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...plant.load import load_plant
 from ...plant.plant import Plant
 from ...plant.structure import Structure
 
-#: The words and numbers of the plant that was exported, beside its TOML.
+#: Structure and parameters of the exported plant.
 NOMINAL_FILE = "believed.json"
 
 

@@ -1,4 +1,4 @@
-"""What runs inside the FMU: pythonfmu's interface on one side, a stepped run of the plant on the other."""
+"""The FMU's slave: pythonfmu's interface to a stepped run of the plant."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class PlantSlave(Fmi2Slave):  # type: ignore[misc]
             self._tolerance, self._run = float(tolerance), None
 
     def exit_initialization_mode(self) -> None:
-        """From here on the parameters stand. Raises InputError for one that is physically impossible."""
+        """Fix the parameters. Raises InputError for one that is physically impossible."""
         self.run  # noqa: B018 - it checks them
         self._begun = True
 

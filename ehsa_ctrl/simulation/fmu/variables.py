@@ -1,4 +1,4 @@
-"""What another tool sees of a plant: inputs, outputs and parameters by name, with unit, meaning and range."""
+"""Variables of the FMU: inputs, outputs and parameters by name, with unit, meaning and range."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ INPUTS = {
     "v": ("m/s", "prescribed speed of the rod; positive extends"),
 }
 
-#: States by the name of the log's channel, as far as they have one, and what they are.
+#: State -> channel of the log, and meaning.
 CHANNELS = {
     "omega": ("speed", "shaft speed omega"),
     "P_1": ("p1", "pressure in chamber 1, gauge"),
@@ -25,13 +25,13 @@ CHANNELS = {
     "x": ("position", "position x; positive extends the rod"),
 }
 
-#: Beyond this a bound or a value is no number for a tool, but a word for "none" or "never".
+#: Bounds and values beyond this mean "none" or "never" and are not exported.
 ENDLESS = 1e29
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One of them; `signal` is its name in the equations, lower and upper are None where there is no bound."""
+    """A variable; `signal` is its name in the equations, lower and upper are None where there is no bound."""
 
     name: str
     kind: str
@@ -47,9 +47,9 @@ def variables_of(plant: Plant) -> tuple[Variable, ...]:
     """Inputs, outputs, parameters, in this order; SI units.
 
     Inputs and parameters have the symbols of the equations, outputs the names of the channels of a log where they have
-    one; `shaft_sticks` and `rod_sticks` are true while friction holds. Outputs are what is, not what a sensor shows.
+    one; `shaft_sticks` and `rod_sticks` are true while friction holds. Outputs are true signals, without sensors.
 
-    A parameter that is infinite ("never") is none of the FMU: a tool could not write it.
+    An infinite parameter ("never") is left out: a tool could not write it.
     """
     return (*_inputs(plant), *_outputs(plant), *_parameters(plant))
 
