@@ -144,7 +144,8 @@ def _to_seed(value: Any, given: Given) -> int:
 
 
 def _to_array(value: Any, given: Given) -> np.ndarray:
-    return np.asarray(_checked(value, _is_array(value)))
+    # numpy would stack the signals of a time response of python-control.
+    return np.asarray(_checked(value, _is_array(value) and not _is(value, "TimeResponseData")))
 
 
 def _to_numbers(value: Any, given: Given) -> tuple[float, ...]:
