@@ -214,7 +214,9 @@ class Diagnosis(TextResult):
                 number |= {"name": effect.sensor, "belongs_to": "sensor", "nominal": getattr(sensor, effect.sensor)}
                 number["meaning"] = f"{effect.sensor} of the sensor of {cause.channel}"
             else:
-                nominal = self.plant[name] if name in self.plant.parameters else own[name].neutral
+                # None: a friction, or a law's parameter, that the plant does not have.
+                absent = own[name].neutral if name in own else None
+                nominal = self.plant[name] if name in self.plant.parameters else absent
                 number |= {"name": name, "belongs_to": "effect" if name in own else "plant", "nominal": nominal}
                 number["meaning"] = own[name].meaning if name in own else meanings.get(name, "")
         return {**found, "summary": effect.summary, "fingerprint": effect.fingerprint}

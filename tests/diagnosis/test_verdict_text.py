@@ -1,9 +1,13 @@
 """A headline says which data its figures are of, and has those of the table below it."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from ehsa_ctrl import load_plant
-from ehsa_ctrl.diagnosis.diagnosis import Cause, Diagnosis
+from ehsa_ctrl.core.log import Log
+from ehsa_ctrl.diagnosis.diagnosis import Cause, CauseParameter, Diagnosis
 
 
 def found(verdict, held, whole, after=0.0):
@@ -44,3 +48,15 @@ def test_a_gap_that_only_the_whole_log_has_is_said_to_be_its_own():
 def test_what_a_cause_closes_is_of_the_same_data():
     """All signals together, as in the column total."""
     assert "which closes 90 % of the gap of all signals there." in found("effect", 0.2, 0.3, after=0.02).sentence
+
+
+def test_a_parameter_that_the_plant_lacks_has_no_nominal_value():
+    """The stiffness of presliding is of a law that the nominal plant does not have; JSON says null."""
+    log = Log(np.array([0.0, 0.004]), {"current": np.zeros(2)})
+    parameters = {"sigma_0": CauseParameter(2e7, 1e5, "N/m"), "A_FR": CauseParameter(900.0, 5.0, "N")}
+    cause = Cause("presliding", None, "force", 0.9, parameters)
+
+    (effect,) = replace(found("effect", 0.1, 0.1), log=log, effects=(cause,)).to_dict()["effects"]
+
+    assert effect["parameters"]["sigma_0"]["nominal"] is None
+    assert effect["parameters"]["A_FR"]["nominal"] == 854.0
