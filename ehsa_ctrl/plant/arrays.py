@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .tape import Tape, build_tape
+from .tape import Ref, Tape, build_tape
 from .wiring import Equations
 
 _OPERATIONS: dict[str, Callable[..., Any]] = {
@@ -32,6 +32,21 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
 }
 
 
+def evaluate_tape(tape: Tape, refs: Sequence[Ref], values: Mapping[str, Any]) -> list[Any]:
+    """Values of `refs` for inputs and parameters by name; arrays of one shape, or numbers."""
+    found: dict[Ref, Any] = {}
+    with np.errstate(all="ignore"):
+        for ref in tape.needed(refs):
+            node = tape.nodes[ref]
+            if node.op == "const":
+                found[ref] = node.value
+            elif node.op in ("input", "parameter"):
+                found[ref] = values[str(node.value)]
+            else:
+                found[ref] = _OPERATIONS[node.op](*(found[arg] for arg in node.args))
+    return [found[ref] for ref in refs]
+
+
 def array_evaluator(equations: Equations, wanted: Sequence[str]) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
     """A function of states, inputs, directions, measured names and parameters that returns `wanted` signals by name.
 
@@ -39,20 +54,10 @@ def array_evaluator(equations: Equations, wanted: Sequence[str]) -> Callable[[Ma
     conditional are computed, so numerical errors in the branch that is not taken are ignored.
     """
     tape: Tape = build_tape(equations, residuals=True)
-    needed = tape.needed(tape.refs[name] for name in wanted)
+    refs = [tape.refs[name] for name in wanted]
 
     def evaluate(values: Mapping[str, Any]) -> dict[str, Any]:
-        found: dict[int, Any] = {}
-        with np.errstate(all="ignore"):
-            for ref in needed:
-                node = tape.nodes[ref]
-                if node.op == "const":
-                    found[ref] = node.value
-                elif node.op in ("input", "parameter"):
-                    found[ref] = values[str(node.value)]
-                else:
-                    found[ref] = _OPERATIONS[node.op](*(found[arg] for arg in node.args))
-        return {name: found[tape.refs[name]] for name in wanted}
+        return dict(zip(wanted, evaluate_tape(tape, refs, values), strict=True))
 
     return evaluate
 

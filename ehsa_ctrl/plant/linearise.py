@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.errors import InputError
+from .arrays import evaluate_tape
 from .linear import INPUTS
 from .plain import evaluator
 from .plant import Plant
-from .printer import Printer
 from .structure import Structure
 from .tangent import Tangent
-from .tape import build_tape
+from .tape import Ref, Tape, build_tape
 
 if TYPE_CHECKING:
     import control
@@ -32,25 +32,17 @@ class OperatingPoint:
 
 
 @cache
-def _jacobian(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any], list[tuple[int, int]]]:
-    """Functions (constants, entries) of the Jacobian by states and inputs, and row and column of each entry."""
+def _jacobian(structure: Structure) -> tuple[Tape, dict[tuple[int, int], Ref]]:
+    """A tape with the Jacobian by states and inputs: (row, column) -> entry, the others are zero."""
     equations = structure.equations
     tape = build_tape(equations)
     seeds = [*(state.name for state in equations.states), *equations.inputs]
     tangent = Tangent(tape, seeds)
-    entries = []
-    refs = []
+    entries = {}
     for row, rate in enumerate(equations.rates):
         for seed, ref in tangent.of(tape.refs[rate]).items():
-            entries.append((row, seeds.index(seed)))
-            refs.append(ref)
-    printer = Printer(tape, equations.parameter_names)
-    arguments = ", ".join([*seeds, *equations.directions])
-    body = printer.function(refs)
-    text = f"def constants(p):\n{printer.constants()}\n\ndef entries({arguments}, c):\n{body}"
-    scope: dict[str, Any] = {}
-    exec("from math import *\n" + text, scope)
-    return scope["constants"], scope["entries"], entries
+            entries[row, seeds.index(seed)] = ref
+    return tape, entries
 
 
 def jacobian(
@@ -60,13 +52,14 @@ def jacobian(
 
     parameters: (n_parameters,) values other than the plant's own, in the order of `plant.vector`.
     """
-    constants, function, entries = _jacobian(plant.structure)
-    c = constants((plant.vector if parameters is None else parameters).tolist())
-    values = function(**point.states, **point.inputs, **point.directions, c=c)
+    tape, entries = _jacobian(plant.structure)
+    names = plant.structure.equations.parameter_names
+    values = dict(zip(names, plant.vector if parameters is None else parameters, strict=True))
+    values |= {**point.states, **point.inputs, **point.directions}
     n = len(plant.structure.equations.states)
     full = np.zeros((n, n + 2))
-    for (row, column), value in zip(entries, values, strict=True):
-        full[row, column] = value
+    for place, value in zip(entries, evaluate_tape(tape, list(entries.values()), values), strict=True):
+        full[place] = value
     return full[:, :n], full[:, n:]
 
 

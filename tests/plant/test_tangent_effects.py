@@ -1,15 +1,13 @@
 """Exact derivatives of the rates with every effect in, by states, inputs and the effect's own numbers."""
 
-import math
-
 import numpy as np
 import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.hypothesis_model import effects_with_parameters
 from ehsa_ctrl.physics.effects import EFFECTS
+from ehsa_ctrl.plant.arrays import evaluate_tape
 from ehsa_ctrl.plant.plain import evaluator
-from ehsa_ctrl.plant.printer import Printer
 from ehsa_ctrl.plant.tangent import Tangent
 from ehsa_ctrl.plant.tape import build_tape
 
@@ -21,14 +19,10 @@ INPUTS = {"current": 1.3, "F_D": 40.0}
 def exact(equations, values, point, seeds):
     """rate -> seed -> derivative, by the tape's tangent."""
     tape = build_tape(equations)
-    tangent, printer = Tangent(tape, seeds), Printer(tape, equations.parameter_names)
+    tangent = Tangent(tape, seeds)
     found = {rate: tangent.of(tape.refs[rate]) for rate in equations.rates}
-    body = printer.function([ref for by_seed in found.values() for ref in by_seed.values()])
-    text = f"def constants(p):\n{printer.constants()}\n\ndef entries({', '.join(point)}, c):\n{body}"
-    scope = dict(vars(math))
-    exec(text, scope)
-    c = scope["constants"]([float(values[name]) for name in equations.parameter_names])
-    entries = iter(np.atleast_1d(scope["entries"](**point, c=c)))
+    refs = [ref for by_seed in found.values() for ref in by_seed.values()]
+    entries = iter(evaluate_tape(tape, refs, {**values, **point}))
     return {rate: {seed: float(next(entries)) for seed in by_seed} for rate, by_seed in found.items()}
 
 
