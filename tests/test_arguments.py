@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl as e
+from ehsa_ctrl.arguments import kind_of
 from ehsa_ctrl.identification.identification import Identification
 
 FUNCTIONS = [name for name in e.__all__ if inspect.isfunction(getattr(e, name))]
@@ -169,6 +170,25 @@ def test_mistakes_are_said(call, said):
     """What was got, and what to give instead."""
     with pytest.raises(e.InputError, match=said):
         call()
+
+
+def test_every_argument_of_a_constructor_is_known():
+    """As of functions; None is accepted where the annotation says so."""
+    for owner, methods in e._BUILT.items():
+        for method in methods:
+            function = inspect.unwrap(getattr(getattr(e, owner), method))
+            function = getattr(function, "__func__", function)
+            for parameter in inspect.signature(function).parameters.values():
+                if parameter.name in ("self", "cls"):
+                    continue
+                kind = kind_of(function.__qualname__.removesuffix(".__init__"), parameter)
+                assert ("None" in kind.expected.split(", or ")) == ("None" in str(parameter.annotation)), parameter
+
+
+def test_a_structure_may_have_no_friction_law():
+    """Of a system without that contact; classes are used inside the package too."""
+    assert e.Structure(shaft_friction=None, rod_friction="coulomb", chambers=None, system_name="positioning")
+    assert e.load_plant("emps").structure.shaft_friction is None
 
 
 def test_a_forgotten_argument_is_pythons_own_error():
