@@ -314,6 +314,12 @@ pd.DataFrame({name: plant.values for name, plant in models.items()}).T[["J_M", "
 # %%
 slides = e.three_state(models["sliding"])
 rows = {}
+
+
+def rounded(value, digits=0):
+    return round(value, digits) if np.isfinite(value) else value  # an unstable loop has no margins
+
+
 for name, plant in models.items():
     pid = e.load_controller("pid_position", e.three_state(plant))
     own, real = e.analyse_loop(e.three_state(plant), pid), e.analyse_loop(slides, pid)
@@ -323,22 +329,24 @@ for name, plant in models.items():
         ("gains", "k_d [A s/m]"): round(pid.law.gains.k_d),
         ("on its own model", "phase margin [deg]"): round(own.phase_margin),
         ("on its own model", "gain margin"): round(own.gain_margin, 1),
-        ("on the sliding model", "crossover [rad/s]"): round(real.crossover),
-        ("on the sliding model", "phase margin [deg]"): round(real.phase_margin),
-        ("on the sliding model", "gain margin"): round(real.gain_margin, 1),
+        ("on the sliding model", "crossover [rad/s]"): rounded(real.crossover),
+        ("on the sliding model", "phase margin [deg]"): rounded(real.phase_margin),
+        ("on the sliding model", "gain margin"): rounded(real.gain_margin, 1),
         ("on the sliding model", "stable"): real.stable,
     }
 left = {name: row["on the sliding model", "phase margin [deg]"] for name, row in rows.items()}
-assert [left[name] for name in designs] == [58, 9, 24, 60]
+assert left["Table 2"] == 58 and left["sliding"] == 60
+assert not any(left[name] > 30 for name in rows if "fitted" in name)  # or no margin at all
 assert all(
     rows[name]["gains", "k_p [A/m]"] > 2 * rows["sliding"]["gains", "k_p [A/m]"] for name in rows if "fitted" in name
 )
 pd.DataFrame(rows).T
 
 # %% [markdown]
-# Designed on a fitted model, the controller is much too aggressive: its crossover is more than three times the
-# specified 35 rad/s, with half the phase margin or much less. The amount depends on the half of the log. Table 2 and
-# the sliding model give nearly the same controller.
+# Designed on a fitted model, the controller is much too aggressive: on the sliding model its crossover is three times
+# the specified 35 rad/s with less than half the phase margin, or the loop is even unstable. This depends on the half of
+# the log and, because the minimum is flat, on details of the fit. Table 2 and the sliding model give nearly the same
+# controller.
 #
 # The decisive check: the shipped scenarios on the identified *nonlinear* plant, against a spring of 50 kN/m, with the
 # noise of the sensors.
@@ -369,7 +377,7 @@ for (name, scenario), result in results.items():
 for (name, scenario), result in results.items():
     for failure in result.failures:
         print(f"{scenario}, designed on {name}: {failure}")
-assert all(result.passed for result in results.values())
+assert all(result.passed for (name, _), result in results.items() if "fitted" not in name)
 table = pd.DataFrame(rows).set_index(["scenario", "designed on"])
 table.round(1).map(lambda value: value if value == value else "")
 
@@ -401,12 +409,13 @@ position.legend(
 plt.show()
 
 # %% [markdown]
-# All of them pass all scenarios; no single column decides.
+# Table 2 and the sliding model pass all scenarios. Of the fitted models, one passes and one fails.
 #
 # - The controllers from the fitted models have the smallest errors under the force and in the sine: a large gain
-#   reduces the effect of dry friction. The price is overshoot, longer settling, and three to five times the current
-#   travel, because a large gain amplifies sensor noise. They pass with little reserve: their phase margins on the
-#   sliding model are 9 and 24 degrees. A scenario shows one case; a margin shows the distance to failure.
+#   reduces the effect of dry friction. The price is overshoot, longer settling, and three to ten times the current
+#   travel, because a large gain amplifies sensor noise. The one with a phase margin of 24 degrees on the sliding model
+#   passes with little reserve; the one that is unstable there fails where the rod slides fast or must hold a force. A
+#   scenario shows one case; a margin shows the distance to failure.
 # - Table 2's controller passes with a phase margin of 58 degrees.
 # - So does the sliding model's, with 60. Its gains are the smallest of the four, a tenth below Table 2's, and its
 #   steady-state error under the force is the largest: the rod sticks, and the integral has to wind up against dry
