@@ -1,7 +1,7 @@
 """Straight-line form of the equations: every operation once, in order, from inputs and parameters to signals.
 
 The physics consists of small scalar functions (`physics/`). A tape reads their source text, inlines their calls and
-lists the operations. The list is the source of the compiled right-hand side (`simulation/plant_code.py`) and
+lists the operations. The list is the source of the compiled right-hand side (`simulation/plant_text.py`) and
 the exact derivatives (`tangent.py`); the plain evaluation (`plain.py`) calls the functions themselves.
 
 The dialect that a physics function may use: assignments to local names, one `return` at the end, arithmetic,

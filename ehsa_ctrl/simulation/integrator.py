@@ -1,6 +1,6 @@
 """One sample of a run: Dormand-Prince steps between mode changes, which are found to the instant.
 
-The same compiled code serves every structure. What differs is in `plant_code.py`, whose functions are called by their
+The same compiled code serves every structure. What differs is in `plant_text.py`, whose functions are called by their
 addresses: `functions` and `shape` as in PlantCode. Vectors are pointers (core/pointers.py): y states, d sliding
 directions (0: the contact sticks), k1 and k7 rates at a step's beginning and end, y_n states at its end, c constants of
 the run. u and f are the two inputs, which change linearly over a step.
