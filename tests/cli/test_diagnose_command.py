@@ -13,7 +13,7 @@ from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.closed_loop import check_replay, compare_loops
 from ehsa_ctrl.diagnosis.diagnosis import MODELS, Diagnosis
-from ehsa_ctrl.report.kinds.diagnosis import closed_table
+from ehsa_ctrl.report.closed_loop import closed_table
 
 SCENARIO = """\
 schema = 1
