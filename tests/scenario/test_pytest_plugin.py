@@ -2,10 +2,26 @@
 
 import pytest
 
+from ehsa_ctrl.scenario.run import run as run_scenario
+
 pytest_plugins = ["pytester"]
 
 LIMIT = '\n[limits]\nMaxError = { max = "3 mm" }\n'
 BROKEN = '\n[limits]\nMaxError = { max = "1 um" }\n'
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _modules_are_loaded(tmp_path_factory):
+    """Import what a scenario needs before pytester does, which forgets modules after each run.
+
+    NumPy can't be imported twice, and importlib_metadata, which dask brings along, replaces the standard finder of
+    package metadata, which pytester would take away again.
+    """
+    from .conftest import SHORT
+
+    file = tmp_path_factory.mktemp("loaded") / "short.toml"
+    file.write_text(SHORT)
+    run_scenario(file)
 
 
 @pytest.fixture
