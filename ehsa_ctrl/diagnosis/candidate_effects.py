@@ -72,15 +72,19 @@ def friction_levels(plant: Plant, log: Log) -> dict[str, float]:
     signals = signals_of(plain, log, drive, noise_of(log), outside=outside)
     unknown = unknown_inputs(plain, signals).values
     found: dict[str, float] = {}
-    for contact in plain.structure.system.contacts:
-        name, sign = ("torque", -1.0) if contact.name == "shaft" else ("force", 1.0)
+    system = plain.structure.system
+    of_contact = {contact: balance.unknown_inputs[0] for balance in system.balances for contact in balance.contacts}
+    for contact in system.contacts:
+        name = of_contact.get(contact.name, "")
         if name not in unknown:
             continue
+        # An unknown torque drives, an unknown force resists.
+        sign = 1.0 if name == "force" else -1.0
         speed = signals[contact.velocity][:-1]
         moves = (np.abs(speed) > contact.stribeck_speed) & np.isfinite(unknown[name])
         if np.count_nonzero(moves) >= LEAST_SAMPLES:
             x = np.column_stack([np.sign(speed), speed, np.ones_like(speed)])[moves]
             level, slope, offset = (sign * np.linalg.lstsq(x, unknown[name][moves], rcond=None)[0]).tolist()
             found |= {f"A_{contact.suffix}": max(level, 0.0), f"B_{contact.suffix}": max(slope, 0.0)}
-            found |= {"F_0": offset} if name == "force" else {}
+            found |= {contact.constant: offset} if contact.constant else {}
     return found

@@ -7,9 +7,8 @@ from itertools import permutations
 
 import numpy as np
 
-from ..core.log import Log
+from ..core.log import CHANNELS, Log
 from ..physics.effects import EFFECTS
-from ..plant.file import CHANNEL_UNITS
 from ..plant.plant import Plant
 from .diagnosis import Cause, CauseParameter
 from .hypothesis_model import law_switches
@@ -67,10 +66,9 @@ def _equivalent_effects(id: str, values: Mapping[str, float], plant: Plant, log:
     equivalent = EFFECTS[id].equivalent_effects
     if equivalent is None or plant.structure.chambers is None:
         return {}
-    flow = 0.0
-    if "position" in log.channels and "A" in plant.parameters:
-        flow = plant["A"] * float(np.max(np.abs(np.diff(log["position"])))) / log.sample_time
-    return equivalent(values, plant.values, flow)
+    slopes = [one.channel for one in plant.structure.system.scored if one.span and one.channel in log.channels]
+    speed = max((float(np.max(np.abs(np.diff(log[channel])))) / log.sample_time for channel in slopes), default=0.0)
+    return equivalent(values, plant.values, speed)
 
 
 def _further_candidates(selection: Selection, scoring: Scoring) -> list[Cause]:
@@ -110,7 +108,7 @@ def _parameters(
         elif not dot:
             out[name] = CauseParameter(values[name], deviation, kinds[name])
         elif key[1] is not None:
-            unit = {"scale": "1", "bias": CHANNEL_UNITS[channel]}.get(setting, "s")
+            unit = {"scale": "1", "bias": CHANNELS[channel].unit}.get(setting, "s")
             out["value"] = CauseParameter(values[name], deviation, unit)
     for f in scored.fit.free:
         if (ids.get(f.name), None) == key and f.name not in out:

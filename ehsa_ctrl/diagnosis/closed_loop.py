@@ -147,12 +147,13 @@ def _replay(case: PreparedScenario, plants: Mapping[str, Plant], found: Diagnosi
     loops = {word: silent.simulate(plant) for word, plant in plants.items()}
     n = min(len(log), *(loop.asked.size for loop in loops.values()))
     dt = log.sample_time
-    measured = scored({name: values[:n] for name, values in log.channels.items()}, dt)
-    noise = signal_noise(found.noise_sd, dt)
+    signals = found.plant.structure.system.scored
+    measured = scored(signals, {name: values[:n] for name, values in log.channels.items()}, dt)
+    noise = signal_noise(signals, found.noise_sd, dt)
     gaps = {}
     for word, loop in loops.items():
         simulated = dict(zip(MEASURED, loop.measured[:n].T, strict=True))
-        gaps[word] = gap(measured, scored(simulated, dt), noise)
+        gaps[word] = gap(measured, scored(signals, simulated, dt), noise)
     reference = next(iter(loops.values())).reference[:n]
     return LoopReplay(gaps, (n - 1) * dt, _current_difference(case, log, reference))
 

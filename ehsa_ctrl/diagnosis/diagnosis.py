@@ -14,7 +14,7 @@ from ..core.text import TextResult
 from ..physics.effects import EFFECTS
 from ..plant.file import label
 from ..plant.plant import Plant, Sensor
-from .signals import SIGNALS, gap, scored, signal_noise
+from .signals import gap, scored, signal_noise
 from .verdict_text import name_of, nearest_sentence, verdict_sentence
 
 if TYPE_CHECKING:
@@ -159,8 +159,9 @@ class Diagnosis(TextResult):
         shown = self.simulated.get("with_effects")
         if not shown:
             return None
-        dt, noise = self.log.sample_time, signal_noise(self.noise_sd, self.log.sample_time)
-        measured, simulated = scored(self.log.channels, dt), scored(shown, dt)
+        signals, dt = self.plant.structure.system.scored, self.log.sample_time
+        noise = signal_noise(signals, self.noise_sd, dt)
+        measured, simulated = scored(signals, self.log.channels, dt), scored(signals, shown, dt)
         shared = {name: values for name, values in measured.items() if name in simulated and name in noise}
         return gap(shared, simulated, noise) if shared else None
 
@@ -273,5 +274,4 @@ class Diagnosis(TextResult):
 
 
 def _shown(diagnosis: Diagnosis) -> tuple[str, ...]:
-    gaps = next(iter(diagnosis.gap.values()))
-    return (*(s for s in SIGNALS if s in gaps), "total")
+    return tuple(next(iter(diagnosis.gap.values())))

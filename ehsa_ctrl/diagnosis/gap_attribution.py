@@ -20,15 +20,15 @@ from ..core.log import Log
 from ..core.text import join_words
 from ..identification.initial_state import find_initial_state
 from ..identification.logged_inputs import acting_drive, logged_inputs, undo_sensor
+from ..physics.effects import PLACES
 from ..plant.plant import Plant
 from .injection import Energy, SquaredGap
 from .place_sets import BUMP, Form, InjectionCase, Places, PlaceSet, evaluate_sets
 from .regimes import CurveKey, Regime, regime_of
 from .regressors import DRIVE
 from .sensor_error import SensorError, fitted_sensor_error, implausible_sensor
-from .unknown_inputs import INPUTS, smooth
+from .unknown_inputs import smooth, unknown_inputs_of
 
-PLACES = ("torque", "drive", "flow", "force", "sensor")
 #: Share of the gap that a sensor has to explain: it has two or three numbers, and errors of the plant often resemble
 #: its scale.
 SENSOR_PRICE = 0.06
@@ -40,8 +40,6 @@ SENSOR_ALONE = 0.3
 CLOSE = 0.03
 #: Length of an interval of `over_time` [s].
 INTERVAL = 1.0
-#: The balances of each place.
-BALANCES = {"torque": ("torque",), "drive": ("torque",), "flow": ("flow_1", "flow_2"), "force": ("force",)}
 SENSOR = Places({"sensor"})
 
 
@@ -112,12 +110,12 @@ def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float]) -> Locatio
     log: channels in SI units; places whose balances it does not show get what the others leave unexplained.
     noise: channel -> standard deviation, from `signals.noise_of`.
     """
-    dt = log.sample_time
+    dt, system = log.sample_time, plant.structure.system
     start = find_initial_state(plant, log).state
     asked, outside = logged_inputs(plant, log)
     plant, current = acting_drive(plant, asked, dt)
-    measured = {c: undo_sensor(plant, log, c) for c in plant.structure.system.outputs if c in log.channels}
-    case = InjectionCase.of(plant, log, current, outside, start, noise, SquaredGap.of(measured, noise, dt))
+    measured = {c: undo_sensor(plant, log, c) for c in system.outputs if c in log.channels}
+    case = InjectionCase.of(plant, log, current, outside, start, noise, SquaredGap.of(system, measured, noise, dt))
     (run,) = case.run([{}])
     base = case.gap.energy(run)
     case = replace(case, gap=replace(case.gap, whole=max(float(base.sum()), 1e-300)))
@@ -178,7 +176,8 @@ def _location(
     gap, base = case.gap, sets[Places()].energy
     parts, best = _parts(sets)
     sizes = {place: max(float(part.sum()), 0.0) for place, part in parts.items()}
-    silent = [place for place, balances in BALANCES.items() if balances[0] in case.silent]
+    system = case.plant.structure.system
+    silent = [place for place in PLACES if not set(case.silent).isdisjoint(system.places.get(place, ()))]
     rest = max(gap.whole - sum(sizes.values()), 0.0)
     for place in silent:
         sizes[place] += rest / len(silent)
@@ -193,7 +192,7 @@ def _location(
         time=case.log.time,
         unknown={
             name: np.append(final.smoothed(name), np.nan) if name in known else np.full(len(case.log), np.nan)
-            for name in INPUTS
+            for name in unknown_inputs_of(system)
         },
         regimes=_regimes(final, sets[best].forms if best else {}, final_closed),
         by_signal={
@@ -233,7 +232,7 @@ def _regimes(case: InjectionCase, forms: Mapping[str, Form], closed: Mapping[Cur
     """
     found = []
     for place, form in forms.items():
-        for balance in BALANCES[place]:
+        for balance in case.plant.structure.system.places[place]:
             first = [c for c in form.curves if c.unknown_input == balance]
             keys = {c.key for c in first}
             rest = [c for c in case.curves[balance] if c.key not in keys and c.explained > 0.1]
@@ -242,7 +241,7 @@ def _regimes(case: InjectionCase, forms: Mapping[str, Form], closed: Mapping[Cur
             shown = sorted([*first, *rest][:2], key=lambda c: (-round(c.explained, 2), c.numbers))
             values = case.smoothed(balance)
             found += [regime_of(c, values, closed.get(c.key, float("nan"))) for c in shown]
-    if case.prescribed and "force" in case.unknown.values:
+    if case.plant.structure.system.prescribed and "force" in case.unknown.values:
         values = case.smoothed("force")
         found += [regime_of(c, values) for c in case.curves["force"][:2] if c.explained > 0.1]
     return tuple(found)

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.log import Log
+from ..core.log import CHANNELS, Log
 from ..identification.logged_inputs import invert_sensor, logged_inputs, undo_sensor
 from ..physics.effects import EFFECTS, Effect, LawSwitch
 from ..physics.friction import ABSENT, LAWS
@@ -103,10 +103,10 @@ class HypothesisModel:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Channels of the log that the simulation has too."""
+        """Scored channels of the log, then the load cell where the simulation has one."""
         system = self.plant.structure.system
-        known = {*system.outputs, *(["force"] if system.cell is not None else [])}
-        return tuple(c for c in ("speed", "p1", "p2", "position", "force") if c in known & set(self.log.channels))
+        simulated = [*(one.channel for one in system.scored), *(["force"] if system.cell is not None else [])]
+        return tuple(channel for channel in dict.fromkeys(simulated) if channel in self.log.channels)
 
     def nominal_value(self, name: str) -> float:
         """The value of a free number without any hypothesis."""
@@ -232,7 +232,7 @@ class HypothesisModel:
 
     def sensor(self, channel: str, values: Setting) -> Sensor:
         """A channel's sensor under a setting; delays and filters add to those that the plant's sensor has."""
-        sensor = self.plant.sensors.get(channel) or Sensor(channel, "A")
+        sensor = self.plant.sensors.get(channel) or Sensor(channel, CHANNELS[channel].unit)
         return replace(
             sensor,
             scale=values.get(f"scale.{channel}", sensor.scale),

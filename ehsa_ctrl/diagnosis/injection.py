@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..plant.plant import Plant
+from ..plant.system import System
 from ..simulation.engine import initial_carry, initial_modes, run_open_loop, simulate_batch
 from ..simulation.plant_code import plant_code
-from .signals import SIGNALS, scored, signal_noise
+from .signals import scored, signal_noise
 
 #: Flows are injected in steps of at most this length [s]: what half a hydraulic period brings at once opens valves.
 KICK = 5e-3
@@ -25,9 +26,11 @@ Energy = np.ndarray
 class SquaredGap:
     """Squared gap of measured signals to simulations, by signal, noise subtracted.
 
-    signals: measured. noise: of the scored signals. power: their variances. whole: squared gap of the nominal plant.
+    system: declares the signals. signals: measured. noise: of the scored signals. power: their variances. whole:
+    squared gap of the nominal plant.
     """
 
+    system: System
     signals: Mapping[str, np.ndarray] = field(repr=False)
     noise: Mapping[str, float]
     power: Mapping[str, float]
@@ -35,10 +38,12 @@ class SquaredGap:
     whole: float = 1.0
 
     @classmethod
-    def of(cls, measured: Mapping[str, np.ndarray], noise: Mapping[str, float], sample_time: float) -> SquaredGap:
-        signals = scored(measured, sample_time)
-        power = {name: max(float(np.var(signals[name])), 1e-300) for name in SIGNALS if name in signals}
-        return cls(signals, signal_noise(noise, sample_time), power, sample_time)
+    def of(
+        cls, system: System, measured: Mapping[str, np.ndarray], noise: Mapping[str, float], sample_time: float
+    ) -> SquaredGap:
+        signals = scored(system.scored, measured, sample_time)
+        power = {name: max(float(np.var(values)), 1e-300) for name, values in signals.items()}
+        return cls(system, signals, signal_noise(system.scored, noise, sample_time), power, sample_time)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -46,11 +51,11 @@ class SquaredGap:
 
     def with_measured(self, measured: Mapping[str, np.ndarray]) -> SquaredGap:
         """The same measure for a log whose sensors were corrected."""
-        return replace(self, signals=scored(measured, self.sample_time))
+        return replace(self, signals=scored(self.system.scored, measured, self.sample_time))
 
     def errors(self, simulated: Mapping[str, np.ndarray]) -> np.ndarray:
         """(signals, N) measured less simulated, over the signal's standard deviation."""
-        shown = scored(simulated, self.sample_time)
+        shown = scored(self.system.scored, simulated, self.sample_time)
         return np.array([(self.signals[n] - shown[n]) / np.sqrt(self.power[n]) for n in self.names])
 
     @property
@@ -76,46 +81,52 @@ def simulate_injections(
     start: np.ndarray,
     sample_time: float,
     injections: Sequence[Injection],
-    compliance: Mapping[str, np.ndarray],
+    capacity: Mapping[str, np.ndarray],
     tolerance: float = 1e-5,
     outside: np.ndarray | None = None,
 ) -> list[dict[str, np.ndarray]]:
     """Simulate the plant with unknown inputs: channel -> (N,) for each injection; NaN from where a run stopped.
 
-    A torque acts as a current, a force as F_D, from the middle of a sample on where inputs are joined by lines. The
-    engine has no input for flows: they act as half of their volume in a step at each end of a sample, or of a fraction
-    of at most KICK. compliance: of `UnknownInputs`. outside: (N,) of the second input, to which a force adds; zero by
-    default.
+    The system declares where each enters (`Entry`). What adds to an input (a torque to the current, a force to F_D)
+    acts from the middle of a sample on where inputs are joined by lines. What adds to the rate of a state (a flow) acts
+    as half of its integral in a step at each end of a sample, or of a fraction of at most KICK. capacity: of
+    `UnknownInputs`. outside: (N,) second input; zero by default.
     """
-    groups: dict[tuple[int, int], list[int]] = {}
+    equations, system = plant.structure.equations, plant.structure.system
+    to_inputs = {name: entry.target for name, entry in system.entries.items() if entry.target in system.inputs}
+    to_states = {name: entry.target for name, entry in system.entries.items() if name not in to_inputs}
+    groups: dict[tuple[int, ...], list[int]] = {}
     for i, one in enumerate(injections):
-        groups.setdefault((id(one.get("torque")), id(one.get("force"))), []).append(i)
-    equations, outputs = plant.structure.equations, plant.structure.system.outputs
+        groups.setdefault(tuple(id(one.get(name)) for name in to_inputs), []).append(i)
+
+    def divisor(name: str) -> np.ndarray | float:
+        return capacity[name] if system.entries[name].capacity else 1.0
+
     states = np.full((len(injections), current.size, start.size), np.nan)
     for members in groups.values():
         one = injections[members[0]]
-        drive, force = current.copy(), np.zeros(current.size) if outside is None else outside.copy()
-        if "torque" in one:
-            drive[:-1] += one["torque"] / plant["K_T"]
-        if "force" in one:
-            force[:-1] += one["force"]
-        with_flow = [i for i in members if "flow_1" in injections[i] or "flow_2" in injections[i]]
-        without = [i for i in members if i not in with_flow]
+        inputs = [current.copy(), np.zeros(current.size) if outside is None else outside.copy()]
+        for name, target in to_inputs.items():
+            if name in one:
+                inputs[system.inputs.index(target)][:-1] += one[name] / divisor(name)
+        drive, force = inputs
+        kicked = [i for i in members if not to_states.keys().isdisjoint(injections[i])]
+        without = [i for i in members if i not in kicked]
         if without:
             batch = simulate_batch(
-                plant, plant.vector[None, :], drive, force=force, hold=plant.structure.system.hold,
+                plant, plant.vector[None, :], drive, force=force, hold=system.hold,
                 start=start[None, :], sample_time=sample_time, tolerance=tolerance, jobs=1,
             )  # fmt: skip
             states[without] = batch.states[0]
-        if with_flow:
-            kicks = np.zeros((current.size, len(with_flow), start.size))
-            for column, i in enumerate(with_flow):
-                for chamber in "12":
-                    if f"flow_{chamber}" in injections[i]:
-                        half = 0.5 * sample_time * injections[i][f"flow_{chamber}"] / compliance[f"flow_{chamber}"]
-                        kicks[:-1, column, equations.index(f"P_{chamber}")] = half
-            states[with_flow] = _simulate_kicked(plant, drive, force, start, sample_time, kicks, tolerance)
-    return [{channel: run[:, equations.index(s)] for channel, s in outputs.items()} for run in states]
+        if kicked:
+            kicks = np.zeros((current.size, len(kicked), start.size))
+            for column, i in enumerate(kicked):
+                for name, target in to_states.items():
+                    if name in injections[i]:
+                        half = 0.5 * sample_time * injections[i][name] / divisor(name)
+                        kicks[:-1, column, equations.index(target)] = half
+            states[kicked] = _simulate_kicked(plant, drive, force, start, sample_time, kicks, tolerance)
+    return [{channel: run[:, equations.index(s)] for channel, s in system.outputs.items()} for run in states]
 
 
 def _simulate_kicked(

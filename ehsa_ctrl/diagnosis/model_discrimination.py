@@ -15,13 +15,13 @@ import numpy as np
 
 from ..core.log import Log
 from ..identification.input_limits import limit_shares
+from ..plant.file import LOAD_SYMBOLS
 from ..plant.plant import Plant
 from ..simulation.bench import CENTRING_GAIN, CENTRING_LIMIT, CENTRING_TIME
 from ..simulation.engine import simulate_batch
 from .excitation_library import LibraryInput
 from .hypothesis_model import HypothesisModel, Setting, law_switches, with_every_effect
 from .refit import STEP, TEMPER, NominalParameters, Objective, ResidualScale
-from .signals import SIGNALS
 
 #: Share of each limit that is kept in reserve.
 MARGIN = 0.15
@@ -37,8 +37,8 @@ FAR = 3.0
 REWEIGHTED = 3
 #: Step in which the slow loop is followed [s].
 LOOP = 0.1
-#: What all simulations show.
-CHANNELS = ("speed", "p1", "p2", "position")
+#: Parameter of a spring at the rod.
+SPRING_STIFFNESS = LOAD_SYMBOLS["stiffness"]
 
 Pair = tuple[str, str]
 
@@ -155,7 +155,8 @@ class CandidateModels:
         return None
 
     def _model(self, time: np.ndarray, current: np.ndarray) -> HypothesisModel:
-        log = Log(time, {"current": current, **dict.fromkeys(CHANNELS, np.zeros(time.size))})
+        system = self.plant.structure.system
+        log = Log(time, {system.drive: current, **dict.fromkeys(system.outputs, np.zeros(time.size))})
         return HypothesisModel(self.plant, log, None, self.switched)
 
     def _current(self, current: np.ndarray, values: Setting, centre: bool) -> np.ndarray:
@@ -181,10 +182,13 @@ class CandidateModels:
 
     def _limits_used(self, run: Mapping[str, np.ndarray] | None, current: np.ndarray) -> dict[str, float]:
         """Limit -> share of it that a run uses; a run that stopped exceeds all of them."""
-        if run is None or not all(np.isfinite(run[c]).all() for c in CHANNELS):
+        if run is None or not all(np.isfinite(values).all() for values in run.values()):
             return {**dict.fromkeys(self.plant.limits, inf), "range": inf}
-        torque, speed = self.plant["K_T"] * current, run["speed"]
-        pressures = np.stack([run["p1"], run["p2"]])
+        system = self.plant.structure.system
+        states = {state: run[channel] for channel, state in system.outputs.items()}
+        (gain,) = system.entries["torque"].capacity
+        torque, speed = self.plant[gain] * current, states["omega"]
+        pressures = np.stack([states[state] for state in system.pressures])
         fastest = float(np.max(np.abs(speed)))
         return limit_shares(
             self.plant,
@@ -196,7 +200,7 @@ class CandidateModels:
                 "current_rms": float(np.sqrt(np.mean(current**2))),
                 "pressure_max": float(np.max(pressures)),
                 "pressure_min": float(np.min(pressures)),
-                "stroke": 2.0 * float(np.max(np.abs(run["position"]))),
+                "stroke": 2.0 * float(np.max(np.abs(states["x"]))),
             },
         )
 
@@ -210,10 +214,14 @@ class CandidateModels:
         complete = [run for run in runs if run is not None]
         if len(complete) < len(runs):
             return None
-        shown = {"current": model.log["current"], **{c: complete[0][c] for c in CHANNELS if c in complete[0]}}
+        system = self.plant.structure.system
+        shown = {
+            system.drive: model.log[system.drive],
+            **{c: complete[0][c] for c in system.outputs if c in complete[0]},
+        }
         model = replace(model, log=replace(model.log, channels=shown))
         scale = ResidualScale.of(model, {c: self.noise.get(c, 0.0) for c in model.channels}).scale
-        measured = [s for s in SIGNALS if s in scale and ("position" if s == "rod_velocity" else s) in self.noise]
+        measured = [one.name for one in system.scored if one.name in scale and one.channel in self.noise]
         scaled = ResidualScale({s: scale[s] for s in measured})
         if not measured or min(scaled.scale.values()) <= 0.0:
             return None
@@ -241,11 +249,11 @@ class CandidateModels:
         settings = self.settings(outputs.change)
         prior = dict(zip(self.nominal.names, self.nominal.sd.tolist(), strict=True))
         sd = dict(prior)
-        if "K_S" in outputs.change:
+        if SPRING_STIFFNESS in outputs.change:
             # A mounted spring is known as well as springs are, a removed one exactly.
-            sd.pop("K_S", None)
-            if outputs.change["K_S"] > 0.0:
-                sd["K_S"] = SPRING_SD * outputs.change["K_S"]
+            sd.pop(SPRING_STIFFNESS, None)
+            if outputs.change[SPRING_STIFFNESS] > 0.0:
+                sd[SPRING_STIFFNESS] = SPRING_SD * outputs.change[SPRING_STIFFNESS]
         asked: list[tuple[int, dict[str, float], float]] = []
         for name, deviation in sd.items():
             value = settings[0].get(name, self.plant[name])

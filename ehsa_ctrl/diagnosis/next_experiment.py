@@ -27,7 +27,7 @@ from ..plant.plant import Plant
 from .excitation_library import library_inputs
 from .hypothesis_model import HypothesisModel, Setting
 from .hypothesis_search import Hypotheses
-from .model_discrimination import FIRST, CandidateModels, ExperimentTrial, Pair
+from .model_discrimination import FIRST, SPRING_STIFFNESS, CandidateModels, ExperimentTrial, Pair
 from .model_selection import Selection
 from .refit import NominalParameters
 from .verdict_text import name_of
@@ -206,7 +206,9 @@ def _loads(plant: Plant, spring_possible: bool) -> list[Setting]:
     """Possible changes of the load: parameter -> by how much; -inf: removed."""
     if not spring_possible:
         return [{}]
-    return [{}, {"K_S": SPRING} if plant["K_S"] == 0.0 else {"K_S": -inf, "k_3": -inf, "F_pre": -inf}]
+    if plant[SPRING_STIFFNESS] == 0.0:
+        return [{}, {SPRING_STIFFNESS: SPRING}]
+    return [{}, {LOAD_SYMBOLS[word]: -inf for word in ("stiffness", "hardening", "preload")}]
 
 
 def _screened(
@@ -266,7 +268,7 @@ def _effort(trial: ExperimentTrial) -> float:
 
 def _what(trial: ExperimentTrial) -> str:
     """As "slow ramps through zero at 0.1 Hz of 1.2 A with a 50 kN/m spring"."""
-    added = trial.outputs.change.get("K_S", 0.0)
+    added = trial.outputs.change.get(SPRING_STIFFNESS, 0.0)
     load = f" with a {added / 1e3:g} kN/m spring" if added > 0.0 else " without the spring" if added else ""
     loop = ", the slow loop around the rod on" if trial.centre else ""
     return f"{trial.input.words} {trial.amplitude:.3g} A{load}{loop}"

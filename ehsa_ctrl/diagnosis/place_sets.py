@@ -11,8 +11,16 @@ from ..core.log import Log
 from ..plant.plant import Plant
 from .injection import Energy, Injection, SquaredGap, simulate_injections
 from .regimes import Curve, CurveKey, curves_of
-from .regressors import DRIVE, MEMORYLESS
-from .unknown_inputs import INPUTS, BalanceSignals, UnknownInputs, filled, signals_of, smooth, unknown_inputs
+from .regressors import DRIVE, MEMORYLESS, pressure_difference
+from .unknown_inputs import (
+    BalanceSignals,
+    UnknownInputs,
+    filled,
+    signals_of,
+    smooth,
+    unknown_inputs,
+    unknown_inputs_of,
+)
 
 #: Share of the gap that one more place has to explain: an unknown input of any form, a curve, each of its numbers.
 FREE_PRICE, CURVE_PRICE, NUMBER_PRICE = 0.08, 0.025, 0.0005
@@ -83,14 +91,10 @@ class InjectionCase:
         return cls(plant, log, current, outside, start, gap, signals, unknown, curves)
 
     @property
-    def prescribed(self) -> bool:
-        """Whether the rod's motion is an input, whatever force it takes."""
-        return bool(self.plant.structure.system.prescribed)
-
-    @property
     def silent(self) -> tuple[str, ...]:
         """Unknown inputs that may cause a gap and that the log does not show."""
-        return tuple(n for n in INPUTS if n not in self.unknown.values and not (n == "force" and self.prescribed))
+        system = self.plant.structure.system
+        return tuple(n for n in unknown_inputs_of(system) if n in system.entries and n not in self.unknown.values)
 
     def smoothed(self, name: str) -> np.ndarray:
         """An unknown input (N - 1,) without the noise of single samples."""
@@ -98,7 +102,7 @@ class InjectionCase:
 
     def run(self, injections: Sequence[Injection]) -> list[dict[str, np.ndarray]]:
         return simulate_injections(
-            self.plant, self.current, self.start, self.log.sample_time, injections, self.unknown.compliance,
+            self.plant, self.current, self.start, self.log.sample_time, injections, self.unknown.capacity,
             outside=self.outside,
         )  # fmt: skip
 
@@ -122,12 +126,14 @@ class PlaceSets:
 
 def evaluate_sets(case: InjectionCase) -> PlaceSets:
     """Every set of torque or drive, flow and force, with the best forms found."""
+    places = case.plant.structure.system.places
     torque, force = case.curves.get("torque", ()), case.curves.get("force", ())
     forms = {
         "torque": _forms(case, "torque", [c for c in torque if c.family not in DRIVE], free=True),
         "drive": _forms(case, "torque", _of_drive(torque), free=False),
-        "force": [] if case.prescribed else _forms(case, "force", force, free=True),
+        "force": _forms(case, "force", force, free=True),
     }
+    forms = {place: options if place in places else [] for place, options in forms.items()}
     tried = {place: case.inject([{place: form} for form in options]) for place, options in forms.items()}
     chosen = {
         place: forms[place][int(np.argmin([one.cost for one in results]))]
@@ -194,7 +200,8 @@ def _forms(case: InjectionCase, name: str, curves: Sequence[Curve], *, free: boo
 
 def _flow_forms(case: InjectionCase) -> list[Form]:
     """Both flows together: as they are, smoothed, and as pairs of curves of one family."""
-    flows = {name: w for name, w in case.unknown.values.items() if name in ("flow_1", "flow_2")}
+    system = case.plant.structure.system
+    flows = {name: case.unknown.values[name] for name in system.places.get("flow", ()) if name in case.unknown.values}
     if len(flows) < 2:
         return []
     found = [
@@ -209,7 +216,7 @@ def _flow_forms(case: InjectionCase) -> list[Form]:
     pumped = [(one, two) for one, two in pairs if one.family in PUMPED and "shaft" in one.against]
     for one, two in pumped[:2]:
         # One error of the pump's displacement: what it does not deliver does not load the shaft either.
-        omega, dP = case.signals["omega"][:-1], (case.signals["P_1"] - case.signals["P_2"])[:-1]
+        omega, dP = case.signals["omega"][:-1], pressure_difference(case.plant, case.signals)
         flow = 0.5 * (one.values - two.values)
         turns = np.abs(omega) > 1.0
         lost = np.where(turns, flow / np.where(turns, omega, 1.0), 0.0)

@@ -13,7 +13,7 @@ from ..physics.effects import CandidateEffect, FreeNumber
 from ..plant.arrays import needed_to_simulate
 from .candidate_effects import wearing_parameters
 from .hypothesis_model import HypothesisModel, Setting
-from .signals import gap, largest, rod_velocity, scored, signal_noise
+from .signals import gap, largest, scored, signal_noise, slope
 
 #: One residual counts as this share of an independent one: errors of neighbouring samples are correlated where a model
 #: is slightly wrong.
@@ -31,15 +31,13 @@ BLOCK = 0.1
 CAUCHY = 6.25
 #: A model is assumed to be no more accurate than this share of a signal's standard deviation.
 MODEL_ERROR = 0.004
-#: Noise of the logged current makes the position of any free run drift by about this much [m].
-POSITION_DRIFT = 1.5e-4
 #: A fit has converged when a step lowers the cost by less than this.
 CONVERGED = 0.05
 
 
 @dataclass(frozen=True)
 class ResidualScale:
-    """What the errors of each channel are divided by, and its noise; `rod_velocity` is a channel of its own."""
+    """What the errors of each channel are divided by, and its noise; a slope such as `rod_velocity` has its own."""
 
     scale: Mapping[str, float]
     noise: Mapping[str, float] = field(default_factory=dict)
@@ -47,14 +45,14 @@ class ResidualScale:
     @classmethod
     def of(cls, model: HypothesisModel, noise: Mapping[str, float]) -> ResidualScale:
         """Noise and assumed model error of each channel of a model, in quadrature."""
-        log = model.log
+        log, scored_signals = model.log, model.plant.structure.system.scored
         signals = {channel: log[channel] for channel in model.channels}
-        if "position" in signals:
-            signals["rod_velocity"] = rod_velocity(log["position"], log.sample_time)
-        sd = {**noise, **signal_noise(noise, log.sample_time)}
+        signals |= scored(scored_signals, signals, log.sample_time)
+        sd = {**noise, **signal_noise(scored_signals, noise, log.sample_time)}
         scale = {name: float(np.hypot(sd[name], MODEL_ERROR * float(np.std(v)))) for name, v in signals.items()}
-        if "position" in scale:
-            scale["position"] = float(np.hypot(scale["position"], POSITION_DRIFT))
+        for one in scored_signals:
+            if one.drift and one.channel in scale:
+                scale[one.channel] = float(np.hypot(scale[one.channel], one.drift))
         return cls(scale, {name: sd[name] for name in scale})
 
     @property
@@ -65,9 +63,11 @@ class ResidualScale:
     def residual(self, model: HypothesisModel, simulated: Mapping[str, np.ndarray], first: int = 0) -> np.ndarray:
         """Measured minus simulated of all channels in one vector, every second sample of each from `first` on."""
         log, parts = model.log, []
+        slopes = {one.name: one for one in model.plant.structure.system.scored if one.span}
         for channel, scale in self.scale.items():
-            if channel == "rod_velocity":
-                error = rod_velocity(log["position"] - simulated["position"], log.sample_time)
+            if channel in slopes:
+                one = slopes[channel]
+                error = slope(log[one.channel] - simulated[one.channel], one.span, log.sample_time)
             else:
                 error = log[channel] - simulated[channel]
             parts.append(error[first::2] / scale)
@@ -108,12 +108,13 @@ def nominal_parameters(
             f"{model.log.path or 'the log'}: the nominal plant can't be simulated with this log's current; check its "
             "parameters and the current's unit and sign"
         )
-    signals, residual = scored(base, dt), scale.residual(model, base)
+    of_system = plant.structure.system.scored
+    signals, residual = scored(of_system, base, dt), scale.residual(model, base)
     found, columns = {}, {}
     for name, run in zip(names, moved, strict=True):
         if run is None:
             continue
-        change = max(largest(gap(signals, scored(run, dt), dict.fromkeys(signals, 0.0))), 1e-9)
+        change = max(largest(gap(signals, scored(of_system, run, dt), dict.fromkeys(signals, 0.0))), 1e-9)
         relative = min(prior[name], SHARE * threshold / change * STEP)
         if lumped and prior[name] >= KNOWN:
             relative = LUMPED

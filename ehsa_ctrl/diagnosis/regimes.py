@@ -115,11 +115,11 @@ def curves_of(plant: Plant, signals: BalanceSignals, name: str, values: np.ndarr
     if windows.values.size < LEAST_WINDOWS:
         return []
     if name == "torque":
-        candidates = torque_regressors(plant, signals, _orders(windows, signals))
+        candidates = torque_regressors(plant, signals, _orders(windows, plant, signals))
     elif name == "force":
-        candidates = force_regressors(signals)
+        candidates = force_regressors(plant, signals)
     else:
-        candidates = flow_regressors(signals, name[-1], _orders(windows, signals))
+        candidates = flow_regressors(plant, signals, name, _orders(windows, plant, signals))
     best = _best_of_each(candidates, windows, name, {})
     for curve in [c for c in best.values() if c.family in FITTED and c.explained > 0.3]:
         finer = curve.number * np.array([0.8, 0.87, 0.94, 1.07, 1.14, 1.23])
@@ -137,9 +137,9 @@ def _best_of_each(
     return best
 
 
-def _orders(windows: _Windows, signals: BalanceSignals, count: int = 2) -> tuple[float, ...]:
+def _orders(windows: _Windows, plant: Plant, signals: BalanceSignals, count: int = 2) -> tuple[float, ...]:
     """Periods per turn of the shaft that dominate an unknown input."""
-    angle = shaft_angle(signals)
+    angle = shaft_angle(plant, signals)
     gains = []
     for order in range(1, 25):
         X = windows.of(np.column_stack([np.sin(order * angle), np.cos(order * angle)]))

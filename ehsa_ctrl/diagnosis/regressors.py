@@ -13,6 +13,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from ..plant.plant import Plant
+from ..plant.system import Contact
 from .unknown_inputs import BalanceSignals, filled
 
 
@@ -51,14 +52,32 @@ def split_hats(z: np.ndarray, sign: np.ndarray, count: int) -> np.ndarray:
     return np.column_stack([part[:, np.any(part != 0.0, axis=0)] for part in parts])
 
 
-def _sure_sign(s: BalanceSignals, contact: str, direction: str) -> np.ndarray:
+def _contact(plant: Plant, balance: str) -> Contact:
+    """The contact whose friction is a term of a balance."""
+    system = plant.structure.system
+    names = {name for one in system.balances if balance in one.unknown_inputs for name in one.contacts}
+    return next(contact for contact in system.all_contacts if contact.name in names)
+
+
+def _sure_sign(s: BalanceSignals, contact: Contact) -> np.ndarray:
     """(N - 1,) direction where a contact clearly slides, interpolated between: noise has no direction."""
-    return filled(np.where(s.slides[contact], s[direction], np.nan))[:-1]
+    return filled(np.where(s.slides[contact.name], s[contact.direction], np.nan))[:-1]
 
 
-def shaft_angle(s: BalanceSignals) -> np.ndarray:
+def shows_pressures(plant: Plant, s: BalanceSignals) -> bool:
+    """Whether a system with two chambers has both pressures among the signals."""
+    return bool(plant.structure.system.pressures) and all(name in s for name in plant.structure.system.pressures)
+
+
+def pressure_difference(plant: Plant, s: BalanceSignals) -> np.ndarray:
+    """(N - 1,) difference of the chambers' pressures [Pa]."""
+    first, second = plant.structure.system.pressures
+    return np.asarray((s[first] - s[second])[:-1])
+
+
+def shaft_angle(plant: Plant, s: BalanceSignals) -> np.ndarray:
     """(N - 1,) integral of the shaft's speed [rad]."""
-    omega = s["omega"]
+    omega = s[_contact(plant, "torque").velocity]
     return np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1])) * s.sample_time])[:-1]
 
 
@@ -99,9 +118,9 @@ FITTED = ("late", "lag", "slope", "dead band")
 
 def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]) -> list[Regressors]:
     """Regressors of an unknown torque; orders: periods per turn of a ripple."""
-    held, dt = s["current"][:-1], s.sample_time
-    omega, rate, time = (s[n][:-1] for n in ("omega", "omega_rate", "time"))
-    sign, push, size = _sure_sign(s, "shaft", "d_M"), np.sign(held), np.abs(held)
+    held, dt, shaft = s[plant.structure.system.inputs[0]][:-1], s.sample_time, _contact(plant, "torque")
+    omega, rate, time = (s[n][:-1] for n in (shaft.velocity, f"{shaft.velocity}_rate", "time"))
+    sign, push, size = _sure_sign(s, shaft), np.sign(held), np.abs(held)
     speed, current, against = "the shaft's speed", "the current", "time, against the motion"
     found = [
         Regressors("constant", "time", "s", time, np.ones((held.size, 1))),
@@ -119,15 +138,15 @@ def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]
         ),
         Regressors("current", current, "A", held, hats(held, 80)),
     ]
-    if "P_1" in s and "P_2" in s:
-        dP, drop = (s["P_1"] - s["P_2"])[:-1], "the pressure difference"
+    if shows_pressures(plant, s):
+        dP, drop = pressure_difference(plant, s), "the pressure difference"
         loss = (sign * np.abs(dP))[:, None]
         found += [
             Regressors("line", drop, "Pa", dP, dP[:, None]),
             Regressors("pressure", drop, "Pa", dP, odd_hats(dP, np.sign(dP), 7)),
             Regressors("loss", f"{drop}, against the motion", "Pa", np.abs(dP), loss, sign=sign),
         ]
-    found += [_ripple(shaft_angle(s), order) for order in orders]
+    found += [_ripple(shaft_angle(plant, s), order) for order in orders]
     times = dt * np.array([0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15])
     top = float(np.max(size)) if np.any(held) else 1.0
     for family, numbers in {
@@ -142,7 +161,9 @@ def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]
 
 def drive_regressors(plant: Plant, s: BalanceSignals, family: str, numbers: np.ndarray) -> list[Regressors]:
     """Errors of a drive with a delay [s], a lag [s], a rate limit [A/s] or a dead band [A], for each number."""
-    held, dt = s["current"][:-1], s.sample_time
+    system = plant.structure.system
+    held, dt = s[system.inputs[0]][:-1], s.sample_time
+    gain = next((plant[e.capacity[0]] for e in system.entries.values() if e.target == system.inputs[0]), 1.0)
     if family == "slope":
         given = list(limited(held, numbers * dt).T)
     else:
@@ -154,15 +175,15 @@ def drive_regressors(plant: Plant, s: BalanceSignals, family: str, numbers: np.n
         given = [of[family](float(number)) for number in numbers]
     words = "changes of the current" if family != "dead band" else "the current"
     return [
-        Regressors(family, words, "A", held, (plant["K_T"] * (other - held))[:, None], True, float(number))
+        Regressors(family, words, "A", held, (gain * (other - held))[:, None], True, float(number))
         for other, number in zip(given, numbers, strict=True)
     ]
 
 
-def force_regressors(s: BalanceSignals) -> list[Regressors]:
+def force_regressors(plant: Plant, s: BalanceSignals) -> list[Regressors]:
     """Regressors of an unknown force."""
     x, v, time, rate = (s[n][:-1] for n in ("x", "v", "time", "v_rate"))
-    sign = _sure_sign(s, "rod", "d_R")
+    sign = _sure_sign(s, _contact(plant, "force"))
     place, speed, against = "the rod's position", "the rod's speed", "against the motion"
     found = [
         Regressors("constant", "time", "s", time, np.ones((x.size, 1))),
@@ -177,18 +198,19 @@ def force_regressors(s: BalanceSignals) -> list[Regressors]:
         Regressors("time", "time", "s", time, hats(time, 20)),
         Regressors("signed time", f"time, {against}", "s", time, sign[:, None] * hats(time, 14), sign=sign),
     ]
-    if "P_1" in s and "P_2" in s:
-        dP, drop = (s["P_1"] - s["P_2"])[:-1], "the pressure difference"
+    if shows_pressures(plant, s):
+        dP, drop = pressure_difference(plant, s), "the pressure difference"
         loss = sign[:, None] * hats(np.abs(dP), 6)
         found.append(Regressors("loss", f"the size of {drop}, {against}", "Pa", np.abs(dP), loss, sign=sign))
         found.append(Regressors("pressure", drop, "Pa", dP, hats(dP, 10)))
     return found
 
 
-def flow_regressors(s: BalanceSignals, chamber: str, orders: tuple[float, ...]) -> list[Regressors]:
+def flow_regressors(plant: Plant, s: BalanceSignals, name: str, orders: tuple[float, ...]) -> list[Regressors]:
     """Regressors of an unknown flow into a chamber."""
-    P, rate = s[f"P_{chamber}"][:-1], s[f"P_{chamber}_rate"][:-1]
-    dP, omega, x, v, time = (s["P_1"] - s["P_2"])[:-1], *(s[n][:-1] for n in ("omega", "x", "v", "time"))
+    pressure, chamber = plant.structure.system.entries[name].target, name[-1]
+    P, rate = s[pressure][:-1], s[f"{pressure}_rate"][:-1]
+    dP, omega, x, v, time = pressure_difference(plant, s), *(s[n][:-1] for n in ("omega", "x", "v", "time"))
     here, speed, drop = f"the pressure in chamber {chamber}", "the shaft's speed", "the pressure difference"
     pumped, leak = omega * np.abs(dP), dP[:, None] * hats(time, 8)
     found = [
@@ -207,7 +229,7 @@ def flow_regressors(s: BalanceSignals, chamber: str, orders: tuple[float, ...]) 
         Regressors("pumped", f"{speed} times the size of {drop}", "rad/s Pa", pumped, pumped[:, None]),
     ]
     for order in orders:
-        wave = _ripple(shaft_angle(s), order)
+        wave = _ripple(shaft_angle(plant, s), order)
         columns = np.column_stack([wave.columns, omega[:, None] * wave.columns])
         found.append(replace(wave, columns=columns))
     return found

@@ -170,7 +170,8 @@ class Scoring:
             return SlowError(1.0, np.inf) if r is None else SlowError()
         objective = self.objective
         noise = objective.scale.noise_squares / objective.block
-        counted = [i for i, name in enumerate(objective.scale.scale) if name not in ("position", "force")]
+        signals = {one.name for one in objective.model.plant.structure.system.scored}
+        counted = [i for i, name in enumerate(objective.scale.scale) if name in signals]
         input_noise = self.input_noise[segment].block_means
         left = np.maximum(objective.block_mean_squares(r) - noise - input_noise, 0.0)[counted]
         before = np.maximum(objective.block_mean_squares(nominal) - noise, 0.0)[counted]
@@ -190,7 +191,8 @@ class Scoring:
         for segment in (self.training, self.held_out):
             full, *without = segment.model.run([fit.values, *settings])
             for key, other in zip(members, without, strict=True):
-                change = {"rod_velocity": np.inf, "total": np.inf}
+                scored_signals = segment.model.plant.structure.system.scored
+                change = dict.fromkeys([*(one.name for one in scored_signals), "total"], np.inf)
                 if full is not None and other is not None:
                     signals = segment.scored(full)
                     change = gap(signals, segment.scored(other), dict.fromkeys(signals, 0.0))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..plant.system import ScoredSignal
 from ..simulation.sensors import first_order
 from .injection import SquaredGap
 from .place_sets import FREE_PRICE, PlaceSet
@@ -48,11 +49,11 @@ def fitted_sensor_error(gap: SquaredGap, sets: Sequence[PlaceSet]) -> SensorErro
     found: SensorError | None = None
     most = LEAST_EXPLAINED
     for one in sets:
-        shown = scored(one.run, gap.sample_time)
+        shown = scored(gap.system.scored, one.run, gap.sample_time)
         for i, name in enumerate(gap.names):
             if one.energy[i] < most * gap.whole:
                 continue
-            left, sensor = _fit_sensor(_channel(name), gap.signals[name], shown[name], gap.sample_time)
+            left, sensor = _fit_sensor(_signal(gap, name), gap.signals[name], shown[name], gap.sample_time)
             gain = (float(one.energy[i]) - max(left / gap.power[name] - gap.floor[i], 0.0)) / gap.whole
             if gain > most:
                 most, found = gain, sensor
@@ -69,35 +70,47 @@ def implausible_sensor(gap: SquaredGap, nominal: PlaceSet) -> tuple[SensorError,
         return None
     errors = gap.errors(nominal.run)
     tries: list[tuple[str, ...]] = [(name,) for name in gap.names if not _follows_other_pressure(gap, errors, name)]
-    if {"p1", "p2"} <= set(gap.names):
-        one, two = (errors[gap.names.index(n)] * np.sqrt(gap.power[n]) for n in ("p1", "p2"))
+    pressures = _pressures(gap)
+    if pressures:
+        one, two = (errors[gap.names.index(n)] * np.sqrt(gap.power[n]) for n in pressures)
         common = one + two
         jumps = float(np.mean(np.diff(common) ** 2)) / max(float(np.mean(common**2)), 1e-300)
         if jumps > 0.5 and np.var(common) > 4.0 * np.var(one - two):
-            tries.append(("p1", "p2"))
+            tries.append(pressures)
     found = None
     for names in tries:
         left = np.where([n in names for n in gap.names], 0.0, nominal.energy)
         result = PlaceSet(left, gap.share(left) + FREE_PRICE, {}, nominal.run)
         if found is None or result.cost < found[1].cost:
-            found = (SensorError(" and ".join(map(_channel, names)), 0.0, 1.0, 0.0, 0.0), result)
+            found = (
+                SensorError(" and ".join(_signal(gap, name).channel for name in names), 0.0, 1.0, 0.0, 0.0),
+                result,
+            )
     return found if found is not None and found[1].cost < ALONE else None
 
 
-def _channel(signal: str) -> str:
-    return "position" if signal == "rod_velocity" else signal
+def _signal(gap: SquaredGap, name: str) -> ScoredSignal:
+    return next(one for one in gap.system.scored if one.name == name)
+
+
+def _pressures(gap: SquaredGap) -> tuple[str, ...]:
+    """The scored signals that are the pressures of the two chambers; empty unless both are there."""
+    system = gap.system
+    found = tuple(one.name for one in system.scored if system.outputs[one.channel] in system.pressures and not one.span)
+    return found if len(found) == 2 and set(found) <= set(gap.names) else ()
 
 
 def _follows_other_pressure(gap: SquaredGap, errors: np.ndarray, name: str) -> bool:
     """Whether one pressure has the error of the other one, which moves more, so that its own gap looks small."""
-    if name not in ("p1", "p2") or not {"p1", "p2"} <= set(gap.names):
+    pressures = _pressures(gap)
+    if name not in pressures:
         return False
-    other = "p2" if name == "p1" else "p1"
+    (other,) = set(pressures) - {name}
     here, there = (float(np.mean(errors[gap.names.index(n)] ** 2)) * gap.power[n] for n in (name, other))
     return there > ALONE * here
 
 
-def _fit_sensor(channel: str, shown: np.ndarray, true: np.ndarray, dt: float) -> tuple[float, SensorError]:
+def _fit_sensor(signal: ScoredSignal, shown: np.ndarray, true: np.ndarray, dt: float) -> tuple[float, SensorError]:
     """The smallest mean square left, and the sensor error that leaves it."""
     best: tuple[float, SensorError | None] = (np.inf, None)
     index = np.arange(true.size)
@@ -107,13 +120,13 @@ def _fit_sensor(channel: str, shown: np.ndarray, true: np.ndarray, dt: float) ->
             seen = np.interp(index - delay / dt, index, true)
         if lag:
             seen = first_order(true, lag, dt)
-        columns = np.column_stack([seen, np.ones_like(seen)]) if channel != "position" else seen[:, None]
-        # A run in which nothing moves does not show a scale.
+        columns = np.column_stack([seen, np.ones_like(seen)]) if not signal.span else seen[:, None]
+        # A slope does not show a bias; a run in which nothing moves does not show a scale.
         a = np.linalg.lstsq(columns, shown, rcond=None)[0]
         left = float(np.mean((shown - columns @ a) ** 2))
         # A delay has to improve the fit by 2 %.
         if left < (1.0 - (0.02 if delay or lag else 0.0)) * best[0] and a[0] > 0.05:
             bias = float(a[1]) if a.size > 1 else 0.0
-            best = (left, SensorError(channel, bias, float(a[0]), delay, lag))
+            best = (left, SensorError(signal.channel, bias, float(a[0]), delay, lag))
     left, sensor = best
-    return left, sensor if sensor is not None else SensorError(channel, 0.0, 1.0, 0.0, 0.0)
+    return left, sensor if sensor is not None else SensorError(signal.channel, 0.0, 1.0, 0.0, 0.0)

@@ -1,38 +1,38 @@
-"""The scored signals, speed, both pressures and rod velocity, and the gap between measured and simulated ones."""
+"""The scored signals of a system, and the gap between measured and simulated ones."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ..core.log import Log
-
-#: The rod's velocity is the slope of its position over this time [s].
-VELOCITY_SPAN = 0.02
-#: The signals of a gap, in the order of tables.
-SIGNALS = ("speed", "p1", "p2", "rod_velocity")
+from ..plant.system import ScoredSignal
 
 
-def velocity_samples(sample_time: float) -> int:
-    """The whole number of samples nearest to VELOCITY_SPAN, at least one."""
-    return max(int(round(VELOCITY_SPAN / sample_time)), 1)
+def slope_samples(span: float, sample_time: float) -> int:
+    """The whole number of samples nearest to a span [s], at least one."""
+    return max(int(round(span / sample_time)), 1)
 
 
-def rod_velocity(position: np.ndarray, sample_time: float) -> np.ndarray:
-    """(x_k - x_(k-n)) / (n dt) [m/s], (N,) or (..., N); the first n samples are zero."""
-    n = velocity_samples(sample_time)
-    out = np.zeros_like(position)
-    out[..., n:] = (position[..., n:] - position[..., :-n]) / (n * sample_time)
+def slope(values: np.ndarray, span: float, sample_time: float) -> np.ndarray:
+    """(x_k - x_(k-n)) / (n dt), (N,) or (..., N), with n dt nearest to span [s]; the first n samples are zero."""
+    n = slope_samples(span, sample_time)
+    out = np.zeros_like(values)
+    out[..., n:] = (values[..., n:] - values[..., :-n]) / (n * sample_time)
     return out
 
 
-def scored(channels: Mapping[str, np.ndarray], sample_time: float) -> dict[str, np.ndarray]:
-    """The signals of a gap among the channels of a log or a simulation."""
-    signals = {name: channels[name] for name in ("speed", "p1", "p2") if name in channels}
-    if "position" in channels:
-        signals["rod_velocity"] = rod_velocity(channels["position"], sample_time)
-    return signals
+def signal_of(signal: ScoredSignal, values: np.ndarray, sample_time: float) -> np.ndarray:
+    """A scored signal (N,) from the values (N,) of its channel."""
+    return slope(values, signal.span, sample_time) if signal.span else values
+
+
+def scored(
+    signals: Sequence[ScoredSignal], channels: Mapping[str, np.ndarray], sample_time: float
+) -> dict[str, np.ndarray]:
+    """Those of a system's scored signals that a log or a simulation has the channels of."""
+    return {one.name: signal_of(one, channels[one.channel], sample_time) for one in signals if one.channel in channels}
 
 
 def noise_of(log: Log) -> dict[str, float]:
@@ -53,12 +53,15 @@ def _noise(values: np.ndarray) -> float:
     return float(np.median(moving)) / 0.6745 / np.sqrt(70.0)
 
 
-def signal_noise(noise: Mapping[str, float], sample_time: float) -> dict[str, float]:
+def signal_noise(signals: Sequence[ScoredSignal], noise: Mapping[str, float], sample_time: float) -> dict[str, float]:
     """Noise of the scored signals from that of the channels."""
-    out = {name: noise[name] for name in ("speed", "p1", "p2") if name in noise}
-    if "position" in noise:
-        out["rod_velocity"] = noise["position"] * np.sqrt(2.0) / (velocity_samples(sample_time) * sample_time)
-    return out
+    found = {}
+    for one in signals:
+        if one.channel in noise:
+            found[one.name] = noise[one.channel]
+            if one.span:
+                found[one.name] *= np.sqrt(2.0) / (slope_samples(one.span, sample_time) * sample_time)
+    return found
 
 
 def gap(
@@ -70,11 +73,11 @@ def gap(
     signal. A constant signal has no gap. NaN in a simulation that stopped makes it infinite.
     """
     gaps = {}
-    for name in SIGNALS:
-        if name not in measured or name not in simulated:
+    for name, values in measured.items():
+        if name not in simulated:
             continue
-        error = measured[name] - simulated[name]
-        spread = float(np.std(measured[name]))
+        error = values - simulated[name]
+        spread = float(np.std(values))
         if not np.isfinite(error).all():
             gaps[name] = float("inf")
         elif spread == 0.0:

@@ -18,12 +18,10 @@ from ..core.log import Log
 from ..identification.logged_inputs import undo_sensor
 from ..plant.arrays import array_evaluator, needs
 from ..plant.plant import Plant
-from ..plant.system import Balance
+from ..plant.system import Balance, System
 from ..simulation.engine import simulate_batch
 
-#: Unknown inputs; a torque and flows are positive where they drive, a force where it resists extension.
-INPUTS = ("torque", "flow_1", "flow_2", "force")
-#: Their units.
+#: Unknown inputs and their units; a torque and flows are positive where they drive, a force where it resists extension.
 UNITS = {"torque": "N m", "flow_1": "m3/s", "flow_2": "m3/s", "force": "N"}
 #: Samples of the cubics that give a slope and a direction, and standard deviations from which a direction is sure.
 SLOPE, DIRECTION, SURE = 7, 11, 4.0
@@ -109,11 +107,12 @@ class UnknownInputs:
 
     values: unknown input -> (N - 1,) mean over each sample, NaN where a contact sticks or its direction is not sure.
     load: (N - 1,) what the load cell shows beyond the nominal load, None without one: the load's part of the force.
-    compliance: flow -> (N - 1,) V / beta [m3/Pa], the flow per rate of pressure.
+    capacity: unknown input -> (N - 1,) what it is divided by where it enters a simulation, see `Entry`: V / beta of a
+    flow [m3/Pa], K_T of a torque; absent for 1.
     """
 
     values: Mapping[str, np.ndarray]
-    compliance: Mapping[str, np.ndarray]
+    capacity: Mapping[str, np.ndarray]
     load: np.ndarray | None = None
 
 
@@ -123,14 +122,14 @@ def unknown_inputs(plant: Plant, signals: BalanceSignals) -> UnknownInputs:
     dt, measured = signals.sample_time, signals.values
     wanted: dict[str, tuple[str, Balance]] = {}
     for balance, residuals in zip(system.balances, equations.residuals, strict=True):
-        for name, residual in zip(_names(balance), residuals, strict=True):
+        for name, residual in zip(balance.unknown_inputs, residuals, strict=True):
             asked = needs(equations, residual) - set(plant.parameters)
             # The last balance counts: that with the nominal load, where a load cell allows another one.
-            if name in (*INPUTS, "load") and all(one.removesuffix("_rate") in measured for one in asked):
+            if name in (*UNITS, "load") and all(one.removesuffix("_rate") in measured for one in asked):
                 wanted[name] = residual, balance
     drive = system.inputs[0]
-    chambers = ("V_1", "V_2") if plant.structure.chambers is not None and wanted else ()
-    extra = [one for one in chambers if needs(equations, one) - set(plant.parameters) <= set(measured)]
+    entries = {name: entry for name, entry in system.entries.items() if name in wanted and entry.capacity}
+    extra = [entry.capacity[0] for entry in entries.values() if entry.capacity[0] not in plant.parameters]
     ends = []
     rates = {f"{s.name}_rate": np.diff(measured[s.name]) / dt for s in equations.states if s.name in measured}
     for part in (slice(None, -1), slice(1, None)):
@@ -153,18 +152,19 @@ def unknown_inputs(plant: Plant, signals: BalanceSignals) -> UnknownInputs:
                 sure, direction = signals.slides[contact.name], measured[contact.direction]
                 value[~(sure[:-1] & sure[1:] & (direction[:-1] == direction[1:]))] = np.nan
         values[name] = value
-    compliance = {
-        f"flow_{name[-1]}": 0.5 * (ends[0][name] + ends[1][name]) / plant["beta"] * np.ones(size) for name in extra
-    }
+    capacity = {}
+    for name, entry in entries.items():
+        first, *rest = entry.capacity
+        level = plant[first] if first in plant.parameters else 0.5 * (ends[0][first] + ends[1][first])
+        capacity[name] = (level / plant[rest[0]] if rest else level) * np.ones(size)
     load = values.pop("load", None)
-    return UnknownInputs(values, compliance, load)
+    return UnknownInputs(values, capacity, load)
 
 
-def _names(balance: Balance) -> tuple[str, ...]:
-    """The unknown inputs of a balance, one a residual: "force", or "flow_1" and "flow_2"."""
-    place = balance.name.partition(",")[0]
-    count = len(balance.residuals)
-    return (place,) if count == 1 else tuple(f"{place}_{i}" for i in range(1, count + 1))
+def unknown_inputs_of(system: System) -> tuple[str, ...]:
+    """The unknown inputs of a system's balances, in the order of UNITS."""
+    declared = {name for balance in system.balances for name in balance.unknown_inputs}
+    return tuple(name for name in UNITS if name in declared)
 
 
 def filled(values: np.ndarray) -> np.ndarray:

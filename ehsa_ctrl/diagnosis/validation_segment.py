@@ -40,16 +40,20 @@ class Segment:
             return found
         error = {c: float(np.mean(model.log[c][: self.first] - found[c][: self.first])) for c in found}
         start = dict(model.start)
-        if "position" in error:
-            start["x"] += error["position"]
-        if {"p1", "p2"} <= set(error):
-            level = 0.5 * (error["p1"] + error["p2"])
-            start |= {"P_1": start["P_1"] + level, "P_2": start["P_2"] + level}
+        system = model.plant.structure.system
+        shift = {state: error[channel] for channel, state in system.outputs.items() if channel in error}
+        integrated = {system.outputs[one.channel] for one in system.scored if one.span}
+        for state in integrated & set(shift):
+            start[state] += shift[state]
+        if system.pressures and set(system.pressures) <= set(shift):
+            level = 0.5 * sum(shift[state] for state in system.pressures)
+            start |= {state: start[state] + level for state in system.pressures}
         return replace(model, start=start).run([values])[0] or found
 
     def scored(self, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The scored signals of channels, over the scored part."""
-        return {n: v[self.first :] for n, v in scored(channels, self.model.log.sample_time).items()}
+        signals = scored(self.model.plant.structure.system.scored, channels, self.model.log.sample_time)
+        return {name: values[self.first :] for name, values in signals.items()}
 
     def gap(self, values: Setting) -> dict[str, float]:
         """Gap of each scored signal and in total."""
@@ -61,7 +65,11 @@ class Segment:
         measured = self.scored({channel: log[channel] for channel in self.model.channels})
         if simulated is None:
             return {**dict.fromkeys(measured, float("inf")), "total": float("inf")}
-        return signal_gap(measured, self.scored(simulated), signal_noise(self.noise, log.sample_time))
+        return signal_gap(
+            measured,
+            self.scored(simulated),
+            signal_noise(self.model.plant.structure.system.scored, self.noise, log.sample_time),
+        )
 
 
 def gap(plant: Plant, log: Log) -> dict[str, float]:
@@ -74,9 +82,9 @@ def gap(plant: Plant, log: Log) -> dict[str, float]:
 
     Returns
     -------
-    speed, p1, p2, rod_velocity, as far as the log has them: RMS of measured minus simulated, the sensors' noise
-    subtracted in quadrature, over the measured signal's standard deviation; inf where the run stopped. total:
-    the RMS of these.
+    The system's scored signals (speed, p1, p2, rod_velocity for the EHSA), as far as the log has them: RMS of measured
+    minus simulated, the sensors' noise subtracted in quadrature, over the measured signal's standard deviation; inf
+    where the run stopped. total: the RMS of these.
     """
     return whole_log(plant, plant, prepare_replay(plant, log), noise_of(log)).gap({})
 

@@ -16,7 +16,6 @@ from ..core.parameter import Parameter, check_range
 from ..core.registry import add_project
 from ..core.unit import read_value
 from .file import (
-    CHANNEL_UNITS,
     LIMIT_STATES,
     LIMIT_UNITS,
     LOAD_SYMBOLS,
@@ -218,7 +217,7 @@ def _sensors(path: Path, file: PlantFile, structure: Structure) -> dict[str, Sen
 
 
 def _sensor(path: Path, channel: str, sensor: SensorFile | None) -> Sensor:
-    unit = CHANNEL_UNITS[channel]
+    unit = CHANNELS[channel].unit
     if sensor is None:
         return Sensor(channel, unit)
     values: dict[str, float] = {}

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from ..core.log import CHANNELS, Channel
+
 ScalarFunction = Callable[..., float]
 
 
@@ -54,6 +56,7 @@ class Contact:
     effort_scale: size of a relevant effort, by which the engine scales the search for a breakaway.
     bristle: inner state of friction laws that have one.
     stribeck_speed: tau for a plant without static friction, whose file gives none.
+    constant: symbol in the catalogue of effects of a constant effort on the contact; empty without one.
     symbols: friction symbols with another name in this system, e.g. {"A": "Fc"}.
     """
 
@@ -69,10 +72,38 @@ class Contact:
     bristle: State
     symbols: Mapping[str, str] = field(default_factory=dict)
     stribeck_speed: float = 0.01
+    constant: str = ""
 
     def symbol(self, symbol: str) -> str:
         """Name of a friction symbol at this contact: A_FM for A."""
         return self.symbols.get(symbol, f"{symbol}_{self.suffix}")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Where the unknown input of a residual enters a simulation.
+
+    target: input of the system to which it adds, or state to whose rate it adds.
+    capacity: what it is divided by: a parameter, such as K_T for a torque that acts as a current, or a signal and a
+        parameter that divides that, such as V_1 and beta for a flow that changes a pressure; empty for 1.
+    """
+
+    target: str
+    capacity: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ScoredSignal:
+    """A signal by which a diagnosis scores a model.
+
+    name: in results. channel: output of the system. span: 0 for the channel itself, else the signal is the channel's
+    slope over this time [s]. drift: error of the channel in any free run, due to noise of the logged input, SI units.
+    """
+
+    name: str
+    channel: str
+    span: float = 0.0
+    drift: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -93,6 +124,8 @@ class Balance:
     contacts: contacts whose friction is a term; samples where one of them sticks are left out.
     without: channel whose presence makes this balance superfluous.
     closed: for each residual a signal that must be zero for it to be used, such as the unmeasured flow of a valve.
+    entries: for each residual where its unknown input enters a simulation; empty for a balance that does not affect
+        the outputs.
     """
 
     name: str
@@ -102,6 +135,13 @@ class Balance:
     contacts: tuple[str, ...] = ()
     without: str | None = None
     closed: tuple[str, ...] = ()
+    entries: tuple[Entry, ...] = ()
+
+    @property
+    def unknown_inputs(self) -> tuple[str, ...]:
+        """Names of the unknown inputs, one a residual: "force", or "flow_1" and "flow_2"."""
+        place, count = self.name.partition(",")[0], len(self.residuals)
+        return (place,) if count == 1 else tuple(f"{place}_{i}" for i in range(1, count + 1))
 
 
 @dataclass(frozen=True)
@@ -123,6 +163,10 @@ class System:
     lacking: effects that a model of this system without dry friction lacks; sets of ids, each searched from the
         solution of the one before.
     called: symbols of the EHSA in the catalogue of effects -> names in this system, except those of friction.
+    scored: signals by which a diagnosis scores a model; every output by default.
+    units: SI units of channels that are not in `core.log.CHANNELS`; they are added there.
+
+    Raises TypeError for a name in drives, outputs, scored, entries or contacts of balances that the system lacks.
     """
 
     name: str
@@ -143,6 +187,33 @@ class System:
     measured: tuple[str, ...] = ()
     lacking: tuple[tuple[str, ...], ...] = ()
     called: Mapping[str, str] = field(default_factory=dict)
+    scored: tuple[ScoredSignal, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for channel, unit in self.units.items():
+            if CHANNELS.setdefault(channel, Channel(unit, 9)).unit != unit:
+                raise TypeError(
+                    f"system {self.name}: channel {channel} in {unit}; it is known in {CHANNELS[channel].unit}"
+                )
+        if not self.scored:
+            object.__setattr__(self, "scored", tuple(ScoredSignal(channel, channel) for channel in self.outputs))
+        states = {state.name for state in self.states}
+        for what, names, known in (
+            ("units lack the channel", self.channels, CHANNELS),
+            ("drives: unknown input", self.drives, self.inputs),
+            ("outputs: unknown state", self.outputs.values(), states),
+            ("scored: unknown output", [one.channel for one in self.scored], self.outputs),
+            ("entries: unknown target", [one.target for one in self.entries.values()], states | {*self.inputs}),
+            (
+                "balances: unknown contact",
+                [name for balance in self.balances for name in balance.contacts],
+                [contact.name for contact in self.all_contacts],
+            ),
+        ):
+            for name in names:
+                if name not in known:
+                    raise TypeError(f"system {self.name}: {what} {name!r}; expected one of {', '.join(known)}")
 
     def own(self, symbol: str) -> str:
         """Name in this system of a symbol in the catalogue of effects: A_FR may be Fc."""
@@ -156,6 +227,31 @@ class System:
     def drive(self) -> str:
         """Channel of the log that drives the first input."""
         return self.drives[self.inputs[0]]
+
+    @property
+    def entries(self) -> dict[str, Entry]:
+        """Unknown input -> where it enters a simulation; without those of balances that affect no output."""
+        return {
+            name: entry
+            for balance in self.balances
+            for name, entry in zip(balance.unknown_inputs, balance.entries, strict=False)
+        }
+
+    @property
+    def pressures(self) -> tuple[str, ...]:
+        """States that are the pressures of the two chambers; empty for a system without flow balances."""
+        return tuple(entry.target for name, entry in self.entries.items() if name.startswith("flow"))
+
+    @property
+    def places(self) -> dict[str, tuple[str, ...]]:
+        """Place of an effect -> the unknown inputs that show it; the drive's errors act as a torque."""
+        found: dict[str, tuple[str, ...]] = {}
+        for name, entry in self.entries.items():
+            place = name.partition("_")[0]
+            found[place] = (*found.get(place, ()), name)
+            if place == "torque" and entry.target == self.inputs[0]:
+                found["drive"] = (name,)
+        return found
 
     @property
     def all_contacts(self) -> tuple[Contact, ...]:

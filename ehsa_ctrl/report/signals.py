@@ -86,7 +86,7 @@ def shown(channel: str) -> Shown:
 
 def signal_shown(signal: str) -> Shown:
     """How a signal that has a gap is shown."""
-    return shown("velocity" if signal == "rod_velocity" else signal)
+    return shown(signal if signal in CHANNELS else "velocity")
 
 
 def unit_of_balance(si: str) -> tuple[str, float]:

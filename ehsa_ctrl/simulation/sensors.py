@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import math
+import zlib
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..core.controller_interface import MEASURED
-from ..plant.file import CHANNEL_UNITS
+from ..core.log import CHANNELS
 from ..plant.plant import Plant, Sensor
 from .trajectory import Trajectory
 
-#: Channel of the log -> signal of the plant.
-SIGNALS = {
-    "current": "current",
-    "speed": "omega",
-    "p1": "P_1",
-    "p2": "P_2",
-    "position": "x",
-    "force": "F_cell",
-    "velocity": "v",
-    "drive_force": "F_M",
-}
+#: Channels in the order of their noise streams; a system's own channels have streams by name.
+STREAMS = ("current", "speed", "p1", "p2", "position", "force", "velocity", "drive_force")
 
 
 @dataclass(frozen=True)
@@ -47,12 +39,12 @@ class Sensors:
 
     def sensor(self, channel: str) -> Sensor:
         """The sensor of a channel; an ideal one for a channel that the plant does not have."""
-        return self.by_channel.get(channel) or Sensor(channel, CHANNEL_UNITS[channel])
+        return self.by_channel.get(channel) or Sensor(channel, CHANNELS[channel].unit)
 
     def noise(self, channel: str, samples: int) -> np.ndarray:
         """White noise (samples,) of one channel, SI units."""
-        stream = np.random.default_rng([self.seed, list(SIGNALS).index(channel)])
-        return self.sensor(channel).noise * stream.standard_normal(samples)
+        stream = STREAMS.index(channel) if channel in STREAMS else zlib.crc32(channel.encode())
+        return self.sensor(channel).noise * np.random.default_rng([self.seed, stream]).standard_normal(samples)
 
     def measure(self, channel: str, true: np.ndarray, sample_time: float, *, held: bool = False) -> np.ndarray:
         """Reading of `channel` for the true signal (N,): as `shown`, with noise and resolution."""
@@ -64,12 +56,15 @@ class Sensors:
         """All channels of a run as a bench would log them."""
         dt = float(run.time[1] - run.time[0])
         system = run.plant.structure.system
-        there = {*system.inputs, *(state.name for state in system.states), system.cell}
+        signals = {channel: name for name, channel in system.drives.items()} | dict(system.outputs)
+        if system.cell is not None:
+            signals["force"] = system.cell
+        order = (*STREAMS, *(channel for channel in signals if channel not in STREAMS))
         held = set(system.drives.values()) if run.hold == "zero_order" else set()
         return {
-            channel: self.measure(channel, run[signal], dt, held=channel in held)
-            for channel, signal in SIGNALS.items()
-            if channel in system.channels and signal in there
+            channel: self.measure(channel, run[signals[channel]], dt, held=channel in held)
+            for channel in order
+            if channel in signals
         }
 
     def tables(self, samples: int, sample_time: float) -> tuple[np.ndarray, ...]:

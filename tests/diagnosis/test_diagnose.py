@@ -89,11 +89,10 @@ def test_the_improved_plant_runs_as_the_diagnosis_says(shared_logs):
     plant, log, _ = labelled(shared_logs, "L01")
     found = ehsa_ctrl.diagnose(plant, log)
     run = replay(found.improved, log)
-    noise = signal_noise(found.noise_sd, log.sample_time)
-    left = gap(scored(log.channels, log.sample_time), scored(run.simulated, log.sample_time), noise)
-    free_run = gap(
-        scored(log.channels, log.sample_time), scored(found.simulated["with_effects"], log.sample_time), noise
-    )
+    signals, dt = plant.structure.system.scored, log.sample_time
+    measured, noise = scored(signals, log.channels, dt), signal_noise(signals, found.noise_sd, dt)
+    left = gap(measured, scored(signals, run.simulated, dt), noise)
+    free_run = gap(measured, scored(signals, found.simulated["with_effects"], dt), noise)
 
     assert found.improved.structure.effects == ("pump_torque_loss",)
     assert left["total"] < 0.4 * found.whole["total"]

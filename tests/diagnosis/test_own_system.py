@@ -1,4 +1,4 @@
-"""A system of a user's own project, a motor with a flywheel, is loaded, simulated and diagnosed."""
+"""A motor with a flywheel: a system of a user's own project, with channel names of its own."""
 
 import numpy as np
 import pytest
@@ -10,12 +10,12 @@ SYSTEM = '''
 """A motor with a flywheel: torque balance with friction, without hydraulics."""
 
 from ehsa_ctrl.physics import residuals
-from ehsa_ctrl.plant.system import Balance, Contact, ParameterKind, State, System
+from ehsa_ctrl.plant.system import Balance, Contact, Entry, ParameterKind, State, System
 
 
-def torque(current: float, K_T: float) -> float:
+def torque(motor_current: float, K_T: float) -> float:
     """K_T I."""
-    return K_T * current
+    return K_T * motor_current
 
 
 def net_torque(T_M: float, T_D: float) -> float:
@@ -39,16 +39,21 @@ system = System(
     name="flywheel",
     title="motor with a flywheel",
     states=(State("omega", "rad/s", 10.0),),
-    inputs=("current", "T_D"),
-    drives={"current": "current"},
-    outputs={"speed": "omega"},
+    inputs=("motor_current", "T_D"),
+    drives={"motor_current": "drive_amps"},
+    outputs={"wheel": "omega"},
+    units={"drive_amps": "A", "wheel": "rad/s"},
     contacts=(SHAFT,),
     equations=(("T_M", torque), ("T_net", net_torque), ("omega_dot", acceleration)),
     parameters=(
         ParameterKind("J_M", "kg m2", "inertia", 0.0, lower_open=True, prior=0.1),
         ParameterKind("K_T", "N m/A", "torque constant", 0.0, lower_open=True, prior=0.05),
     ),
-    balances=(Balance("torque", "N m", (balance,), ("T_M",), contacts=("shaft",)),),
+    balances=(
+        Balance(
+            "torque", "N m", (balance,), ("T_M",), contacts=("shaft",), entries=(Entry("motor_current", ("K_T",)),)
+        ),
+    ),
 )
 '''
 PLANT = """
@@ -71,10 +76,10 @@ B_FM = { value = 0.002, unit = "N m s/rad", source = "assumed" }
 [sampling]
 period = { value = 4, unit = "ms", source = "datasheet" }
 
-[sensors.speed]
+[sensors.wheel]
 noise = { value = 0.05, unit = "rad/s", source = "assumed" }
 
-[sensors.current]
+[sensors.drive_amps]
 noise = { value = 0.001, unit = "A", source = "assumed" }
 """
 
@@ -96,7 +101,7 @@ def logged(plant, seconds=12.0):
     current = 2.0 * np.sin(2.0 * np.pi * 0.5 * time) + np.sign(np.sin(2.0 * np.pi * 0.17 * time))
     run = e.simulate(plant, current, sample_time=0.004)
     speed = run["omega"] + 0.05 * np.random.default_rng(0).standard_normal(time.size)
-    return e.Log(time, {"current": current, "speed": speed})
+    return e.Log(time, {"drive_amps": current, "wheel": speed})
 
 
 @pytest.mark.slow
@@ -107,6 +112,7 @@ def test_effects_of_the_catalogue_are_found_in_it(flywheel):
     found = e.diagnose(flywheel, logged(flywheel.set(J_M=0.026)))
 
     assert [cause.id for cause in found.effects] == ["rotor_inertia"], str(found)
-    assert found.where[0][0] == "torque"
+    assert found.where[0][0] == "torque" and set(found.gap["nominal"]) == {"wheel", "total"}
+    assert {place for place, share in found.where if share > 0.0} <= {"torque", "drive", "sensor"}
     assert found.effects[0].parameters["J_M"].value == pytest.approx(0.026, rel=0.02)
     assert found.gap["with_effects"]["total"] < 0.03

@@ -4,15 +4,18 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.signals import gap, largest, noise_of, rod_velocity, scored, signal_noise
+from ehsa_ctrl.diagnosis.signals import gap, largest, noise_of, scored, signal_noise, slope
+from ehsa_ctrl.plant.systems import SYSTEMS
+
+EHSA = SYSTEMS["ehsa"].scored
 
 
-def test_rod_velocity_of_a_ramp_is_its_slope():
+def test_the_slope_of_a_ramp():
     """Over 20 ms, five samples at 250 Hz; a rate that 20 ms are no multiple of takes the nearest number."""
     for rate in (250.0, 240.0, 30.0):
         x = 0.07 * np.arange(200) / rate
 
-        assert rod_velocity(x, 1.0 / rate)[10:] == pytest.approx(0.07)
+        assert slope(x, 0.02, 1.0 / rate)[10:] == pytest.approx(0.07)
 
 
 def test_noise_alone_is_no_gap(rng):
@@ -55,5 +58,5 @@ def test_noise_is_read_off_the_log(rng, step):
 
 def test_velocity_noise_follows_from_the_position():
     """Difference of two samples over 20 ms."""
-    assert signal_noise({"position": 2e-5}, 0.004)["rod_velocity"] == pytest.approx(2e-5 * np.sqrt(2) / 0.02)
-    assert set(scored({"position": np.zeros(9), "p1": np.zeros(9)}, 0.004)) == {"rod_velocity", "p1"}
+    assert signal_noise(EHSA, {"position": 2e-5}, 0.004)["rod_velocity"] == pytest.approx(2e-5 * np.sqrt(2) / 0.02)
+    assert set(scored(EHSA, {"position": np.zeros(9), "p1": np.zeros(9)}, 0.004)) == {"rod_velocity", "p1"}

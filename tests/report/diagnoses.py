@@ -11,7 +11,7 @@ from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.diagnosis import MODELS, Cause, CauseParameter, Diagnosis, RankedHypothesis
 from ehsa_ctrl.diagnosis.gap_attribution import Location
 from ehsa_ctrl.diagnosis.regimes import Regime
-from ehsa_ctrl.diagnosis.unknown_inputs import INPUTS
+from ehsa_ctrl.diagnosis.unknown_inputs import UNITS
 
 VERDICTS = ("no_gap", "effect", "pair", "ambiguous", "outside_catalogue", "underdetermined")
 #: A file's name that is no HTML.
@@ -52,7 +52,7 @@ def location(place="flow"):
     return Location(
         shares=((place, 0.7), (others[0], 0.2), (others[1], 0.1), (others[2], 0.0), (others[3], 0.0)),
         time=TIME,
-        unknown={name: np.where(TIME < 0.4, np.nan, np.sin(5.0 * TIME)) for name in INPUTS},
+        unknown={name: np.where(TIME < 0.4, np.nan, np.sin(5.0 * TIME)) for name in UNITS},
         regimes=regimes,
         by_signal={name: {"gap": 0.2, place: 0.8} for name in ("speed", "p1", "p2", "rod_velocity")},
         explained=0.9,

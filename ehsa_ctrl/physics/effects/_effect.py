@@ -140,7 +140,7 @@ class Effect:
     rod_friction: the friction law of the rod that is the effect; switch: how a hypothesis changes to it.
     delays: the engine delays the first input by the effect's first parameter.
     candidates: how it becomes free in a diagnosis, if not from neutral to a size that a log shows.
-    equivalent_effects: values found, the plant's, largest flow A v through the lines [m3/s] -> effects that no log can
+    equivalent_effects: values found, the plant's, largest speed of the rod [m/s] -> effects that no log can
         tell from this one, each with the reason.
     replay: how a diagnosis simulates it along a measured signal.
     caveat: what a diagnosis that names it has to add about its gaps.

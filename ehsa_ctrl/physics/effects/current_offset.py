@@ -10,7 +10,7 @@ def current(current: float, I_0: float) -> float:
     return current + I_0
 
 
-def equivalent_effects(found: Mapping[str, float], plant: Mapping[str, float], flow: float) -> dict[str, str]:
+def equivalent_effects(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
     """The current is known from its sensor alone."""
     return {"sensor_bias": "a logged current with a bias acts as an offset of the drive"}
 

@@ -31,9 +31,9 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
     return [CandidateEffect(effect, lines, ((2e12, 0.0),))]
 
 
-def equivalent_effects(found: Mapping[str, float], plant: Mapping[str, float], flow: float) -> dict[str, str]:
+def equivalent_effects(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
     """A laminar drop is more viscous friction of the rod: 2 A^2 R_lam."""
-    laminar, turbulent = found.get("R_lam", 0.0), found.get("R_turb", 0.0) * flow
+    laminar, turbulent = found.get("R_lam", 0.0), found.get("R_turb", 0.0) * plant["A"] * speed
     if turbulent >= LAMINAR * (laminar + turbulent):
         return {}
     return {"rod_viscous_friction": "a laminar drop between pump ports and chambers acts as viscous friction"}

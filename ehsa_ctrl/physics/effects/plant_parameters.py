@@ -7,12 +7,12 @@ from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, from_symb
 from ._effect import Effect
 
 
-def scaled_current(found: Mapping[str, float], plant: Mapping[str, float], flow: float) -> dict[str, str]:
+def scaled_current(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
     """The current is known from its sensor alone."""
     return {"sensor_scale": "a logged current that is scaled acts as another torque constant"}
 
 
-def laminar_drop(found: Mapping[str, float], plant: Mapping[str, float], flow: float) -> dict[str, str]:
+def laminar_drop(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
     """More viscous friction of the rod may be a laminar drop in the lines."""
     if found.get("B_FR", 0.0) <= plant["B_FR"]:
         return {}

@@ -6,7 +6,7 @@ With viscous friction and constant volumes the same equations are (6); see `stru
 from __future__ import annotations
 
 from ...physics import chambers, load, motor, pump, residuals, rod, tank
-from ..system import Balance, Contact, ParameterKind, ScalarFunction, State, System
+from ..system import Balance, Contact, Entry, ParameterKind, ScalarFunction, ScoredSignal, State, System
 
 SHAFT = Contact(
     name="shaft",
@@ -33,6 +33,7 @@ ROD = Contact(
     effort_scale=1e3,
     bristle=State("z_R", "m", 1e-5),
     stribeck_speed=0.007,
+    constant="F_0",
 )
 
 #: The two forms of the chamber volumes, by the word used in a plant's TOML.
@@ -57,8 +58,22 @@ SHAFT_TO_PISTON: tuple[tuple[str, ScalarFunction], ...] = (
     ("F_P", rod.pressure_force),
 )
 
-FLOW = Balance("flow", "m3/s", (residuals.flow_1, residuals.flow_2), ("Q_P", "Q_P"), closed=("Q_T1", "Q_T2"))
-TORQUE = Balance("torque", "N m", (residuals.torque,), ("T_M",), contacts=("shaft",))
+FLOW = Balance(
+    "flow",
+    "m3/s",
+    (residuals.flow_1, residuals.flow_2),
+    ("Q_P", "Q_P"),
+    closed=("Q_T1", "Q_T2"),
+    entries=(Entry("P_1", ("V_1", "beta")), Entry("P_2", ("V_2", "beta"))),
+)
+TORQUE = Balance(
+    "torque", "N m", (residuals.torque,), ("T_M",), contacts=("shaft",), entries=(Entry("current", ("K_T",)),)
+)
+FORCE = (Entry("F_D"),)
+
+#: Slope of the position over 20 ms. Noise of the logged current makes the position of any free run drift by about
+#: 0.15 mm.
+ROD_VELOCITY = ScoredSignal("rod_velocity", "position", span=0.02, drift=1.5e-4)
 
 system = System(
     name="ehsa",
@@ -75,6 +90,7 @@ system = System(
     outputs={"speed": "omega", "p1": "P_1", "p2": "P_2", "position": "x"},
     chamber_forms=CHAMBER_FORMS,
     start={"P_1": "P_0", "P_2": "P_0", "x": "x_0"},
+    scored=(*(ScoredSignal(channel, channel) for channel in ("speed", "p1", "p2")), ROD_VELOCITY),
     cell="F_cell",
     measured=("force",),
     # Dry friction of both contacts, and the stroke in the volumes.
@@ -113,8 +129,16 @@ system = System(
     balances=(
         FLOW,
         TORQUE,
-        Balance("force", "N", (residuals.rod_force,), ("F_P",), contacts=("rod",)),
-        Balance("force, nominal load", "N", (residuals.nominal_load_force,), ("F_P",), ("rod",), without="force"),
+        Balance("force", "N", (residuals.rod_force,), ("F_P",), contacts=("rod",), entries=FORCE),
+        Balance(
+            "force, nominal load",
+            "N",
+            (residuals.nominal_load_force,),
+            ("F_P",),
+            ("rod",),
+            without="force",
+            entries=FORCE,
+        ),
         Balance("load", "N", (residuals.load_force,), ("force_measured",)),
     ),
 )

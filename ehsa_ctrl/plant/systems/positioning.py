@@ -8,7 +8,8 @@ interpolated linearly; a zero-order hold would delay it by half a sample.
 from __future__ import annotations
 
 from ...physics import carriage, residuals, rod
-from ..system import Balance, Contact, ParameterKind, State, System
+from ..system import Balance, Contact, Entry, ParameterKind, State, System
+from .ehsa import ROD_VELOCITY
 
 CARRIAGE = Contact(
     name="rod",
@@ -23,6 +24,7 @@ CARRIAGE = Contact(
     bristle=State("z_R", "m", 1e-5),
     stribeck_speed=0.007,
     symbols={"A": "Fc", "B": "Fv"},
+    constant="F_0",
 )
 
 system = System(
@@ -33,6 +35,7 @@ system = System(
     drives={"F_M": "drive_force"},
     outputs={"position": "x", "velocity": "v"},
     hold="first_order",
+    scored=(ROD_VELOCITY,),
     start={"x": "x_0"},
     measured=("acceleration",),
     lacking=(
@@ -51,5 +54,7 @@ system = System(
         ParameterKind("offset", "N", "constant force against the drive: its bias, or gravity"),
         ParameterKind("x_0", "m", "position at rest"),
     ),
-    balances=(Balance("force", "N", (residuals.carriage_force,), ("F_M",), contacts=("rod",)),),
+    balances=(
+        Balance("force", "N", (residuals.carriage_force,), ("F_M",), contacts=("rod",), entries=(Entry("F_D"),)),
+    ),
 )

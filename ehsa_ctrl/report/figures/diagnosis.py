@@ -14,10 +14,10 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from ...core.errors import InputError
 from ...diagnosis.diagnosis import MODELS, Diagnosis, RankedHypothesis
-from ...diagnosis.gap_attribution import PLACES, Location
+from ...diagnosis.gap_attribution import Location
 from ...diagnosis.regimes import Regime
-from ...diagnosis.signals import SIGNALS
 from ...diagnosis.unknown_inputs import UNITS
+from ...physics.effects import PLACES
 from ..outcome import models_shown, outcome
 from ..signals import BALANCES, signal_shown, unit_of_balance
 from ..style import BLACK, BLUE, GREEN, PURPLE, SKY, VERMILION
@@ -254,7 +254,7 @@ def _name_lines(candidate: RankedHypothesis, longest: int = 48) -> list[str]:
 def shrinkage_figure(diagnosis: Diagnosis) -> Figure:
     """The gap of each signal and in total [%] on held-out data, a bar for each model that means something."""
     models = models_shown(diagnosis.verdict, diagnosis.gap)
-    signals = [name for name in (*SIGNALS, "total") if name in diagnosis.gap["nominal"]]
+    signals = list(diagnosis.gap["nominal"])
     row = BAR * len(models) + REST
     threshold = 100.0 * diagnosis.threshold
     look: dict[str, Any] = {"color": PURPLE, "linestyle": (0, (5, 2)), "linewidth": 1.1}

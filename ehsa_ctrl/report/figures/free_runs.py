@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from ...core.errors import InputError, choices
 from ...core.plotting import draw
 from ...diagnosis.diagnosis import Diagnosis
-from ...diagnosis.signals import SIGNALS, rod_velocity
+from ...diagnosis.signals import scored
 from ...identification.comparison import Comparison
 from ...identification.identification import Identification
 from ..outcome import after_model, after_words
@@ -238,30 +238,29 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
 def diagnosis_traces(diagnosis: Diagnosis) -> list[Trace]:
     """Every scored signal of the log, and the position where the plant has one."""
     log = diagnosis.log
-    names = [name for name in SIGNALS if name in diagnosis.whole]
-    names += ["position"] if "position" in {*log.channels} & {*diagnosis.plant.structure.system.outputs} else []
+    signals = diagnosis.plant.structure.system.scored
+    drifting = [one.channel for one in signals if one.span and one.channel in log.channels]
+    names = [*(one.name for one in signals if one.name in diagnosis.whole), *drifting]
     models = {"before": "nominal", "after": after_model(diagnosis.verdict)}
     found = []
+
+    def read(channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return {**channels, **scored(signals, channels, log.sample_time)}
+
     for name in names:
-        lines = {"measured": _signal(name, log.channels, log.sample_time)}
+        lines = {"measured": read(log.channels)[name]}
         for role, model in models.items():
             if model is not None:
                 # A run that stopped was not kept.
                 runs = diagnosis.simulated.get(model)
                 nothing = np.full(len(log), np.nan)
-                lines[role] = nothing if runs is None else _signal(name, runs, log.sample_time)
+                lines[role] = nothing if runs is None else read(runs)[name]
         gaps = {role: percent(diagnosis.gap[m].get(name), 2) for role, m in models.items() if m is not None}
         words = [f"{role} {gap}" for role, gap in gaps.items()] if len(gaps) > 1 else list(gaps.values())
-        scored = "\n".join(["held-out gap", *words])
+        held_out_gaps = "\n".join(["held-out gap", *words])
         drifts = "no gap given:\nit drifts in\nfree run"
-        found.append(Trace(name, signal_shown(name), lines, drifts if name == "position" else scored))
+        found.append(Trace(name, signal_shown(name), lines, drifts if name in drifting else held_out_gaps))
     return found
-
-
-def _signal(name: str, channels: Mapping[str, np.ndarray], sample_time: float) -> np.ndarray:
-    if name == "rod_velocity":
-        return rod_velocity(channels["position"], sample_time)
-    return np.asarray(channels[name])
 
 
 def widest(diagnosis: Diagnosis) -> slice:
@@ -272,7 +271,7 @@ def widest(diagnosis: Diagnosis) -> slice:
     for trace in diagnosis_traces(diagnosis):
         measured = trace.lines["measured"]
         spread = float(np.std(measured))
-        if trace.name != "position" and spread > 0.0:
+        if trace.name in diagnosis.whole and spread > 0.0:
             off += np.nan_to_num((measured - trace.lines["before"]) / spread) ** 2
     sums = np.cumsum(np.concatenate([[0.0], off]))
     first = int(np.argmax(sums[width:] - sums[:-width]))

@@ -9,8 +9,7 @@ from typing import Any
 from ...core.files import read_json
 from ...core.text import join_words
 from ...diagnosis.diagnosis import MODELS
-from ...diagnosis.gap_attribution import PLACES
-from ...diagnosis.signals import SIGNALS
+from ...physics.effects import PLACES
 from ...plant.file import label
 from ..closed_loop import closed_loop_section, closed_loop_sentences
 from ..outcome import OUTCOMES, after_model, after_words, models_shown, outcome
@@ -144,7 +143,7 @@ def _reached(content: Content) -> str:
     """Signals that still have a relevant gap."""
     after = after_model(content["verdict"])
     gaps, limit = content["gap"][after or "nominal"], content["threshold"]
-    left = [signal_shown(name).words for name in SIGNALS if (gaps.get(name) or 0.0) >= limit]
+    left = [signal_shown(name).words for name, gap in gaps.items() if name != "total" and (gap or 0.0) >= limit]
     how = "With the nominal parameters"
     if after is not None:
         how = as_sentence(after_words(content["verdict"], len(content["effects"]))).rstrip(".")
@@ -246,12 +245,11 @@ def _gaps(content: Content) -> Section:
     whole = content.get("gap_whole_log", {})
     models = [model for model in models_shown(content["verdict"], gaps) if model in MODELS]
     rows = []
-    for name in (*SIGNALS, "total"):
-        if name in gaps["nominal"]:
-            words = name if name == "total" else signal_shown(name).words
-            cells = [gaps[model].get(name) for model in models]
-            marked = [f"{'● ' if cell is not None and cell >= limit else ''}{percent(cell, 2)}" for cell in cells]
-            rows.append([words, percent(whole.get(name), 2), *marked])
+    for name in gaps["nominal"]:
+        words = name if name == "total" else signal_shown(name).words
+        cells = [gaps[model].get(name) for model in models]
+        marked = [f"{'● ' if cell is not None and cell >= limit else ''}{percent(cell, 2)}" for cell in cells]
+        rows.append([words, percent(whole.get(name), 2), *marked])
     head = ["signal", "whole log\nnominal", *(f"held out\n{MODELS[model]}" for model in models)]
     caption = "Refitted: the nominal parameters alone, far beyond their uncertainty. A bar that is far too long is cut."
     blocks: list[Any] = [
