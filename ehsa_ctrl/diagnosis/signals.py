@@ -58,9 +58,10 @@ def signal_noise(signals: Sequence[ScoredSignal], noise: Mapping[str, float], sa
     found = {}
     for one in signals:
         if one.channel in noise:
-            found[one.name] = noise[one.channel]
+            sd = noise[one.channel]
             if one.span:
-                found[one.name] *= np.sqrt(2.0) / (slope_samples(one.span, sample_time) * sample_time)
+                sd = sd * np.sqrt(2.0) / (slope_samples(one.span, sample_time) * sample_time)
+            found[one.name] = sd
     return found
 
 

@@ -8,7 +8,9 @@ import pytest
 
 from ehsa_ctrl.core.catalogue import plants
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.physics.effects import EFFECTS
+from ehsa_ctrl.core.log import CHANNELS
+from ehsa_ctrl.diagnosis.unknown_inputs import UNITS
+from ehsa_ctrl.physics.effects import EFFECTS, PLACES
 from ehsa_ctrl.physics.friction import LAWS
 from ehsa_ctrl.plant.arrays import array_evaluator, needs
 from ehsa_ctrl.plant.linear import four_state
@@ -16,6 +18,7 @@ from ehsa_ctrl.plant.linearise import linearise
 from ehsa_ctrl.plant.load import load_plant
 from ehsa_ctrl.plant.plain import evaluator
 from ehsa_ctrl.plant.structure import Structure
+from ehsa_ctrl.plant.system import ScoredSignal
 from ehsa_ctrl.plant.systems import SYSTEMS
 from ehsa_ctrl.simulation.bench import _Centring
 from ehsa_ctrl.simulation.closed_loop import run_closed_loop
@@ -88,27 +91,57 @@ def test_what_a_system_does_not_have_is_one_sentence(tmp_path, name, old, new, s
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["ehsa", "emps", "mbari_pto"])
+def equations_of(system):
+    """Equations of a system with Coulomb friction and the first form of its chambers, from its declaration alone."""
+    contacts = {contact.name for contact in system.all_contacts}
+    laws = ("coulomb" if name in contacts else None for name in ("shaft", "rod"))
+    return Structure(*laws, next(iter(system.chamber_forms), None), (), system.name).equations
+
+
+def random_values(system, equations):
+    """Parameters, states, inputs and directions (50,) at random."""
+    rng = np.random.default_rng(4)
+    values = {name: rng.uniform(0.5, 1.5) for name in equations.parameter_names}
+    values |= {state.name: state.scale * rng.normal(size=50) for state in equations.states}
+    values |= {name: rng.normal(size=50) for name in equations.inputs}
+    return values | {contact.direction: np.sign(values[contact.velocity]) for contact in system.all_contacts}
+
+
+@pytest.mark.parametrize("name", sorted(SYSTEMS))
+def test_a_declaration_is_complete(name):
+    """Places, effects, symbols, units and signals that a system declares exist."""
+    system = SYSTEMS[name]
+    equations = equations_of(system)
+    symbols = {*equations.parameter_names, *(kind.name for kind in system.parameters)}
+    units = {state.name: state.unit for state in system.states}
+    unknown = {one: balance.unit for balance in system.balances for one in balance.unknown_inputs}
+
+    assert set(system.places) <= set(PLACES)
+    assert {one: UNITS[one] for one in unknown if one in UNITS} == {o: u for o, u in unknown.items() if o in UNITS}
+    for balance in system.balances:
+        assert not balance.entries or len(balance.entries) == len(balance.residuals), balance.name
+        assert all(symbol in symbols | set(equations.signals) for e in balance.entries for symbol in e.capacity)
+    assert {effect for effects in system.lacking for effect in effects} <= set(EFFECTS)
+    assert {system.own(contact.constant) for contact in system.contacts if contact.constant} <= symbols
+    assert set(system.start.values()) <= symbols and set(system.start) <= set(units)
+    assert all(CHANNELS[channel].unit == units[state] for channel, state in system.outputs.items())
+    assert len({one.name for one in system.scored}) == len(system.scored) > 0
+
+
+@pytest.mark.parametrize("name", sorted(SYSTEMS))
 def test_balances_vanish_at_the_rates_of_the_equations(name):
     """Balances and simulation share the physics: with the model's own rates the residuals vanish."""
-    plant = load_plant(name)
-    equations = plant.structure.equations
-    rng = np.random.default_rng(4)
-    values = {state.name: state.scale * rng.normal(size=50) for state in equations.states}
-    values |= {name: rng.normal(size=50) for name in equations.inputs}
-    directions = {
-        contact.direction: np.sign(values[contact.velocity]) for contact in plant.structure.system.all_contacts
-    }
-    known = plant.values | values | directions
+    system = SYSTEMS[name]
+    equations = equations_of(system)
+    known = random_values(system, equations)
+    known |= {"m_L": 0.0}  # behind the load cell nothing moves, so that cell and F_EXT agree
     model = array_evaluator(equations, [*equations.rates, *equations.signals])(known)
     known |= {f"{state.name}_rate": model[rate] for state, rate in zip(equations.states, equations.rates, strict=True)}
-    if plant.structure.system.cell is not None:
-        known["force_measured"] = model["F_cell"]
-    if name == "ehsa":
-        known["m_L"] = model["F_cell"] * 0.0  # behind the cell nothing moves, so that cell and F_EXT agree
+    if system.cell is not None:
+        known["force_measured"] = model[system.cell]
 
     checked = 0
-    for balance, residuals in zip(plant.structure.system.balances, equations.residuals, strict=True):
+    for balance, residuals in zip(system.balances, equations.residuals, strict=True):
         for residual, term in zip(residuals, balance.terms, strict=True):
             if not needs(equations, residual) <= set(known):
                 continue
@@ -116,6 +149,44 @@ def test_balances_vanish_at_the_rates_of_the_equations(name):
             assert np.max(np.abs(found[residual])) <= 1e-9 * max(np.max(np.abs(found[term])), 1.0), residual
             checked += 1
     assert checked >= 1
+
+
+@pytest.mark.parametrize("name", sorted(SYSTEMS))
+def test_an_unknown_input_changes_what_its_balance_says(name):
+    """What enters at an input leaves the residual of its balance, divided by its capacity, and no other one."""
+    system = SYSTEMS[name]
+    equations = equations_of(system)
+    known = random_values(system, equations)
+    entries = {one: entry for one, entry in system.entries.items() if entry.target in system.inputs}
+    model = array_evaluator(equations, equations.rates)(known)
+    known |= {f"{state.name}_rate": model[rate] for state, rate in zip(equations.states, equations.rates, strict=True)}
+    residual_of = {
+        one: residual
+        for balance, residuals in zip(system.balances, equations.residuals, strict=True)
+        for one, residual in zip(balance.unknown_inputs, residuals, strict=True)
+    }
+    for one, entry in entries.items():
+        scale = known[entry.capacity[0]] if entry.capacity else 1.0
+        pushed = known | {entry.target: known[entry.target] + 0.3 / scale}
+        residual = residual_of[one]
+        before, after = (array_evaluator(equations, [residual])(values)[residual] for values in (known, pushed))
+
+        assert np.abs(after - before) == pytest.approx(0.3 * np.ones(50), rel=1e-6), one
+
+
+def test_a_name_that_a_system_lacks_is_an_error():
+    """A declaration that names what is not there is refused when its file is read."""
+    carriage = SYSTEMS["positioning"]
+
+    for changes, says in (
+        ({"outputs": {"position": "y"}}, "outputs: unknown state 'y'"),
+        ({"drives": {"F_X": "drive_force"}}, "drives: unknown input 'F_X'"),
+        ({"outputs": {"tilt": "x"}, "scored": ()}, "units lack the channel 'tilt'"),
+        ({"units": {"position": "mm"}}, "channel position in mm; it is known in m"),
+        ({"scored": (ScoredSignal("heat", "heat"),)}, "scored: unknown output 'heat'"),
+    ):
+        with pytest.raises(TypeError, match=says):
+            replace(carriage, **changes)
 
 
 @pytest.mark.parametrize("law", sorted(LAWS))
