@@ -11,6 +11,7 @@ from ehsa_ctrl.diagnosis.gap_attribution import attribute_gap
 from ehsa_ctrl.diagnosis.injection import simulate_injections
 from ehsa_ctrl.diagnosis.signals import noise_of
 from ehsa_ctrl.diagnosis.unknown_inputs import signals_of, unknown_inputs
+from ehsa_ctrl.plant.system import ScoredSignal
 from ehsa_ctrl.simulation.engine import simulate
 
 DT = 0.004
@@ -176,7 +177,7 @@ def test_a_run_that_stands_still_tells_no_scale():
 
     shown = np.sin(np.arange(500) * 0.01)
 
-    left, sensor = _fit_sensor("speed", shown, np.zeros(500), 0.004)
+    left, sensor = _fit_sensor(ScoredSignal("speed", "speed"), shown, np.zeros(500), 0.004)
 
     assert left == np.inf
     assert (sensor.scale, sensor.bias) == (1.0, 0.0)
