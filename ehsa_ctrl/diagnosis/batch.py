@@ -22,7 +22,7 @@ from ..core.text import unique_names
 from ..identification.plant_log import read_plant_log
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
-from .diagnose import diagnose
+from .diagnose import check_threshold, diagnose
 from .diagnosis import Diagnosis
 
 if TYPE_CHECKING:
@@ -194,8 +194,7 @@ def diagnose_many(
     if twice is not None:
         raise InputError(f"{twice}: is given twice; give it once")
     labels = dict(zip(named, unique_names(named), strict=True))
-    if not 0.0 < threshold < 1.0:
-        raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
+    check_threshold(threshold)
     checkpoint = open_checkpoint(
         None if file is None else Path(file),
         "diagnoses",

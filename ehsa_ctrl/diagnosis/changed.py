@@ -11,10 +11,10 @@ from ..core.text import TextResult
 from ..plant.plant import Plant
 from .diagnose import diagnose
 from .diagnosis import Cause, Diagnosis
-from .hypothesis_model import with_every_effect, without_dry_friction
+from .hypothesis_model import with_every_effect
 from .hypothesis_search import Watch
 from .improved_plant import improved_plant
-from .refit import Objective, ResidualScale, nominal_parameters, refit
+from .refit import objective_of, refit_nominal
 from .validation_segment import whole_log
 
 if TYPE_CHECKING:
@@ -145,8 +145,5 @@ def _refitted(first: Diagnosis) -> Plant:
     """The plant with nominal parameters refitted to the whole log, under the same priors as any hypothesis."""
     plant, noise = first.plant, first.noise_sd
     model = whole_log(plant, with_every_effect(plant), first.log, noise).model
-    scale = ResidualScale.of(model, noise)
-    lumped = without_dry_friction(model.plant)
-    nominal, columns = nominal_parameters(model, scale, first.threshold, lumped=lumped)
-    found = refit(Objective(model, scale, nominal), (), {}, columns, steps=8, fresh=2)
-    return plant if found is None else improved_plant(plant, (), found.values, {})
+    values = refit_nominal(*objective_of(model, noise, first.threshold))
+    return improved_plant(plant, (), values, {}) if values else plant

@@ -30,7 +30,7 @@ from .hypothesis_search import Hypotheses, Pool, Watch, search
 from .improved_plant import improved_plant
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
-from .refit import NominalParameters, Objective, ResidualScale, nominal_parameters, refit
+from .refit import objective_of, refit_nominal
 from .scoring import ScoredHypothesis, Scoring, score_hypotheses, standard_deviations
 from .signals import largest, noise_of
 from .validation_segment import Segment, initial_state, last_third, prepare_replay, replayed_effects, whole_log
@@ -105,7 +105,7 @@ def diagnose(
     if largest(gaps) < threshold:
         gap = dict.fromkeys(MODELS, segments.held_out.gap({}))
         return _result(prepared, segments, gaps, {}, began, verdict="no_gap", where=(), effects=(), gap=gap, runs=2)
-    objective, columns = _objective(prepared, segments.training)
+    objective, columns = objective_of(segments.training.model, prepared.noise, threshold)
     lumped = without_dry_friction(prepared.model.plant)
     pool = Pool(jobs or os.cpu_count() or 1, watch)
     hypotheses = Hypotheses.none_fitted(objective, candidate_effects(segments.training.model), columns, pool)
@@ -113,21 +113,26 @@ def diagnose(
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, threshold, lumped=lumped)
     hypotheses, scores, superseded = score_hypotheses(hypotheses, scoring)
     selection = select_model(scores, Reference.of(scoring), threshold)
-    nominal_refit = _refit_nominal(objective, columns, 1.0 if lumped else LOOSE)
+    nominal_refit = refit_nominal(objective, columns, 1.0 if lumped else LOOSE)
     known = [*superseded, *scores]
     return _explained(prepared, segments, gaps, hypotheses, scoring, selection, known, nominal_refit, began)
 
 
 def prepare_log(plant: Plant, log: Log, validate: Log | None, threshold: float, *, check: bool) -> PreparedLog:
     """Check plant, logs and threshold, and prepare the logs for the model of all hypotheses."""
-    if not 0.0 < threshold < 1.0:
-        raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
+    check_threshold(threshold)
     log, *others = named([log] if validate is None else [log, validate])
     findings = [*_checked(plant, [log, *others], check), *(e.caveat for e in replayed_effects(plant))]
     followed = prepare_replay(plant, log, everything=True)
     validation = prepare_replay(plant, others[0], followed, everything=True) if others else None
     model = HypothesisModel(with_every_effect(plant), followed, initial_state(plant, log), _switched(plant))
     return PreparedLog(plant, log, model, validation, noise_of(log), tuple(filter(None, findings)), threshold)
+
+
+def check_threshold(threshold: float) -> None:
+    """Raises InputError for a threshold that is no share."""
+    if not 0.0 < threshold < 1.0:
+        raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
 
 
 def _switched(plant: Plant) -> dict[str, Plant]:
@@ -172,22 +177,6 @@ def split_log(prepared: PreparedLog) -> Segments:
         Segment(replace(model, log=training), 0, prepared.noise, "the training data"),
         held_out,
     )
-
-
-def _objective(prepared: PreparedLog, training: Segment) -> tuple[Objective, dict[str, np.ndarray]]:
-    scale = ResidualScale.of(training.model, prepared.noise)
-    lumped = without_dry_friction(prepared.model.plant)
-    nominal, columns = nominal_parameters(training.model, scale, prepared.threshold, lumped=lumped)
-    return Objective(training.model, scale, nominal), columns
-
-
-def _refit_nominal(objective: Objective, columns: Mapping[str, np.ndarray], loose: float) -> Setting:
-    """Nominal parameters refitted alone; empty where that fails."""
-    nominal = objective.nominal
-    wide = NominalParameters(nominal.names, nominal.values, nominal.sd * loose)
-    scaled = {name: column * loose for name, column in columns.items()}
-    found = refit(Objective(objective.model, objective.scale, wide), (), {}, scaled, steps=8, fresh=2)
-    return {} if found is None else found.values
 
 
 def _result(

@@ -120,8 +120,8 @@ def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float]) -> Locatio
     base = case.gap.energy(run)
     case = replace(case, gap=replace(case.gap, whole=max(float(base.sum()), 1e-300)))
     nominal = PlaceSet(base, 1.0, {}, run)
-    injected = evaluate_sets(case)
-    sets, closed = {Places(): nominal, **injected.sets}, injected.closed
+    found, closed_as_measured = evaluate_sets(case)
+    sets, closed = {Places(): nominal, **found}, closed_as_measured
     best = min(sets.values(), key=lambda one: one.cost)
     sensor = fitted_sensor_error(case.gap, [nominal, best])
     implausible = implausible_sensor(case.gap, nominal)
@@ -135,14 +135,13 @@ def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float]) -> Locatio
         least = min(float(e.sum()) for e in (left, best.energy, *([implausible[1].energy] if implausible else [])))
         if least > EXPLAINED * gap.whole and SENSOR in sets:
             corrected = InjectionCase.of(plant, log, current, outside, start, noise, gap)
-            with_sensor = evaluate_sets(corrected)
-            closed = with_sensor.closed
-            for places, one in with_sensor.sets.items():
+            found, closed = evaluate_sets(corrected)
+            for places, one in found.items():
                 sets[places | SENSOR] = replace(one, cost=one.cost + SENSOR_PRICE)
     if implausible is not None and implausible[1].cost < sets.get(SENSOR, nominal).cost:
-        sensor, corrected, closed = implausible[0], None, injected.closed
+        sensor, corrected, closed = implausible[0], None, closed_as_measured
         sets = {places: one for places, one in sets.items() if "sensor" not in places} | {SENSOR: implausible[1]}
-    return _location(case, corrected, sets, injected.closed, closed, sensor)
+    return _location(case, corrected, sets, closed_as_measured, closed, sensor)
 
 
 def _subsets(places: Places) -> list[Places]:

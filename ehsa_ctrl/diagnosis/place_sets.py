@@ -116,16 +116,9 @@ class InjectionCase:
         return found
 
 
-@dataclass(frozen=True)
-class PlaceSets:
-    """The best form of every set of places, and the share of the squared gap that each curve alone closes."""
-
-    sets: Mapping[Places, PlaceSet]
-    closed: Mapping[CurveKey, float]
-
-
-def evaluate_sets(case: InjectionCase) -> PlaceSets:
-    """Every set of torque or drive, flow and force, with the best forms found."""
+def evaluate_sets(case: InjectionCase) -> tuple[dict[Places, PlaceSet], dict[CurveKey, float]]:
+    """Every set of torque or drive, flow and force in the best form found; the share of the squared gap that each curve
+    alone closes."""
     places = case.plant.structure.system.places
     torque, force = case.curves.get("torque", ()), case.curves.get("force", ())
     forms = {
@@ -165,7 +158,7 @@ def evaluate_sets(case: InjectionCase) -> PlaceSets:
         if len(one.forms) == 1:
             (form,) = one.forms.values()
             closed |= {curve.key: 1.0 - case.gap.share(one.energy) for curve in form.curves}
-    return PlaceSets(found | _cheapest(more), closed)
+    return found | _cheapest(more), closed
 
 
 def _cheapest(results: Sequence[PlaceSet]) -> dict[Places, PlaceSet]:

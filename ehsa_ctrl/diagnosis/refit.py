@@ -12,7 +12,7 @@ from ..core.errors import InputError
 from ..physics.effects import CandidateEffect, FreeNumber
 from ..plant.arrays import needed_to_simulate
 from .candidate_effects import wearing_parameters
-from .hypothesis_model import HypothesisModel, Setting
+from .hypothesis_model import HypothesisModel, Setting, without_dry_friction
 from .signals import gap, largest, scored, signal_noise, slope
 
 #: One residual counts as this share of an independent one: errors of neighbouring samples are correlated where a model
@@ -81,10 +81,6 @@ class NominalParameters:
     names: tuple[str, ...]
     values: np.ndarray
     sd: np.ndarray
-
-    def loose(self, factor: float) -> NominalParameters:
-        """The same with priors that are wider by a factor."""
-        return NominalParameters(self.names, self.values, self.sd * factor)
 
 
 def nominal_parameters(
@@ -202,6 +198,16 @@ class Objective:
             if name not in names
         ]
         return (*own, *rest)
+
+
+def objective_of(
+    model: HypothesisModel, noise: Mapping[str, float], threshold: float
+) -> tuple[Objective, dict[str, np.ndarray]]:
+    """The objective on a model's log, and the derivatives of `nominal_parameters`."""
+    scale = ResidualScale.of(model, noise)
+    lumped = without_dry_friction(model.plant)
+    nominal, columns = nominal_parameters(model, scale, threshold, lumped=lumped)
+    return Objective(model, scale, nominal), columns
 
 
 @dataclass(frozen=True)
@@ -351,6 +357,17 @@ def refit(
         if not gained or drop < CONVERGED:
             break
     return HypothesisFit(tuple(candidates), problem.setting(x), cost, r, J, problem.free)
+
+
+def refit_nominal(objective: Objective, columns: Mapping[str, np.ndarray], loose: float = 1.0) -> Setting:
+    """Nominal parameters refitted alone, under priors that are wider by `loose`; empty where that fails.
+
+    columns: of `objective_of`.
+    """
+    nominal = replace(objective.nominal, sd=objective.nominal.sd * loose)
+    scaled = {name: column * loose for name, column in columns.items()}
+    found = refit(Objective(objective.model, objective.scale, nominal), (), {}, scaled, steps=8, fresh=2)
+    return {} if found is None else found.values
 
 
 def _bounded_step(G: np.ndarray, g: np.ndarray, damping: float, low: np.ndarray, high: np.ndarray) -> np.ndarray:
