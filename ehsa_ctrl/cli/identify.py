@@ -52,7 +52,10 @@ class FitOptions:
     window: Annotated[
         float | None, typer.Option(metavar="S", help="Length of simulated windows; by default the whole log.")
     ] = None
-    starts: Annotated[int, typer.Option(help="Largest number of starting points.", min=1)] = 6
+    starts: Annotated[
+        int,
+        typer.Option(help="Largest number of starting points; four more follow near the best if no two agree.", min=1),
+    ] = 6
     seed: Annotated[int, typer.Option(help="Seed of the random starting points.", min=0)] = 0
 
     def arguments(self, plant: Plant) -> dict[str, Any]:

@@ -34,6 +34,7 @@ from . import (
 )
 from .options import expand_groups
 from .output import say
+from .progress import naming_own_code
 
 EPILOG = """\
 Exit status: 0 done; 1 ran, but a scenario's limit failed; 2 the input was wrong, said in one sentence; 130 interrupted.
@@ -60,7 +61,8 @@ class Commands(TyperGroup):
             # File names may be in any encoding.
             sys.stdout.reconfigure(errors="backslashreplace")
         try:
-            return super().invoke(ctx)
+            with naming_own_code():
+                return super().invoke(ctx)
         except KeyboardInterrupt as stopped:
             raise Interrupted(str(stopped)) from None
 

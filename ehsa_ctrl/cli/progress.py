@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
+from .output import note
+
 
 class _Notice(logging.Handler):
     def __init__(self) -> None:
@@ -18,6 +20,14 @@ class _Notice(logging.Handler):
 
         console = Console(stderr=True, highlight=False, markup=False)
         console.print(record.getMessage(), style="dim", soft_wrap=True)
+
+
+class _Note(logging.Handler):
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        note(record.getMessage())
 
 
 @contextmanager
@@ -51,17 +61,31 @@ def counting() -> Iterator[Callable[[str, int, int], None] | None]:
 
 
 @contextmanager
-def compiling() -> Iterator[None]:
-    """Report on standard error when an engine must be compiled first; Ctrl-C reports that the work is not kept."""
-    logger = logging.getLogger("ehsa_ctrl.core.compiled")
-    handler = _Notice()
+def _shown(name: str, handler: logging.Handler) -> Iterator[None]:
+    """Give the messages of one module's logger to a handler."""
+    logger = logging.getLogger(name)
     level = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     try:
         yield
-    except KeyboardInterrupt as stopped:
-        raise KeyboardInterrupt(str(stopped) or "what was begun is not kept") from None
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Report on standard error when an engine must be compiled first; Ctrl-C reports that the work is not kept."""
+    with _shown("ehsa_ctrl.core.compiled", _Notice()):
+        try:
+            yield
+        except KeyboardInterrupt as stopped:
+            raise KeyboardInterrupt(str(stopped) or "what was begun is not kept") from None
+
+
+@contextmanager
+def naming_own_code() -> Iterator[None]:
+    """Report on standard error which effects, friction laws and systems of a user's project are executed."""
+    with _shown("ehsa_ctrl.core.registry", _Note()):
+        yield

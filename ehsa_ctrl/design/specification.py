@@ -67,7 +67,10 @@ def begin(kind: str, base: str | None = None) -> tuple[ControllerKind, Path]:
     for name in sorted(controllers, key=lambda name: name != f"{kind}_position"):
         if read_toml(controllers[name]).get("kind") == kind:
             return CONTROLLER_KINDS[kind], controllers[name]
-    raise InputError(f"there is no {kind!r} controller to start from; give one with --base FILE")
+    raise InputError(
+        f"there is no {kind!r} controller to start from; write one with this kind in controllers/, see "
+        "docs/how-to/own-controller.md"
+    )
 
 
 def leaves(form: type[BaseModel], prefix: str = "") -> list[str]:

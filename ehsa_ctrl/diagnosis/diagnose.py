@@ -25,7 +25,15 @@ from .candidate_effects import candidate_effects
 from .causes import reported_causes
 from .diagnosis import MODELS, Cause, Diagnosis, RankedHypothesis
 from .gap_attribution import Location, attribute_gap
-from .hypothesis_model import HypothesisModel, Setting, law_switches, with_every_effect, without_dry_friction
+from .hypothesis_model import (
+    IN_STRIBECK,
+    HypothesisModel,
+    Setting,
+    law_switches,
+    left_out_effects,
+    with_every_effect,
+    without_dry_friction,
+)
 from .hypothesis_search import Hypotheses, Pool, Watch, search
 from .improved_plant import improved_plant
 from .model_selection import Reference, Selection, select_model
@@ -123,6 +131,7 @@ def prepare_log(plant: Plant, log: Log, validate: Log | None, threshold: float, 
     check_threshold(threshold)
     log, *others = named([log] if validate is None else [log, validate])
     findings = [*_checked(plant, [log, *others], check), *(e.caveat for e in replayed_effects(plant))]
+    findings += [f"{name} is not among the candidates: {reason}" for name, reason in left_out_effects(plant).items()]
     followed = prepare_replay(plant, log, everything=True)
     validation = prepare_replay(plant, others[0], followed, everything=True) if others else None
     model = HypothesisModel(with_every_effect(plant), followed, initial_state(plant, log), _switched(plant))
@@ -139,6 +148,10 @@ def _switched(plant: Plant) -> dict[str, Plant]:
     """The plant with each friction law that a hypothesis may switch to; presliding needs a rod that pressures move."""
     structure = plant.structure
     if plant.model != "nonlinear" or structure.chambers is None or structure.system.prescribed:
+        return {}
+    own = [plant.structure.law(contact) for contact in plant.structure.system.contacts if contact.name == "rod"]
+    if any(law.name not in IN_STRIBECK and law.state_rate is None for law in own):
+        # Neither law is contained in the other: a switch would change more than the effect does.
         return {}
     return {switch.law: with_every_effect(plant, switch.law) for switch in law_switches()}
 

@@ -10,6 +10,7 @@ import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -17,13 +18,15 @@ from ..core.errors import InputError
 from ..core.log import CHANNELS, Log
 from ..identification.logged_inputs import invert_sensor, logged_inputs, undo_sensor
 from ..physics.effects import EFFECTS, Effect, LawSwitch
-from ..physics.friction import ABSENT, LAWS
+from ..physics.friction import ABSENT
 from ..plant.plant import Plant, Sensor
 from ..plant.structure import Structure
 from ..plant.system import Contact
 from ..simulation.engine import simulate_batch
 from ..simulation.sensors import shown
 
+#: Friction laws that are (8) with some parameters absent.
+IN_STRIBECK = ("none", "viscous", "coulomb", "stribeck")
 #: Free numbers by name: parameters of the plant, SETTING.CHANNEL of a sensor, the number of a law switch.
 Setting = Mapping[str, float]
 
@@ -31,18 +34,17 @@ Setting = Mapping[str, float]
 def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
     """The same plant in the structure that holds every effect at its neutral value.
 
-    rod_friction: "stribeck", or another law for an effect that replaces it; the plant's own if that has a state, else
-        "stribeck".
+    rod_friction: a law for an effect that replaces the rod's. Otherwise a law that (8) contains becomes (8), so that
+        what it lacks can be searched; any other law stays.
     """
-    system, own = plant.structure.system, plant.structure.rod_friction
-    contacts = {contact.name for contact in system.all_contacts}
-    with_state = own is not None and LAWS[own].state_rate is not None
-    law = rod_friction or (own if with_state else "stribeck")
-    structure = replace(
-        plant.structure,
-        shaft_friction="stribeck" if "shaft" in contacts else None,
-        rod_friction=law if "rod" in contacts else None,
-    )
+    system = plant.structure.system
+    laws: dict[str, Any] = {
+        f"{contact.name}_friction": "stribeck" if in_stribeck(plant, contact) else plant.structure.law(contact).name
+        for contact in system.all_contacts
+    }
+    if rod_friction is not None and "rod_friction" in laws:
+        laws["rod_friction"] = rod_friction
+    structure = replace(plant.structure, **laws)
     known = effects_with_parameters()
     wired = [name for name in known if _fits(structure, name)]
     # One order whatever effects the plant has already, so that all plants share the compiled text.
@@ -52,6 +54,26 @@ def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
         absent |= absent_friction(contact, structure.law(contact).symbols)
     asked = set(structure.equations.parameter_names) - set(plant.parameters)
     return plant.with_structure(structure, **{name: value for name, value in absent.items() if name in asked})
+
+
+def in_stribeck(plant: Plant, contact: Contact) -> bool:
+    """Whether a contact's friction law is (8) with some parameters absent."""
+    return plant.structure.law(contact).name in IN_STRIBECK
+
+
+def left_out_effects(plant: Plant) -> dict[str, str]:
+    """Effects of the user's own that the plant can't have, each with the reason; shipped ones fit what they fit."""
+    found = {}
+    structure = with_every_effect(plant).structure
+    for name in effects_with_parameters():
+        functions = EFFECTS[name].changes.values()
+        if name in structure.effects or all(f.__module__.startswith("ehsa_ctrl.") for f in functions):
+            continue
+        try:
+            _ = replace(structure, effects=(name,)).equations
+        except InputError as error:
+            found[name] = str(error)
+    return found
 
 
 def absent_friction(contact: Contact, symbols: Sequence[str] = ("A", "C", "tau")) -> dict[str, float]:
@@ -80,7 +102,7 @@ def _fits(structure: Structure, effect: str) -> bool:
     """Whether a system has what an effect changes and asks for."""
     try:
         return bool(replace(structure, effects=(effect,)).equations)
-    except (InputError, TypeError):
+    except InputError:
         return False
 
 

@@ -150,7 +150,7 @@ def _parameters(path: Path, file: PlantFile, part: ModelFile, model: str, struct
     found = {}
     for name, (where, quantity) in written.items():
         if name not in kinds:
-            raise InputError(f"{where}: unknown parameter of this structure; {choices(name, kinds)}")
+            raise InputError(f"{where}: unknown parameter of this structure, {structure}; {choices(name, kinds)}")
         kind = kinds[name]
         parameter = quantity.parameter(name, kind.unit, where)
         check_range(where, parameter.value, kind.unit, kind.lower, kind.upper, lower_open=kind.lower_open)

@@ -69,6 +69,7 @@ class Structure:
         known = {*(signal for signal, _ in system.equations), *system.inputs, *(state.name for state in system.states)}
         known |= {contact.friction for contact in system.all_contacts}
         known |= {signal for form in system.chamber_forms.values() for signal, _ in form}
+        self._check_names()
         for name in self.effects:
             if not EFFECTS[name].wired:
                 raise InputError(f"effects: {name!r} {_instead(EFFECTS[name])}")
@@ -77,6 +78,19 @@ class Structure:
             if not known.issuperset(EFFECTS[name].changes):
                 missing = ", ".join(sorted(set(EFFECTS[name].changes) - known))
                 raise InputError(f"effects: {name!r} changes {missing}, which the system {system.name!r} does not have")
+
+    def _check_names(self) -> None:
+        """Raise InputError for an effect's parameter or state whose name the system or another effect has."""
+        system = self.system
+        taken = dict.fromkeys((p.name for p in system.parameters), f"the system {system.name!r}")
+        taken |= dict.fromkeys((s.name for s in system.states), f"the system {system.name!r}")
+        for effect in self.effects:
+            for name in [p.name for p in EFFECTS[effect].parameters] + [s.name for s in EFFECTS[effect].states]:
+                if name in taken:
+                    raise InputError(
+                        f"effects: {name!r} of {effect!r} is also a name of {taken[name]}; rename one of them"
+                    )
+                taken[name] = f"the effect {effect!r}"
 
     def _check_symbols(self, effect: str, contact: Contact) -> None:
         """Raise InputError for an effect that needs a friction parameter which the contact's law does not have."""

@@ -132,13 +132,16 @@ class _Wiring:
         self.open: list[str] = []
         self.used: set[str] = set()
 
-    def place(self, name: str) -> str:
-        """Place the equations that signal `name` needs; returns the name of its final value."""
+    def place(self, name: str, asked_by: str = "") -> str:
+        """Place the equations that signal `name` needs; returns the name of its final value.
+
+        asked_by: what needs it, for the message of an InputError about an unknown name.
+        """
         name = self.structure.system.own(name)
         if name in self.placed:
             return self.placed[name]
         if name in self.open:
-            raise TypeError(f"equations need each other in a circle: {' -> '.join([*self.open, name])}")
+            raise InputError(f"equations need each other in a circle: {' -> '.join([*self.open, name])}")
         self.open.append(name)
         if name in self.sources:
             function, names = self.sources[name]
@@ -149,7 +152,11 @@ class _Wiring:
             self.used.add(name)
             current = name
         else:
-            raise TypeError(f"an equation asks for {name!r}, which is no signal, state, input or parameter")
+            known = {*self.sources, *self.given, *self.kinds}
+            raise InputError(
+                f"{asked_by or 'an equation'} asks for {name!r}, which is no signal, state, input or parameter of the "
+                f"system {self.structure.system.name!r} with these friction laws and effects; {choices(name, known)}"
+            )
         for effect, function in self.changes.get(name, ()):
             current = self._call(f"{name}__{effect}", function, {name: current}, ready={name})
         if name in self.held:
@@ -173,9 +180,10 @@ class _Wiring:
         self, target: str, function: ScalarFunction, names: Mapping[str, str], ready: set[str] | None = None
     ) -> str:
         arguments = {}
+        asked_by = f"{inspect.getsourcefile(function)}, function {function.__name__},"
         for argument in inspect.signature(function).parameters:
             source = names.get(argument, argument)
-            arguments[argument] = source if ready and argument in ready else self.place(source)
+            arguments[argument] = source if ready and argument in ready else self.place(source, asked_by)
         self.calls.append(Call(target, function, arguments))
         return target
 

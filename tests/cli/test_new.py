@@ -127,7 +127,7 @@ def test_what_is_switched_off_in_a_controller_can_be_switched_on(kind):
         validate(content, CONTROLLER_KINDS[kind].file, table)
         tried += 1
 
-    assert tried >= 2
+    assert tried >= 2 or not template(f"controller_{kind}"), "a kind's template has the stages behind its own tables"
 
 
 def test_what_is_switched_off_in_a_scenario_can_be_switched_on():

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 import ehsa_ctrl as e
 from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
+from ehsa_ctrl.diagnosis.hypothesis_model import left_out_effects, with_every_effect
 from ehsa_ctrl.physics.effects import EFFECTS
 from ehsa_ctrl.physics.friction import LAWS
 
@@ -104,6 +105,88 @@ def test_a_wrong_file_is_a_sentence(tmp_path, monkeypatch, text, says):
 
     with pytest.raises(e.InputError, match=re.escape(says)):
         len(EFFECTS)
+
+
+def test_the_command_line_names_the_files_that_it_executes(project):
+    """On standard error: a project may be someone else's."""
+    result = CliRunner().invoke(app, ["list", "effects"])
+
+    assert f"effects of this project: seal_pressure_friction (from {project / 'effects'})" in result.stderr
+
+
+def test_an_argument_that_nothing_defines_is_an_error(project, plant):
+    """Error of a plant that has it, and warning of a diagnosis: with the file, the name and the nearest known one."""
+    file = project / "effects" / "seal_pressure_friction.py"
+    text = file.read_text(encoding="utf-8").replace("P_2", "PP_2").replace("seal_pressure_friction", "misspelt")
+    file.write_text(text, encoding="utf-8")
+    says = rf"{re.escape(str(file))}, function friction, asks for 'PP_2'.* did you mean 'P_2'"
+
+    with pytest.raises(e.InputError, match=says):
+        _ = plant.with_effects("misspelt").parameters
+    assert re.search(says, left_out_effects(plant)["misspelt"])
+
+
+def test_a_name_that_another_effect_has_is_an_error(project, plant):
+    """A diagnosis runs all effects in one model, where they would share the number."""
+    file = project / "effects" / "seal_pressure_friction.py"
+    file.write_text(file.read_text(encoding="utf-8").replace("k_seal", "k_w"), encoding="utf-8")
+
+    with pytest.raises(e.InputError, match=r"'k_w' of '\w+' is also a name of the effect '\w+'; rename one"):
+        with_every_effect(plant)
+
+
+def test_an_effect_with_a_state_is_found(project, plant):
+    """The page's example: what it has stored up to the held-out data comes from the log."""
+    (text,) = re.findall(
+        r'```python title="an effect with a state"\n(.*?)```', PAGE.read_text(encoding="utf-8"), re.DOTALL
+    )
+    (project / "effects" / "warm_leakage.py").write_text(text, encoding="utf-8")
+    current = 2.5 * np.sin(np.linspace(0, 12, 751))
+    plant = plant.set(K_S="50 kN/m")
+    base = e.simulate(plant, current)
+    neutral = e.simulate(plant.with_effects("warm_leakage", k_heat=0.0), current)
+    felt = e.simulate(plant.with_effects("warm_leakage"), current)
+
+    assert (neutral["x"] == base["x"]).all()
+    assert felt["W_pump"][-1] > 100.0
+    assert not left_out_effects(plant)
+
+
+@pytest.mark.slow
+def test_a_law_that_8_does_not_contain_stays_in_a_diagnosis(tmp_path, monkeypatch, plant):
+    """Quadratic instead of viscous friction; the cause is leakage."""
+    (tmp_path / "friction").mkdir()
+    (tmp_path / "friction" / "quadratic.py").write_text(
+        "from ehsa_ctrl.physics.friction import FrictionLaw\n"
+        "def effort(direction: float, speed: float, A: float, B: float) -> float:\n"
+        "    return direction * A + B * speed * abs(speed)\n"
+        "law = FrictionLaw('quadratic', 'A sign(v) + B v |v|', effort, sticks=True)\n",
+        encoding="utf-8",
+    )
+    monkeypatch.chdir(tmp_path)
+    nominal = plant.with_structure(e.Structure("stribeck", "quadratic")).set(B_FR=1e5, K_S="50 kN/m")
+    rig = nominal.set(K_L=4e-12)
+    log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=16.0, sample_time=0.004), centre=True)
+    found = e.diagnose(nominal, log)
+
+    assert [cause.id for cause in found.effects] == ["internal_leakage"], str(found)
+    assert found.improved.structure.rod_friction == "quadratic"
+
+
+def test_a_symbol_that_friction_does_not_know_is_an_error(tmp_path, monkeypatch):
+    """With the symbols that there are."""
+    (tmp_path / "friction").mkdir()
+    (tmp_path / "friction" / "steep.py").write_text(
+        "from ehsa_ctrl.physics.friction import FrictionLaw\n"
+        "def effort(direction: float, speed: float, A: float, n: float) -> float:\n"
+        "    return direction * A * abs(speed) ** n\n"
+        "law = FrictionLaw('steep', '', effort, sticks=True)\n",
+        encoding="utf-8",
+    )
+    monkeypatch.chdir(tmp_path)
+
+    with pytest.raises(e.InputError, match="friction law steep: 'n' is neither an argument of the contact"):
+        len(LAWS)
 
 
 def test_a_friction_law_of_a_project_is_taken(tmp_path, monkeypatch, plant):

@@ -192,8 +192,8 @@ def test_the_friction_law_that_is_shown_is_one():
 
     exec(compile(text, "friction", "exec"), names)
 
-    assert names["law"].symbols == ("A", "B")
-    assert names["law"].effort(-1.0, -0.5, 800.0, 100.0) == -825.0
+    assert names["law"].symbols == ("A", "B", "C", "tau")
+    assert names["law"].effort(-1.0, -0.5, 800.0, 100.0, 200.0, 0.5) == -950.0
 
 
 @pytest.mark.slow

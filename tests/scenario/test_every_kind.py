@@ -8,8 +8,9 @@ import pytest
 from ehsa_ctrl import run
 from ehsa_ctrl.core.catalogue import scenarios
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
+from ehsa_ctrl.design.specification import begin
 
-#: One of each kind.
+#: The example of a kind, where it is not the one that `design` starts from.
 EXAMPLES = {
     "pid": "pid_tuned",
     "scheduled_pid": "pid_scheduled",
@@ -20,17 +21,13 @@ EXAMPLES = {
 NAMES = sorted(path.stem for path in Path(scenarios.folders[-1]).glob("*.toml"))
 
 
-def test_every_kind_has_an_example():
-    """A new kind must be named here."""
-    assert set(EXAMPLES) == set(CONTROLLER_KINDS)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", sorted(EXAMPLES))
+@pytest.mark.parametrize("kind", sorted(CONTROLLER_KINDS))
 def test_every_kind_runs_every_scenario(kind):
     """To its end or to a limit of the plant, with finite currents and a verdict; failing a limit is allowed."""
+    controller = EXAMPLES.get(kind) or begin(kind)[1].stem
     for name in NAMES:
-        result = run(name, controller=EXAMPLES[kind])
+        result = run(name, controller=controller)
 
         assert np.isfinite(result.nonlinear.asked).all(), name
         assert result.verdict in ("pass", "fail"), name

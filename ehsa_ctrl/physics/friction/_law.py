@@ -18,6 +18,9 @@ SYMBOLS = {
     "sigma_1": ("{effort} s/{length}", "bristle damping"),
 }
 
+#: What a law may ask of its contact.
+ARGUMENTS = ("direction", "speed", "z", "z_dot")
+
 #: What these are in a contact without the law's part: no friction, bristles too stiff to yield.
 ABSENT = {"A": 0.0, "B": 0.0, "C": 0.0, "sigma_0": 1e8, "sigma_1": 0.0}
 #: Relative standard deviations of typical nominal values.
@@ -48,14 +51,23 @@ class FrictionLaw:
     state_rate: Callable[..., float] | None = None
     passive: bool = True
 
+    def __post_init__(self) -> None:
+        if unknown := sorted(self._asked - {*SYMBOLS, *ARGUMENTS}):
+            raise TypeError(
+                f"friction law {self.name}: {unknown[0]!r} is neither an argument of the contact "
+                f"({', '.join(ARGUMENTS)}) nor a symbol for a parameter ({', '.join(SYMBOLS)})"
+            )
+
+    @property
+    def _asked(self) -> set[str]:
+        """Names of the arguments of its functions."""
+        functions = (self.effort,) if self.state_rate is None else (self.effort, self.state_rate)
+        return {argument for function in functions for argument in inspect.signature(function).parameters}
+
     @property
     def symbols(self) -> tuple[str, ...]:
         """The parameters the law needs, in the order of SYMBOLS."""
-        used = set(inspect.signature(self.effort).parameters)
-        if self.state_rate is not None:
-            used |= set(inspect.signature(self.state_rate).parameters)
-        if self.band is not None:
-            used.add(self.band)
+        used = self._asked if self.band is None else self._asked | {self.band}
         return tuple(symbol for symbol in SYMBOLS if symbol in used)
 
 
