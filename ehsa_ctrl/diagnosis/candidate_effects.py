@@ -35,6 +35,7 @@ def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
     context = DiagnosisContext(
         log=model.log,
         channels=model.channels,
+        slopes=frozenset(one.channel for one in system.scored if one.span),
         drive=system.drive,
         values=plant.values,
         own_name=system.own,

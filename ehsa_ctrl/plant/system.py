@@ -164,7 +164,7 @@ class System:
         solution of the one before.
     called: symbols of the EHSA in the catalogue of effects -> names in this system, except those of friction.
     scored: signals by which a diagnosis scores a model; every output by default.
-    units: SI units of channels that are not in `core.log.CHANNELS`; they are added there.
+    units: SI units of channels and scored signals that are not in `core.log.CHANNELS`; they are added there.
 
     Raises TypeError for a name in drives, outputs, scored, entries or contacts of balances that the system lacks.
     """

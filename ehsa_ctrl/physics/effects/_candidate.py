@@ -76,16 +76,17 @@ class CandidateEffect:
 class DiagnosisContext:
     """What an effect may ask about the nominal plant and the log.
 
-    log: the measured log. channels: those of the log that a simulation has too, the load cell among them. drive: the
-    channel of the first input. values: the plant's parameters. own_name: symbol in the catalogue -> the plant's name.
-    needed: names on which a simulation depends. bounds: name -> lowest and highest value. effort: the rod's efforts in
-    units of those for which smallest changes are stated. sensors: channel -> nominal setting -> value. switches_law:
-    whether a hypothesis may use another friction law. friction_levels: friction and offset that the balances show of a
-    plant without dry friction, by symbol.
+    log: the measured log. channels: those of the log that a simulation has too, the load cell among them. slopes: those
+    that are scored by their slope. drive: the channel of the first input. values: the plant's parameters. own_name:
+    symbol in the catalogue -> the plant's name. needed: names on which a simulation depends. bounds: name -> lowest and
+    highest value. effort: the rod's efforts in units of those for which smallest changes are stated. sensors: channel
+    -> nominal setting -> value. switches_law: whether a hypothesis may use another friction law. friction_levels:
+    friction and offset that the balances show of a plant without dry friction, by symbol.
     """
 
     log: Log
     channels: tuple[str, ...]
+    slopes: frozenset[str]
     drive: str
     values: Mapping[str, float]
     own_name: Callable[[str], str]

@@ -9,13 +9,13 @@ Candidates = Callable[[Effect, DiagnosisContext], list[CandidateEffect]]
 
 
 def biases(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """Every sensor; a bias of the position shows only under a load that depends on the position."""
+    """Every sensor; a bias of a position, scored by its slope, shows only under a load that depends on it."""
 
     def bias(channel: str, sd: float) -> FreeNumber:
         return FreeNumber(f"bias.{channel}", context.sensors[channel]["bias"], 0.03 * sd, -20.0 * sd, 20.0 * sd)
 
     found = from_sensors(effect, context, bias)
-    return [c for c in found if c.channel != "position" or context.value("K_S") != 0.0]
+    return [c for c in found if c.channel not in context.slopes or context.value("K_S") != 0.0]
 
 
 def scales(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
