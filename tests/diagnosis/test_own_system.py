@@ -5,6 +5,7 @@ import pytest
 
 import ehsa_ctrl as e
 from ehsa_ctrl.core import registry
+from ehsa_ctrl.simulation.sensors import Sensors
 
 SYSTEM = '''
 """A motor with a flywheel: torque balance with friction, without hydraulics."""
@@ -102,6 +103,18 @@ def logged(plant, seconds=12.0):
     run = e.simulate(plant, current, sample_time=0.004)
     speed = run["omega"] + 0.05 * np.random.default_rng(0).standard_normal(time.size)
     return e.Log(time, {"drive_amps": current, "wheel": speed})
+
+
+def test_its_channels_are_simulated_and_read(flywheel, tmp_path):
+    """A simulated log has the system's channels, and a file with these columns is read without a mapping."""
+    run = e.simulate(flywheel, np.ones(400), sample_time=0.004)
+    log = e.Log(run.time, Sensors.of(flywheel, noise=False).log(run))
+
+    log.write(tmp_path / "log.csv")
+    read = e.read_plant_log(tmp_path / "log.csv", flywheel)
+
+    assert set(read.channels) == {"drive_amps", "wheel"} and read["drive_amps"][-1] == 1.0
+    np.testing.assert_allclose(read["wheel"], run["omega"], atol=1e-6)
 
 
 @pytest.mark.slow
