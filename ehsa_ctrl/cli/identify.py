@@ -54,7 +54,7 @@ class FitOptions:
     ] = None
     starts: Annotated[
         int,
-        typer.Option(help="Largest number of starting points; four more follow near the best if no two agree.", min=1),
+        typer.Option(help="Largest number of starting points; a few more follow near the best if no two agree.", min=1),
     ] = 6
     seed: Annotated[int, typer.Option(help="Seed of the random starting points.", min=0)] = 0
 

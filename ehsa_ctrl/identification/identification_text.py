@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ..physics.effects import EFFECTS
 from ..plant.file import label
 from .comparison import fit_cell, fit_words
 from .uncertainty import Estimate
@@ -28,6 +29,7 @@ def _lines(found: Identification) -> Iterator[str]:
     if found.interrupted:
         yield "  interrupted: this is the best so far, not the minimum"
     yield from _parameter_lines(found)
+    yield from _typical_lines(found)
     if by_balances is not None:
         for balance in by_balances.balances:
             yield f"  {balance.name} balance: relative error {100 * balance.relative_error:.2f} %"
@@ -66,6 +68,17 @@ def _parameter_lines(found: Identification) -> Iterator[str]:
             words += f", trades with {', '.join(map(label, e.trades))}"
         numbers = f"  {label(e.name):<{width}} {e.value:>11.5g} {_sd_cell(e):>9} {relative:>8} {e.start:>11.5g}"
         yield f"{numbers} {e.unit:<10} {words}".rstrip()
+
+
+def _typical_lines(found: Identification) -> Iterator[str]:
+    """The sizes of effects for which the plant's file gives no value."""
+    estimated = {e.name for e in found.estimates}
+    for effect in found.plant.structure.effects:
+        for size in EFFECTS[effect].parameters[:1]:
+            given = found.plant.parameters[size.name]
+            if size.name not in estimated and given.note == f"typical of {effect}":
+                held = f"{size.name} = {given.value:g} {size.unit}"
+                yield f"  {held}, typical of {effect}; --free {size.name} estimates it"
 
 
 def _other_method_lines(found: Identification, free_run: str) -> Iterator[str]:

@@ -58,6 +58,14 @@ def test_the_result_is_json_and_a_table(found):
     assert "A_FR" in str(found)
 
 
+def test_an_effect_s_typical_value_that_was_not_estimated_is_reported(found):
+    """Otherwise the other parameters compensate for a wrong one unnoticed; a value that was given is not reported."""
+    typical, given = found.plant.with_effects("windage"), found.plant.with_effects("windage", k_w=2e-6)
+
+    assert "k_w = 1e-06 N m s2, typical of windage; --free k_w estimates it" in str(replace(found, plant=typical))
+    assert "windage" not in str(replace(found, plant=given))
+
+
 @pytest.mark.slow
 def test_two_logs_together_know_more(truth, noise_log, steps_log, from_truth):
     """Two logs, each with its own initial state, give smaller deviations than one, and one cost."""
