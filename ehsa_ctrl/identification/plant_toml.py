@@ -132,7 +132,15 @@ def _put(table: Any, key: str, parameter: Parameter) -> None:
     note = "set for an identification" if parameter.source == "given" else parameter.note
     if note:
         entry["note"] = note
+    # A new key goes behind the last one, not behind comments that may belong to the next table.
+    body = table.value.body if old is None and isinstance(table, tomlkit.items.Table) else []
+    behind = len(body)
+    while behind > 0 and body[behind - 1][0] is None:
+        behind -= 1
+    comments = body[behind:]
+    del body[behind:]
     table[key] = entry
+    body += comments
 
 
 def _rounded(value: float, sd: float | None) -> float:

@@ -68,6 +68,17 @@ def test_an_effect_that_was_added_is_written(plant, name, tmp_path):
     assert kept == TEXT.splitlines()
 
 
+def test_a_new_key_is_not_below_the_comment_of_the_next_table(tmp_path):
+    """It follows the last key of its own table; comments keep their order."""
+    path = tmp_path / "rig.toml"
+    path.write_text(TEXT.replace("[load]", "# What acts on the rod.\n[load]"), encoding="utf-8")
+
+    text = plant_toml([ehsa_ctrl.load_plant(path).with_effects("windage")])
+
+    assert "\n# What acts on the rod.\n[load]" in text
+    assert text.index("k_w = ") < text.index("# What acts on the rod.")
+
+
 @pytest.mark.slow
 def test_a_written_plant_runs_as_the_one_that_was_written(plant, tmp_path):
     """All effects at once, and presliding: the simulations are equal to the bit."""
