@@ -36,6 +36,7 @@ def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
         log=model.log,
         channels=model.channels,
         slopes=frozenset(one.channel for one in system.scored if one.span),
+        outputs=system.outputs,
         drive=system.drive,
         values=plant.values,
         own_name=system.own,

@@ -77,16 +77,18 @@ class DiagnosisContext:
     """What an effect may ask about the nominal plant and the log.
 
     log: the measured log. channels: those of the log that a simulation has too, the load cell among them. slopes: those
-    that are scored by their slope. drive: the channel of the first input. values: the plant's parameters. own_name:
-    symbol in the catalogue -> the plant's name. needed: names on which a simulation depends. bounds: name -> lowest and
-    highest value. effort: the rod's efforts in units of those for which smallest changes are stated. sensors: channel
-    -> nominal setting -> value. switches_law: whether a hypothesis may use another friction law. friction_levels:
-    friction and offset that the balances show of a plant without dry friction, by symbol.
+    that are scored by their slope. outputs: channel -> state that it measures. drive: the channel of the first input.
+    values: the plant's parameters. own_name: symbol in the catalogue -> the plant's name. needed: names on which a
+    simulation depends. bounds: name -> lowest and highest value. effort: the rod's efforts in units of those for which
+    smallest changes are stated. sensors: channel -> nominal setting -> value. switches_law: whether a hypothesis may
+    use another friction law. friction_levels: friction and offset that the balances show of a plant without dry
+    friction, by symbol.
     """
 
     log: Log
     channels: tuple[str, ...]
     slopes: frozenset[str]
+    outputs: Mapping[str, str]
     drive: str
     values: Mapping[str, float]
     own_name: Callable[[str], str]
@@ -118,9 +120,10 @@ class DiagnosisContext:
         return FreeNumber(name, value, smallest if scale < 0.1 * smallest else scale, *self.bounds[name])
 
 
-def measured(context: DiagnosisContext, *channels: str) -> list[np.ndarray]:
-    """Those of the channels (N,) that the log has."""
-    return [context.log[channel] for channel in channels if channel in context.log.channels]
+def measured(context: DiagnosisContext, *states: str) -> list[np.ndarray]:
+    """Logged outputs (N,) that measure these states, as far as the log has them."""
+    channels = {state: channel for channel, state in context.outputs.items() if channel in context.log.channels}
+    return [context.log[channels[state]] for state in states if state in channels]
 
 
 def starting_points(free: Sequence[FreeNumber], *sizes: float) -> Starts:
@@ -192,8 +195,8 @@ def from_sensors(
     channels = [channel for channel in context.channels if channel != "force"] + ([context.drive] if drive else [])
     found = []
     for channel in channels:
-        for y in measured(context, channel):
-            if np.std(y) > 0.0:
-                free = (free_number(channel, float(np.std(y))),)
-                found.append(CandidateEffect(effect, free, starting_points(free, size), channel))
+        sd = float(np.std(context.log[channel]))
+        if sd > 0.0:
+            free = (free_number(channel, sd),)
+            found.append(CandidateEffect(effect, free, starting_points(free, size), channel))
     return found

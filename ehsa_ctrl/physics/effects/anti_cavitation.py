@@ -31,7 +31,7 @@ def flow_2(Q_T2: float, P_2: float, P_open: float, K_check: float, P_lam: float)
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """A level above the lowest pressure; where that is no less than the pressure at rest, the valve stayed shut."""
-    pressures = measured(context, "p1", "p2")
+    pressures = measured(context, "P_1", "P_2")
     low = min((float(np.quantile(p, 0.002)) for p in pressures), default=0.0)
     top = context.value("P_0")
     opening = replace(effect_number(effect, context, "P_open", max(0.05 * (top - low), PRESSURE_SCALE)), lower=-1e5)

@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from ._candidate import CandidateEffect, DiagnosisContext, effect_number, from_levels
+from ._candidate import CandidateEffect, DiagnosisContext, effect_number, from_levels, measured
 from ._effect import Effect, EffectParameter
 
 
@@ -23,9 +23,10 @@ def net_force(F_net: float, x: float, v: float, x_stop: float, K_stop: float, B_
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """A stop near the largest position that the rod reached."""
-    if "position" not in context.channels:
+    positions = measured(context, "x")
+    if not positions:
         return []
-    reach = float(np.max(np.abs(context.log["position"])))
+    reach = float(np.max(np.abs(positions[0])))
     stop = replace(effect_number(effect, context, "x_stop", 0.02 * reach), lower=1e-3)
     return [from_levels(effect, stop, [share * reach for share in (1.002, 0.985, 0.9)])]
 

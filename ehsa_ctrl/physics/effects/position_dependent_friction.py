@@ -4,7 +4,7 @@ from math import exp
 
 import numpy as np
 
-from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, effect_number
+from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, effect_number, measured
 from ._effect import Effect, EffectParameter
 
 
@@ -16,9 +16,10 @@ def friction(F_FR: float, d_R: float, x: float, A_FR: float, h_FR: float, x_h: f
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """A bump at one of five positions within the range of motion."""
-    if "position" not in context.channels or context.value("A_FR") == 0.0:
+    positions = measured(context, "x")
+    if not positions or context.value("A_FR") == 0.0:
         return []
-    low, high = np.quantile(context.log["position"], [0.02, 0.98])
+    low, high = np.quantile(positions[0], [0.02, 0.98])
     width = float(np.clip(0.2 * (high - low), 3e-3, 0.015))
     bump = (
         effect_number(effect, context, "h_FR", 0.15),

@@ -43,7 +43,7 @@ def flow_2(
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """A level somewhat below the highest pressure, or the highest difference; with the flow gain nominal or free."""
-    pressures = measured(context, "p1", "p2")
+    pressures = measured(context, "P_1", "P_2")
     high = max((float(np.quantile(p, 0.998)) for p in pressures), default=2e7)
     low = context.value("P_0")
     levels = [low + share * (high - low) for share in (0.95, 0.8, 0.6)]
