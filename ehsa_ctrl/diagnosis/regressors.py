@@ -163,7 +163,8 @@ def drive_regressors(plant: Plant, s: BalanceSignals, family: str, numbers: np.n
     """Errors of a drive with a delay [s], a lag [s], a rate limit [A/s] or a dead band [A], for each number."""
     system = plant.structure.system
     held, dt = s[system.inputs[0]][:-1], s.sample_time
-    gain = next((plant[e.capacity[0]] for e in system.entries.values() if e.target == system.inputs[0]), 1.0)
+    entry = system.entries.get("torque")
+    gain = plant[entry.capacity[0]] if entry is not None and entry.capacity else 1.0
     if family == "slope":
         given = list(limited(held, numbers * dt).T)
     else:

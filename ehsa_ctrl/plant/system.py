@@ -214,6 +214,12 @@ class System:
             for name in names:
                 if name not in known:
                     raise TypeError(f"system {self.name}: {what} {name!r}; expected one of {', '.join(known)}")
+        for balance in self.balances:
+            if len(balance.entries) not in (0, len(balance.residuals)):
+                raise TypeError(
+                    f"system {self.name}: balance {balance.name} has {len(balance.entries)} entries for "
+                    f"{len(balance.residuals)} residuals; give one for each, or none"
+                )
 
     def own(self, symbol: str) -> str:
         """Name in this system of a symbol in the catalogue of effects: A_FR may be Fc."""

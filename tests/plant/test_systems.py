@@ -119,7 +119,6 @@ def test_a_declaration_is_complete(name):
     assert set(system.places) <= set(PLACES)
     assert {one: UNITS[one] for one in unknown if one in UNITS} == {o: u for o, u in unknown.items() if o in UNITS}
     for balance in system.balances:
-        assert not balance.entries or len(balance.entries) == len(balance.residuals), balance.name
         assert all(symbol in symbols | set(equations.signals) for e in balance.entries for symbol in e.capacity)
     assert {effect for effects in system.lacking for effect in effects} <= set(EFFECTS)
     assert {system.own(contact.constant) for contact in system.contacts if contact.constant} <= symbols
@@ -184,6 +183,10 @@ def test_a_name_that_a_system_lacks_is_an_error():
         ({"outputs": {"tilt": "x"}, "scored": ()}, "units lack the channel 'tilt'"),
         ({"units": {"position": "mm"}}, "channel position in mm; it is known in m"),
         ({"scored": (ScoredSignal("heat", "heat"),)}, "scored: unknown output 'heat'"),
+        (
+            {"balances": (replace(carriage.balances[0], entries=2 * carriage.balances[0].entries),)},
+            "2 entries for 1 res",
+        ),
     ):
         with pytest.raises(TypeError, match=says):
             replace(carriage, **changes)
