@@ -84,7 +84,9 @@ replay
 def gaps(plant, log):
     """Gap of each signal in free run, %."""
     run, dt = e.replay(plant, log), log.sample_time
-    found = gap(scored(log.channels, dt), scored(run.simulated, dt), signal_noise(noise_of(log), dt))
+    signals = plant.structure.system.scored
+    noise = signal_noise(signals, noise_of(log), dt)
+    found = gap(scored(signals, log.channels, dt), scored(signals, run.simulated, dt), noise)
     return {signal: 100.0 * value for signal, value in found.items()}
 
 
