@@ -165,7 +165,7 @@ def command(
     if output.as_json:
         return
     if improved and found.plant.model == "nonlinear" and "linear" in models_of(improved):
-        print("  its linear set is as it was; `identify --linear sliding` on it writes one that follows")
+        print("  its linear parameters are unchanged; `identify --linear sliding` with this plant derives new ones")
     for line in next_lines(found.experiment, out):
         print(line)
 
