@@ -19,6 +19,25 @@ TITLE = 'title="effects/seal_pressure_friction.py"'
 
 
 @pytest.fixture
+def friction_law(tmp_path, monkeypatch):
+    """Write a friction law into friction/ of a project, which becomes the current folder."""
+
+    def write(name, symbol, effort):
+        folder = tmp_path / "friction"
+        folder.mkdir()
+        (folder / f"{name}.py").write_text(
+            "from ehsa_ctrl.physics.friction import FrictionLaw\n"
+            f"def effort(direction: float, speed: float, A: float, {symbol}: float) -> float:\n"
+            f"    return {effort}\n"
+            f"law = FrictionLaw({name!r}, {effort!r}, effort, sticks=True)\n",
+            encoding="utf-8",
+        )
+        monkeypatch.chdir(tmp_path)
+
+    return write
+
+
+@pytest.fixture
 def project(tmp_path, monkeypatch):
     """The current folder, with the page's file in effects/."""
     text = re.search(rf"```python {TITLE}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL).group(1)
@@ -153,17 +172,9 @@ def test_an_effect_with_a_state_is_found(project, plant):
 
 
 @pytest.mark.slow
-def test_a_law_that_8_does_not_contain_stays_in_a_diagnosis(tmp_path, monkeypatch, plant):
+def test_a_law_that_8_does_not_contain_stays_in_a_diagnosis(friction_law, plant):
     """Quadratic instead of viscous friction; the cause is leakage."""
-    (tmp_path / "friction").mkdir()
-    (tmp_path / "friction" / "quadratic.py").write_text(
-        "from ehsa_ctrl.physics.friction import FrictionLaw\n"
-        "def effort(direction: float, speed: float, A: float, B: float) -> float:\n"
-        "    return direction * A + B * speed * abs(speed)\n"
-        "law = FrictionLaw('quadratic', 'A sign(v) + B v |v|', effort, sticks=True)\n",
-        encoding="utf-8",
-    )
-    monkeypatch.chdir(tmp_path)
+    friction_law("quadratic", "B", "direction * A + B * speed * abs(speed)")
     nominal = plant.with_structure(e.Structure("stribeck", "quadratic")).set(B_FR=1e5, K_S="50 kN/m")
     rig = nominal.set(K_L=4e-12)
     log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=16.0, sample_time=0.004), centre=True)
@@ -173,33 +184,17 @@ def test_a_law_that_8_does_not_contain_stays_in_a_diagnosis(tmp_path, monkeypatc
     assert found.improved.structure.rod_friction == "quadratic"
 
 
-def test_a_symbol_that_friction_does_not_know_is_an_error(tmp_path, monkeypatch):
+def test_a_symbol_that_friction_does_not_know_is_an_error(friction_law):
     """With the symbols that there are."""
-    (tmp_path / "friction").mkdir()
-    (tmp_path / "friction" / "steep.py").write_text(
-        "from ehsa_ctrl.physics.friction import FrictionLaw\n"
-        "def effort(direction: float, speed: float, A: float, n: float) -> float:\n"
-        "    return direction * A * abs(speed) ** n\n"
-        "law = FrictionLaw('steep', '', effort, sticks=True)\n",
-        encoding="utf-8",
-    )
-    monkeypatch.chdir(tmp_path)
+    friction_law("steep", "n", "direction * A * abs(speed) ** n")
 
     with pytest.raises(e.InputError, match="friction law steep: 'n' is neither an argument of the contact"):
         len(LAWS)
 
 
-def test_a_friction_law_of_a_project_is_taken(tmp_path, monkeypatch, plant):
+def test_a_friction_law_of_a_project_is_taken(friction_law, plant):
     """friction/ beside plants/: a law by its name, compiled as all are."""
-    (tmp_path / "friction").mkdir()
-    (tmp_path / "friction" / "steep.py").write_text(
-        "from ehsa_ctrl.physics.friction import FrictionLaw\n"
-        "def effort(direction: float, speed: float, A: float, B: float) -> float:\n"
-        "    return direction * A + B * speed * abs(speed)\n"
-        "law = FrictionLaw('steep', 'quadratic', effort, sticks=True)\n",
-        encoding="utf-8",
-    )
-    monkeypatch.chdir(tmp_path)
+    friction_law("steep", "B", "direction * A + B * speed * abs(speed)")
     steep = plant.with_structure(e.Structure("stribeck", "steep"))
 
     assert "steep" in LAWS
