@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -13,7 +14,6 @@ ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 #: Used without an import statement: name -> by what.
 USED_OTHERWISE = {
-    "dask": "a backend of joblib",
     "ipykernel": "runs the notebooks",
     "mkdocs-material": "theme of the site",
     "mkdocstrings": "plugin of the site",
@@ -42,6 +42,7 @@ REQUIRED = {normalised(text) for text in PROJECT["dependencies"]}
 EXTRAS = {name: {normalised(text) for text in texts} for name, texts in PROJECT["optional-dependencies"].items()}
 
 
+@cache
 def imported(*folders):
     """Distributions that the Python files below these folders import, whether they are installed or not."""
     files = [file for folder in folders for file in (ROOT / folder).rglob("*.py")]

@@ -105,12 +105,7 @@ def command(
     settings: Settings = [],
     threshold: Annotated[float, typer.Option(help="Smallest gap of a signal that matters.")] = 0.03,
     jobs: Annotated[int | None, typer.Option(help="Cores or workers to use; all by default.")] = None,
-    backend: Annotated[
-        str, typer.Option(help="For several logs: loky or threading on this machine; dask or ray on a cluster.")
-    ] = "loky",
-    address: Annotated[
-        str | None, typer.Option(help="Address of the cluster's scheduler; without one a cluster is started here.")
-    ] = None,
+    backend: Annotated[str, typer.Option(help="For several logs: loky (processes) or threading.")] = "loky",
     unchecked: Annotated[bool, typer.Option("--unchecked", help="Go on with a log that looks plainly wrong.")] = False,
 ) -> None:
     """Find where the gap between a log and the nominal plant lies, which effect causes it, and how far it shrinks.
@@ -137,7 +132,7 @@ def command(
 
         diagnose_batch(
             nominal, logs, how, output, threshold=threshold, jobs=-1 if jobs is None else jobs, backend=backend,
-            address=address, check=not unchecked,
+            check=not unchecked,
         )  # fmt: skip
         return
     closed_figure = ["closed_loop"] if single.scenario is not None else []

@@ -30,7 +30,6 @@ def diagnose_batch(
     threshold: float,
     jobs: int,
     backend: str,
-    address: str | None,
     check: bool,
 ) -> None:
     """Diagnose the logs, write OUT/NAME for each as it is done and OUT/summary.csv and .json at the end, print a table.
@@ -73,7 +72,7 @@ def diagnose_batch(
                 write_files(draft, outcome)
                 write_result_page(draft, "diagnosis.json")
 
-    with compiling(), counting() as watch, parallel_backend(backend, address):
+    with compiling(), counting() as watch, parallel_backend(backend):
         batch = diagnose_many(
             nominal, ready, threshold=threshold, check=check, jobs=jobs, file=record, anew=anew,
             watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,

@@ -27,10 +27,7 @@ def command(
     confidence: Annotated[float, typer.Option(help="Confidence level of the probability's interval.")] = 0.95,
     jobs: Annotated[int, typer.Option(help="Cores or workers to use; -1 for all.")] = 1,
     backend: Annotated[
-        str | None, typer.Option(help="threading or loky on this machine; dask or ray on a cluster.")
-    ] = None,
-    address: Annotated[
-        str | None, typer.Option(help="Address of the cluster's scheduler; without one a cluster is started here.")
+        str | None, typer.Option(help="threading or loky (processes); by default what suits the controller.")
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; runs in it are continued.")] = Path(
         "results/montecarlo"
@@ -43,8 +40,7 @@ def command(
 
     Examples: ehsa-ctrl montecarlo spread_steps --jobs -1 · ehsa-ctrl montecarlo spread_steps --runs 5000
     --controller pid_position,my/pid.toml --require 0.95 · ehsa-ctrl montecarlo spread_steps --set load.stiffness=80e3
-    · ehsa-ctrl montecarlo my/scenario.toml --identification results/rig/identification.json --backend dask
-    --address tcp://head:8786 --jobs -1
+    · ehsa-ctrl montecarlo my/scenario.toml --identification results/rig/identification.json --jobs -1
     """
     from ..core.parallel import parallel_backend
     from ..scenario.montecarlo import monte_carlo
@@ -61,7 +57,7 @@ def command(
     output.check("montecarlo", "montecarlo.json", "report.html", figures=stems, keep=True)
     found = []
     for name, stem in zip(chosen, stems, strict=True):
-        with compiling(), counting() as watch, parallel_backend(backend, address):
+        with compiling(), counting() as watch, parallel_backend(backend):
             result = monte_carlo(
                 scenario, runs=runs, seed=seed, controller=name, plant=run.plant, design=run.design,
                 settings=pairs, identification=identification, jobs=jobs,

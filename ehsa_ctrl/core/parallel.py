@@ -1,7 +1,7 @@
 """Work in parallel with joblib, on the backend of joblib's own context.
 
-    with joblib.parallel_config(backend="dask"):
-        monte_carlo("spread_steps", jobs=-1)
+    with joblib.parallel_config(backend="threading", n_jobs=8):
+        monte_carlo("spread_steps")
 
 Without such a context the work runs on this machine, in threads or processes as the caller prefers.
 """
@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Literal, TypeVar
 
 from .errors import InputError, choices
 
-BACKENDS = ("loky", "threading", "dask", "ray")
+#: joblib's backends on this machine: processes and threads.
+BACKENDS = ("loky", "threading")
 Prefer = Literal["threads", "processes"]
 T = TypeVar("T")
 R = TypeVar("R")
@@ -33,51 +34,18 @@ def worker_count(jobs: int | None) -> int:
     return int(effective_n_jobs(jobs))
 
 
-@contextmanager
-def parallel_backend(name: str | None, address: str | None = None) -> Iterator[None]:
-    """joblib's context for a backend, with a connection to its cluster; None leaves the context as it is.
+def parallel_backend(name: str | None) -> AbstractContextManager[Any]:
+    """joblib's context for a backend of this machine, one of BACKENDS; None leaves the surrounding context as it is.
 
-    Parameters
-    ----------
-    name: processes ("loky") or threads ("threading") of this machine; a Dask or Ray cluster.
-    address: of the cluster's scheduler; without one a local cluster runs for the duration of the context.
-
-    Raises
-    ------
-    InputError: an unknown backend, one that is not installed, a cluster that doesn't answer, an address without one.
+    Raises InputError for an unknown backend.
     """
     from joblib import parallel_config
 
-    if name is not None and name not in BACKENDS:
+    if name is None:
+        return nullcontext()
+    if name not in BACKENDS:
         raise InputError(f"backend {name!r} is not known; {choices(name, BACKENDS)}")
-    if address is not None and name not in ("dask", "ray"):
-        raise InputError(f"an address ({address}) goes with the backend dask or ray, not with {name}")
-    with ExitStack() as stack:
-        if name in ("dask", "ray"):
-            try:
-                stack.enter_context(_dask(address) if name == "dask" else _ray(address))
-            except ImportError:
-                raise InputError(f"the backend {name} is not installed; pip install 'ehsa_ctrl[cluster]'") from None
-            except (OSError, ValueError) as error:
-                raise InputError(f"no {name.capitalize()} scheduler answers at {address} ({error})") from None
-        if name is not None:
-            stack.enter_context(parallel_config(backend=name))
-        yield
-
-
-def _dask(address: str | None) -> Any:
-    from distributed import Client
-
-    connect: Any = Client
-    return connect(address, timeout="10s") if address else connect(threads_per_worker=1, dashboard_address=None)
-
-
-def _ray(address: str | None) -> Any:
-    import ray
-    from ray.util.joblib import register_ray
-
-    register_ray()
-    return ray.init(address=address, log_to_driver=False)
+    return parallel_config(backend=name)
 
 
 def in_rounds(
@@ -105,8 +73,9 @@ def as_completed(
 ) -> Generator[R, None, None]:
     """Result of `work` on each of `todo` as soon as it is there, in order of completion; for work that takes long.
 
-    count: workers, see `worker_count`; with one the work is done here and now, in order. Ray gives its results a
-    round at a time. Close the generator (contextlib.closing) to stop before the end.
+    count: workers, see `worker_count`; with one the work is done here and now, in order. A backend that can't return
+    results in order of completion gives them a round at a time. Close the generator (contextlib.closing) to stop
+    before the end.
     """
     from joblib import Parallel, delayed
     from joblib.parallel import get_active_backend

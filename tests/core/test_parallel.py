@@ -7,9 +7,10 @@ from math import sqrt
 
 import joblib
 import pytest
+from joblib.parallel import ThreadingBackend
 
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.parallel import as_completed, parallel_backend, worker_count
+from ehsa_ctrl.core.parallel import as_completed, in_rounds, parallel_backend, worker_count
 
 
 @pytest.mark.parametrize("backend", ["threading", "loky"])
@@ -62,14 +63,30 @@ def test_the_context_of_joblib_is_used():
     assert "MainThread" not in names
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("slurm",), "backend 'slurm' is not known"),
-        (("loky", "tcp://x:1"), "goes with the backend dask or ray"),
-        ((None, "tcp://x:1"), "goes with the backend dask or ray"),
-    ],
-)
-def test_a_backend_that_is_none_is_refused(arguments, says):
-    with pytest.raises(InputError, match=says), parallel_backend(*arguments):
-        pass
+@pytest.mark.parametrize("generator", [True, False])
+def test_a_registered_backend_is_used(generator, monkeypatch):
+    """A backend that the user registered with joblib does the work, with and without results in order of completion."""
+
+    class Registered(ThreadingBackend):
+        supports_return_generator = generator
+        submitted = 0
+
+        def submit(self, func, callback=None):
+            Registered.submitted += 1
+            return super().submit(func, callback)
+
+    monkeypatch.setattr("joblib.parallel.BACKENDS", dict(joblib.parallel.BACKENDS))
+    joblib.register_parallel_backend("registered", Registered)
+    todo = [float(k) for k in range(8)]
+    with joblib.parallel_config(backend="registered", n_jobs=2):
+        count = worker_count(None)
+        completed = list(as_completed(sqrt, todo, count=count))
+        rounds = list(in_rounds(lambda part: [sqrt(x) for x in part], todo, count=count, chunk=2, prefer="threads"))
+
+    assert count == 2 and Registered.submitted > 0
+    assert sorted(completed) == [x for part in rounds for x in part] == [sqrt(value) for value in todo]
+
+
+def test_an_unknown_backend_is_refused():
+    with pytest.raises(InputError, match="backend 'slurm' is not known"):
+        parallel_backend("slurm")

@@ -8,7 +8,6 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.parallel import parallel_backend
 from ehsa_ctrl.scenario.montecarlo import MonteCarlo, Outcome, monte_carlo, open_campaign
 from ehsa_ctrl.scenario.prepare import prepare
 from ehsa_ctrl.scenario.sensitivity import influences
@@ -120,20 +119,6 @@ def test_an_outcome_survives_its_file(tmp_path):
     open_campaign(file, "x").append(outcome.to_line() for outcome in outcomes)
 
     assert open_campaign(file, "x").results == list(outcomes)
-
-
-@pytest.mark.slow
-def test_a_dask_cluster_gives_the_same(scenario):
-    """A local cluster, found by its address as one of many machines would be."""
-    from distributed import LocalCluster
-
-    with (
-        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
-        parallel_backend("dask", cluster.scheduler_address),
-    ):
-        there = monte_carlo(scenario, runs=24, jobs=-1)
-
-    assert there.outcomes == monte_carlo(scenario, runs=24).outcomes
 
 
 def test_the_interval_holds_the_probability_as_often_as_it_says():

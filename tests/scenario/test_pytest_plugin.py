@@ -12,10 +12,8 @@ BROKEN = '\n[limits]\nMaxError = { max = "1 um" }\n'
 
 @pytest.fixture(autouse=True, scope="module")
 def _modules_are_loaded(tmp_path_factory):
-    """Import what a scenario needs before pytester does, which forgets modules after each run.
-
-    NumPy can't be imported twice, and importlib_metadata, which dask brings along, replaces the standard finder of
-    package metadata, which pytester would take away again.
+    """Import what a scenario needs before pytester does, which forgets modules after each run: NumPy can't be imported
+    twice.
     """
     from .conftest import SHORT
 
