@@ -12,6 +12,8 @@ from typing import Any
 import typer
 
 Offer = list[tuple[str, str]]
+#: What `ehsa-ctrl list` lists; "kinds" are those of controllers.
+LISTED = ("plants", "controllers", "kinds", "scenarios", "effects", "friction")
 
 
 def _definitions(kind: str) -> Callable[[str], Offer]:
@@ -56,7 +58,7 @@ def _words(*words: str) -> Callable[[str], list[str]]:
 plants, controllers, scenarios = map(_definitions, ("plants", "controllers", "scenarios"))
 controller_kinds = _kinds("controllers", "kind")
 reference_kinds = _kinds("scenarios", "reference", "kind")
-listed_kinds = _words("plants", "controllers", "scenarios", "effects", "friction")
+listed_kinds = _words(*LISTED)
 models = _words("linear", "nonlinear")
 models_or_both = _words("linear", "nonlinear", "both")
 excitations = _words("noise", "steps", "sine", "ramp", "chirp", "multisine")

@@ -1,4 +1,4 @@
-"""`ehsa-ctrl list`: names and titles of definitions, effects and friction laws."""
+"""`ehsa-ctrl list`: names and titles of definitions, controller kinds, effects and friction laws."""
 
 from __future__ import annotations
 
@@ -7,27 +7,25 @@ from typing import Annotated
 import typer
 
 from ..core.errors import InputError, choices
-from .complete import listed_kinds
+from .complete import LISTED, listed_kinds
 from .options import Json
 from .output import to_json
-
-KINDS = ("plants", "controllers", "scenarios", "effects", "friction")
 
 
 def command(
     kind: Annotated[
         str | None,
-        typer.Argument(help="One of: " + ", ".join(KINDS) + "; all of them by default.", autocompletion=listed_kinds),
+        typer.Argument(help="One of: " + ", ".join(LISTED) + "; all of them by default.", autocompletion=listed_kinds),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List plants, controllers, scenarios, effects and friction laws.
+    """List plants, controllers and their kinds, scenarios, effects and friction laws.
 
-    Examples: ehsa-ctrl list · ehsa-ctrl list scenarios · ehsa-ctrl list effects --json
+    Examples: ehsa-ctrl list · ehsa-ctrl list scenarios · ehsa-ctrl list kinds · ehsa-ctrl list effects --json
     """
-    if kind is not None and kind not in KINDS:
-        raise InputError(f"list {kind!r}: no such kind; {choices(kind, KINDS)}")
-    found = {name: _entries(name) for name in ([kind] if kind else KINDS)}
+    if kind is not None and kind not in LISTED:
+        raise InputError(f"list {kind!r}: no such kind; {choices(kind, LISTED)}")
+    found = {name: _entries(name) for name in ([kind] if kind else LISTED)}
     if as_json:
         print(to_json(found))
         return
@@ -36,7 +34,13 @@ def command(
 
     console = Console()
     for name, entries in found.items():
-        table = Table(title=name, title_justify="left", box=None, show_header=False, pad_edge=False)
+        table = Table(
+            title="controller kinds" if name == "kinds" else name,
+            title_justify="left",
+            box=None,
+            show_header=False,
+            pad_edge=False,
+        )
         table.add_column(no_wrap=True, style="bold")
         table.add_column()
         for entry, text in entries.items():
@@ -53,6 +57,10 @@ def _entries(kind: str) -> dict[str, str]:
             name: f"[{effect.place}] {effect.summary}".replace("[", "(").replace("]", ")")
             for name, effect in EFFECTS.items()
         }
+    if kind == "kinds":
+        from ..design.kinds import CONTROLLER_KINDS
+
+        return {name: one.summary for name, one in CONTROLLER_KINDS.items()}
     if kind == "friction":
         from ..physics.friction import LAWS
 

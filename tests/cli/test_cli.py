@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -11,7 +12,9 @@ import numpy as np
 import pandas
 import pytest
 
+from ehsa_ctrl.cli.complete import LISTED
 from ehsa_ctrl.core.catalogue import scenarios
+from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 
 
 def test_help_answers_at_once():
@@ -201,11 +204,18 @@ def test_analyse_gives_the_figures_of_the_model(run, tmp_path):
     assert (tmp_path / "analysis" / "bode.png").is_file()
 
 
+def test_list_has_every_kind_of_definition(run):
+    """As JSON all of them; as a table the kinds of controllers too, each with its line."""
+    assert set(json.loads(run("list", "--json")[1])) == set(LISTED)
+    table = run("list", "kinds")[1]
+    for name, kind in CONTROLLER_KINDS.items():
+        assert re.search(rf"^{name} +{re.escape(kind.summary)}", table, re.MULTILINE)
+
+
 @pytest.mark.slow
 def test_list_and_check(run):
-    """What there is, as a table and as JSON; all of it is valid."""
+    """All of what there is is valid."""
     assert "stribeck" in run("list")[1]
-    assert set(json.loads(run("list", "--json")[1])) == {"plants", "controllers", "scenarios", "effects", "friction"}
     status, out, _ = run("check")
     assert status == 0 and "wrong" not in out
 
