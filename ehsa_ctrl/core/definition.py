@@ -53,7 +53,8 @@ class In:
                 raise ValueError(f"{shown(value)} is beyond any meaning; expected 0, or {1 / LARGEST:g} to {LARGEST:g}")
             return float(number)
 
-        return core_schema.no_info_plain_validator_function(convert)
+        # The bounds of a Field (gt, ge, lt, le) apply to the converted number.
+        return core_schema.no_info_before_validator_function(convert, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         return {"type": "string", "unit": self.unit}
@@ -145,7 +146,9 @@ def _sentence(error: ValidationError, kind: type[BaseModel]) -> str:
             )
         case _:
             said = EXPECTED.get(first["type"])
-            words = f"expected {said}" if said else f"{first['msg'][0].lower()}{first['msg'][1:]}"
+            message = first["msg"].replace("Input should be greater", "expected a value greater")
+            message = message.replace("Input should be less", "expected a value less")
+            words = f"expected {said}" if said else f"{message[0].lower()}{message[1:]}"
             sentence = f"{place} = {_got(first['input'])}; {words}"
     more = len(mistakes) - 1
     return sentence + (f" (and {more} more mistake{'s' if more > 1 else ''})" if more else "")

@@ -170,5 +170,5 @@ def test_a_position_that_cannot_be_held_is_a_sentence():
 
 def test_a_noise_of_zero_is_a_sentence():
     """A sensor without noise would leave the filter without a Riccati equation."""
-    with pytest.raises(InputError, match="position = 0; expected a standard deviation"):
+    with pytest.raises(InputError, match="greater than 0"):
         validate({"position": "0 m"}, Observer, "mine.toml")

@@ -105,5 +105,5 @@ def test_without_limits_nothing_changes():
 
 def test_limits_must_be_possible():
     """Zero speed is no limit."""
-    with pytest.raises(InputError, match=r"rig\.toml: speed and acceleration must be greater than 0"):
+    with pytest.raises(InputError, match=r"rig\.toml: speed = 0.0; expected a value greater than 0"):
         validate({"speed": "0 m/s", "acceleration": "1 m/s2"}, TrajectoryLimits, "rig.toml")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.controller_interface import INPUTS as LAW_INPUTS
 from ...core.controller_interface import MEASURED, REFERENCE, Controller
 from ...core.errors import InputError
 from .sampled import sampled_plant
@@ -18,6 +19,33 @@ if TYPE_CHECKING:
 INPUTS = (*(f"r_{name}" for name in REFERENCE), *(f"n_{name}" for name in MEASURED), "F_D", "extra")
 #: Outputs: the plant's readings without noise, and the current that the law asks for.
 OUTPUTS = (*MEASURED, "current")
+
+
+def law_state_space(law: Any, sample_time: float) -> control.StateSpace:
+    """A feedback law without limits in state space: discrete, inputs [*REFERENCE, *MEASURED], output current [A].
+
+    Such a law is linear in its inputs and its memory, so that one sample from a unit of each gives a column of the
+    matrices. The samples start from the memory after a first one with zero inputs, which sets flags of the law.
+
+    law: a design.controller.Law whose settings contain no finite limit.
+    """
+    import control
+
+    settings, inputs = law.settings(), np.zeros(len(LAW_INPUTS))
+
+    def sample(inputs: np.ndarray, memory: np.ndarray) -> np.ndarray:
+        """Memory and current after one sample."""
+        after = memory.copy()
+        references = len(REFERENCE)
+        return np.append(after, law.function(inputs[:references], inputs[references:], after, settings, 0.0, 0.0))
+
+    start = sample(inputs, law.initial_memory())[:-1]
+    rest, n = sample(inputs, start), start.size
+    columns = [sample(inputs, start + unit) - rest for unit in np.eye(n)]
+    columns += [sample(unit, start) - rest for unit in np.eye(inputs.size)]
+    matrix = np.column_stack(columns)
+    parts = matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:]
+    return control.ss(*parts, sample_time, inputs=list(LAW_INPUTS), outputs=["current"])
 
 
 def linear_law(controller: Any) -> control.StateSpace:

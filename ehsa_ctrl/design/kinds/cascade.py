@@ -9,16 +9,17 @@ servo drives (e.g. W. Leonhard, "Control of Electrical Drives", 3rd ed. 2001, ch
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.controller_interface import INPUTS, MEASURED
+from ...core.controller_interface import MEASURED
 from ...core.definition import Definition, RadianPerSecond
 from ...core.errors import InputError
-from ..analysis.closed_loop import discrete_response
+from ..analysis.closed_loop import discrete_response, law_state_space
 from ..analysis.sampled import sampled_plant
 from ._kind import ControllerFile, ControllerKind
 from .pid import Gains, PhaseMargin
@@ -48,7 +49,7 @@ class PositionLoop(Definition):
         description="corner frequency of the integral action over the crossover; 0: no integral, the speed loop has "
         "one",
     )
-    speed_limit: RadianPerSecond = Field(description="largest shaft speed reference")
+    speed_limit: RadianPerSecond = Field(gt=0, description="largest shaft speed reference")
     velocity_feedforward: Annotated[float, Field(ge=0, le=1)] = Field(
         default=1.0, description="share of the planned velocity that is fed forward"
     )
@@ -68,10 +69,6 @@ class CascadeFile(ControllerFile):
             raise ValueError(
                 f"crossovers {self.position.crossover:g} (position) and {self.speed.crossover:g} rad/s (speed): "
                 f"expected 0 < position < speed < {nyquist:.4g} rad/s, half the sampling's"
-            )
-        if not 0 < self.position.speed_limit < np.inf:
-            raise ValueError(
-                f"[position] speed_limit = {self.position.speed_limit:g} rad/s; expected more than 0 rad/s"
             )
         return self
 
@@ -134,20 +131,7 @@ class Cascade:
         return np.zeros(3)
 
     def linear(self) -> control.StateSpace:
-        """States: integral of the speed loop [A], of the position loop [m/s]."""
-        import control
-
-        T_s, inputs = self.sample_time, list(INPUTS)
-        error, asked = np.zeros(len(inputs)), np.zeros(len(inputs))
-        error[inputs.index("reference_position")], error[inputs.index("position")] = 1.0, -1.0
-        asked += self.k_x * error
-        asked[inputs.index("reference_velocity")] = self.f
-        gap = asked / self.n
-        gap[inputs.index("speed")] -= 1.0
-        a = np.array([[1.0, T_s * self.k_iw / self.n], [0.0, 1.0]])
-        b = np.array([T_s * self.k_iw * gap, T_s * self.k_ix * error])
-        c = np.array([[1.0, self.k_w / self.n]])
-        return control.ss(a, b, c, (self.k_w * gap)[None, :], T_s, inputs=inputs, outputs=["current"])
+        return law_state_space(replace(self, speed_limit=inf, current_limit=inf), self.sample_time)
 
     def __str__(self) -> str:
         return (

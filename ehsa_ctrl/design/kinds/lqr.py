@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from ...core.definition import Ampere, Definition, In, Metre, RadianPerSecond
 from ..state_space.kalman import Observer, Pascal, design_kalman
 from ..state_space.model import DesignModel, design_model
+from ..state_space.mpc_problem import AmperePerSecond
 from ..state_space.regulator import Cost, design_regulator, solve_target, weight_matrix
 from ..state_space.state_feedback import StateFeedback
 from ._kind import ControllerFile, ControllerKind
@@ -17,31 +17,24 @@ from ._kind import ControllerFile, ControllerKind
 if TYPE_CHECKING:
     import control
 
-AmperePerSecond = Annotated[float, In("A/s")]
-
 
 class Weights(Definition):
     """[weights]: deviations that cost equally much; a smaller one is stricter."""
 
-    position: Metre = Field(description="position error of the rod")
-    current: Ampere = Field(default=1.0, description="current beyond that of the planned motion")
-    speed: RadianPerSecond | None = Field(default=None, description="shaft speed error; left out, it has no weight")
+    position: Metre = Field(gt=0, description="position error of the rod")
+    current: Ampere = Field(default=1.0, gt=0, description="current beyond that of the planned motion")
+    speed: RadianPerSecond | None = Field(
+        default=None, gt=0, description="shaft speed error; left out, it has no weight"
+    )
     pressure: Pascal | None = Field(
-        default=None, description="error of the pressure difference; left out, it has no weight"
+        default=None, gt=0, description="error of the pressure difference; left out, it has no weight"
     )
     current_rate: AmperePerSecond | None = Field(
-        default=None, description="rate of change of the current; left out, it has no weight"
+        default=None, gt=0, description="rate of change of the current; left out, it has no weight"
     )
     integral: Annotated[float, In("m s")] | None = Field(
-        default=None, description='integral of the position error, only with offset_free = "integral"'
+        default=None, gt=0, description='integral of the position error, only with offset_free = "integral"'
     )
-
-    @model_validator(mode="after")
-    def _check_positive(self) -> Weights:
-        for name, value in self:
-            if value is not None and not 0 < value < np.inf:
-                raise ValueError(f"{name} = {value:g}; expected a deviation greater than 0")
-        return self
 
 
 class StateFeedbackFile(ControllerFile):

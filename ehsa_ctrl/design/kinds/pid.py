@@ -13,16 +13,16 @@ After K. J. Astrom, T. Hagglund, "Advanced PID Control", ISA 2006 (forms, filter
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from ...core.controller_interface import INPUTS, MEASURED
 from ...core.definition import Definition, In, Radian, RadianPerSecond, Second
 from ...core.errors import InputError
+from ..analysis.closed_loop import law_state_space
 from ..tuning.constraints import Tuning, position_plant
 from ._kind import ControllerFile, ControllerKind
 
@@ -307,20 +307,7 @@ class Pid:
         return np.zeros(5)
 
     def linear(self) -> control.StateSpace:
-        """States: integral [A], filtered derivative [A], last c r - y [m]."""
-        import control
-
-        g, T_s = self.gains, self.sample_time
-        keep = g.T_f + T_s
-        # Weighted differences of the three parts, as rows over r and y.
-        error, proportional, derivative = np.array([1.0, -1.0]), np.array([self.b, -1.0]), np.array([self.c, -1.0])
-        a = np.array([[1.0, 0.0, 0.0], [0.0, g.T_f / keep, -g.k_d / keep], [0.0, 0.0, 0.0]])
-        b = np.array([T_s * g.k_i * error, g.k_d / keep * derivative, derivative])
-        c = np.array([[1.0, g.T_f / keep, -g.k_d / keep]])
-        d = g.k_p * proportional + g.k_d / keep * derivative
-        wide = np.zeros((4, len(INPUTS)))
-        wide[:, [0, 3 + MEASURED.index("position")]] = np.vstack([b, d])
-        return control.ss(a, wide[:3], c, wide[3:], T_s, inputs=list(INPUTS), outputs=["current"])
+        return law_state_space(replace(self, current_limit=inf), self.sample_time)
 
     def __str__(self) -> str:
         return f"parallel PID, {self.gains}"

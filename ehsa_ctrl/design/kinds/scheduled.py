@@ -61,7 +61,7 @@ class Schedule(Definition):
     variable: Literal["position", "level", "load"] = Field(
         description="scheduling variable: position, level (mean pressure) or load (measured force)"
     )
-    filter_time: Second = Field(default=0.05, description="time constant of the variable's low-pass filter")
+    filter_time: Second = Field(default=0.05, ge=0, description="time constant of the variable's low-pass filter")
     nominal: str | None = Field(
         default=None, description="value of the variable at which margins are evaluated; left out, the middle point"
     )
@@ -74,8 +74,6 @@ class Schedule(Definition):
         values = self.values()
         if not np.all(np.diff(values) > 0):
             raise ValueError(f"the points' values {', '.join(f'{v:g}' for v in values)} must rise from one to the next")
-        if self.filter_time < 0:
-            raise ValueError("filter_time must be at least 0 s")
         self.value(self.nominal or self.points[0].at)
         return self
 

@@ -9,7 +9,7 @@ model divided by the torque constant (paper, (8) to (10)); plant/motion_current.
 
 from __future__ import annotations
 
-from math import exp, inf
+from math import exp
 from typing import Annotated
 
 import numpy as np
@@ -48,29 +48,25 @@ class Feedforward(Definition):
     preload: Ampere = Field(
         default=0.0, description="constant current, positive where a constant load resists extension"
     )
-    coulomb: Ampere = Field(default=0.0, description="current against Coulomb friction during motion")
+    coulomb: Ampere = Field(default=0.0, ge=0, description="current against Coulomb friction during motion")
     static: Ampere | None = Field(
         default=None,
         description="current against friction at the start of a motion, at least `coulomb`; left out, `coulomb`",
     )
     stribeck: Annotated[float, In("m/s")] = Field(
-        default=0.01, description="velocity over which the friction current falls from static to coulomb"
+        default=0.01, gt=0, description="velocity over which the friction current falls from static to coulomb"
     )
     load: Annotated[float, In("A/N")] = Field(
         default=0.0,
         description="current per measured load force, filtered with force_time. This is feedback: with a "
         "position-dependent load it changes the stability margins",
     )
-    force_time: Second = Field(default=0.01, description="time constant of the force filter")
+    force_time: Second = Field(default=0.01, ge=0, description="time constant of the force filter")
 
     @model_validator(mode="after")
-    def _check_ranges(self) -> Feedforward:
-        if self.coulomb < 0 or (self.static is not None and not self.coulomb <= self.static < inf):
-            raise ValueError("coulomb must be at least 0 A and static at least coulomb")
-        if not 0 < self.stribeck < inf:
-            raise ValueError("stribeck must be greater than 0 m/s")
-        if not 0 <= self.force_time < inf:
-            raise ValueError("force_time must be at least 0 s")
+    def _check_static(self) -> Feedforward:
+        if self.static is not None and self.static < self.coulomb:
+            raise ValueError(f"static = {self.static:g} A; expected at least coulomb, {self.coulomb:g} A")
         return self
 
 

@@ -100,31 +100,29 @@ def knock(memory: np.ndarray, settings: np.ndarray) -> None:
 class Knocker(Definition):
     """[rest.knocker]: short pulses towards the target until a rod that rests outside the band slips."""
 
-    first: Ampere = Field(description="height of the first pulse")
-    growth: Ampere = Field(description="increase from pulse to pulse")
+    first: Ampere = Field(gt=0, description="height of the first pulse")
+    growth: Ampere = Field(gt=0, description="increase from pulse to pulse")
     largest: Ampere = Field(description="largest height")
-    width: Second = Field(default=0.004, description="duration of a pulse")
+    width: Second = Field(default=0.004, gt=0, description="duration of a pulse")
     period: Second = Field(default=0.02, description="time from pulse to pulse")
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Knocker:
-        if not 0 < self.first <= self.largest or self.growth <= 0:
-            raise ValueError("first, growth and largest must be greater than 0 A, and first at most largest")
-        if not 0 < self.width < self.period:
-            raise ValueError("width must be greater than 0 s and less than period")
+        if self.first > self.largest or self.width >= self.period:
+            raise ValueError("first must be at most largest, and width less than period")
         return self
 
 
 class Rest(Definition):
     """[rest]: deadband for a rod that friction holds near its target."""
 
-    band: Metre = Field(description="position error within which a resting rod is left alone")
+    band: Metre = Field(gt=0, description="position error within which a resting rod is left alone")
     release: Metre | None = Field(
         default=None, description="position error at which control resumes; left out, 1.5 times the band"
     )
-    speed: RadianPerSecond = Field(default=1.2, description="shaft speed below which the rod counts as at rest")
-    filter_time: Second = Field(default=0.02, description="time constant of the filter on error and speed")
-    patience: Second = Field(default=0.06, description="waiting time after the end of the planned motion")
+    speed: RadianPerSecond = Field(default=1.2, gt=0, description="shaft speed below which the rod counts as at rest")
+    filter_time: Second = Field(default=0.02, ge=0, description="time constant of the filter on error and speed")
+    patience: Second = Field(default=0.06, ge=0, description="waiting time after the end of the planned motion")
     forget: bool = Field(
         default=False,
         description="reset the integral at the start of the next motion to its value at the end of the last one",
@@ -133,8 +131,6 @@ class Rest(Definition):
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Rest:
-        if self.band <= 0 or self.speed <= 0 or self.filter_time < 0 or self.patience < 0:
-            raise ValueError("band and speed must be greater than 0, filter_time and patience at least 0")
         if self.release is not None and self.release < self.band:
             raise ValueError("release must be at least the band")
         return self
@@ -143,14 +139,8 @@ class Rest(Definition):
 class Dither(Definition):
     """[dither]: a sine added to the current."""
 
-    amplitude: Ampere = Field(description="amplitude")
-    frequency: Hertz = Field(description="frequency, below half the sample rate")
-
-    @model_validator(mode="after")
-    def _check_ranges(self) -> Dither:
-        if self.amplitude <= 0 or self.frequency <= 0:
-            raise ValueError("amplitude and frequency must be greater than 0")
-        return self
+    amplitude: Ampere = Field(gt=0, description="amplitude")
+    frequency: Hertz = Field(gt=0, description="frequency, below half the sample rate")
 
 
 def rest_settings(rest: Rest | None, dither: Dither | None, sample_time: float) -> np.ndarray:

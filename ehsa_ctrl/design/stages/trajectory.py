@@ -9,11 +9,11 @@ samples.
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import sqrt
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from ...core.definition import Definition, In, Second
 
@@ -64,21 +64,14 @@ def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: n
 class TrajectoryLimits(Definition):
     """[trajectory]: limits of the motion that replaces a jump of the target."""
 
-    speed: Annotated[float, In("m/s")] = Field(description="largest rod velocity")
-    acceleration: Annotated[float, In("m/s2")] = Field(description="largest rod acceleration")
+    speed: Annotated[float, In("m/s")] = Field(gt=0, description="largest rod velocity")
+    acceleration: Annotated[float, In("m/s2")] = Field(gt=0, description="largest rod acceleration")
     duration: Second = Field(
         default=0.0,
+        ge=0,
         description="shortest duration of a motion from rest to rest; short strokes use less acceleration, at least "
         "a tenth of the largest",
     )
-
-    @model_validator(mode="after")
-    def _check_ranges(self) -> TrajectoryLimits:
-        if not 0 < self.speed < inf or not 0 < self.acceleration < inf:
-            raise ValueError("speed and acceleration must be greater than 0")
-        if not 0 <= self.duration < inf:
-            raise ValueError("duration must be at least 0 s")
-        return self
 
 
 def trajectory_settings(limits: TrajectoryLimits | None, sample_time: float) -> np.ndarray:

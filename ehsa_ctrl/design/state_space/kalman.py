@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from ...core.definition import Ampere, Definition, In, Metre, Newton, RadianPerSecond
 from ...core.errors import InputError
@@ -23,23 +23,16 @@ Pascal = Annotated[float, In("Pa")]
 class Observer(Definition):
     """[observer]: standard deviations for the Kalman filter."""
 
-    speed: RadianPerSecond = Field(default=0.5, description="noise of the speed sensor")
-    pressure: Pascal = Field(default=15e3, description="noise of the pressure sensors")
+    speed: RadianPerSecond = Field(default=0.5, gt=0, description="noise of the speed sensor")
+    pressure: Pascal = Field(default=15e3, gt=0, description="noise of the pressure sensors")
     # 20 um of noise, and the converter's steps of 10 um.
-    position: Metre = Field(default=20.2e-6, description="noise of the position sensor")
+    position: Metre = Field(default=20.2e-6, gt=0, description="noise of the position sensor")
     current: Ampere = Field(
-        default=0.1, description="white process noise of the motor current; larger trusts the model less"
+        default=0.1, gt=0, description="white process noise of the motor current; larger trusts the model less"
     )
-    friction: Ampere = Field(default=0.3, description="random walk of the friction disturbance in one second")
-    load: Newton = Field(default=100.0, description="random walk of the load force in one second")
-    leak: RadianPerSecond = Field(default=1.0, description="random walk of the leakage disturbance in one second")
-
-    @model_validator(mode="after")
-    def _check_positive(self) -> Observer:
-        for name, value in self:
-            if not 0 < value < np.inf:
-                raise ValueError(f"{name} = {value:g}; expected a standard deviation greater than 0")
-        return self
+    friction: Ampere = Field(default=0.3, gt=0, description="random walk of the friction disturbance in one second")
+    load: Newton = Field(default=100.0, gt=0, description="random walk of the load force in one second")
+    leak: RadianPerSecond = Field(default=1.0, gt=0, description="random walk of the leakage disturbance in one second")
 
 
 @dataclass(frozen=True)

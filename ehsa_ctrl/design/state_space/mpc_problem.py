@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from ...core.definition import Definition, In, Metre, RadianPerSecond
 from ..qp import NO_BOUND
@@ -40,23 +40,21 @@ class Limits(Definition):
     """[limits] beside current_limit; a limit that is left out does not apply."""
 
     current_rate: AmperePerSecond | None = Field(
-        default=None, description="rate of change of the current; a hard limit"
+        default=None, gt=0, description="rate of change of the current; a hard limit"
     )
     speed: RadianPerSecond | None = Field(
         default=None,
+        gt=0,
         description="shaft speed; a soft limit: exceeding it by its own size costs `penalty` times as much as a "
         "position error of 0.1 m",
     )
-    pressure: Pascal | None = Field(default=None, description="pressure difference p1 - p2; a soft limit as speed")
-    stroke: Metre | None = Field(default=None, description="rod position, to either side of 0; a soft limit as speed")
-    penalty: Annotated[float, In("1")] = Field(default=10.0, description="weight of soft limits, see speed")
-
-    @model_validator(mode="after")
-    def _check_positive(self) -> Limits:
-        for name, value in self:
-            if value is not None and not 0 < value < np.inf:
-                raise ValueError(f"{name} = {value:g} leaves no room; expected a limit greater than 0")
-        return self
+    pressure: Pascal | None = Field(
+        default=None, gt=0, description="pressure difference p1 - p2; a soft limit as speed"
+    )
+    stroke: Metre | None = Field(
+        default=None, gt=0, description="rod position, to either side of 0; a soft limit as speed"
+    )
+    penalty: Annotated[float, In("1")] = Field(default=10.0, gt=0, description="weight of soft limits, see speed")
 
     @property
     def soft(self) -> dict[str, float]:

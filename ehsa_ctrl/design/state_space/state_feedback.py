@@ -12,14 +12,15 @@ be predicted as motion.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite
+from math import inf, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.controller_interface import INPUTS, MEASURED
+from ...core.controller_interface import MEASURED
+from ..analysis.closed_loop import law_state_space
 from .kalman import Kalman
 from .model import DesignModel
 from .regulator import MOTION, Regulator, Target
@@ -204,22 +205,7 @@ class StateFeedback:
         return np.zeros(STATE + 2 * self._scale.size)
 
     def linear(self) -> control.StateSpace:
-        """States: z predicted, mu_before, q."""
-        import control
-
-        part, n = self.matrices, self._scale.size
-        before, integral, T_s = self.regulator.before, self.regulator.integral, self.model.sample_time
-        k = len(INPUTS)
-        motion, position = np.eye(MOTION, k), np.eye(1, k, MOTION + MEASURED.index("position"))[0]
-        seen = np.hstack([np.zeros((len(part["pick"]), MOTION)), part["pick"]])
-        # z, the current u and Gamma w as rows over (z predicted, mu_before, q) and over the inputs.
-        z = np.hstack([np.eye(n) - part["gain"] @ part["C"], np.zeros((n, 2))]), part["gain"] @ seen
-        u = -part["K_z"] @ z[0], -part["K_z"] @ z[1] + part["K_r"] @ motion
-        u[0][n:] -= before, integral
-        known = part["F_z"] @ z[0], part["F_z"] @ z[1] + part["F_r"] @ motion
-        q = np.eye(1, n + 2, n + 1)[0], T_s * (motion[0] - position)
-        a, b = (np.vstack([part["A"] @ z[i] + np.outer(part["B"], u[i]), u[i] - known[i], q[i]]) for i in (0, 1))
-        return control.ss(a, b, u[0][None, :], u[1][None, :], T_s, inputs=list(INPUTS), outputs=["current"])
+        return law_state_space(replace(self, current_limit=inf), self.model.sample_time)
 
     def __str__(self) -> str:
         gains = ", ".join(f"{gain:.4g}" for gain in self.K)

@@ -55,7 +55,7 @@ class Tuning(Definition):
     Mt: Annotated[float, Field(gt=1)] | None = Field(default=1.4, description="largest complementary sensitivity |T|")
     disk_margin: Annotated[float, Field(gt=0, lt=2)] | None = Field(default=0.7, description="least disk margin")
     noise_gain: Annotated[float, In("A/m")] | None = Field(
-        default=1e4, description="largest RMS current per RMS of white position noise"
+        default=1e4, gt=0, description="largest RMS current per RMS of white position noise"
     )
     crossover: RadianPerSecond | None = Field(default=None, description="least gain crossover frequency")
     lag: Annotated[int, Field(ge=0)] = Field(default=0, description="samples of delay between measurement and current")
@@ -69,8 +69,6 @@ class Tuning(Definition):
             )
         if self.minimise == "IE" and self.response == "reference":
             raise ValueError("minimise = 'IE' is the integrated error of a load step; take response = 'load' or ITAE")
-        if self.noise_gain is not None and self.noise_gain <= 0:
-            raise ValueError("noise_gain must be greater than 0 A/m")
         if self.Ms is None and self.disk_margin is None:
             raise ValueError("give a bound on Ms or on the disk margin; without one the gains grow without bound")
         return self
