@@ -166,10 +166,13 @@ def scenario_toml(base: str, name: str, *, plant: str | None = None, controller:
     kinds = {kind.name: kind for kind in loaded.structure.equations.parameters}
     limits = []
     for metric, known in METRICS.items():
-        if not begun.definition.undefined(metric):
-            size, unit = EXAMPLE_LIMITS.get(known.shown, "10"), "" if known.shown == "1" else f" {known.shown}"
+        if not begun.definition.reason_undefined(metric):
+            size, unit = (
+                EXAMPLE_LIMITS.get(known.display_unit, "10"),
+                "" if known.display_unit == "1" else f" {known.display_unit}",
+            )
             value = f'{{ max = "{size}{unit}" }}' if unit else f"{{ max = {size} }}"
-            limits.append(KeyLine(metric, value, known.meaning + (f" [{known.shown}]" if unit else "")))
+            limits.append(KeyLine(metric, value, known.meaning + (f" [{known.display_unit}]" if unit else "")))
     more: dict[str, Sequence[KeyLine | str]] = {
         "settings": [
             KeyLine(symbol, to_toml(p.written or f"{p.value:g} {p.unit}"), f"{kinds[symbol].meaning} [{p.unit}]")

@@ -52,10 +52,11 @@ def closed_table(closed: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]
     for name in CLOSED_LOOP:
         metric = METRICS[name]
         cells = [
-            value_text((closed["metrics"].get(name) or {}).get(w), factor(metric.shown, metric.unit)) for w in words
+            value_text((closed["metrics"].get(name) or {}).get(w), factor(metric.display_unit, metric.unit))
+            for w in words
         ]
         if set(cells) != {NOTHING}:
-            rows.append([name, *cells, unit(metric.shown)])
+            rows.append([name, *cells, unit(metric.display_unit)])
     gaps = (closed.get("replay") or {}).get("gap", {})
     for signal in gaps.get(words[0], ()):
         cells = [value_text(gaps[word][signal], 0.01, 3) for word in words]

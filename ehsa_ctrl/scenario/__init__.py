@@ -1,1 +1,1 @@
-"""Scenarios: a simulation, a regression test and a section of a report in one definition."""
+"""Scenarios: one definition serves as a simulation, a regression test and a report section."""

@@ -1,10 +1,10 @@
 """Baselines: a recorded run of a scenario, and the comparison of a new run with it.
 
-Metrics are compared with a tolerance. Signals must stay inside a tube: the area that a rectangle, half as wide as the
-time tolerance and half as high as the value tolerance, covers when its centre follows the recorded line. A signal may
-thus be a little early or late, and a little high or low, and a steep flank is no stricter than a flat part. Tools for
-regression of simulations compare in the same way (funnel of the Lawrence Berkeley National Laboratory; csv-compare of
-the Modelica Association).
+Metrics are compared with a tolerance. Signals must stay inside a tube: the area that a rectangle covers when its centre
+follows the recorded signal. The tolerances of time and value are half its width and half its height. A signal may thus
+be slightly early or late as well as high or low, and a steep flank is no stricter than a flat part. Other regression
+tools for simulations compare in the same way (funnel of the Lawrence Berkeley National Laboratory; csv-compare of the
+Modelica Association).
 """
 
 from __future__ import annotations
@@ -28,41 +28,43 @@ if TYPE_CHECKING:
 
     from .result import ScenarioResult
 
-#: Recorded signals: SI unit and the unit in messages.
+#: Recorded signal -> SI unit and display unit.
 SIGNALS = {"x": ("m", "mm"), "omega": ("rad/s", "rpm"), "dP": ("Pa", "bar")}
 
 
 class BaselineTolerances(Definition):
-    """[baseline]: tolerances of a run around the recorded one."""
+    """[baseline]: tolerances for the comparison with the recorded run.
+
+    Defaults by engineering judgement: three samples of 4 ms, five standard deviations of the bench's position noise,
+    10 rad/s, 2 bar and 5 %.
+    """
 
     time: Second = Field(default=0.012, description="time shift, in either direction")
     position: Metre = Field(default=1e-4, description="half height of the position tube")
     speed: RadianPerSecond = Field(default=10.0, description="half height of the speed tube")
-    pressure: Annotated[float, In("Pa")] = Field(
-        default=2e5, description="half height of the tube of the pressure difference"
-    )
+    pressure: Annotated[float, In("Pa")] = Field(default=2e5, description="half height of the pressure difference tube")
     share: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.05,
-        description="relative change of a metric, on top of its resolution",
+        description="relative change of a metric, in addition to its absolute tolerance",
     )
 
     @model_validator(mode="after")
-    def _fit(self) -> BaselineTolerances:
+    def _check_signs(self) -> BaselineTolerances:
         if min(self.time, self.position, self.speed, self.pressure) < 0:
             raise ValueError("tolerances must be at least 0")
         return self
 
     def of(self, signal: str) -> float:
-        """Tolerance of a recorded signal, SI units."""
+        """Value tolerance of a recorded signal, SI unit."""
         return {"x": self.position, "omega": self.speed, "dP": self.pressure}[signal]
 
 
 class TubeExit(NamedTuple):
-    """Where a signal is farthest outside its tube: time [s], value, distance beyond the bound."""
+    """The sample farthest outside a tube: time [s], value, and distance beyond the bound (unit of the signal)."""
 
     time: float
     value: float
-    by: float
+    distance: float
 
 
 class Tube(NamedTuple):
@@ -72,27 +74,27 @@ class Tube(NamedTuple):
     upper: np.ndarray
 
     def worst_exit(self, at: np.ndarray, values: np.ndarray) -> TubeExit | None:
-        """The sample farthest outside the tube; None if all are inside."""
-        beyond = np.maximum(values - self.upper, self.lower - values)
-        k = int(np.argmax(beyond))
-        return TubeExit(float(at[k]), float(values[k]), float(beyond[k])) if beyond[k] > 0.0 else None
+        """The sample of `values` (N,) at the times `at` (N,) [s] farthest outside the tube; None if all are inside."""
+        distance = np.maximum(values - self.upper, self.lower - values)
+        k = int(np.argmax(distance))
+        return TubeExit(float(at[k]), float(values[k]), float(distance[k])) if distance[k] > 0.0 else None
 
 
 def signal_tube(
     time: np.ndarray, recorded: np.ndarray, at: np.ndarray, *, value_tolerance: float, time_tolerance: float
 ) -> Tube:
-    """Tube around a line of recorded points, exact at the times `at` (N,).
+    """Tube around a recorded signal, which is linear between its points; exact at the times `at` (N,) [s].
 
     Parameters
     ----------
-    time, recorded: (M,) increasing times [s] and values; the value is held before the first and after the last point.
-    value_tolerance, time_tolerance: half height, in the signal's unit, and half width [s] of the rectangle.
+    time, recorded: (M,) increasing times [s] and values; constant before the first and after the last point.
+    value_tolerance, time_tolerance: half height (unit of the signal) and half width [s] of the rectangle.
     """
     early, late = at - time_tolerance, at + time_tolerance
     ends = np.interp(early, time, recorded), np.interp(late, time, recorded)
     upper, lower = np.maximum(*ends), np.minimum(*ends)
     first, stop = np.searchsorted(time, early, side="left"), np.searchsorted(time, late, side="right")
-    # A piecewise linear line has its extremes at its points or at the ends of the window.
+    # A piecewise linear signal has its extremes at its points or at the ends of the window.
     for k in np.flatnonzero(stop > first):
         within = recorded[first[k] : stop[k]]
         upper[k], lower[k] = max(upper[k], within.max()), min(lower[k], within.min())
@@ -105,31 +107,31 @@ class Baseline:
 
     Attributes
     ----------
-    path: file, in the folder `baselines` beside the scenario.
+    path: file in the folder `baselines` beside the scenario.
     reason: why it was recorded.
-    of: hashes of scenario, plant and controller, see `run_hashes`.
-    metrics: name -> (linear, nonlinear), nan for what did not happen.
-    signals: name -> (M,) of the nonlinear run, times [s] under "time".
+    hashes: of scenario, plant and controller, see `run_hashes`.
+    metrics: name -> (linear, nonlinear), SI units; nan for an event that did not happen.
+    signals: name -> (M,) of the nonlinear run, SI units; times [s] under "time".
     """
 
     path: Path
     reason: str
-    of: Mapping[str, str]
+    hashes: Mapping[str, str]
     metrics: Mapping[str, tuple[float, float]]
     signals: Mapping[str, np.ndarray]
 
     def differences(self, result: ScenarioResult) -> tuple[str, ...]:
-        """Deviations of a run from this baseline, one sentence each; empty if it is within the tolerances."""
+        """Deviations of a run from this baseline, one sentence each; empty within the tolerances."""
         tolerances = result.scenario.definition.baseline
         found = [*self._metric_differences(result, tolerances.share), *self._signal_differences(result)]
         if found:
-            changed = [name for name, digest in run_hashes(result).items() if self.of.get(name) != digest]
+            changed = [name for name, digest in run_hashes(result).items() if self.hashes.get(name) != digest]
             since = f"; changed since then: {', '.join(changed)}" if changed else ""
             found.append(f"the baseline was recorded because: {self.reason}{since}")
         return tuple(found)
 
     def tube(self, result: ScenarioResult, signal: str) -> Tube:
-        """Tube of a recorded signal at the run's times."""
+        """Tube of a recorded signal at the sample times of a run."""
         tolerances = result.scenario.definition.baseline
         return signal_tube(
             self.signals["time"],
@@ -140,7 +142,7 @@ class Baseline:
         )
 
     def to_pandas(self, result: ScenarioResult) -> pandas.DataFrame:
-        """One row per sample of the run: time and, for each signal, its value and the bounds of its tube."""
+        """One row per sample of the run: time, and value and tube bounds of each signal, SI units."""
         import pandas
 
         run = result.nonlinear.trajectory
@@ -157,8 +159,8 @@ class Baseline:
                 continue
             metric = METRICS[name]
             for word, old, new in zip(("linear", "nonlinear"), recorded, result.metrics[name], strict=True):
-                if not metric.close(old, new, share):
-                    found.append(f"baseline: {name} ({word}) was {metric.format(old)} and is {metric.format(new)}")
+                if not metric.is_close(old, new, share):
+                    found.append(f"baseline: {name} ({word}) was {metric.format(old)} and is now {metric.format(new)}")
         return found
 
     def _signal_differences(self, result: ScenarioResult) -> list[str]:
@@ -168,19 +170,19 @@ class Baseline:
             found.append(
                 f"baseline: the run ended at {run.time[-1]:g} s, the recorded one at {self.signals['time'][-1]:g} s"
             )
-        for name, (unit, shown) in SIGNALS.items():
-            left = self.tube(result, name).worst_exit(run.time, run[name])
-            if left is not None:
-                scale = factor(shown, unit)
+        for name, (unit, display_unit) in SIGNALS.items():
+            exit_ = self.tube(result, name).worst_exit(run.time, run[name])
+            if exit_ is not None:
+                scale = factor(display_unit, unit)
                 found.append(
-                    f"baseline: {name} leaves its tube by {left.by / scale:.3g} {shown} at {left.time:.3f} s, where it "
-                    f"is {left.value / scale:.4g} {shown}"
+                    f"baseline: {name} leaves its tube by {exit_.distance / scale:.3g} {display_unit} at "
+                    f"{exit_.time:.3f} s, where it is {exit_.value / scale:.4g} {display_unit}"
                 )
         return found
 
 
 def run_hashes(result: ScenarioResult) -> dict[str, str]:
-    """Short hashes of what determines a run: scenario (without limits and texts), plant and controller."""
+    """Short hashes of the inputs that determine a run: scenario (without limits and texts), plant and controller."""
     definition = result.scenario.definition.model_dump(
         mode="json", exclude={"title", "why", "limits", "expect_trips", "baseline", "spread"}
     )

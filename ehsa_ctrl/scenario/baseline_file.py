@@ -1,4 +1,4 @@
-"""Files of baselines: one JSON for each scenario and controller, in the folder `baselines` beside the scenario."""
+"""Baseline files: one JSON per scenario and controller, in the folder `baselines` beside the scenario."""
 
 from __future__ import annotations
 
@@ -19,18 +19,22 @@ if TYPE_CHECKING:
     from .result import ScenarioResult
 
 FOLDER = "baselines"
-#: Evenly spaced points of a recorded signal; events are added. Digits that are written.
+#: Number of evenly spaced points of a recorded signal, to which events are added, and significant digits written
+#: (engineering judgement: files stay small, and rounding is far below the tolerances).
 POINTS, DIGITS = 500, 6
 
 
 def baseline_path(result: ScenarioResult) -> Path | None:
-    """File of a run's baseline; None for a scenario without a file."""
+    """Path of a run's baseline file; None for a scenario without a file."""
     path = result.scenario.path
     return path and path.parent / FOLDER / f"{result.scenario.name}-{result.controller.name}.json"
 
 
 def baseline_files(scenario: Scenario) -> list[Path]:
-    """Baselines of a scenario with any controller; names that only begin with the scenario's may be among them."""
+    """Baseline files of a scenario with any controller.
+
+    The list may include files of other scenarios whose names start with this one's and a hyphen.
+    """
     if scenario.path is None:
         return []
     files = sorted((scenario.path.parent / FOLDER).glob(f"{scenario.name}-*.json"))
@@ -38,7 +42,7 @@ def baseline_files(scenario: Scenario) -> list[Path]:
 
 
 def read_baseline(path: Path) -> Baseline:
-    """Read the file of a baseline. Raises InputError with file and reason if it is none."""
+    """Read a baseline file. Raises InputError with file and reason if it is invalid."""
     try:
         content = parse_json(read_text(path))
         metrics = {
@@ -50,28 +54,30 @@ def read_baseline(path: Path) -> Baseline:
         return Baseline(path, str(content["reason"]), dict(content["of"]), metrics, signals)  # type: ignore[arg-type]
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise InputError(
-            f"{path}: is no baseline ({type(error).__name__}: {error}); delete it and record it again with "
+            f"{path}: is not a valid baseline ({type(error).__name__}: {error}); delete it and record it again with "
             "--update-baselines"
         ) from None
 
 
 def write_baseline(result: ScenarioResult, reason: str) -> Path:
-    """Record a run as the baseline of its scenario and controller and return its path.
+    """Record a run as the baseline of its scenario and controller, and return the path.
 
     Raises
     ------
-    InputError: no reason, a scenario without a file, a run that fails otherwise, or a folder that can't be written.
+    InputError: no reason, a scenario without a file, a run that violates a limit, or a folder that is not writable.
     """
     path = baseline_path(result)
-    who = f"{result.scenario.name} with {result.controller.name}"
+    name = f"{result.scenario.name} with {result.controller.name}"
     if path is None:
-        raise InputError(f"{who}: the scenario has no file beside which a baseline could be kept")
+        raise InputError(
+            f"{name}: the scenario has no file beside which the baseline could be stored; load it from a file"
+        )
     if not reason.strip():
-        raise InputError(f"{who}: say why the baseline changes (--reason TEXT)")
+        raise InputError(f"{name}: no reason given; state why the baseline changes (--reason TEXT)")
     if result.limit_failures:
-        raise InputError(f"{who}: no baseline is recorded of a run that fails ({result.limit_failures[0]})")
+        raise InputError(f"{name}: a run that fails can't become a baseline ({result.limit_failures[0]})")
     run = result.nonlinear.trajectory
-    points = _points(result)
+    points = _sample_indices(result)
     content = {
         "schema": 1,
         "scenario": result.scenario.name,
@@ -80,26 +86,26 @@ def write_baseline(result: ScenarioResult, reason: str) -> Path:
         "of": run_hashes(result),
         "versions": run.provenance,
         "metrics": {
-            name: [_rounded(value) if np.isfinite(value) else None for value in pair]
+            name: [_round(value) if np.isfinite(value) else None for value in pair]
             for name, pair in result.metrics.items()
         },
-        "signals": {name: [_rounded(value) for value in run[name][points]] for name in ("time", *SIGNALS)},
+        "signals": {name: [_round(value) for value in run[name][points]] for name in ("time", *SIGNALS)},
     }
-    return write_text(path, _text(content))
+    return write_text(path, _format(content))
 
 
 def baseline_changes(result: ScenarioResult) -> tuple[str, ...]:
-    """What recording a run would change, in sentences; empty if it agrees with its baseline or fails its limits."""
+    """Changes that recording a run would make, as sentences; empty if it matches its baseline or violates a limit."""
     if result.limit_failures:
         return ()
     return result.baseline.differences(result) if result.baseline else ("recorded for the first time",)
 
 
 def update_baseline(result: ScenarioResult, reason: str) -> tuple[ScenarioResult, tuple[str, ...]]:
-    """Record a run without baseline, or one that deviates from it; returns it and the changes in sentences.
+    """Record a run that has no baseline or deviates from it; return the updated result and the changes as sentences.
 
-    A run within the tolerances leaves the file as it is, so that small changes can't accumulate unseen. A run that
-    fails its limits is returned unchanged. Raises InputError as write_baseline does.
+    A run within the tolerances leaves the file unchanged, so that small changes can't accumulate unnoticed. A run that
+    violates a limit is returned unchanged. Raises InputError as `write_baseline` does.
     """
     changes = baseline_changes(result)
     if not changes:
@@ -108,26 +114,27 @@ def update_baseline(result: ScenarioResult, reason: str) -> tuple[ScenarioResult
     return replace(result, baseline=read_baseline(path)), (*changes, f"written to {path}")
 
 
-def _points(result: ScenarioResult) -> np.ndarray:
-    """Samples to record: evenly spaced ones, changes between sticking and sliding, jumps, extremes."""
+def _sample_indices(result: ScenarioResult) -> np.ndarray:
+    """Indices of the samples to record: evenly spaced ones, stick-slip transitions, jumps, extremes."""
     run = result.nonlinear.trajectory
     even = np.linspace(0, len(run) - 1, min(POINTS, len(run))).round().astype(int)
-    switched = np.flatnonzero(np.any(np.diff(run.modes, axis=0) != 0, axis=1))
-    jumped = np.flatnonzero((np.diff(result.nonlinear.reference[:, 0]) != 0) & (result.nonlinear.reference[1:, 1] == 0))
-    forced = np.flatnonzero(np.diff(run.outer_force) != 0)
+    transitions = np.flatnonzero(np.any(np.diff(run.modes, axis=0) != 0, axis=1))
+    reference = result.nonlinear.reference
+    jumps = np.flatnonzero((np.diff(reference[:, 0]) != 0) & (reference[1:, 1] == 0))
+    force_steps = np.flatnonzero(np.diff(run.outer_force) != 0)
     extremes = [int(find(run[name])) for name in SIGNALS for find in (np.argmin, np.argmax)]
-    # A plant may switch at every other sample.
-    switched = switched[:: max(switched.size // POINTS, 1)]
-    events = np.concatenate([switched, jumped[:POINTS], forced])
+    # Contacts may switch at every other sample.
+    transitions = transitions[:: max(transitions.size // POINTS, 1)]
+    events = np.concatenate([transitions, jumps[:POINTS], force_steps])
     return np.unique(np.concatenate([even, events, events + 1, extremes]))
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def _text(content: Mapping[str, Any]) -> str:
-    """JSON in which every signal and every metric is one line, so that a change shows as a changed line."""
+def _format(content: Mapping[str, Any]) -> str:
+    """JSON with one line per signal and per metric, so that a diff shows each change as one line."""
     lines = []
     for key, value in content.items():
         if isinstance(value, dict):

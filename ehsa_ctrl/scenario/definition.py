@@ -1,4 +1,4 @@
-"""Scenarios: the form of their TOML, and how they are loaded."""
+"""Scenario definitions: the schema of the TOML file and the loader."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from .uncertainty import Spread
 
 
 class Limit(Definition):
-    """Limits of a metric on the nonlinear plant, in SI units."""
+    """Bounds on a metric of the nonlinear run, in SI units."""
 
     max: float | None = Field(default=None, description="largest value")
     min: float | None = Field(default=None, description="smallest value")
 
     @model_validator(mode="after")
-    def _room(self) -> Limit:
+    def _check_order(self) -> Limit:
         if self.max is not None and self.min is not None and self.min > self.max:
-            raise ValueError(f"min = {self.min:g} is more than max = {self.max:g}; nothing would keep both")
+            raise ValueError(f"min = {self.min:g} is greater than max = {self.max:g}; no value satisfies both")
         return self
 
 
@@ -47,81 +47,86 @@ class ScenarioFile(Definition):
     duration: Second = Field(description="length of the run, 0.05 s to an hour")
     load: dict[Literal["stiffness", "preload", "hardening", "mass", "force"], str] = Field(
         default={},
-        description="load at the rod, positive where it resists extension; what is left out is as in the plant",
+        description="load on the rod, positive if it resists extension; omitted keys keep the plant's values",
     )
     settings: dict[str, str] = Field(
         default={},
-        description="other values of the plant's parameters in this scenario, by symbol",
+        description="plant parameters that this scenario changes, by symbol",
     )
     reference: Reference = Field(description="position reference; positive extends the rod, 0 is mid-stroke")
     disturbance: list[ForceStep] = Field(default=[], description="force steps on the rod")
-    sensors: SensorSettings = Field(default=SensorSettings(), description="sensors, where they differ from the plant's")
+    sensors: SensorSettings = Field(
+        default=SensorSettings(), description="sensor settings that differ from the plant's"
+    )
     fault: list[Fault] = Field(default=[], description="sensor and drive faults")
     supervision: SupervisionSettings | None = Field(
         default=None,
-        description="plausibility limits; the loop stops where a reading exceeds one",
+        description="plausibility limits; the loop stops when a reading exceeds one",
     )
     limits: dict[str, Limit] = Field(
         default={},
-        description="limits of any metric on the nonlinear plant; the scenario fails where one is exceeded",
+        description="limits on metrics of the nonlinear run; the scenario fails if one is violated",
     )
     expect_trips: list[str] = Field(
         default=[],
-        description="limits of the plant that must trip in this scenario; any other trip makes it fail",
+        description="plant limits that this scenario must exceed; exceeding any other limit fails it",
     )
     baseline: BaselineTolerances = Field(
         default=BaselineTolerances(),
-        description="tolerances of a run around the recorded baseline",
+        description="tolerances for the comparison with the recorded baseline",
     )
     spread: dict[str, Spread] = Field(
         default={},
-        description="what `montecarlo` draws besides the parameters with sd or bounds in the plant's file: a "
-        'standard deviation ("10 %") or a range of two values',
+        description="parameters that `montecarlo` draws in addition to those with sd or bounds in the plant's file: "
+        'a standard deviation ("10 %") or a range of two values',
     )
 
     @model_validator(mode="after")
-    def _within(self) -> ScenarioFile:
-        begins = [step.start for step in (*self.disturbance, *self.fault)]
-        late = [at for at in (*(start for start, _ in self.reference.holds()), *begins) if at >= self.duration]
+    def _check_event_times(self) -> ScenarioFile:
+        starts = [start for start, _ in self.reference.holds()]
+        starts += [event.start for event in (*self.disturbance, *self.fault)]
+        late = [start for start in starts if start >= self.duration]
         if late:
             raise ValueError(
-                f"something is to happen at {late[0]:g} s, but duration is {self.duration:g} s; make it longer"
+                f"duration = {self.duration:g} s, but an event of the scenario is at {late[0]:g} s; increase duration"
             )
         return self
 
     @model_validator(mode="after")
-    def _defined(self) -> ScenarioFile:
+    def _check_limits_defined(self) -> ScenarioFile:
         for name in self.limits:
-            if why := self.undefined(name):
-                raise ValueError(f"[limits] {name}: is not defined here, for {why}; limit another metric, as MaxError")
+            if why := self.reason_undefined(name):
+                raise ValueError(
+                    f"[limits] {name}: is not defined here because {why}; limit another metric, such as MaxError"
+                )
         return self
 
     @field_validator("why")
     @classmethod
-    def _said(cls, why: str) -> str:
+    def _check_why(cls, why: str) -> str:
         if not why.strip():
-            raise ValueError("say in one sentence what this scenario protects against")
+            raise ValueError("is empty; state in one sentence what this scenario protects against")
         return why
 
     @field_validator("duration")
     @classmethod
-    def _positive(cls, duration: float) -> float:
+    def _check_duration(cls, duration: float) -> float:
         if not 0.05 <= duration <= 3600:
             raise ValueError(f"{duration:g} s; expected 0.05 s to an hour")
         return duration
 
     @field_validator("expect_trips")
     @classmethod
-    def _known_trips(cls, trips: list[str]) -> list[str]:
+    def _check_trips(cls, trips: list[str]) -> list[str]:
         for trip in trips:
             if trip not in LIMIT_UNITS:
-                raise ValueError(f"{trip!r} is no limit of a plant; {choices(trip, LIMIT_UNITS)}")
+                raise ValueError(f"{trip!r} is not a plant limit; {choices(trip, LIMIT_UNITS)}")
         return trips
 
     @field_validator("spread", mode="before")
     @classmethod
-    def _flat(cls, spread: Any) -> Any:
-        """TOML reads load.stiffness = ... as a table within the table."""
+    def _flatten(cls, spread: Any) -> Any:
+        """Restore dotted keys: TOML parses load.stiffness = ... as a nested table."""
         if not isinstance(spread, dict):
             return spread
         flat: dict[str, Any] = {}
@@ -131,14 +136,14 @@ class ScenarioFile(Definition):
 
     @field_validator("limits", mode="before")
     @classmethod
-    def _in_units(cls, limits: Any) -> Any:
-        """Read "0.3 mm" in the unit of its metric."""
+    def _convert_limits(cls, limits: Any) -> Any:
+        """Convert bounds such as "0.3 mm" to the SI unit of the metric."""
         if not isinstance(limits, dict):
             return limits
         read: dict[str, Any] = {}
         for name, bounds in limits.items():
             if name not in METRICS:
-                raise ValueError(f"{name!r} is no metric; {choices(name, METRICS)}")
+                raise ValueError(f"{name!r} is not a metric; {choices(name, METRICS)}")
             if not isinstance(bounds, dict) or not bounds:
                 raise ValueError(f"{name} = {shown(bounds)}; expected {{ max = '...' }}, {{ min = '...' }} or both")
             for key, value in bounds.items():
@@ -149,7 +154,7 @@ class ScenarioFile(Definition):
         return read
 
     def holds(self) -> list[tuple[float, float]]:
-        """Intervals [s] in which a target is held under the same force."""
+        """Intervals (start, end) [s] in which target and external force are both constant."""
         edges = sorted({edge for step in self.disturbance for edge in (step.start, step.start + step.duration)})
         spans = []
         for start, end in self.reference.holds():
@@ -157,9 +162,9 @@ class ScenarioFile(Definition):
             spans += list(zip(cuts[:-1], cuts[1:], strict=True))
         return spans
 
-    def undefined(self, metric: str) -> str:
-        """Reason why a metric is not defined for this scenario's reference; empty where it is."""
-        match METRICS[metric].of:
+    def reason_undefined(self, metric: str) -> str:
+        """Reason why a metric is undefined for this scenario's reference; empty if it is defined."""
+        match METRICS[metric].requires:
             case "step" if not self.reference.jumps():
                 return f"the target of [reference] kind = {self.reference.kind!r} does not jump"
             case "hold" if not self.reference.holds():
@@ -168,18 +173,18 @@ class ScenarioFile(Definition):
 
     @property
     def first_fault(self) -> float | None:
-        """Start of the first fault [s]; None without one."""
+        """Start of the first fault [s]; None without faults."""
         return min((fault.start for fault in self.fault), default=None)
 
     @property
     def all_settings(self) -> dict[str, str]:
-        """Plant parameters that this scenario sets, as for `load_plant`."""
+        """Plant parameters set by [load] and [settings], in the form that `load_plant` takes."""
         return {**{f"load.{word}": text for word, text in self.load.items()}, **self.settings}
 
 
 @dataclass(frozen=True)
 class Scenario(TextResult):
-    """A scenario's definition with its name and file."""
+    """A scenario definition with its name and file."""
 
     name: str
     definition: ScenarioFile

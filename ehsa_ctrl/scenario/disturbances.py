@@ -1,4 +1,4 @@
-"""What disturbs a scenario's loop: forces, sensors, faults; and the supervision that stops the loop."""
+"""Disturbances of a scenario: external forces, sensor settings and faults; supervision that stops the loop."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ assert Channel.__args__ == MEASURED  # type: ignore[attr-defined]
 
 
 class _Event(Definition):
-    """Something that acts for a while."""
+    """An event of limited duration."""
 
     start: Second = Field(description="start time")
-    duration: Second = Field(default=float("inf"), description="left out, to the end of the run")
+    duration: Second = Field(default=float("inf"), description="default: to the end of the run")
 
     @model_validator(mode="after")
-    def _fit(self) -> _Event:
+    def _check_times(self) -> _Event:
         if self.start < 0 or self.duration <= 0:
             raise ValueError("start must be at least 0 s and duration more than 0 s")
         return self
 
 
 class ForceStep(_Event):
-    """[[disturbance]]: force steps on the rod, one for each table."""
+    """[[disturbance]]: a force step on the rod."""
 
-    force: Newton = Field(description="positive when it resists extension")
+    force: Newton = Field(description="force, positive if it resists extension")
 
 
 class SensorOverride(Definition):
-    """A sensor of this scenario; what is left out is as in the plant."""
+    """Settings of one sensor; omitted keys keep the plant's values."""
 
     noise: str | None = Field(default=None, description="standard deviation of the noise")
     step: str | None = Field(default=None, description="quantisation step")
@@ -48,14 +48,14 @@ class SensorOverride(Definition):
 
 
 def _override(sensor: str) -> Any:
-    return Field(default=SensorOverride(), description=f"{sensor}, where it differs from the plant's")
+    return Field(default=SensorOverride(), description=f"{sensor}: settings that differ from the plant's")
 
 
 class SensorSettings(Definition):
-    """[sensors]: noise, delay and quantisation, where they differ from the plant's."""
+    """[sensors]: noise, delay and quantisation that differ from the plant's."""
 
-    noise: bool = Field(default=True, description="whether the sensors are noisy")
-    seed: Annotated[int, Field(ge=0)] = Field(default=0, description="seed of the noise")
+    noise: bool = Field(default=True, description="whether sensor noise is simulated")
+    seed: Annotated[int, Field(ge=0)] = Field(default=0, description="seed of the sensor noise")
     lag: Annotated[int, Field(ge=0, le=50)] = Field(
         default=0, description="samples of delay between measurement and current"
     )
@@ -66,7 +66,7 @@ class SensorSettings(Definition):
     force: SensorOverride = _override("load cell")
 
     @model_validator(mode="after")
-    def _fit(self) -> SensorSettings:
+    def _check_signs(self) -> SensorSettings:
         for channel in MEASURED:
             for word, value in self.changes(channel).items():
                 if not 0 <= value < float("inf"):
@@ -74,7 +74,7 @@ class SensorSettings(Definition):
         return self
 
     def changes(self, channel: str) -> dict[str, Any]:
-        """Differences from the plant's sensor of a channel, in SI units."""
+        """Settings of a channel's sensor that differ from the plant's, in SI units."""
         other: SensorOverride = getattr(self, channel)
         found: dict[str, Any] = {}
         for word, text in (("noise", other.noise), ("step", other.step)):
@@ -87,7 +87,7 @@ class SensorSettings(Definition):
 
 
 class StuckSensor(_Event):
-    """A sensor that holds its last value."""
+    """A sensor that freezes at its last value."""
 
     kind: Literal["stuck"] = Field(description="type of fault")
     channel: Channel = Field(description="channel of the sensor")
@@ -101,13 +101,13 @@ class LostSensor(_Event):
 
 
 class CurrentLimit(_Event):
-    """A drive that limits its current below the controller's limit."""
+    """A drive fault that limits the current below the controller's own limit."""
 
     kind: Literal["current_limit"] = Field(description="type of fault")
     current: Ampere = Field(description="largest current, in either direction")
 
     @model_validator(mode="after")
-    def _positive(self) -> CurrentLimit:
+    def _check_current(self) -> CurrentLimit:
         if self.current < 0:
             raise ValueError("current must be at least 0 A")
         return self
@@ -117,7 +117,7 @@ Fault = Annotated[StuckSensor | LostSensor | CurrentLimit, Field(discriminator="
 
 
 def faults_of(faults: list[StuckSensor | LostSensor | CurrentLimit]) -> Faults:
-    """A scenario's faults in the form of the simulation."""
+    """Convert a scenario's faults to those of the simulation."""
     return Faults(
         sensors=tuple(
             SensorFault(f.channel, f.kind, f.start, f.duration) for f in faults if not isinstance(f, CurrentLimit)
@@ -127,21 +127,22 @@ def faults_of(faults: list[StuckSensor | LostSensor | CurrentLimit]) -> Faults:
 
 
 class SupervisionSettings(Definition):
-    """[supervision]: plausibility limits; where a reading exceeds one, the loop stops with zero current."""
+    """[supervision]: plausibility limits; the loop stops with zero current when a reading exceeds one."""
 
-    lost: Second = Field(default=0.04, description="how long a reading may be missing")
+    # Defaults as in `design.stages.supervision.Supervision`.
+    lost: Second = Field(default=0.04, description="longest time for which a reading may be missing")
     position: Metre = Field(default=float("inf"), description="largest rod position, in either direction")
     speed: RadianPerSecond = Field(default=float("inf"), description="largest shaft speed, in either direction")
     pressure_min: Pascal = Field(default=float("-inf"), description="lowest pressure")
     pressure_max: Pascal = Field(default=float("inf"), description="highest pressure")
     contradiction: Metre = Field(
         default=float("inf"),
-        description="largest difference between measured position and that integrated from the shaft speed",
+        description="largest difference between the measured position and the position integrated from the shaft speed",
     )
-    memory_time: Second = Field(default=0.25, description="time constant with which that difference is forgotten")
+    memory_time: Second = Field(default=0.25, description="time constant with which that difference decays")
 
     @model_validator(mode="after")
-    def _fit(self) -> SupervisionSettings:
+    def _check_values(self) -> SupervisionSettings:
         if min(self.position, self.speed, self.contradiction, self.memory_time) <= 0 or self.lost < 0:
             raise ValueError("position, speed, contradiction and memory_time must be greater than 0, lost at least 0 s")
         if self.pressure_min >= self.pressure_max:
@@ -149,5 +150,5 @@ class SupervisionSettings(Definition):
         return self
 
     def for_plant(self, plant: Plant) -> Supervision:
-        """Supervision of a controller of this plant; rod travel per shaft angle is D / A."""
+        """Supervision for a controller of this plant; the rod travels D / A per radian of the shaft."""
         return Supervision(**self.model_dump(), travel=plant["D"] / plant["A"])

@@ -1,4 +1,4 @@
-"""Metrics of a closed loop, defined so that they hold for a plant that sticks."""
+"""Metrics of a closed loop, defined so that they remain meaningful for a plant with stick-slip."""
 
 from __future__ import annotations
 
@@ -14,71 +14,72 @@ from ..simulation.closed_loop import ClosedLoop
 from ..simulation.minimum_time import shortest_time
 from .response import hunting, settling_band, step_metrics
 
-#: Hunting is evaluated over this last share of the time after the last change of target.
+#: Hunting is evaluated over this final share of the last hold, after the transient (engineering judgement).
 HUNTING_SHARE = 0.5
-#: Trace of the controller that shows supervision, and its value where supervision has stopped the loop.
+#: Controller trace with the state of the supervision, and its value once supervision has stopped the loop.
 STATUS, STOPPED = "status", 2.0
 
-#: By SI unit: difference between runs on two machines that a regression ignores.
-FLOORS = {
+#: SI unit -> absolute tolerance of the comparison with a baseline, above the differences between machines (engineering
+#: judgement: three samples of 4 ms for a time, the bench's position noise of 20 um for a length).
+ABSOLUTE_TOLERANCES = {
     "s": 0.012, "1": 0.02, "m": 2e-5, "m s": 2e-5, "m2 s": 2e-8, "m s2": 2e-5, "m2 s2": 2e-8, "A": 0.02, "J": 1.0,
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Metric:
-    """Description of a metric: everything that tables, limits and baselines know of it.
+    """Description of a metric, used by tables, limits and baselines.
 
     Attributes
     ----------
-    unit: SI. shown: unit in tables and messages. meaning: one line.
-    of: what a reference must contain for the metric to be defined: a "step", a "hold", or nothing ("run").
+    unit: SI unit. display_unit: unit in tables and messages. meaning: one line.
+    requires: what the reference must contain for the metric to be defined: a "step", a "hold", or nothing ("run").
     """
 
     unit: str
-    shown: str
+    display_unit: str
     meaning: str
-    of: Literal["run", "step", "hold"] = "run"
+    requires: Literal["run", "step", "hold"] = "run"
 
     @property
     def scale(self) -> float:
-        """SI units in one shown unit."""
-        return factor(self.shown, self.unit)
+        """SI value of one display unit."""
+        return factor(self.display_unit, self.unit)
 
     @property
     def suffix(self) -> str:
-        """The shown unit after a number."""
-        return "" if self.shown == "1" else f" {self.shown}"
+        """The display unit as it follows a number."""
+        return "" if self.display_unit == "1" else f" {self.display_unit}"
 
     @property
-    def floor(self) -> float:
-        """Smallest difference that counts in a regression, SI unit."""
-        return FLOORS[self.unit]
+    def absolute_tolerance(self) -> float:
+        """Absolute tolerance of the comparison with a baseline, SI unit."""
+        return ABSOLUTE_TOLERANCES[self.unit]
 
-    def close(self, old: float, new: float, share: float) -> bool:
-        """Whether two values differ by at most the floor and a share of the old one; nan is close to nan."""
+    def is_close(self, old: float, new: float, share: float) -> bool:
+        """Whether two values differ by at most the absolute tolerance plus `share` of the old one; nan equals nan."""
         if not (np.isfinite(old) and np.isfinite(new)):
             return bool(np.isnan(old) == np.isnan(new)) and not np.isinf(old) ^ np.isinf(new)
-        return abs(new - old) <= self.floor + share * abs(old)
+        return abs(new - old) <= self.absolute_tolerance + share * abs(old)
 
     def format(self, value: float) -> str:
-        """A value in the shown unit."""
+        """A value [SI unit] as text with the display unit."""
         if not np.isfinite(value):
             return "never" if np.isinf(value) else "nothing"
         return f"{value / self.scale:.4g}{self.suffix}"
 
     def format_bounds(self, lower: float | None, upper: float | None) -> str:
-        """The bounds of a limit in the shown unit: "at least 1 mm and at most 3 mm"."""
+        """The bounds of a limit with the display unit: "at least 1 mm and at most 3 mm"."""
         bounds = (("at least", lower), ("at most", upper))
         return " and ".join(f"{word} {b / self.scale:g}{self.suffix}" for word, b in bounds if b is not None)
 
     def read_bound(self, value: Any) -> Any:
-        """A bound of a limit in the SI unit, from a text such as "0.3 mm"; a number is allowed where there is no unit.
+        """Convert a bound such as "0.3 mm" to the SI unit; a dimensionless metric also takes a plain number.
 
-        Raises ValueError for a number without its unit, and for a text that is no quantity of this unit.
+        Raises ValueError for a number without its unit and for a text that is not a quantity of this unit.
         """
         if isinstance(value, int | float) and not isinstance(value, bool) and self.unit != "1":
-            raise ValueError(f" = {value}: has no unit; write it as in '{value} {self.shown}'")
+            raise ValueError(f" = {value}: has no unit; write it with one, such as '{value} {self.display_unit}'")
         if isinstance(value, str):
             try:
                 return parse(value, self.unit)
@@ -87,23 +88,23 @@ class Metric:
         return value
 
 
-#: Times are shown in ms and lengths in mm, so that the rows of a table can be compared.
+#: All times are displayed in ms and all lengths in mm, so that the rows of a table can be compared.
 METRICS = {
-    "RiseTime": Metric("s", "ms", "from 10 to 90 % of the step, the slowest step", "step"),
+    "RiseTime": Metric("s", "ms", "from 10 to 90 % of the step, slowest step", "step"),
     "SettlingTime": Metric(
         "s", "ms", "until the position stays within 2 % of the step (at least 0.1 mm), slowest step", "step"
     ),
     "SettlingTimeAbs": Metric("s", "ms", "until the position stays within 0.1 mm of the target, slowest step", "step"),
     "ShortestTime": Metric("s", "ms", "shortest settling time that current and pump allow, slowest step", "step"),
     "SettlingRatio": Metric("1", "1", "settling time over the shortest possible time, worst step", "step"),
-    "Overshoot": Metric("1", "%", "overshoot of the target in % of the step, worst step", "step"),
-    "Undershoot": Metric("1", "%", "initial motion in the wrong direction in % of the step, worst step", "step"),
-    "Peak": Metric("m", "mm", "largest distance from zero"),
+    "Overshoot": Metric("1", "%", "overshoot of the target, % of the step, worst step", "step"),
+    "Undershoot": Metric("1", "%", "initial motion in the wrong direction, % of the step, worst step", "step"),
+    "Peak": Metric("m", "mm", "largest distance from mid-stroke"),
     "PeakTime": Metric("s", "ms", "time of the peak"),
-    "SteadyStateError": Metric("m", "mm", "mean error in the last tenth before the next change, worst step", "hold"),
-    "SteadyStateErrorMax": Metric("m", "mm", "largest error in the same tenth", "hold"),
-    "MaxError": Metric("m", "mm", "largest error, after the first change of target"),
-    "RMSError": Metric("m", "mm", "root mean square of the error, whole run"),
+    "SteadyStateError": Metric("m", "mm", "mean error over the last tenth of a hold, worst hold", "hold"),
+    "SteadyStateErrorMax": Metric("m", "mm", "largest error over the last tenth of a hold, worst hold", "hold"),
+    "MaxError": Metric("m", "mm", "largest error after the first change of target"),
+    "RMSError": Metric("m", "mm", "root mean square of the error over the whole run"),
     "IAE": Metric("m s", "mm s", "integral of |e|"),
     "ISE": Metric("m2 s", "mm2 s", "integral of e^2"),
     "ITAE": Metric("m s2", "mm s2", "integral of t |e|, t from the first change of target"),
@@ -112,10 +113,10 @@ METRICS = {
     "HuntingPeriod": Metric("s", "ms", "period of hunting at the last target", "hold"),
     "Slips": Metric("1", "1", "number of breakaways while the last target is held", "hold"),
     "StickShare": Metric("1", "%", "share of the run in which the rod sticks"),
-    "SaturationShare": Metric("1", "%", "share of the run with the current at a limit of controller or drive"),
+    "SaturationShare": Metric("1", "%", "share of the run with the current at the limit of the controller or drive"),
     "CurrentRMS": Metric("A", "A", "root mean square of the current"),
     "TV": Metric("A", "A", "total variation of the current"),
-    "Energy": Metric("J", "J", "shaft work taken from the motor, positive part"),
+    "Energy": Metric("J", "J", "work of the motor on the shaft, without the braking phases"),
     "StopTime": Metric("s", "ms", "from the first fault until supervision stops the loop"),
     "TravelAfterStop": Metric("m", "mm", "travel of the rod after the stop"),
 }
@@ -131,42 +132,43 @@ def loop_metrics(
     lag: int = 0,
     shortest: bool = True,
 ) -> dict[str, float]:
-    """All of METRICS for a run; nan for what did not happen.
+    """All of METRICS for a run, SI units; nan for an event that did not happen.
 
     Parameters
     ----------
-    jumps: times at which the target jumps [s]; step metrics are the worst over them, nan if there is none.
-    holds: intervals in which a target is held under the same force [s]. The steady-state error is the worst over them;
-        hunting is evaluated in the last one.
+    jumps: times at which the target jumps [s]; step metrics are the worst over all jumps, nan without jumps.
+    holds: intervals in which target and external force are constant [s]. The steady-state error is the worst over
+        all holds; hunting is evaluated in the last one.
     current_limit: of the controller [A].
-    first_fault: start of the first fault [s]; None for a run without one.
+    first_fault: start of the first fault [s]; None for a run without faults.
     lag: samples of delay between measurement and current.
-    shortest: False leaves out the shortest possible time, which takes as long to compute as everything else.
+    shortest: False omits ShortestTime and SettlingRatio, which take as long to compute as all other metrics.
     """
     run = loop.trajectory
     time, x, error, target = run.time, run["x"], loop.error, loop.reference[:, 0]
     dt = float(time[1] - time[0])
     result = dict.fromkeys(METRICS, float("nan"))
     steps = []
-    for part in _parts(time, list(zip(jumps, [*jumps[1:], np.inf], strict=False))):
+    for part in _samples_within(time, list(zip(jumps, [*jumps[1:], np.inf], strict=False))):
         first = int(part[0])
-        before = float(target[first - 1]) if first else 0.0
-        found = step_metrics(time[part], x[part], before, float(target[first]))
-        settling, wanted = found["SettlingTime"], float(target[first])
-        steps.append(found | _against_shortest(loop, settling, before, wanted, current_limit, shortest))
+        before, after = float(target[first - 1]) if first else 0.0, float(target[first])
+        step = step_metrics(time[part], x[part], before, after)
+        if shortest:
+            step |= _settling_ratio(loop, step["SettlingTime"], before, after, current_limit)
+        steps.append(step)
     for name, metric in METRICS.items():
-        if steps and metric.of == "step":
-            # A step that never settles is worse than any that does: np.max keeps nan.
-            result[name] = float(np.max(np.array([step[name] for step in steps])))
-    held = _parts(time, holds)
-    if held:
-        tails = [error[part[-max(part.size // 10, 1) :]] for part in held]
+        if steps and metric.requires == "step":
+            # A step that never settles is worse than any that does: np.max propagates nan.
+            result[name] = float(np.max(np.array([step.get(name, np.nan) for step in steps])))
+    hold_samples = _samples_within(time, holds)
+    if hold_samples:
+        tails = [error[part[-max(part.size // 10, 1) :]] for part in hold_samples]
         result["SteadyStateError"] = max(float(abs(np.mean(tail))) for tail in tails)
         result["SteadyStateErrorMax"] = max(float(np.max(np.abs(tail))) for tail in tails)
-        last = held[-1]
+        last = hold_samples[-1]
         last = last[time[last] >= time[last[0]] + (1 - HUNTING_SHARE) * (time[-1] - time[last[0]])]
-        sticks = _rod_sticks(loop)
-        result |= hunting(time[last], x[last]) if sticks else {"Slips": 0.0, "HuntingAmplitude": 0.0}
+        can_stick = _rod_can_stick(loop)
+        result |= hunting(time[last], x[last]) if can_stick else {"Slips": 0.0, "HuntingAmplitude": 0.0}
     start = min([*jumps, *(begin for begin, _ in holds)], default=float(time[0]))
     begun, since = time >= start - 1e-9, np.maximum(time - start, 0.0)
     peak = int(np.argmax(np.abs(x)))
@@ -188,30 +190,31 @@ def loop_metrics(
             "TV": float(np.sum(np.abs(np.diff(loop.asked)))),
             "Energy": float(np.sum(np.maximum(power, 0.0)) * dt),
         }
-        | _stop(loop, first_fault)
+        | _stop_metrics(loop, first_fault)
     )
 
 
-def _against_shortest(
-    loop: ClosedLoop, settling: float, before: float, target: float, current_limit: float, wanted: bool
+def _settling_ratio(
+    loop: ClosedLoop, settling: float, before: float, target: float, current_limit: float
 ) -> dict[str, float]:
-    """The shortest possible settling time of a step, and how many times as long the loop took."""
-    way = target - before
-    if way == 0.0 or settling_band(way) >= 1.0 or not wanted or not np.isfinite(current_limit):
+    """Shortest possible settling time of a step [s], and the ratio of the actual one to it."""
+    size = target - before
+    if size == 0.0 or settling_band(size) >= 1.0 or not np.isfinite(current_limit):
         return {"ShortestTime": float("nan"), "SettlingRatio": float("nan")}
-    least = shortest_time(loop.trajectory.plant, way, current_limit, start=before, band=settling_band(way) * abs(way))
+    band = settling_band(size) * abs(size)
+    least = shortest_time(loop.trajectory.plant, size, current_limit, start=before, band=band)
     return {"ShortestTime": least, "SettlingRatio": settling / least}
 
 
 def _saturated(loop: ClosedLoop, limit: float, lag: int) -> np.ndarray:
-    """(N,) bool: the controller asks for its limit, or the drive gives less than it was asked for."""
-    asked, acting = np.abs(loop.asked), np.abs(loop.trajectory.current)
-    late = np.concatenate([np.zeros(lag), asked[: asked.size - lag]]) if lag else asked
-    return (asked >= limit * (1 - 1e-9)) | (acting < late * (1 - 1e-9))
+    """(N,) bool: the commanded current is at its limit, or the drive delivers less than commanded."""
+    command, actual = np.abs(loop.asked), np.abs(loop.trajectory.current)
+    delayed = np.concatenate([np.zeros(lag), command[: command.size - lag]]) if lag else command
+    return (command >= limit * (1 - 1e-9)) | (actual < delayed * (1 - 1e-9))
 
 
-def _stop(loop: ClosedLoop, first_fault: float | None) -> dict[str, float]:
-    """When supervision stopped the loop, and how far the rod moved from there on."""
+def _stop_metrics(loop: ClosedLoop, first_fault: float | None) -> dict[str, float]:
+    """Time at which supervision stopped the loop, and travel of the rod after the stop."""
     status = loop.traces.get(STATUS)
     stopped = np.flatnonzero(status == STOPPED) if status is not None else np.array([], dtype=int)
     if stopped.size == 0:
@@ -221,12 +224,13 @@ def _stop(loop: ClosedLoop, first_fault: float | None) -> dict[str, float]:
     return {"StopTime": at, "TravelAfterStop": float(np.max(np.abs(run["x"][first:] - run["x"][first])))}
 
 
-def _rod_sticks(loop: ClosedLoop) -> bool:
+def _rod_can_stick(loop: ClosedLoop) -> bool:
+    """Whether the plant's friction law on the rod has a sticking mode; the linear model has none."""
     structure = loop.trajectory.plant.structure
     return any(structure.law(contact).sticks for contact in structure.system.contacts if contact.name == "rod")
 
 
-def _parts(time: np.ndarray, spans: Sequence[tuple[float, float]]) -> list[np.ndarray]:
-    """Indices of the samples within each span; spans of fewer than three samples are left out."""
+def _samples_within(time: np.ndarray, spans: Sequence[tuple[float, float]]) -> list[np.ndarray]:
+    """Indices of the samples within each span (start, end) [s]; spans of fewer than three samples are omitted."""
     parts = [np.flatnonzero((time >= start - 1e-9) & (time < end - 1e-9)) for start, end in spans]
     return [part for part in parts if part.size > 2]

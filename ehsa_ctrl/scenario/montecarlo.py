@@ -1,6 +1,6 @@
 """Monte Carlo: the probability that a scenario passes on an uncertain plant, and the parameters that decide it.
 
-Results are appended to a file as they come, one JSON line per run, so that an interrupt loses nothing.
+Results are appended to a file as they finish, one JSON line per run, so that an interruption loses nothing.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-#: Runs per task: enough to be worth the transfer, few enough for visible progress.
+#: Runs per task: a compromise between the transfer to a worker and visible progress (engineering judgement).
 CHUNK = 10
-#: Upper bound of the seeds of sensor noise.
+#: Upper bound of the noise seeds.
 LARGEST_SEED = 2**31
 
 
@@ -46,11 +46,10 @@ class Outcome:
 
     Attributes
     ----------
-    run: number. passed: whether the limits of scenario and plant hold.
-    margin: smallest margin to a limit, as a share of the limit; negative where one is violated, -inf where its metric
-        did not happen.
-    seed: of the sensor noise. parameters: drawn values, SI units. metrics: the finite ones.
-    failures: in sentences.
+    run: number of the run. passed: whether the limits of scenario and plant hold.
+    margin: smallest margin to a limit relative to that limit; negative if violated, -inf if its metric is nan.
+    seed: of the sensor noise. parameters: drawn values, SI units. metrics: the finite ones, SI units.
+    failures: as sentences.
     """
 
     run: int
@@ -67,21 +66,21 @@ class Outcome:
 
     @classmethod
     def from_line(cls, line: str) -> Outcome:
-        """Outcome in a line of the campaign's file. Raises ValueError, LookupError or TypeError for another line."""
+        """Parse a line of the campaign's file. Raises ValueError, LookupError or TypeError for any other line."""
         content = parse_json(line)
         return cls(**(content | {"margin": float(content["margin"]), "failures": tuple(content["failures"])}))
 
 
 @dataclass(frozen=True)
 class MonteCarlo(TextResult):
-    """A scenario on many plants.
+    """A scenario on many random plants.
 
     Attributes
     ----------
     scenario, controller: names.
-    uncertainty: of the drawn parameters. outcomes: in the order of the runs.
+    uncertainty: distributions of the drawn parameters. outcomes: in the order of the runs.
     seed: of the draws. interrupted: whether there are fewer runs than requested.
-    plant: nominal. files: of scenario, controller and plants, where they come from files.
+    plant: nominal plant. files: input files of scenario, controller and plants.
     """
 
     scenario: str
@@ -103,7 +102,7 @@ class MonteCarlo(TextResult):
         return self.passes / len(self.outcomes)
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Exact binomial interval of the probability (C. J. Clopper, E. S. Pearson, Biometrika 26, 1934)."""
+        """Exact binomial confidence interval of the probability (C. J. Clopper, E. S. Pearson, Biometrika 26, 1934)."""
         from scipy.stats import binomtest
 
         found = binomtest(self.passes, len(self.outcomes)).proportion_ci(confidence, method="exact")
@@ -144,17 +143,17 @@ class MonteCarlo(TextResult):
 
     @property
     def reasons(self) -> dict[str, int]:
-        """Failed limit -> number of runs, the most frequent first."""
+        """Violated limit -> number of runs, the most frequent first."""
         counts: dict[str, int] = {}
         for outcome in self.outcomes:
-            # A metric's name, or "trip" with the limit that was passed.
+            # The first word is the metric's name, the first three of a trip are "trip: NAME ...".
             words = [" ".join(reason.split()[: 3 if reason.startswith("trip") else 1]) for reason in outcome.failures]
             for word in dict.fromkeys(words):
                 counts[word] = counts.get(word, 0) + 1
         return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
     def plot(self) -> Figure:
-        """Figure: distributions of the decisive parameters in passing and in failing runs."""
+        """Figure: histograms of the most influential parameters in passing and failing runs."""
         return draw(self)
 
     def __str__(self) -> str:
@@ -162,10 +161,10 @@ class MonteCarlo(TextResult):
         lines = [
             f"{self.scenario} with {self.controller}: {self.passes} of {len(self.outcomes)} runs pass, probability "
             f"{self.probability:.3g} (95 %: {low:.3g} to {high:.3g})",
-            *(f"  failed: {word} in {count} runs" for word, count in self.reasons.items()),
+            *(f"  failed: {word} in {count} run{'s' if count > 1 else ''}" for word, count in self.reasons.items()),
         ]
         first = self.influences[0] if self.influences else None
-        lines.append(f"  {first}" if first is not None else "  nothing was uncertain but the sensors' noise")
+        lines.append(f"  {first}" if first is not None else "  no influence of parameters: only sensor noise varies")
         return "\n".join(lines)
 
     __repr__ = __str__
@@ -186,36 +185,38 @@ def monte_carlo(
     anew: bool = False,
     watch: Callable[[int, int], None] | None = None,
 ) -> MonteCarlo:
-    """Run a scenario many times, each time on a plant drawn from its uncertainty, with its own seed of sensor noise.
+    """Run a scenario many times, each time on a random plant and with a new seed of the sensor noise.
 
-    The controller keeps its design for the nominal plant. Run k has the same draw whatever the number of runs, jobs or
-    machines.
+    The controller keeps its design for the nominal plant. Run k always has the same draw, whatever the number of runs,
+    jobs or machines.
 
     Parameters
     ----------
-    scenario, controller, plant, design, settings: as for `run`. For the uncertainty see `uncertainty.uncertainty_of`.
-    identification: an identification.json, from whose covariance its parameters are drawn.
-    jobs: workers; -1 for all; by default those of joblib's context (`joblib.parallel_config`), else 1. Without a
-        backend in that context: threads for a compiled controller, whose simulation releases Python's lock, and
-        processes for one in plain Python.
-    file: to which results are appended; a file of the same campaign is continued.
-    anew: start the file again, once the first results are there.
-    watch: called with the number of finished runs and the total.
+    scenario, controller, plant, design, settings: as for `run`. `uncertainty.uncertainty_of` defines the distributions.
+    identification: path of an identification.json, whose parameters are drawn from its covariance.
+    jobs: workers; -1 for all; by default those of joblib's context (`joblib.parallel_config`), else 1. Unless that
+        context sets a backend, a compiled controller uses threads, as its simulation releases Python's global lock,
+        and a controller in plain Python uses processes.
+    file: results are appended to it; the file of an interrupted campaign is continued.
+    anew: start the file again as soon as the first results exist.
+    watch: callback with the number of finished runs and the total.
 
     Returns
     -------
-    The finished runs; after an interrupt from the keyboard too, if there is at least one.
+    The finished runs; after a keyboard interrupt too, provided that there is at least one.
 
     Raises
     ------
-    InputError: a definition is wrong, the scenario has no limit, or the file is of another campaign.
+    InputError: a definition is invalid, the scenario has no limit, or the file belongs to another campaign.
     """
     if runs < 1:
         raise InputError(f"runs = {runs}: expected at least 1")
     case = prepare(scenario, controller=controller, plant=plant, design=design, settings=settings)
     definition = case.scenario.definition
     if not definition.limits and not definition.expect_trips:
-        raise InputError(f"{case.scenario.path or case.scenario.name}: sets no limit, so that every run would pass")
+        raise InputError(
+            f"{case.scenario.path or case.scenario.name}: has no limits, so every run would pass; add [limits]"
+        )
     try:
         uncertainty = uncertainty_of(
             case.nonlinear, definition.spread, Path(identification) if identification else None
@@ -225,7 +226,7 @@ def monte_carlo(
     campaign = open_campaign(None if file is None else Path(file), _campaign_key(case, uncertainty, seed), anew=anew)
     done = {outcome.run: outcome for outcome in campaign.results if outcome.run < runs}
     todo = [number for number in range(runs) if number not in done]
-    work = partial(_some, case, uncertainty, seed)
+    work = partial(_run_chunk, case, uncertainty, seed)
     count = min(worker_count(jobs), max(len(todo) // CHUNK, 1))
     prefer: Prefer = "processes" if case.controller.compiled is None else "threads"
     interrupted = False
@@ -246,11 +247,11 @@ def monte_carlo(
 
 
 def open_campaign(path: Path | None, key: str, *, anew: bool = False) -> Checkpoint[Outcome]:
-    """Continue the campaign in this file, or begin it.
+    """Continue the campaign in this file, or start one.
 
-    key: hash of everything that the results depend on, see `_campaign_key`. anew: replace the campaign in the file.
+    key: hash of all inputs of the results, see `_campaign_key`. anew: replace the campaign in the file.
 
-    Raises InputError for the file of another campaign, or of anything else.
+    Raises InputError if the file belongs to another campaign or is not a campaign file.
     """
     return open_checkpoint(
         path,
@@ -258,21 +259,21 @@ def open_campaign(path: Path | None, key: str, *, anew: bool = False) -> Checkpo
         key,
         Outcome.from_line,
         anew=anew,
-        none="is no file of a Monte Carlo campaign; give another one",
-        other="holds runs of another campaign (scenario, plant, controller, uncertainty or seed differ); give "
-        "another folder, or --force to begin anew",
-        wrong="is no result of a run",
+        none="is not a file of a Monte Carlo campaign; choose another one",
+        other="holds runs of another campaign (scenario, plant, controller, uncertainty or seed differ); choose "
+        "another folder, or start again with --force",
+        wrong="is not the result of a run",
     )
 
 
-def _some(
+def _run_chunk(
     case: PreparedScenario, uncertainty: ParameterUncertainty, seed: int, numbers: Sequence[int]
 ) -> list[Outcome]:
-    """Some runs of a campaign; on a worker."""
-    return [_one(case, uncertainty, seed, number) for number in numbers]
+    """Simulate some runs of a campaign on a worker."""
+    return [_run_one(case, uncertainty, seed, number) for number in numbers]
 
 
-def _one(case: PreparedScenario, uncertainty: ParameterUncertainty, seed: int, number: int) -> Outcome:
+def _run_one(case: PreparedScenario, uncertainty: ParameterUncertainty, seed: int, number: int) -> Outcome:
     rng = np.random.default_rng([seed, number])
     drawn = uncertainty.draw(rng)
     noise = int(rng.integers(LARGEST_SEED))
@@ -286,7 +287,7 @@ def _one(case: PreparedScenario, uncertainty: ParameterUncertainty, seed: int, n
 
 
 def _campaign_key(case: PreparedScenario, uncertainty: ParameterUncertainty, seed: int) -> str:
-    """Hash of everything that the results depend on: runs with the same key may share a file."""
+    """Hash of all inputs of the results: runs with the same key may share a file."""
     parts = [
         case.scenario.definition.model_dump(mode="json", exclude={"title", "why", "baseline"}),
         [str(case.nonlinear.structure), case.nonlinear.values, [str(s) for s in case.nonlinear.sensors.values()]],

@@ -1,4 +1,4 @@
-"""Data of a plant that controllers need: the largest values that it allows, and its noise and friction for a review."""
+"""Plant data for controllers: ratings, and the noise and friction that a design review uses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..design.review import Known
 from ..plant.motion_current import motion_current
 from ..plant.plant import Plant
 
-#: Key of a controller's TOML -> the rating of the plant that bounds it.
+#: Key of a controller's TOML -> the plant rating that bounds it.
 BOUNDED = {
     "current_limit": "current",
     "position.speed_limit": "speed",
@@ -25,7 +25,7 @@ BOUNDED = {
 
 
 class Rating(NamedTuple):
-    """Largest value that a plant allows: value, SI unit, and the keys of its file from which it follows."""
+    """Largest admissible value, its SI unit, and the expression in keys of the plant's file that gives it."""
 
     value: float
     unit: str
@@ -33,8 +33,10 @@ class Rating(NamedTuple):
 
 
 def ratings(plant: Plant) -> dict[str, Rating]:
-    """Largest values by a plant's [limits]: current, speed (of the shaft), rod_speed, pressure (difference), reach (to
-    either side of the middle); only those that the file determines."""
+    """Ratings from a plant's [limits], as far as the file determines them.
+
+    Keys: current, speed (shaft), rod_speed, pressure (difference), reach (travel to either side of mid-stroke).
+    """
     limit = {name: parameter.value for name, parameter in plant.limits.items()}
     found = {}
     if "motor_torque" in limit:
@@ -53,7 +55,7 @@ def ratings(plant: Plant) -> dict[str, Rating]:
 
 
 def check_controller_limits(file: Path, definition: ControllerFile, plant: Plant) -> None:
-    """Raise InputError for a controller whose limits exceed those of its plant: file, key and both values."""
+    """Raise InputError if a limit in the controller's file exceeds the plant's rating."""
     allowed = ratings(plant)
     for key, name in BOUNDED.items():
         value: object = definition
@@ -63,18 +65,18 @@ def check_controller_limits(file: Path, definition: ControllerFile, plant: Plant
             most, unit, source = allowed[name]
             table, _, word = key.rpartition(".")
             raise InputError(
-                f"{file}: {f'[{table}] ' if table else ''}{word} = {value:.4g} {unit} is more than the plant "
-                f"{plant.name} allows, {most:.4g} {unit} ({source}); lower it, or begin a controller for this plant "
-                f"with ehsa-ctrl new controller NAME --plant {plant.name}"
+                f"{file}: {f'[{table}] ' if table else ''}{word} = {value:.4g} {unit} exceeds the rating of the plant "
+                f"{plant.name}, {most:.4g} {unit} ({source}); lower it, or create a controller for this plant with "
+                f"ehsa-ctrl new controller NAME --plant {plant.name}"
             )
 
 
 def known_of(plant: Plant) -> Known:
-    """Data of a plant for `review`: sensor noise and, for a nonlinear set, friction and half the stroke.
+    """Plant data for `review`: sensor noise and, for a nonlinear parameter set, friction and half the stroke.
 
-    It lacks the smallest slip and a solver's time; `dataclasses.replace` adds them.
+    Callers add the smallest slip and the solver time with `dataclasses.replace`.
 
-    Raises InputError as motion_current does.
+    Raises InputError as `motion_current` does.
     """
     noise = {channel: plant.sensors[channel].sd for channel in MEASURED if channel in plant.sensors}
     if plant.model != "nonlinear":

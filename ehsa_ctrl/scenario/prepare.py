@@ -1,4 +1,4 @@
-"""Prepare scenarios: load the files, design the controller, simulate on a plant, check limits; validate definitions."""
+"""Prepare scenarios: load files, design the controller, simulate, evaluate limits; validate definition files."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from .uncertainty import uncertainty_of
 if TYPE_CHECKING:
     import control
 
-#: Most samples of a scenario, more than an hour at 250 Hz; a longer one has a wrong time unit.
-MOST_SAMPLES = 1_000_000
+#: Largest number of samples of a scenario, 67 min at 250 Hz; a longer one probably has a wrong time unit.
+MAX_SAMPLES = 1_000_000
 
 
 class Evaluation(NamedTuple):
-    """Metrics of a run in SI units, the scenario's limits on them, and failures in sentences."""
+    """Metrics of a run (SI units), the checked limits, and the failures as sentences."""
 
     metrics: dict[str, float]
     checks: tuple[LimitCheck, ...]
@@ -50,9 +50,9 @@ class PreparedScenario:
 
     Attributes
     ----------
-    model: linear model on which the controller was designed.
+    model: linear design model.
     linear, nonlinear: plants with the scenario's settings, for the prediction and the check.
-    files: from which all this was read. settings: set for this run, in addition to the scenario's own.
+    files: input files. settings: plant parameters of this run, in addition to the scenario's own.
     """
 
     scenario: Scenario
@@ -64,9 +64,9 @@ class PreparedScenario:
     settings: Mapping[str, str | float] = field(default_factory=dict)
 
     def simulate(self, plant: Plant, seed: int | None = None) -> ClosedLoop:
-        """Simulate the scenario on a plant, with the scenario's seed of the sensor noise or another one.
+        """Simulate the scenario on a plant; `seed` replaces the scenario's seed of the sensor noise.
 
-        Raises SimulationError for a run that stops although no limit of the plant was exceeded.
+        Raises SimulationError for a run that stops although no plant limit was exceeded.
         """
         definition = self.scenario.definition
         dt = self.controller.sample_time
@@ -91,7 +91,7 @@ class PreparedScenario:
         return loop
 
     def metrics(self, loop: ClosedLoop, wanted: tuple[str, ...] | None = None) -> dict[str, float]:
-        """All of METRICS for a run; with `wanted`, the slow ones only if they are among these."""
+        """All of METRICS for a run; `wanted` omits the slow ones (ShortestTime, SettlingRatio) unless it names one."""
         definition = self.scenario.definition
         return loop_metrics(
             loop,
@@ -104,14 +104,14 @@ class PreparedScenario:
         )
 
     def evaluate(self, loop: ClosedLoop) -> Evaluation:
-        """Metrics, limits and failures of a run; slow metrics only if the scenario limits them."""
+        """Metrics, limits and failures of a run; slow metrics only if the scenario limits one of them."""
         definition = self.scenario.definition
         metrics = self.metrics(loop, wanted=tuple(definition.limits))
         checks = self.check_limits(metrics)
         return Evaluation(metrics, checks, failures_of(checks, loop.trajectory, definition.expect_trips))
 
     def check_limits(self, metrics: Mapping[str, float]) -> tuple[LimitCheck, ...]:
-        """Check these metrics against the scenario's limits."""
+        """Check metrics [SI units] against the scenario's limits."""
         limits = self.scenario.definition.limits
         return tuple(LimitCheck(name, metrics[name], bound.min, bound.max) for name, bound in limits.items())
 
@@ -124,7 +124,7 @@ def prepare(
     design: str | Path | Plant | None = None,
     settings: Mapping[str, str | float] | None = None,
 ) -> PreparedScenario:
-    """Load a scenario and what it refers to and design its controller; arguments and errors as in `run`."""
+    """Load a scenario with its plant and controller, and design the controller; arguments and errors as in `run`."""
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     definition, beside = loaded.definition, loaded.path
     given = dict(settings or {})
@@ -146,10 +146,10 @@ def prepare(
             law = controller
         else:
             raise InputError(
-                f"controller is a {type(controller).__name__}; expected a name, a path, or a controller as "
-                "load_controller gives it"
+                f"controller is a {type(controller).__name__}; expected a name, a path, or a controller such as "
+                "load_controller returns"
             )
-        # A scenario may set A_FR, which only the nonlinear set has.
+        # A scenario may set parameters that only the nonlinear set has, such as A_FR.
         shared = {key: value for key, value in definition.all_settings.items() if has_setting(base, key)}
         linear, nonlinear = with_settings(base, shared), with_settings(nominal, definition.all_settings)
     except InputError as error:
@@ -157,7 +157,7 @@ def prepare(
     _check_length(loaded, law)
     if definition.supervision is not None and isinstance(law, SampledController):
         law = replace(law, supervision=definition.supervision.for_plant(linear))
-    # The load acts in both runs; the other settings change only the plant that is simulated.
+    # The load acts on both runs; the other settings change only the simulated plant.
     loads = {key: value for key, value in given.items() if key_of(symbol_of(key)).startswith("load.")}
     files = dict.fromkeys(f for f in (loaded.path, controller_file, nominal.path, base.path) if f is not None)
     return PreparedScenario(
@@ -166,7 +166,7 @@ def prepare(
 
 
 def _given_plant(word: str, plant: str | Path | Plant | None, model: Model) -> Plant | None:
-    """The plant of an argument; None without one. Raises InputError for a loaded plant's other parameter set."""
+    """The plant of an argument; None without one. Raises InputError for a plant object with the other parameter set."""
     if not isinstance(plant, Plant):
         return load_plant(plant, model=model) if plant else None
     if plant.model != model:
@@ -178,31 +178,30 @@ def _given_plant(word: str, plant: str | Path | Plant | None, model: Model) -> P
 
 
 def _check_length(scenario: Scenario, controller: Controller) -> None:
-    """Raise InputError for a run of too many samples, or with a lag as long as the run."""
+    """Raise InputError for too many samples, or for a lag that is as long as the run."""
     definition, where = scenario.definition, scenario.path or scenario.name
     samples = definition.duration / controller.sample_time
-    if samples > MOST_SAMPLES:
+    if samples > MAX_SAMPLES:
         raise InputError(
             f"{where}: duration = {definition.duration:g} s is {samples:.3g} samples of {controller.name}, whose "
-            f"sample_time is {controller.sample_time:g} s; expected at most {MOST_SAMPLES}"
+            f"sample_time is {controller.sample_time:g} s; expected at most {MAX_SAMPLES}"
         )
     if definition.sensors.lag >= samples:
         raise InputError(
-            f"{where}: [sensors] lag = {definition.sensors.lag} samples is as long as the run, of {samples:.4g}; "
-            "give a longer duration or a shorter lag"
+            f"{where}: [sensors] lag = {definition.sensors.lag} samples is as long as the run, {samples:.4g} samples; "
+            "increase duration or reduce lag"
         )
 
 
 def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
-    """Return the kind ("plant", "controller", "scenario") of a valid definition.
+    """Validate a definition file and return its kind: "plant", "controller" or "scenario".
 
     Parameters
     ----------
-    plant: on whose linear model a controller is designed as a check, and whose limits it must respect; by default the
-        shipped EHSA's model, and no limits.
+    plant: for a controller, the plant on whose linear model it is designed and whose ratings it must respect; by
+        default the model of the shipped EHSA, without its ratings.
 
-    Raises InputError, one sentence with file and key, for the first mistake: form, unit, value, a name that does not
-    exist, a controller that can't be designed.
+    Raises InputError with file and key for the first error: schema, unit, value, unknown name, failed design.
     """
     content = read_toml(path)
     if "system" in content:
@@ -228,4 +227,6 @@ def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
         for file in baseline_files(scenario):
             read_baseline(file)
         return "scenario"
-    raise InputError(f"{path}: is no plant (system = ...), no controller (kind = ...) and no scenario (why = ...)")
+    raise InputError(
+        f"{path}: is neither a plant (system = ...) nor a controller (kind = ...) nor a scenario (why = ...)"
+    )

@@ -1,8 +1,8 @@
 """Scenarios as tests: `pytest scenarios/` runs every scenario file in a folder of that name.
 
-pytest loads the plugin wherever ehsa_ctrl is installed, so it leaves everything else alone: its options begin with
---ehsa-, and a TOML counts only if it has the form of a scenario. A scenario that tests nothing (no limit, no expected
-trip, no baseline) is skipped as untested. The package itself works without pytest, which is the extra `pytest`.
+pytest loads the plugin wherever ehsa_ctrl is installed, so the plugin must not affect other tests: its options begin
+with --ehsa-, and it collects a TOML file only if its keys are those of a scenario. A scenario without any limit,
+expected trip or baseline is skipped as untested. Only this module needs pytest (extra `pytest`).
 """
 
 from __future__ import annotations
@@ -17,31 +17,37 @@ import pytest
 if TYPE_CHECKING:
     from .result import ScenarioResult
 
-#: Keys that every scenario has, and how many of them identify a file: one with a mistyped key is reported, not skipped.
-KEYS, ENOUGH = {"why", "plant", "controller", "duration", "reference"}, 3
-#: Key of the property that reports an updated baseline; pytest-xdist hands it from worker to controller.
-UPDATED = "ehsa_ctrl baseline"
+#: Keys that every scenario has, and how many of them identify one: with 3 of 5, a file with a mistyped key is still
+#: collected and reported as invalid.
+KEYS, MIN_KEYS = {"why", "plant", "controller", "duration", "reference"}, 3
+#: Name of the test property that reports an updated baseline; pytest-xdist passes it from worker to controller.
+UPDATED_BASELINE = "ehsa_ctrl baseline"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    group = parser.getgroup("ehsa_ctrl", "scenarios of ehsa_ctrl")
+    group = parser.getgroup("ehsa_ctrl", "ehsa_ctrl scenarios")
     group.addoption(
-        "--ehsa-controller", metavar="A,B", default="", help="Run scenarios with these controllers instead."
+        "--ehsa-controller",
+        metavar="A,B",
+        default="",
+        help="Run the scenarios with these controllers instead of theirs.",
     )
     group.addoption(
         "--ehsa-update-baselines",
         action="store_true",
-        help="Record runs that have no baseline or have left it; needs --ehsa-reason.",
+        help="Record runs that have no baseline or deviate from it; needs --ehsa-reason.",
     )
-    group.addoption("--ehsa-reason", metavar="TEXT", default="", help="Why the baselines change, kept in their files.")
     group.addoption(
-        "--ehsa-out", metavar="DIR", default="", help="Figures and CSV tables of scenarios that fail go there."
+        "--ehsa-reason", metavar="TEXT", default="", help="Why the baselines change; stored in the baseline files."
+    )
+    group.addoption(
+        "--ehsa-out", metavar="DIR", default="", help="Folder for figures and CSV tables of scenarios that fail."
     )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("--ehsa-update-baselines") and not config.getoption("--ehsa-reason").strip():
-        raise pytest.UsageError("--ehsa-update-baselines changes what counts as right: say why with --ehsa-reason TEXT")
+        raise pytest.UsageError("--ehsa-update-baselines needs --ehsa-reason TEXT: state why the baselines change")
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> ScenarioToml | None:
@@ -51,16 +57,16 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> ScenarioTo
 
 
 def _is_scenario(path: Path) -> bool:
-    """Whether a file has the form of a scenario; one with an error in its TOML may have it too."""
+    """Whether a file has the keys of a scenario; searches the text, so that invalid TOML is collected and reported."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, ValueError):
         return False
-    return len(KEYS & set(re.findall(r"(?m)^\s*\[?\s*(\w+)\s*[=\].]", text))) >= ENOUGH
+    return len(KEYS & set(re.findall(r"(?m)^\s*\[?\s*(\w+)\s*[=\].]", text))) >= MIN_KEYS
 
 
 class ScenarioToml(pytest.File):
-    """A scenario file; a test for each controller."""
+    """A scenario file; one test per controller."""
 
     def collect(self) -> Iterator[ScenarioTest]:
         given = [name.strip() for name in self.config.getoption("--ehsa-controller").split(",") if name.strip()]
@@ -71,7 +77,7 @@ class ScenarioToml(pytest.File):
 
 
 class ScenarioFailure(Exception):  # noqa: N818 - the scenario fails, not the program
-    """A scenario failed; the arguments are the reasons, in sentences."""
+    """A failed scenario; the arguments are the reasons as sentences."""
 
 
 class ScenarioTest(pytest.Item):
@@ -95,22 +101,22 @@ class ScenarioTest(pytest.Item):
             pytest.skip(f"untested: {self.path.name} sets no limit, expects no trip and has no baseline")
 
     def _update(self, result: ScenarioResult) -> ScenarioResult:
-        """Record a run without baseline, or one that deviates from it; the session's end reports what changed."""
+        """Record a run that has no baseline or deviates from it; the terminal summary lists the changes."""
         from .baseline_file import update_baseline
 
         new, changes = update_baseline(result, self.config.getoption("--ehsa-reason"))
         if changes:
-            self.user_properties.append((UPDATED, f"{self.name}\n  " + "\n  ".join(changes)))
+            self.user_properties.append((UPDATED_BASELINE, f"{self.name}\n  " + "\n  ".join(changes)))
         return new
 
     def _write_files(self, result: ScenarioResult) -> None:
-        """Write the figure of the run, and the signals with their tubes as a table."""
+        """Write the figure of the run and, with a baseline, the tube figure and its data as CSV."""
         if not self.config.getoption("--ehsa-out"):
             return
         from ..core.result_folder import ResultFolder
 
         name = f"{result.scenario.name}-{result.controller.name}"
-        # One manifest per run: several processes may test at once.
+        # One manifest per run: several pytest workers may write at once.
         place = ResultFolder(Path(self.config.getoption("--ehsa-out")), f"pytest-{name}", force=True)
         with place.draft() as draft:
             result.plot().savefig(draft / f"{name}.png")
@@ -119,7 +125,7 @@ class ScenarioTest(pytest.Item):
                 result.plot_baseline().savefig(draft / f"{name}-baseline.png")
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Sentences instead of a traceback for errors that a user can correct."""
+        """Plain messages instead of a traceback for failed scenarios and invalid input."""
         from ..core.errors import EhsaError
 
         if isinstance(excinfo.value, ScenarioFailure):
@@ -135,7 +141,7 @@ class ScenarioTest(pytest.Item):
 def pytest_terminal_summary(terminalreporter: Any) -> None:
     reports = [report for group in terminalreporter.stats.values() for report in group]
     updates = [
-        text for report in reports for key, text in getattr(report, "user_properties", ()) if key == UPDATED
+        text for report in reports for key, text in getattr(report, "user_properties", ()) if key == UPDATED_BASELINE
         and getattr(report, "when", "") == "call"
     ]  # fmt: skip
     if updates:

@@ -1,4 +1,4 @@
-"""References of the rod position, one class for each form: the signal, its jumps and its holds."""
+"""Rod position references, one class per kind: the signal, its jumps and its holds."""
 
 from __future__ import annotations
 
@@ -17,13 +17,16 @@ MetrePerSecond = Annotated[float, In("m/s")]
 MetrePerSecond2 = Annotated[float, In("m/s2")]
 
 
-class _Form(Definition):
-    """A form of reference. Without overriding, its target never jumps and is never held."""
+class _ReferenceBase(Definition):
+    """Base of the reference kinds; by default the target neither jumps nor holds."""
 
     kind: str = Field(description="type of reference")
 
     def signal(self, time: np.ndarray) -> np.ndarray:
-        """Position [m], speed and acceleration (N, 3); a jump of the position or speed has no derivative."""
+        """Position [m], speed [m/s] and acceleration [m/s2] at the times (N,) as (N, 3).
+
+        Speed and acceleration leave out the impulses at jumps of the position or speed.
+        """
         raise NotImplementedError
 
     def jumps(self) -> list[float]:
@@ -35,17 +38,17 @@ class _Form(Definition):
         return []
 
 
-class _Targets(_Form):
-    """A sequence of targets, one for each time."""
+class _Targets(_ReferenceBase):
+    """A sequence of targets, each with its start time."""
 
     times: list[Second] = Field(description="start time of each motion")
     positions: list[Metre] = Field(description="target position of each motion")
 
     @model_validator(mode="after")
-    def _same_length(self) -> _Targets:
+    def _check_lengths(self) -> _Targets:
         if not self.times or len(self.times) != len(self.positions):
             raise ValueError(
-                f"times has {len(self.times)} and positions {len(self.positions)} entries; give one position a time"
+                f"times has {len(self.times)} and positions {len(self.positions)} entries; give one position per time"
             )
         return self
 
@@ -58,16 +61,16 @@ class _Targets(_Form):
 
 
 class Steps(_Targets):
-    """Jumps; zero before the first."""
+    """Steps from mid-stroke, x = 0."""
 
     kind: Literal["steps"] = Field(description="type of reference")
     times: list[Second] = Field(description="times of the steps")
     positions: list[Metre] = Field(description="target position after each step")
 
     @model_validator(mode="after")
-    def _fit(self) -> Steps:
+    def _check_times(self) -> Steps:
         if np.any(np.diff(self.times) <= 0) or self.times[0] < 0:
-            raise ValueError("times must grow, from 0 s or later")
+            raise ValueError("times must increase and be at least 0 s")
         return self
 
     def signal(self, time: np.ndarray) -> np.ndarray:
@@ -77,49 +80,49 @@ class Steps(_Targets):
         return values
 
     def jumps(self) -> list[float]:
-        """Times at which the target jumps [s]; a repeated target is no jump."""
-        return [at for at, way in zip(self.times, np.diff([0.0, *self.positions]), strict=True) if way != 0.0]
+        """Times at which the target jumps [s]; a repeated target is not a jump."""
+        return [at for at, size in zip(self.times, np.diff([0.0, *self.positions]), strict=True) if size != 0.0]
 
 
 class Moves(_Targets):
-    """Smooth moves, quintic, from rest to rest.
+    """Quintic moves from rest to rest.
 
-    s(t) = 10 t^3 - 15 t^4 + 6 t^5, so that speed and acceleration start and end at zero.
+    s(t) = 10 t^3 - 15 t^4 + 6 t^5 starts and ends with zero speed and acceleration.
     """
 
     kind: Literal["moves"] = Field(description="type of reference")
-    durations: list[Second] = Field(description="duration of each motion; it ends before the next begins")
+    durations: list[Second] = Field(description="duration of each motion, which must end before the next one starts")
 
     @model_validator(mode="after")
-    def _fit(self) -> Moves:
+    def _check_moves(self) -> Moves:
         if len(self.times) != len(self.durations):
             raise ValueError(
                 f"times, positions and durations have {len(self.times)}, {len(self.positions)} and "
-                f"{len(self.durations)} entries; give as many of each"
+                f"{len(self.durations)} entries; give the same number of each"
             )
         ends = [0.0, *self._ends()]
         if min(self.durations) <= 0 or any(at < end for at, end in zip(self.times, ends, strict=False)):
-            raise ValueError("every move must last more than 0 s and end before the next begins")
+            raise ValueError("every move must take more than 0 s and end before the next one starts")
         return self
 
     def signal(self, time: np.ndarray) -> np.ndarray:
         values = np.zeros((time.size, 3))
         start = 0.0
-        for at, position, takes in zip(self.times, self.positions, self.durations, strict=True):
-            s = np.clip((time - at) / takes, 0.0, 1.0)
-            way = position - start
-            values[:, 0] += way * s**3 * (10 - 15 * s + 6 * s**2)
-            values[:, 1] += way / takes * 30 * s**2 * (1 - s) ** 2
-            values[:, 2] += way / takes**2 * 60 * s * (1 - s) * (1 - 2 * s)
+        for at, position, duration in zip(self.times, self.positions, self.durations, strict=True):
+            s = np.clip((time - at) / duration, 0.0, 1.0)
+            travel = position - start
+            values[:, 0] += travel * s**3 * (10 - 15 * s + 6 * s**2)
+            values[:, 1] += travel / duration * 30 * s**2 * (1 - s) ** 2
+            values[:, 2] += travel / duration**2 * 60 * s * (1 - s) * (1 - 2 * s)
             start = position
         return values
 
     def _ends(self) -> list[float]:
-        return [at + takes for at, takes in zip(self.times, self.durations, strict=True)]
+        return [at + duration for at, duration in zip(self.times, self.durations, strict=True)]
 
 
-class Sine(_Form):
-    """amplitude sin(2 pi frequency (t - start)), at zero before."""
+class Sine(_ReferenceBase):
+    """amplitude sin(2 pi frequency (t - start)); zero before `start`."""
 
     kind: Literal["sine"] = Field(description="type of reference")
     amplitude: Metre = Field(description="amplitude")
@@ -127,7 +130,7 @@ class Sine(_Form):
     start: Second = Field(default=0.0, description="start time")
 
     @model_validator(mode="after")
-    def _fit(self) -> Sine:
+    def _check_values(self) -> Sine:
         if self.frequency <= 0 or self.start < 0:
             raise ValueError("frequency must be greater than 0 Hz and start at least 0 s")
         return self
@@ -140,8 +143,8 @@ class Sine(_Form):
         return self.amplitude * np.column_stack(columns) * on[:, None]
 
 
-class Ramp(_Form):
-    """From zero to a position at constant speed, held there; the speed jumps at both ends."""
+class Ramp(_ReferenceBase):
+    """From zero to a position at constant speed, then a hold; the speed jumps at both ends."""
 
     kind: Literal["ramp"] = Field(description="type of reference")
     position: Metre = Field(description="final position")
@@ -149,7 +152,7 @@ class Ramp(_Form):
     start: Second = Field(default=0.0, description="start time")
 
     @model_validator(mode="after")
-    def _fit(self) -> Ramp:
+    def _check_values(self) -> Ramp:
         if self.velocity <= 0 or self.start < 0 or self.position == 0:
             raise ValueError("velocity must be greater than 0 m/s, start at least 0 s and position not 0 m")
         return self
@@ -160,10 +163,10 @@ class Ramp(_Form):
         return self.start + abs(self.position) / self.velocity
 
     def signal(self, time: np.ndarray) -> np.ndarray:
-        way = np.sign(self.position)
+        sign = np.sign(self.position)
         values = np.zeros((time.size, 3))
-        values[:, 0] = way * np.clip(self.velocity * (time - self.start), 0.0, abs(self.position))
-        values[:, 1] = way * self.velocity * ((time >= self.start - 1e-9) & (time < self.end - 1e-9))
+        values[:, 0] = sign * np.clip(self.velocity * (time - self.start), 0.0, abs(self.position))
+        values[:, 1] = sign * self.velocity * ((time >= self.start - 1e-9) & (time < self.end - 1e-9))
         return values
 
     def holds(self) -> list[Hold]:
@@ -171,9 +174,9 @@ class Ramp(_Form):
 
 
 class Trapezoid(_Targets):
-    """Moves under a largest velocity and acceleration.
+    """Moves with a trapezoidal velocity profile.
 
-    Speed rises at constant acceleration, is held, and falls likewise; a short move has no held part.
+    Constant acceleration, constant velocity, constant deceleration; a short move never reaches the largest velocity.
     """
 
     kind: Literal["trapezoid"] = Field(description="type of reference")
@@ -181,29 +184,29 @@ class Trapezoid(_Targets):
     acceleration: MetrePerSecond2 = Field(description="largest acceleration")
 
     @model_validator(mode="after")
-    def _fit(self) -> Trapezoid:
+    def _check_moves(self) -> Trapezoid:
         if self.velocity <= 0 or self.acceleration <= 0:
             raise ValueError("velocity and acceleration must be greater than 0")
         ends = [0.0, *self._ends()]
         for at, end in zip(self.times, ends, strict=False):
             if at < end:
-                raise ValueError(f"the move at {at:g} s begins before the one before it has ended, at {end:g} s")
+                raise ValueError(f"the move at {at:g} s starts before the previous one ends, at {end:g} s")
         return self
 
-    def _phases(self, way: float) -> tuple[float, float]:
-        """Duration of the acceleration (and of the deceleration), and of constant speed [s]."""
-        rise = min(self.velocity / self.acceleration, float(np.sqrt(abs(way) / self.acceleration)))
-        held = abs(way) / self.velocity - rise if rise * self.acceleration >= self.velocity * (1 - 1e-12) else 0.0
-        return rise, max(held, 0.0)
+    def _phases(self, travel: float) -> tuple[float, float]:
+        """Durations [s] of the acceleration, which the deceleration equals, and of the constant speed."""
+        rise = min(self.velocity / self.acceleration, float(np.sqrt(abs(travel) / self.acceleration)))
+        reached = rise * self.acceleration >= self.velocity * (1 - 1e-12)
+        return rise, max(abs(travel) / self.velocity - rise, 0.0) if reached else 0.0
 
     def signal(self, time: np.ndarray) -> np.ndarray:
         values = np.zeros((time.size, 3))
         for at, position, begin in zip(self.times, self.positions, [0.0, *self.positions], strict=False):
-            way = position - begin
-            rise, held = self._phases(way)
-            a, sign, t = self.acceleration, np.sign(way), np.maximum(time - at, 0.0)
-            first, second = np.minimum(t, rise), np.clip(t - rise, 0.0, held)
-            third = np.clip(t - rise - held, 0.0, rise)
+            travel = position - begin
+            rise, constant = self._phases(travel)
+            a, sign, t = self.acceleration, np.sign(travel), np.maximum(time - at, 0.0)
+            first, second = np.minimum(t, rise), np.clip(t - rise, 0.0, constant)
+            third = np.clip(t - rise - constant, 0.0, rise)
             top = a * rise
             values[:, 0] += sign * (0.5 * a * first**2 + top * second + top * third - 0.5 * a * third**2)
             values[:, 1] += sign * a * (first - third)
@@ -214,21 +217,21 @@ class Trapezoid(_Targets):
     def _ends(self) -> list[float]:
         ends = []
         for at, position, begin in zip(self.times, self.positions, [0.0, *self.positions], strict=False):
-            rise, held = self._phases(position - begin)
-            ends.append(at + 2 * rise + held)
+            rise, constant = self._phases(position - begin)
+            ends.append(at + 2 * rise + constant)
         return ends
 
 
-class TrajectoryFile(_Form):
-    """A trajectory from a CSV: t [s], position [m] and, optionally, velocity [m/s] and acceleration [m/s2].
+class TrajectoryFile(_ReferenceBase):
+    """A trajectory from a CSV file: t [s], position [m] and, optionally, velocity [m/s] and acceleration [m/s2].
 
-    All are linear between the rows; without a velocity column the velocity is the slope of the position. The last
-    position is held.
+    Values are interpolated linearly; without a velocity column the velocity is the slope of the position. The last
+    position is held to the end of the run.
     """
 
     kind: Literal["file"] = Field(description="type of reference")
-    file: str = Field(description="path of the CSV, relative to the scenario's folder")
-    start: Second = Field(default=0.0, description="time at which the file's t = 0 lies")
+    file: str = Field(description="path of the CSV file, relative to the scenario's folder")
+    start: Second = Field(default=0.0, description="time in the run at which the file's t = 0 lies")
     _table: dict[str, np.ndarray] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
@@ -270,21 +273,21 @@ class TrajectoryFile(_Form):
 
 
 def read_trajectory(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a trajectory's CSV: t and position, and velocity and acceleration where it has them.
+    """Read the columns of a trajectory file: t, position and, if present, velocity and acceleration; each (N,).
 
-    Raises InputError, naming file, column and row, for a file that is absent or is no such table.
+    Raises InputError with file, column and row for a missing or malformed file.
     """
     from ..core.table import read_table
 
     table = read_table(path)
     for name in ("t", "position"):
         if name not in table.names:
-            raise InputError(f"{path}: has no column {name!r}; expected t and position, in s and m")
+            raise InputError(f"{path}: has no column {name!r}; expected t [s] and position [m]")
     known = ("t", "position", "velocity", "acceleration")
     columns = {name: table.numbers(name) for name in known if name in table.names}
     time = columns["t"]
     if time.size < 2 or time[0] < 0 or np.any(np.diff(time) <= 0):
-        raise InputError(f"{path}: t must grow from row to row, from 0 s or later, over at least two rows")
+        raise InputError(f"{path}: t must have at least two rows, increase from row to row and be at least 0 s")
     return columns
 
 

@@ -1,8 +1,8 @@
-"""Rescale the numbers of a shipped controller or scenario, chosen for the shipped EHSA, to another plant.
+"""Rescale a shipped controller or scenario, whose numbers are chosen for the shipped EHSA, to another plant.
 
 Each number keeps its ratio to a characteristic value of the plant: a current limit to the motor's continuous current, a
-stroke to the rod's, a weight of the position to the stroke, a sample time to the bench's period. For the shipped EHSA
-no number changes.
+travel or a position weight to the stroke, a sample time to the plant's sample time. For the shipped EHSA no number
+changes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SCALES_WITH = {
         "limits.stroke", "weights.position", "weights.integral", "reference.positions", "reference.position",
         "reference.amplitude", "supervision.position",
     ),
-    # The penalty of a soft limit is weighed against the squared position error.
+    # The cost compares the penalty of a soft limit with the squared position error.
     "reach2": ("limits.penalty",),
     "force": ("observer.load",),
     "slip": ("rest.band", "rest.release"),
@@ -53,11 +53,13 @@ SCALES_WITH = {
     "stribeck": ("feedforward.stribeck",),
 }  # fmt: skip
 #: Keys of [observer] that are sensor noise -> channel of the plant.
-NOISY = {"speed": "speed", "pressure": "p1", "position": "position"}
+NOISE_CHANNELS = {"speed": "speed", "pressure": "p1", "position": "position"}
 VALUE_OF = {key: name for name, keys in SCALES_WITH.items() for key in keys}
-#: Continuous over peak current where the file states only the peak torque: the EHSA's ratio.
-CONTINUOUS = 0.187
-#: Defaults of optional keys that are numbers of the shipped EHSA.
+#: Continuous over peak current of a plant that states only the peak torque: the ratio of the EHSA.
+CONTINUOUS_RATIO = 0.187
+#: Admissible horizon of an MPC, as in `design.kinds.mpc`.
+MIN_HORIZON, MAX_HORIZON = 2, 500
+#: Default values of optional keys that are specific to the shipped EHSA.
 DEFAULTS: dict[str, Any] = {
     "observer.speed": f"{Observer().speed:g} rad/s",
     "observer.pressure": f"{1e-3 * Observer().pressure:g} kPa",
@@ -70,69 +72,71 @@ DEFAULTS: dict[str, Any] = {
 class Rescaling:
     """Rescaling from the shipped EHSA to another plant.
 
-    ratios: characteristic value -> the plant's over the EHSA's, where the plant's file determines it.
-    allowed: see `ratings`.
+    ratios: characteristic value -> ratio of the plant's to the EHSA's, if the plant's file determines it.
+    ratings: of the plant, see `plant_data.ratings`.
     """
 
     ratios: Mapping[str, float]
-    allowed: Mapping[str, Rating]
+    ratings: Mapping[str, Rating]
 
     def scale(self, key: str, value: Any) -> Any:
-        """The value of a key for the plant; the same object where it does not change."""
+        """The value of a key for the plant; the same object if it does not change."""
         if isinstance(value, list):
             return [self.scale(key, item) for item in value]
         ratio = self.ratios.get(VALUE_OF.get(key, ""), 1.0)
         if isinstance(value, str):
             number, _, unit = value.partition(" ")
-            most = self.allowed.get(BOUNDED.get(key, ""))
+            most = self.ratings.get(BOUNDED.get(key, ""))
             if most is not None and parse(value, most.unit) * ratio > most.value:
-                return f"{_rounded(most.value / factor(unit, most.unit), down=True)} {unit}"
-            return value if abs(ratio - 1.0) < 1e-9 else f"{_rounded(float(number) * ratio)} {unit}"
+                return f"{_round(most.value / factor(unit, most.unit), down=True)} {unit}"
+            return value if abs(ratio - 1.0) < 1e-9 else f"{_round(float(number) * ratio)} {unit}"
         if abs(ratio - 1.0) < 1e-9:
             return value
-        return min(max(round(value * ratio), 2), 500) if isinstance(value, int) else float(_rounded(value * ratio))
+        if isinstance(value, int):
+            return min(max(round(value * ratio), MIN_HORIZON), MAX_HORIZON)
+        return float(_round(value * ratio))
 
     def changes(self, content: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
-        """Dotted key -> value of the numbers that change; `known` are the keys of the form."""
-        there = {key: value for key, value in DEFAULTS.items() if key in known} | dict(_leaves(content))
-        scaled = {key: self.scale(key, value) for key, value in there.items() if key in VALUE_OF}
-        return {key: value for key, value in scaled.items() if value != there[key]}
+        """Dotted key -> new value of the numbers that change; `known`: keys of the file's schema."""
+        original = {key: value for key, value in DEFAULTS.items() if key in known} | dict(_leaves(content))
+        scaled = {key: self.scale(key, value) for key, value in original.items() if key in VALUE_OF}
+        return {key: value for key, value in scaled.items() if value != original[key]}
 
     def unknown(self, content: Mapping[str, Any]) -> list[str]:
-        """Keys that keep their value because the plant's file does not determine what they scale with."""
+        """Keys that keep their value because the plant's file does not determine the characteristic value."""
         return [key for key, _ in _leaves(content) if key in VALUE_OF and VALUE_OF[key] not in self.ratios]
 
 
 def rescaling_to(plant: str | Path, settings: Mapping[str, str | float] | None = None) -> Rescaling:
-    """Rescaling from the shipped EHSA to this plant with these settings. Raises InputError as load_plant."""
-    here, there = _models(plant, settings or {}), _models(shipped("plants")["ehsa"], {})
-    new, old = characteristic_values(*here), characteristic_values(*there)
+    """Rescaling from the shipped EHSA to a plant with some settings. Raises InputError as `load_plant` does."""
+    target, ehsa = _models(plant, settings or {}), _models(shipped("plants")["ehsa"], {})
+    new, old = characteristic_values(*target), characteristic_values(*ehsa)
     ratios = {name: new[name] / old[name] for name in new if old.get(name)}
-    # Sampling and the hydraulic mode bound the bandwidth.
+    # The sample rate and the hydraulic mode limit the bandwidth.
     ratios["bandwidth"] = min(1.0, ratios["mode"], ratios["rate"])
     # The prediction horizon covers the decay of the hydraulic mode.
     ratios["samples"] = ratios["rate"] / ratios["mode"]
-    return Rescaling(ratios, ratings(here[0]))
+    return Rescaling(ratios, ratings(target[0]))
 
 
 def characteristic_values(linear: Plant, nonlinear: Plant) -> dict[str, float]:
-    """Characteristic values of a plant, SI units, by the names of SCALES_WITH, as far as its file determines them.
+    """Characteristic values (SI units) by the names of SCALES_WITH, as far as the plant's file determines them.
 
-    Friction is that of the nonlinear set.
+    Friction comes from the nonlinear parameter set.
     """
     p, motion = linear.values, motion_current(nonlinear)
     found = {name: rating.value for name, rating in ratings(linear).items()}
     if "current_rms" in linear.limits:
         found["current"] = linear.limits["current_rms"].value
     elif "current" in found:
-        found["current"] *= CONTINUOUS
+        found["current"] *= CONTINUOUS_RATIO
     found |= {"period": linear.sample_time, "rate": 1.0 / linear.sample_time, "level": p["P_0"], **motion}
-    oil, mass = 2.0 * p["beta"] / p["V"], p["M"] + p["m_L"]
-    # Natural frequency of shaft and rod on the oil.
-    found["mode"] = sqrt(oil * (p["D"] ** 2 / p["J_M"] + p["A"] ** 2 / mass))
-    # At breakaway the excess of static friction relaxes the oil.
-    slip = (motion["static"] - motion["coulomb"]) / motion["load"] / (oil * p["A"] ** 2)
-    noise = {f"noise_{word}": linear.sensors[channel].sd for word, channel in NOISY.items()}
+    oil_stiffness, mass = 2.0 * p["beta"] / p["V"], p["M"] + p["m_L"]
+    # Natural frequency [rad/s] of shaft and rod on the oil column.
+    found["mode"] = sqrt(oil_stiffness * (p["D"] ** 2 / p["J_M"] + p["A"] ** 2 / mass))
+    # Smallest slip [m]: at breakaway the friction drops from static to Coulomb and the oil column expands.
+    slip = (motion["static"] - motion["coulomb"]) / motion["load"] / (oil_stiffness * p["A"] ** 2)
+    noise = {f"noise_{word}": linear.sensors[channel].sd for word, channel in NOISE_CHANNELS.items()}
     found |= {name: value for name, value in {"slip": slip, "friction": motion["coulomb"], **noise}.items() if value}
     if "current" in found:
         found["acceleration"] = found["current"] / motion["inertia"]
@@ -147,7 +151,7 @@ def characteristic_values(linear: Plant, nonlinear: Plant) -> dict[str, float]:
 
 
 def _models(plant: str | Path, settings: Mapping[str, str | float]) -> tuple[Plant, Plant]:
-    """The linear set, and the nonlinear one with the settings that it has, or the linear one again without it."""
+    """The linear and the nonlinear set of a plant with the settings that apply; the linear one twice if it is alone."""
     linear = load_plant(plant, model="linear", settings=settings)
     if "nonlinear" not in models_of(plant):
         return linear, linear
@@ -163,8 +167,8 @@ def _leaves(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield f"{prefix}{name}", item
 
 
-def _rounded(value: float, *, down: bool = False) -> str:
-    """Three significant digits, written out."""
+def _round(value: float, *, down: bool = False) -> str:
+    """A value with three significant digits, without exponent; `down` rounds towards zero."""
     if down and value > 0.0:
         digit = 10.0 ** (floor(log10(value)) - 2)
         value = floor(value / digit * (1.0 + 1e-9)) * digit

@@ -1,33 +1,34 @@
-"""Metrics of one response of a plant that sticks: the step response, and stick-slip around a target that is held.
+"""Metrics of one response of a plant with friction: step response, and stick-slip around a constant target.
 
-Names are those of python-control's `step_info`. The rules differ where a real actuator breaks them: a step is measured
-from the old target to the new one, crossings are interpolated, and what does not happen is nan instead of an exception
-or a false success.
+The names are those of python-control's `step_info`. The rules differ where those assume an ideal response: a step runs
+from the old target to the new one, crossings are interpolated between samples, and an event that does not happen gives
+nan instead of an exception or a false success.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-#: A loop has settled when it stays within this share of the step, or within this distance [m] if that is more.
+#: A loop has settled when it stays within this share of the step (the usual 2 %), or within this distance [m] if that
+#: is larger: about the accuracy to which a PID without friction compensation holds the EHSA (docs/limits.md).
 BAND, BAND_ABSOLUTE = 0.02, 100e-6
 
 
 def step_metrics(time: np.ndarray, y: np.ndarray, before: float, target: float) -> dict[str, float]:
-    """Step metrics of one response, from the moment of the step on; nan for what does not happen.
+    """Step metrics of one response; nan for an event that does not happen.
 
     Parameters
     ----------
-    time, y: (N,) s and the response; the first sample is at the step.
-    before, target: the old and the new target.
+    time, y: (N,) times [s] and response [m]; the first sample is at the step.
+    before, target: old and new target [m].
 
     Returns
     -------
     RiseTime, SettlingTime, SettlingTimeAbs, SettlingMin, SettlingMax, Overshoot and Undershoot (as shares of the
     step), Peak, PeakTime, SteadyStateValue, SteadyStateError.
 
-    Undershoot is the largest motion in the wrong direction, from the initial value and before the response reaches
-    90 %; an error left from before the step and a later swing back do not count.
+    Undershoot is the largest motion in the wrong direction, relative to the initial value, before the response reaches
+    90 %. An error that remains from before the step and a later oscillation do not count.
     """
     size = target - before
     tail = y[-max(y.size // 10, 1) :]
@@ -56,38 +57,39 @@ def step_metrics(time: np.ndarray, y: np.ndarray, before: float, target: float) 
 
 
 def settling_band(size: float) -> float:
-    """Half width of the band in which a step of `size` [m] has settled, as a share of the step."""
+    """Half width of the settling band of a step of `size` [m], as a share of the step."""
     return max(BAND, BAND_ABSOLUTE / abs(size))
 
 
 def hunting(time: np.ndarray, x: np.ndarray) -> dict[str, float]:
-    """Stick-slip limit cycle while a target is held; the rod sticks exactly where x does not change in any bit.
+    """Stick-slip limit cycle around a constant target.
 
     A PID on a plant whose static friction exceeds its Coulomb friction has a limit cycle (B. Armstrong, B. Amin, "PID
-    control in the presence of static friction", Automatica 32(5), 1996) that the describing function predicts badly,
-    so it is measured. Reading x instead of the sampled sliding direction also finds a slip between two samples.
+    control in the presence of static friction", Automatica 32(5), 1996). The describing function predicts it poorly,
+    so this function measures it. A sticking rod keeps x to the last bit; comparing x instead of the sampled sliding
+    direction also finds a slip between two samples.
 
     Parameters
     ----------
-    time, x: (N,) s and m while the target is held.
+    time, x: (N,) times [s] and rod position [m] during the hold.
 
     Returns
     -------
-    Slips: number of breakaways and reversals. HuntingAmplitude (peak to peak) and HuntingPeriod: of a motion that
-    reverses at least once; 0 and nan otherwise. With one reversal the period is nan.
+    Slips: number of breakaways and reversals. HuntingAmplitude (peak to peak [m]; 0 without a reversal) and
+    HuntingPeriod ([s]; nan with fewer than two reversals).
     """
-    way = np.sign(np.diff(x))
-    starts = np.flatnonzero((way != 0) & (np.concatenate([[0.0], way[:-1]]) != way))
-    ways = way[starts]
-    turns = starts[1:][ways[1:] != ways[:-1]]
-    if turns.size == 0:
+    direction = np.sign(np.diff(x))
+    starts = np.flatnonzero((direction != 0) & (np.concatenate([[0.0], direction[:-1]]) != direction))
+    directions = direction[starts]
+    reversals = starts[1:][directions[1:] != directions[:-1]]
+    if reversals.size == 0:
         return {"Slips": float(starts.size), "HuntingAmplitude": 0.0, "HuntingPeriod": float("nan")}
-    period = 2 * float(np.mean(np.diff(time[turns]))) if turns.size > 1 else float("nan")
+    period = 2 * float(np.mean(np.diff(time[reversals]))) if reversals.size > 1 else float("nan")
     return {"Slips": float(starts.size), "HuntingAmplitude": float(np.ptp(x)), "HuntingPeriod": period}
 
 
 def _first_crossing(time: np.ndarray, share: np.ndarray, level: float) -> float:
-    """When `share` first reaches `level`, linear between samples; nan if never."""
+    """Time [s] at which `share` (N,) first reaches `level`, interpolated linearly; nan if never."""
     reached = np.flatnonzero(share >= level)
     if reached.size == 0:
         return float("nan")
@@ -98,7 +100,7 @@ def _first_crossing(time: np.ndarray, share: np.ndarray, level: float) -> float:
 
 
 def _settling(time: np.ndarray, share: np.ndarray, band: float) -> float:
-    """When `share` enters 1 +- band for good, linear between samples; nan if never."""
+    """Time [s] from which `share` (N,) stays within 1 +- band, interpolated linearly; nan if never."""
     outside = np.flatnonzero(np.abs(share - 1.0) > band)
     if outside.size == 0:
         return 0.0

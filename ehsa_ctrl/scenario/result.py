@@ -43,18 +43,18 @@ class LimitCheck:
 
     @property
     def passed(self) -> bool:
-        """A metric that is nan (never settled, for instance) passes no limit."""
+        """Whether the limit holds; nan, such as the settling time of a step that never settles, fails every limit."""
         above = self.lower is None or self.value >= self.lower
         below = self.upper is None or self.value <= self.upper
         return bool(np.isfinite(self.value) and above and below)
 
     @property
     def margin(self) -> float:
-        """Distance to the nearer bound as a share of it (of a thousandth of the metric's unit for a bound of zero);
-        negative where the limit is violated, -inf for what did not happen."""
+        """Distance to the nearer bound relative to that bound; negative if violated, -inf for nan."""
         if not np.isfinite(self.value):
             return float("-inf")
         signed = ((-1, self.lower), (1, self.upper))
+        # 1e-3 of the SI unit replaces a bound of zero.
         return float(min(sign * (b - self.value) / (abs(b) or 1e-3) for sign, b in signed if b is not None))
 
     def __str__(self) -> str:
@@ -63,18 +63,18 @@ class LimitCheck:
         return f"{self.metric} {value} ({metric.format_bounds(self.lower, self.upper)})"
 
 
-#: Number of reasons in a sentence; of more than one further reason it gives the count.
-NAMED = 3
+#: Reasons that a one-line summary lists before it counts the others.
+LISTED_REASONS = 3
 
 
 def first_reasons(reasons: Sequence[str]) -> str:
-    """The first reasons in one sentence, and the number of the others."""
-    left = len(reasons) - NAMED
-    return "; ".join(reasons) if left <= 1 else "; ".join([*reasons[:NAMED], f"and {left} more"])
+    """The first reasons as one sentence, with the number of the others."""
+    left = len(reasons) - LISTED_REASONS
+    return "; ".join(reasons) if left <= 1 else "; ".join([*reasons[:LISTED_REASONS], f"and {left} more"])
 
 
 def failures_of(checks: Sequence[LimitCheck], run: Trajectory, expected_trips: Sequence[str]) -> tuple[str, ...]:
-    """Failures in sentences: violated limits of the scenario, unexpected trips, and expected trips that are missing."""
+    """Failures as sentences: violated limits, unexpected trips, and expected trips that did not happen."""
     reasons = [str(check) for check in checks if not check.passed]
     tripped = {trip.limit for trip in run.exceeded}
     if run.stopped and not tripped & set(expected_trips):
@@ -91,16 +91,16 @@ class ScenarioResult:
     Attributes
     ----------
     scenario, controller: what was run.
-    linear: prediction with the identified linear model. nonlinear: run on the nonlinear plant.
-    metrics: name -> (linear, nonlinear).
+    linear: prediction with the linear model. nonlinear: run on the nonlinear plant.
+    metrics: name -> (linear, nonlinear), SI units.
     limit_checks: the scenario's limits on the nonlinear plant.
-    trips: limits of the plant that the nonlinear run exceeded.
+    trips: plant limits that the nonlinear run exceeded.
     loop: margins on the design model; None for a controller without linear feedback.
     seconds: wall time.
-    baseline: recorded run for comparison; None where there is none, or where another plant was simulated.
-    sensitivities: of the verdict to each assumed parameter; None where not requested.
-    files: of scenario, controller and plants, where they come from files.
-    settings: plant parameters that were set for this run.
+    baseline: recorded run for comparison; None if none exists or if another plant was simulated.
+    sensitivities: of the verdict to each assumed parameter; None if not requested.
+    files: input files of scenario, controller and plants.
+    settings: plant parameters set for this run.
     """
 
     scenario: Scenario
@@ -123,29 +123,29 @@ class ScenarioResult:
 
     @property
     def limit_failures(self) -> tuple[str, ...]:
-        """Failures in sentences, without those of the baseline; empty if all limits hold."""
+        """Failures as sentences, without differences from the baseline; empty if all limits hold."""
         return failures_of(self.limit_checks, self.nonlinear.trajectory, self.expected_trips)
 
     @cached_property
     def failures(self) -> tuple[str, ...]:
-        """All failures in sentences; empty if the scenario passed."""
+        """All failures as sentences; empty if the scenario passed."""
         return (*self.limit_failures, *(self.baseline.differences(self) if self.baseline else ()))
 
     @property
     def passed(self) -> bool:
-        """No failure; also true for a scenario that tests nothing, see `verdict`."""
+        """Whether there is no failure; also true for a scenario without any test, see `verdict`."""
         return not self.failures
 
     @property
     def verdict(self) -> Verdict:
-        """ "untested" for a scenario without limit, expected trip and baseline."""
+        """The verdict; "untested" for a scenario without limit, expected trip or baseline."""
         if not self.passed:
             return "fail"
         return "pass" if self.limit_checks or self.expected_trips or self.baseline else "untested"
 
     @property
     def current_limit_reached(self) -> bool:
-        """The controller asked for all the current that it may."""
+        """Whether the commanded current reached the controller's limit."""
         limit = float(getattr(self.controller, "current_limit", np.inf))
         return bool((abs(self.nonlinear.asked) >= limit * (1 - 1e-9)).any())
 
@@ -154,8 +154,8 @@ class ScenarioResult:
         return self.nonlinear.trajectory.plant
 
     @property
-    def _numbers(self) -> tuple[Parameter, ...]:
-        """Numbers of the plant's file: parameters and sensors."""
+    def _plant_numbers(self) -> tuple[Parameter, ...]:
+        """All numbers of the plant's file: parameters and sensor data."""
         sensors = [number for sensor in self.plant.sensors.values() for number in sensor.stated]
         return (*self.plant.parameters.values(), *sensors)
 
@@ -203,10 +203,10 @@ class ScenarioResult:
                 }
                 for name, (linear, nonlinear) in self.metrics.items()
             },
-            "not_defined": {name: why for name in METRICS if (why := self.scenario.definition.undefined(name))},
+            "not_defined": {name: why for name in METRICS if (why := self.scenario.definition.reason_undefined(name))},
             "margins": self.loop.to_dict() if self.loop else None,
             "linear_model_passed_limits": [str(item) for item in self.linear.trajectory.exceeded],
-            "assumed": {p.name: p.value for p in self._numbers if p.source == "assumed"},
+            "assumed": {p.name: p.value for p in self._plant_numbers if p.source == "assumed"},
             "assumed_ranges": None if self.sensitivities is None else [each.to_dict() for each in self.sensitivities],
             "warnings": list(self.plant.implausible),
             "seed": self.scenario.definition.sensors.seed,
@@ -215,33 +215,33 @@ class ScenarioResult:
         }
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row per metric: linear prediction, nonlinear outcome and their difference, in the shown units."""
+        """One row per metric: linear prediction, nonlinear outcome and their difference, in display units."""
         import pandas
 
         rows = []
         for name, pair in self.metrics.items():
             scale = METRICS[name].scale
-            rows.append((name, METRICS[name].shown, pair[0] / scale, pair[1] / scale, gap(*pair) / scale))
+            rows.append((name, METRICS[name].display_unit, pair[0] / scale, pair[1] / scale, gap(*pair) / scale))
         return pandas.DataFrame(rows, columns=["metric", "unit", "linear", "nonlinear", "gap"]).set_index("metric")
 
     def cell(self, metric: str, value: float) -> str:
-        """A value [SI unit] in the metric's shown unit; "-" for what did not happen."""
-        if self.scenario.definition.undefined(metric):
+        """A value [SI unit] as text in the metric's display unit; "-" for nan."""
+        if self.scenario.definition.reason_undefined(metric):
             return "not defined"
         return "-" if np.isnan(value) else f"{value / METRICS[metric].scale:.4g}"
 
     def table(self) -> pandas.DataFrame:
-        """As to_pandas, with formatted cells."""
+        """The table of `to_pandas` with formatted cells."""
         frame = self.to_pandas()
         cells = [[self.cell(name, value) for value in (*pair, gap(*pair))] for name, pair in self.metrics.items()]
         frame[["linear", "nonlinear", "gap"]] = cells
         return frame
 
     def time_series(self) -> pandas.DataFrame:
-        """One row per sample of the run on the nonlinear plant, SI units; as CSV it is a log that every command reads.
+        """One row per sample of the nonlinear run, SI units. Saved as CSV it is a log that every command reads.
 
-        Columns: t, current and the sensor readings, named as in a log (nan where a reading was lost); reference, the
-        target position; then the true signals of both models with the suffixes _linear and _nonlinear.
+        Columns: t, current and the sensor readings, named as in a log (nan for a lost reading); reference, the target
+        position; then the true signals of both models with the suffixes _linear and _nonlinear.
         """
         import pandas
 
@@ -254,11 +254,11 @@ class ScenarioResult:
         return table
 
     def plot(self) -> Figure:
-        """Figure: reference, position, speed, pressures and current, linear and nonlinear."""
+        """Figure: reference, position, error, speed, pressures and current of both runs."""
         return draw(self)
 
     def plot_baseline(self) -> Figure:
-        """Figure: recorded signals with their tubes, and this run. Raises InputError for a run without a baseline."""
+        """Figure: this run and the tubes around the recorded signals. Raises InputError without a baseline."""
         return draw(self, view="baseline")
 
     def __str__(self) -> str:
@@ -274,5 +274,5 @@ class ScenarioResult:
 
 
 def gap(linear: float, nonlinear: float) -> float:
-    """Nonlinear outcome minus linear prediction; nan where one of them did not happen."""
+    """Nonlinear outcome minus linear prediction; nan if either is not finite."""
     return nonlinear - linear if np.isfinite(linear) and np.isfinite(nonlinear) else float("nan")

@@ -1,4 +1,4 @@
-"""Run a scenario: design on the identified linear model, simulate on the nonlinear plant, compare, check limits."""
+"""Run a scenario: design on the linear model, predict, check on the nonlinear plant, compare, evaluate limits."""
 
 from __future__ import annotations
 
@@ -30,31 +30,32 @@ def run(
 ) -> ScenarioResult:
     """Run a scenario: linear prediction, nonlinear check, comparison, limits.
 
-    The controller is designed on the identified linear set of the plant's file; the scenario's load, disturbances and
-    faults act in both runs.
+    The controller is designed on the linear parameter set of the plant's file. The scenario's load, disturbances and
+    faults act on both the linear and the nonlinear run.
 
     Parameters
     ----------
-    scenario: a name, a path, or a loaded scenario. Files that it names are looked for beside its own file first.
-    controller, plant: replace those that the scenario names. A designed controller, from `load_controller` or a
-        user's own, runs as it is and is compared with no baseline. A loaded, changed or identified plant is used as it
-        is, with the scenario's load and settings; the controller is designed on the linear set of its file.
-    design: plant whose linear set is used for design and prediction, if it differs from the plant that is simulated:
-        the rig's identified model against the plant that counts as true.
-    assumed: also run with each assumed parameter at both ends of its range; None: only with a compiled controller,
-        where this is quick.
+    scenario: name, path, or loaded scenario. Files that it names are searched beside its own file first.
+    controller, plant: replace those of the scenario. A controller object, from `load_controller` or user-defined, runs
+        unchanged and without comparison with a baseline. A plant object is used unchanged apart from the scenario's
+        load and settings; the controller is still designed on the linear set of its file.
+    design: plant whose linear set is used for design and prediction if it differs from the simulated plant, for
+        instance the identified model while the simulated plant stands for the rig.
+    assumed: also run with each assumed parameter at both ends of its range; None: only for compiled controllers, for
+        which this is quick.
     settings: parameters of the simulated plant in this run, as for `load_plant`, in addition to the scenario's own:
-        {"K_T": 1.1, "load.stiffness": "50 N/mm"}. A load acts in the prediction too; the controller and the rest of
-        the prediction keep the linear set. Such a run is compared with no baseline.
+        {"K_T": 1.1, "load.stiffness": "50 N/mm"}. A load acts on the prediction too; controller and prediction
+        otherwise keep the linear set. Such a run is not compared with a baseline.
 
     Raises
     ------
-    InputError: a definition is wrong or refers to something that does not exist.
-    SimulationError: a run stops although no limit of the plant was exceeded.
+    InputError: a definition is invalid or refers to something that does not exist.
+    SimulationError: a run stops although no plant limit was exceeded.
     """
     begun = clock.perf_counter()
     case = prepare(scenario, controller=controller, plant=plant, design=design, settings=settings)
     loops = [case.simulate(model) for model in (case.linear, case.nonlinear)]
+    # One run may stop early; both are compared over the same time.
     loops = [loop.first(min(len(other.trajectory) for other in loops)) for loop in loops]
     predicted, outcome = (case.metrics(loop) for loop in loops)
     result = ScenarioResult(
@@ -72,7 +73,7 @@ def run(
     )
     if assumed or (assumed is None and case.controller.compiled is not None):
         result = replace(result, sensitivities=assumption_sensitivity(case, nominal_passed=not result.limit_failures))
-    # A baseline belongs to the scenario's own plant and to a controller from a file.
-    recorded = not plant and not design and not settings and (controller is None or isinstance(controller, str | Path))
-    path = baseline_path(result) if recorded else None
+    # A baseline is valid only for the scenario's own plant and a controller from a file.
+    comparable = not (plant or design or settings) and (controller is None or isinstance(controller, str | Path))
+    path = baseline_path(result) if comparable else None
     return replace(result, baseline=read_baseline(path) if path and path.is_file() else None)

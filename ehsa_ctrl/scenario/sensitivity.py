@@ -1,5 +1,7 @@
-"""Sensitivity of a scenario's verdict to the plant's parameters: each assumed one at both ends of its range, and the
-parameters that decide pass or fail in a Monte Carlo campaign.
+"""Sensitivity of a scenario's verdict to plant parameters.
+
+Two analyses: each assumed parameter at both ends of its range, and the parameters that decide whether a run of a Monte
+Carlo campaign passes.
 """
 
 from __future__ import annotations
@@ -19,9 +21,10 @@ if TYPE_CHECKING:
     from .montecarlo import Outcome
     from .prepare import PreparedScenario
 
-#: With fewer passing or failing runs the two-sample test says nothing; the rank correlation with the margin is used.
-FEWEST = 5
-#: A parameter is decisive below this p-value, after correction for the number of parameters.
+#: With fewer passing or failing runs, the rank correlation with the margin replaces the two-sample test, which has
+#: hardly any power then (engineering judgement).
+MIN_RUNS = 5
+#: A parameter is decisive below this p-value (engineering judgement), after correction for the number of parameters.
 SIGNIFICANCE = 0.01
 
 
@@ -29,8 +32,8 @@ SIGNIFICANCE = 0.01
 class RangeEnd:
     """The scenario with one assumed parameter at one end of its range.
 
-    value: of the parameter, SI unit. metrics: on the nonlinear plant, SI units; empty where the run failed.
-    failures: violated limits of scenario and plant, in sentences; baselines are not compared.
+    value: of the parameter, SI unit. metrics: of the nonlinear run, SI units; empty if the run failed.
+    failures: violated limits of scenario and plant as sentences; baselines are not compared.
     """
 
     value: float
@@ -44,9 +47,9 @@ class RangeEnd:
 
 @dataclass(frozen=True)
 class AssumptionSensitivity:
-    """Effect of one assumed parameter on a scenario over the parameter's range.
+    """Effect of one assumed parameter on a scenario.
 
-    parameter: as in the plant's file. low, high: the scenario at the ends of the range.
+    parameter: from the plant's file. low, high: results at the ends of its range.
     nominal_passed: whether the limits hold at the nominal value.
     """
 
@@ -61,7 +64,7 @@ class AssumptionSensitivity:
 
     @property
     def flips(self) -> bool:
-        """Whether the verdict at an end differs from the nominal one."""
+        """Whether the verdict at either end differs from the nominal one."""
         return any(end.passed != self.nominal_passed for end in self.ends)
 
     def to_dict(self) -> dict[str, Any]:
@@ -83,8 +86,8 @@ class AssumptionSensitivity:
 def assumption_sensitivity(case: PreparedScenario, nominal_passed: bool) -> tuple[AssumptionSensitivity, ...]:
     """Run a scenario with each assumed parameter at both ends of its range, one parameter at a time.
 
-    The controller keeps its design for the nominal values, as it would on the rig. Parameters that were set for this
-    run, and those without bounds in the file, are left out. `monte_carlo` covers combinations of parameters.
+    The controller keeps its design for the nominal values, as on the rig. Parameters set for this run and those
+    without bounds in the file are omitted. `monte_carlo` covers combinations of parameters.
 
     nominal_passed: whether the limits of scenario and plant hold at the nominal values.
     """
@@ -106,14 +109,15 @@ def _range_end(case: PreparedScenario, name: str, value: float) -> RangeEnd:
 
 @dataclass(frozen=True)
 class Influence:
-    """Relation of one parameter to passing.
+    """Influence of one parameter on whether a run passes.
 
     Attributes
     ----------
-    measure: "ks", the distance (0 to 1) between the parameter's distributions in passing and failing runs, or "rank",
-        its rank correlation (-1 to 1) with the margin, where too few runs pass or fail.
-    chance: p-value times the number of parameters (Bonferroni).
-    passing, failing: medians, SI units; nan with "rank".
+    measure: "ks", the Kolmogorov-Smirnov distance (0 to 1) between the parameter's distributions in passing and failing
+        runs; or, if too few runs pass or fail, "rank", its rank correlation (-1 to 1) with the margin.
+    value: of the measure.
+    chance: p-value times the number of parameters (Bonferroni correction), at most 1.
+    passing, failing: medians, SI unit; nan with "rank".
     """
 
     name: str
@@ -133,29 +137,29 @@ class Influence:
     def __str__(self) -> str:
         name = label(self.name)
         if not self.decisive:
-            return f"no parameter decides it: the nearest is {name} (probability of chance {self.chance:.2g})"
+            return f"no parameter is decisive; the strongest is {name} (corrected p-value {self.chance:.2g})"
         if self.measure == "ks":
             side = "high" if self.failing > self.passing else "low"
             return (
-                f"{name} decides it: runs fail where it is {side} (median {self.failing:.4g}, {self.passing:.4g} "
-                f"where they pass; Kolmogorov-Smirnov distance {self.value:.2f})"
+                f"{name} is decisive: runs fail if it is {side} (median {self.failing:.4g} in failing runs, "
+                f"{self.passing:.4g} in passing runs; Kolmogorov-Smirnov distance {self.value:.2f})"
             )
-        way = "grows" if self.value > 0 else "falls"
-        return f"{name} matters most: the least margin {way} with it (rank correlation {self.value:.2f})"
+        trend = "increases" if self.value > 0 else "decreases"
+        return f"{name} is decisive: the smallest margin {trend} with it (rank correlation {self.value:.2f})"
 
 
 def influences(outcomes: Sequence[Outcome], names: Sequence[str]) -> tuple[Influence, ...]:
-    """Influence of every parameter on passing, the strongest first.
+    """Influence of every parameter on whether runs pass, the strongest first.
 
     Monte Carlo filtering (R. C. Spear, G. M. Hornberger, Water Research 14, 1980; A. Saltelli and others, "Global
-    Sensitivity Analysis: The Primer", Wiley 2008): runs are split into passing and failing ones, and a parameter
-    matters if its two distributions differ by the two-sample test of Kolmogorov and Smirnov.
+    Sensitivity Analysis: The Primer", Wiley 2008): a parameter is influential if its distributions in passing and
+    failing runs differ by the two-sample Kolmogorov-Smirnov test.
     """
     from scipy.stats import ks_2samp, spearmanr
 
     passed = np.array([outcome.passed for outcome in outcomes], dtype=bool)
     margin = np.array([outcome.margin for outcome in outcomes])
-    enough = min(np.count_nonzero(passed), np.count_nonzero(~passed)) >= FEWEST
+    enough = min(np.count_nonzero(passed), np.count_nonzero(~passed)) >= MIN_RUNS
     found = []
     for name in names:
         values = np.array([outcome.parameters[name] for outcome in outcomes])
@@ -163,7 +167,7 @@ def influences(outcomes: Sequence[Outcome], names: Sequence[str]) -> tuple[Influ
             test = ks_2samp(values[passed], values[~passed])
             medians = float(np.median(values[passed])), float(np.median(values[~passed]))
             found.append(Influence(name, "ks", float(test.statistic), float(test.pvalue), *medians))
-        elif len(values) >= FEWEST and np.ptp(values) > 0 and np.unique(margin).size > 1:
+        elif len(values) >= MIN_RUNS and np.ptp(values) > 0 and np.unique(margin).size > 1:
             rank = spearmanr(values, margin)
             found.append(Influence(name, "rank", float(rank.statistic), float(rank.pvalue), np.nan, np.nan))
     corrected = [replace(i, chance=min(i.chance * len(names), 1.0)) for i in found]

@@ -1,4 +1,4 @@
-"""Parameter uncertainty of a plant and its load, and random draws from it."""
+"""Uncertain parameters of a plant and its load, and random draws of them."""
 
 from __future__ import annotations
 
@@ -16,30 +16,29 @@ from ..plant.file import key_of, label, symbol_of
 from ..plant.load import read_settings
 from ..plant.plant import Plant
 
-#: Draws beyond this many standard deviations are repeated: no measured distribution is normal that far out.
-WITHIN = 3.0
-#: Attempts to draw within the bounds before they are reported as contradictory.
-TRIES = 10_000
+#: Normal distributions are truncated at this many standard deviations: engineering judgement, as estimates are rarely
+#: normal in their tails.
+TRUNCATION = 3.0
+#: Attempts to draw within the bounds before the bounds are reported as incompatible with the distribution.
+MAX_DRAWS = 10_000
 
 
-def _read(value: Any) -> Any:
-    """One standard deviation ("10 %", "50 N"), or a range [low, high] of a uniform distribution."""
+def _validate_spread(value: Any) -> Any:
+    """A standard deviation ("10 %", "50 N"), or the range [low, high] of a uniform distribution."""
     quantity = str | int | float
     if isinstance(value, str) or (isinstance(value, int | float) and not isinstance(value, bool) and value == 0):
         return str(value)
     if isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(item, quantity) for item in value):
         return tuple(str(item) for item in value)
-    raise ValueError(
-        f"{shown(value)}; expected one standard deviation ('10 %', '50 N') or a range ['0 N/m', '100 kN/m']"
-    )
+    raise ValueError(f"{shown(value)}; expected a standard deviation ('10 %', '50 N') or a range ['0 N/m', '100 kN/m']")
 
 
-Spread = Annotated[str | tuple[str, str], BeforeValidator(_read)]
+Spread = Annotated[str | tuple[str, str], BeforeValidator(_validate_spread)]
 
 
 @dataclass(frozen=True)
 class UncertainParameter:
-    """A random parameter: normal with `sd` around `value`, cut off at the bounds, or uniform where sd is None. SI."""
+    """A random parameter, SI units: normal around `value`, truncated at the bounds, or uniform if sd is None."""
 
     name: str
     value: float
@@ -50,13 +49,13 @@ class UncertainParameter:
 
     def __str__(self) -> str:
         if self.sd is None:
-            return f"{label(self.name)} evenly between {self.lower:g} and {self.upper:g} {self.unit}"
+            return f"{label(self.name)} uniform from {self.lower:g} to {self.upper:g} {self.unit}"
         return f"{label(self.name)} = {self.value:g} {self.unit}, sd {self.sd:g}"
 
 
 @dataclass(frozen=True)
 class ParameterUncertainty:
-    """All random parameters; correlation (k, k) of the normal ones in their order, None where independent."""
+    """All random parameters; correlation (k, k) of the normal ones in their order, None if independent."""
 
     parameters: tuple[UncertainParameter, ...]
     correlation: np.ndarray | None = None
@@ -66,34 +65,37 @@ class ParameterUncertainty:
         return tuple(parameter.name for parameter in self.parameters)
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """One draw: symbol -> SI value. Raises InputError where bounds leave no room."""
+        """One draw: symbol -> SI value. Raises InputError if no draw lies within the bounds."""
         normal = [p for p in self.parameters if p.sd is not None]
         values = {p.name: float(rng.uniform(p.lower, p.upper)) for p in self.parameters if p.sd is None}
         root = None if self.correlation is None else np.linalg.cholesky(self.correlation)
-        for _ in range(TRIES):
+        for _ in range(MAX_DRAWS):
             z = rng.standard_normal(len(normal))
             z = z if root is None else root @ z
             found = {p.name: p.value + float(p.sd or 0.0) * float(at) for p, at in zip(normal, z, strict=True)}
-            if np.all(np.abs(z) <= WITHIN) and all(p.lower <= found[p.name] <= p.upper for p in normal):
+            if np.all(np.abs(z) <= TRUNCATION) and all(p.lower <= found[p.name] <= p.upper for p in normal):
                 return {name: {**values, **found}[name] for name in self.names}
-        raise InputError(f"no draw within the bounds of {', '.join(p.name for p in normal)} was found; widen them")
+        raise InputError(
+            f"none of {MAX_DRAWS} draws lies within the bounds of {', '.join(p.name for p in normal)}; widen the "
+            "bounds or reduce the standard deviations"
+        )
 
 
 def uncertainty_of(
     plant: Plant, spread: Mapping[str, str | tuple[str, str]], identification: Path | None = None
 ) -> ParameterUncertainty:
-    """Uncertainty of a plant's parameters by its file, overridden by a scenario's [spread].
+    """Uncertainty of a plant's parameters from its file, overridden by a scenario's [spread].
 
     A parameter with a standard deviation is normal within its bounds; one with bounds only is uniform. Keys of
-    `spread` are symbols and load.WORD; "0" makes a parameter certain.
+    `spread` are symbols and load.KEY; "0" fixes a parameter at its value.
 
     Parameters
     ----------
-    identification: an identification.json; its parameters are drawn with its covariance.
+    identification: path of an identification.json, whose parameters are drawn with its covariance.
 
     Raises
     ------
-    InputError: an unknown key, a value that does not fit, an empty range.
+    InputError: an unknown key, an invalid value, or an empty range.
     """
     found: dict[str, UncertainParameter] = {}
     for name, p in plant.parameters.items():
@@ -101,25 +103,24 @@ def uncertainty_of(
             found[name] = UncertainParameter(name, p.value, *plausible_range(plant, name), sd=p.sd, unit=p.unit)
         elif np.isfinite([p.lower, p.upper]).all() and p.lower < p.upper and p.source != "given":
             found[name] = UncertainParameter(name, p.value, p.lower, p.upper, unit=p.unit)
-    together: dict[tuple[str, str], float] = {}
+    correlation: dict[tuple[str, str], float] = {}
     if identification is not None:
-        estimated, together = _covariance(plant, identification)
-        found = {name: u for name, u in found.items() if name not in estimated}
-        # The correlated ones first, and nothing else with a deviation: the rest of the matrix is the identity.
-        found = {**estimated, **found}
+        estimated, correlation = _estimated_parameters(plant, identification)
+        # Estimated parameters first; all others are independent, so the rest of the matrix is the identity.
+        found = {**estimated, **{name: u for name, u in found.items() if name not in estimated}}
     for key, given in spread.items():
-        name, uncertain = _given(plant, key, given)
+        name, uncertain = _parse_spread(plant, key, given)
         found.pop(name, None)
         if uncertain is not None:
             found[name] = uncertain
     parameters = tuple(found.values())
     normal = [p.name for p in parameters if p.sd is not None]
-    matrix = np.array([[together.get((a, b), float(a == b)) for b in normal] for a in normal])
-    return ParameterUncertainty(parameters, matrix if together else None)
+    matrix = np.array([[correlation.get((a, b), float(a == b)) for b in normal] for a in normal])
+    return ParameterUncertainty(parameters, matrix if correlation else None)
 
 
-def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, UncertainParameter | None]:
-    """One entry of a scenario's [spread]; None for a parameter that becomes certain."""
+def _parse_spread(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, UncertainParameter | None]:
+    """Symbol and distribution of one entry of [spread]; None for a parameter that it fixes."""
     name = symbol_of(key)
 
     def read(text: str) -> float:
@@ -132,14 +133,17 @@ def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, U
         low, high = (read(text) for text in given)
         kind = next(kind for kind in plant.structure.equations.parameters if kind.name == name)
         if not kind.lower <= low < high <= kind.upper:
-            raise InputError(f"[spread] {key}: {given[0]} to {given[1]} is no range that is physically possible")
+            raise InputError(
+                f"[spread] {key}: {given[0]} to {given[1]}; expected an increasing range within {kind.lower:g} to "
+                f"{kind.upper:g} {kind.unit}"
+            )
         return name, UncertainParameter(name, plant[name], low, high, unit=kind.unit)
     if given.strip().endswith("%"):
         read("0" if key_of(name) != name else str(plant.parameters[name].value) if name in plant.parameters else "0")
         try:
             sd = abs(plant[name]) * float(given.strip()[:-1]) / 100.0
         except ValueError:
-            raise InputError(f"[spread] {key}: {given!r} is no number of per cent") from None
+            raise InputError(f"[spread] {key}: {given!r} is not a percentage; write it like '10 %'") from None
     else:
         sd = read(given)
     if not 0.0 <= sd < np.inf:
@@ -149,8 +153,10 @@ def _given(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple[str, U
     ) if sd > 0 else None
 
 
-def _covariance(plant: Plant, path: Path) -> tuple[dict[str, UncertainParameter], dict[tuple[str, str], float]]:
-    """Parameters and correlations of an identification.json."""
+def _estimated_parameters(
+    plant: Plant, path: Path
+) -> tuple[dict[str, UncertainParameter], dict[tuple[str, str], float]]:
+    """Parameters and pairwise correlations of an identification.json."""
     found = read_covariance(path)
     names, covariance = found.names, found.matrix
     unknown = [name for name in names if name not in plant.parameters]

@@ -280,7 +280,7 @@ def test_a_wrong_input_file_names_column_and_row(run, tmp_path, text, says):
         ('stiffness = "50 kN/m"', 'stifness = "50 kN/m"', "stifness"),
         ("Overshoot =", "Overshot =", "did you mean 'Overshoot'"),
         ('kind = "steps"', 'kind = "stairs"', "stairs"),
-        ('positions = ["10 mm", "0 mm"]', 'positions = ["10 mm"]', "give one position a time"),
+        ('positions = ["10 mm", "0 mm"]', 'positions = ["10 mm"]', "give one position per time"),
         ('why = "', 'whi = "', "did you mean 'why'"),
     ],
 )

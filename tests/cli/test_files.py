@@ -223,7 +223,7 @@ def test_a_campaign_begun_anew_loses_nothing_before_its_first_run(run, tmp_path,
     file = tmp_path / "out" / "spread_steps.jsonl"
     file.write_text("mine")
     status, _, err = run(*CALLS["montecarlo"], "--out", "out", "--force")
-    assert status == 2 and "is no file of a Monte Carlo campaign" in err and file.read_text() == "mine"
+    assert status == 2 and "is not a file of a Monte Carlo campaign" in err and file.read_text() == "mine"
 
 
 @pytest.mark.slow

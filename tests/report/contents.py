@@ -45,7 +45,7 @@ def contents(gentle, harsh, fitting):
             "campaigns": [{
                 "scenario": "steps", "controller": "pid", "runs": 100, "passes": 96, "probability": 0.96,
                 "confidence": 0.95, "interval": [0.9, 0.99], "seed": 3, "interrupted": True,
-                "uncertain": ["K_T evenly between 1 and 1.4 N m/A"],
+                "uncertain": ["K_T uniform from 1 to 1.4 N m/A"],
                 "influences": [{"name": "K_T", "measure": "ks", "value": 0.7, "chance": 1e-9, "passing": 1.1,
                                 "failing": 1.3, "decisive": True}],
                 "failures": {"SteadyStateError": 4}, "provenance": PROVENANCE,

@@ -23,8 +23,8 @@ def plant():
 
 def test_a_spring_that_was_drawn_goes_by_its_key():
     """In what was drawn, and in what decides."""
-    assert str(UncertainParameter("K_S", 5e4, 0.0, 1e5, unit="N/m")).startswith(f"{BOTH} evenly between")
-    assert str(Influence("K_S", "ks", 0.5, 1e-9, 1e4, 5e4)).startswith(f"{BOTH} decides it")
+    assert str(UncertainParameter("K_S", 5e4, 0.0, 1e5, unit="N/m")).startswith(f"{BOTH} uniform from")
+    assert str(Influence("K_S", "ks", 0.5, 1e-9, 1e4, 5e4)).startswith(f"{BOTH} is decisive")
 
 
 def test_a_spring_that_was_set_goes_by_its_key(plant):

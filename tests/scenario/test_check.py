@@ -32,12 +32,12 @@ def edited(tmp_path, kind, name, old, new):
         ("plants", "ehsa", "bounds = [0.87, 1.60]", "bounds = [0.87]", r"\[parameters.K_T"),
         ("controllers", "pid_position", 'kind = "pid"', 'kind = ["pid"]', "kind = a list; .*known: cascade"),
         ("controllers", "pid_position", '"60 deg"', '"0 deg"', r"\[design\] phase_margin: 0 deg; expected .* 180 deg"),
-        ("controllers", "pid_position", '"6 A"', '"60 A"', r"60 A is more than the plant ehsa allows, 13\.42 A"),
+        ("controllers", "pid_position", '"6 A"', '"60 A"', r"60 A exceeds the rating of the plant ehsa, 13\.42 A"),
         ("controllers", "pid_position", '"6 A"', "true", "current_limit: True is no quantity"),
         ("controllers", "pid_position", '"6 A"', '"1e300 A"', "current_limit: .*1e300 A.* is beyond any meaning"),
         ("controllers", "pid_position", "schema = 1", "schema = true", "schema = true; expected the whole number 1"),
         ("scenarios", "steps_spring", KEPT, KEPT.replace("200 um", "1e999 um"), "SteadyStateError.max: .* too large"),
-        ("scenarios", "steps_spring", KEPT, KEPT.replace("max", 'min = "1 mm", max'), "nothing would keep both"),
+        ("scenarios", "steps_spring", KEPT, KEPT.replace("max", 'min = "1 mm", max'), "no value satisfies both"),
         ("scenarios", "steps_spring", KEPT, "SteadyStateError = 3", "SteadyStateError = 3; expected"),
     ],
 )  # fmt: skip
@@ -74,7 +74,7 @@ def test_a_lag_as_long_as_the_run_is_refused(tmp_path):
     lines = path.read_text().splitlines()
     path.write_text("\n".join('duration = "0.06 s"' if line.startswith("duration") else line for line in lines))
 
-    with pytest.raises(e.InputError, match=r"lag = 50 samples is as long as the run|is to happen at"):
+    with pytest.raises(e.InputError, match=r"lag = 50 samples is as long as the run|event of the scenario is at"):
         check_definition(path)
 
 
@@ -85,7 +85,7 @@ def test_a_lag_as_long_as_the_run_is_refused(tmp_path):
         (b'kind = "pid"\nx = ' + b"9" * 5000, "is no valid TOML: it holds a whole number of more than 64 bits"),
         (b'kind = "pid"\nx = ' + b"9" * 30, "is no valid TOML: it holds a whole number of more than 64 bits"),
         (b'title = "\xff"', r"is no text in UTF-8 \(byte 10\)"),
-        (b"", "is no plant .* no controller .* and no scenario"),
+        (b"", "is neither a plant .* nor a controller .* nor a scenario"),
     ],
 )
 def test_what_is_no_definition_is_a_sentence(tmp_path, content, says):

@@ -222,18 +222,18 @@ def test_settling_ratio_is_against_the_shortest_time():
 
 
 def test_every_metric_is_shown_in_a_unit_that_fits():
-    """SI unit and shown unit convert, and each has a floor for the regression."""
+    """SI unit and display unit convert, and each metric has an absolute tolerance for the regression."""
     for name, metric in METRICS.items():
         assert metric.format(1.0), name
-        assert metric.floor > 0, name
-        assert metric.meaning and metric.close(1.0, 1.0, 0.0)
+        assert metric.absolute_tolerance > 0, name
+        assert metric.meaning and metric.is_close(1.0, 1.0, 0.0)
 
 
 def test_lengths_of_a_table_share_a_unit_and_so_do_times():
-    """Metrics of one quantity share the shown unit."""
+    """Metrics of one quantity share the display unit."""
     units = {}
     for metric in METRICS.values():
-        units.setdefault(metric.unit, set()).add(metric.shown)
+        units.setdefault(metric.unit, set()).add(metric.display_unit)
 
     assert units["m"] == {"mm"} and units["s"] == {"ms"}
 
@@ -250,6 +250,6 @@ def test_a_target_that_is_given_again_is_no_jump():
     [(1.0, 1.04, True), (1.0, 1.08, False), (np.nan, np.nan, True), (np.nan, 1.0, False), (1.0, np.nan, False),
      (np.inf, np.inf, True), (np.inf, 1.0, False), (0.0, 0.01, True)],
 )  # fmt: skip
-def test_close_is_a_floor_and_a_share(old, new, close):
+def test_values_are_close_within_absolute_tolerance_plus_share(old, new, close):
     """5 % and 12 ms; nan is close to nan only."""
-    assert METRICS["SettlingTime"].close(old, new, 0.05) is close
+    assert METRICS["SettlingTime"].is_close(old, new, 0.05) is close

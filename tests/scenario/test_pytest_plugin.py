@@ -94,7 +94,7 @@ def test_baselines_are_not_changed_without_a_reason(run):
     result = run("--ehsa-update-baselines", good=LIMIT)
 
     assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["*say why with --ehsa-reason TEXT*"])
+    result.stderr.fnmatch_lines(["*needs --ehsa-reason TEXT*"])
 
 
 def test_other_tomls_are_left_alone(pytester):

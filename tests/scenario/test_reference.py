@@ -91,7 +91,7 @@ def test_a_file_may_bring_its_own_speed(tmp_path):
     [
         ("t,x\n0,0\n1,1\n", "has no column 'position'"),
         ("t,position\n0,0\n1,oops\n", "column .position., row 3"),
-        ("t,position\n0,0\n0,1\n", "t must grow"),
+        ("t,position\n0,0\n0,1\n", "t must have at least two rows, increase"),
         ("t,position\n0,0\n", "at least two rows"),
     ],
 )
@@ -121,24 +121,27 @@ def test_a_force_cuts_a_hold():
         ({"reference": {"kind": "ramp", "position": "1 mm", "velocity": "0 mm/s"}}, "velocity must be greater than 0"),
         (
             {"reference": MOVING["trapezoid"] | {"kind": "trapezoid", "times": ["0.2 s", "0.3 s"]}},
-            "the move at 0.3 s begins before",
+            "the move at 0.3 s starts before",
         ),
         ({"reference": {"kind": "file", "file": "nowhere.csv"}}, "nowhere.csv: no such file"),
         ({"fault": [{"kind": "stuck", "channel": "pos", "start": "1 s"}]}, "channel"),
         ({"fault": [{"kind": "broken", "start": "1 s"}]}, "stuck"),
-        ({"fault": [{"kind": "lost", "channel": "p1", "start": "9 s"}]}, "happen at 9 s, but duration is 4 s"),
+        (
+            {"fault": [{"kind": "lost", "channel": "p1", "start": "9 s"}]},
+            "duration = 4 s, but an event of the scenario is at 9 s",
+        ),
         ({"fault": [{"kind": "current_limit", "current": "-1 A", "start": "1 s"}]}, "at least 0 A"),
         ({"supervision": {"position": "0 mm"}}, "must be greater than 0"),
         ({"supervision": {"pressure_min": "3 bar", "pressure_max": "2 bar"}}, "less than pressure_max"),
-        ({"spread": {"K_T": [1, 2, 3]}}, "expected one standard deviation"),
+        ({"spread": {"K_T": [1, 2, 3]}}, "expected a standard deviation"),
         ({"baseline": {"time": "-1 ms"}}, "at least 0"),
         (
             {"reference": MOVING["trapezoid"] | {"kind": "trapezoid"}, "limits": {"Overshoot": {"max": "5 %"}}},
-            r"my.toml: \[limits\] Overshoot: is not defined here, for the target of .* 'trapezoid' does not jump",
+            r"my.toml: \[limits\] Overshoot: is not defined here because the target of .* 'trapezoid' does not jump",
         ),
         (
             {"reference": {"kind": "sine", "amplitude": "1 mm", "frequency": "1 Hz"}, "limits": {"Slips": {"max": 3}}},
-            r"\[limits\] Slips: is not defined here, for the target of .* 'sine' is never held",
+            r"\[limits\] Slips: is not defined here because the target of .* 'sine' is never held",
         ),
     ],
 )

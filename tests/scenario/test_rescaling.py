@@ -116,7 +116,7 @@ def test_what_a_plant_does_not_state_stays_and_is_named(rig):
     ("name", "changed", "says"),
     [
         ("pid_position", {"motor_torque = { value = 16.1": "motor_torque = { value = 5.4"},
-         r"current_limit = 6 A is more than the plant rig allows, 4.5 A \(motor_torque / K_T\)"),
+         r"current_limit = 6 A exceeds the rating of the plant rig, 4.5 A \(motor_torque / K_T\)"),
         ("cascade_position", {"pump_speed = { value = 4500": "pump_speed = { value = 3000"},
          r"\[position\] speed_limit = 450 rad/s .* 314.2 rad/s \(pump_speed\)"),
         ("mpc_position", {"stroke = { value = 200": "stroke = { value = 100"},
@@ -128,7 +128,7 @@ def test_what_a_plant_does_not_state_stays_and_is_named(rig):
 def test_a_controller_that_asks_for_more_than_its_plant_allows_is_refused(rig, name, changed, says):
     """By run and by check, with both values and the remedy."""
     path = rig(changed)
-    says = f"{name}.toml: {says}.*; lower it, or begin a controller .* new controller NAME --plant rig"
+    says = f"{name}.toml: {says}.*; lower it, or create a controller .* new controller NAME --plant rig"
 
     with pytest.raises(InputError, match=says):
         prepare("steps_spring", controller=name, plant=path)

@@ -210,5 +210,5 @@ def test_check_designs_the_controller_and_reads_what_is_uncertain(project, tmp_p
     path = project()
     (path.parent / "baselines").mkdir()
     (path.parent / "baselines" / "short-pid_position.json").write_text("{}")
-    with pytest.raises(InputError, match="is no baseline"):
+    with pytest.raises(InputError, match="is not a valid baseline"):
         check_definition(path)

@@ -52,8 +52,8 @@ def test_a_late_flank_stays_within_and_a_later_one_does_not():
 
     assert late(0.010) is None
     assert late(-0.010) is None
-    assert late(0.020).by == pytest.approx(0.008, abs=1e-9)
-    assert late(-0.020).by == pytest.approx(0.008, abs=1e-9)
+    assert late(0.020).distance == pytest.approx(0.008, abs=1e-9)
+    assert late(-0.020).distance == pytest.approx(0.008, abs=1e-9)
 
 
 def test_the_worst_exit_is_said_with_its_time():
@@ -63,4 +63,4 @@ def test_the_worst_exit_is_said_with_its_time():
     values[6] = 0.5
     left = signal_tube(time, np.zeros(10), time, value_tolerance=0.2, time_tolerance=1.0).worst_exit(time, values)
 
-    assert (left.time, left.value) == (6.0, 0.5) and left.by == pytest.approx(0.3)
+    assert (left.time, left.value) == (6.0, 0.5) and left.distance == pytest.approx(0.3)

@@ -56,13 +56,13 @@ def ranges_table(run: Run) -> Table:
 
 
 def metric_heading(name: str) -> str:
-    shown = unit(METRICS[name].shown)
+    shown = unit(METRICS[name].display_unit)
     return f"{name}\n{shown}" if shown else name
 
 
 def metric_text(name: str, value: float | None) -> str:
     """A metric's SI value in the unit that is shown."""
-    return value_text(value, factor(METRICS[name].shown, METRICS[name].unit))
+    return value_text(value, factor(METRICS[name].display_unit, METRICS[name].unit))
 
 
 def metric_of(run: Run, name: str, which: str = "nonlinear") -> str:
@@ -85,4 +85,4 @@ def bounds_text(limit: Mapping[str, Any]) -> str:
         for words, key in (("at least", "min"), ("at most", "max"))
         if limit[key] is not None
     ]
-    return f"{' and '.join(parts)} {unit(METRICS[name].shown)}".rstrip()
+    return f"{' and '.join(parts)} {unit(METRICS[name].display_unit)}".rstrip()

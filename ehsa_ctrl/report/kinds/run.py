@@ -147,7 +147,7 @@ def _scenario(group: Sequence[tuple[str, Run]], keys: Mapping[str, str], loops: 
     blocks: list[Any] = [Paragraph(first["why"]), Facts(list(_conditions(first)))]
     if len(runs) > 1:
         rows = [
-            [name, *(metric_of(run, name) for run in runs), unit(METRICS[name].shown)]
+            [name, *(metric_of(run, name) for run in runs), unit(METRICS[name].display_unit)]
             for name in METRICS
             if any(metric_exists(run, name) for run in runs)
         ]
@@ -188,8 +188,8 @@ def _run(stem: str, run: Run, loops: Mapping[str, str]) -> Iterator[Any]:
         "Linear prediction and nonlinear plant",
         ["metric", "linear", "nonlinear", "difference", "unit", "meaning"],
         [
-            [name, *(metric_of(run, name, each) for each in ("linear", "nonlinear", "gap")), unit(METRICS[name].shown),
-             METRICS[name].meaning]
+            [name, *(metric_of(run, name, each) for each in ("linear", "nonlinear", "gap")),
+             unit(METRICS[name].display_unit), METRICS[name].meaning]
             for name in METRICS
             if metric_exists(run, name)
         ],
