@@ -99,9 +99,8 @@ def friction() -> str:
         "| symbol | meaning | unit on the shaft | unit on the rod |",
         "|---|---|---|---|",
     ]
-    for symbol, (unit, meaning) in SYMBOLS.items():
-        shaft, rod = unit.format(effort="N m", length="rad"), unit.format(effort="N", length="m")
-        lines.append(f"| `{symbol}` | {meaning} | {shaft} | {rod} |")
+    for symbol, part in SYMBOLS.items():
+        lines.append(f"| `{symbol}` | {part.meaning} | {part.unit_at('N m', 'rad')} | {part.unit_at('N', 'm')} |")
     for law in LAWS.values():
         text = inspect.cleandoc(inspect.getmodule(law.effort).__doc__ or "")
         equations = [law.effort.__doc__ or "", *([law.state_rate.__doc__ or ""] if law.state_rate else [])]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +10,9 @@ from ..core.errors import InputError, choices
 from .complete import LISTED, listed_kinds
 from .options import Json
 from .output import to_json
+
+if TYPE_CHECKING:
+    from ..physics.friction import FrictionParameter
 
 
 def command(
@@ -49,6 +52,12 @@ def command(
         console.print()
 
 
+def _own_parameter(parameter: FrictionParameter) -> str:
+    """Symbol, meaning and unit of a parameter that a friction law declares."""
+    units = dict.fromkeys(parameter.unit_at(*contact) for contact in (("N m", "rad"), ("N", "m")))
+    return f"{parameter.symbol}: {parameter.meaning} ({' or '.join(units)})"
+
+
 def _entries(kind: str) -> dict[str, str]:
     if kind == "effects":
         from ..physics.effects import EFFECTS
@@ -64,7 +73,7 @@ def _entries(kind: str) -> dict[str, str]:
     if kind == "friction":
         from ..physics.friction import LAWS
 
-        return {name: law.summary for name, law in LAWS.items()}
+        return {name: "; ".join([law.summary, *map(_own_parameter, law.parameters)]) for name, law in LAWS.items()}
     from ..core import catalogue
 
     return dict(getattr(catalogue, kind).titles())

@@ -7,7 +7,7 @@ hypothesis; the free numbers of one are columns of the parameter array.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -18,7 +18,7 @@ from ..core.errors import InputError
 from ..core.log import CHANNELS, Log
 from ..identification.logged_inputs import invert_sensor, logged_inputs, undo_sensor
 from ..physics.effects import EFFECTS, Effect, LawSwitch
-from ..physics.friction import ABSENT
+from ..physics.friction import SYMBOLS
 from ..plant.plant import Plant, Sensor
 from ..plant.structure import Structure
 from ..plant.system import Contact
@@ -76,9 +76,10 @@ def left_out_effects(plant: Plant) -> dict[str, str]:
     return found
 
 
-def absent_friction(contact: Contact, symbols: Sequence[str] = ("A", "C", "tau")) -> dict[str, float]:
+def absent_friction(contact: Contact, symbols: Iterable[str] = ("A", "C", "tau")) -> dict[str, float]:
     """Parameters of a friction that a contact does not have: no level, and the speed at which a static part decays."""
-    values = {**ABSENT, "tau": contact.stribeck_speed}
+    values = {name: part.absent for name, part in SYMBOLS.items() if part.absent is not None}
+    values["tau"] = contact.stribeck_speed
     return {contact.symbol(symbol): values[symbol] for symbol in symbols if symbol in values}
 
 

@@ -7,7 +7,7 @@ wired list that evaluation, compiled engine and linearisation share.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 
 from ..core.errors import InputError, choices
@@ -69,7 +69,7 @@ class Structure:
         known = {*(signal for signal, _ in system.equations), *system.inputs, *(state.name for state in system.states)}
         known |= {contact.friction for contact in system.all_contacts}
         known |= {signal for form in system.chamber_forms.values() for signal, _ in form}
-        self._check_names()
+        self._check_names(known)
         for name in self.effects:
             if not EFFECTS[name].wired:
                 raise InputError(f"effects: {name!r} {_instead(EFFECTS[name])}")
@@ -79,11 +79,20 @@ class Structure:
                 missing = ", ".join(sorted(set(EFFECTS[name].changes) - known))
                 raise InputError(f"effects: {name!r} changes {missing}, which the system {system.name!r} does not have")
 
-    def _check_names(self) -> None:
-        """Raise InputError for an effect's parameter or state whose name the system or another effect has."""
+    def _check_names(self, known: Set[str]) -> None:
+        """Raise InputError if the system already has a name that a friction law or an effect adds."""
         system = self.system
-        taken = dict.fromkeys((p.name for p in system.parameters), f"the system {system.name!r}")
-        taken |= dict.fromkeys((s.name for s in system.states), f"the system {system.name!r}")
+        taken = dict.fromkeys([*known, *(p.name for p in system.parameters)], f"the system {system.name!r}")
+        for contact in system.all_contacts:
+            law = self.law(contact)
+            for symbol in law.symbols:
+                name = contact.symbol(symbol)
+                if name in taken:
+                    raise InputError(
+                        f"{contact.name}_friction = {law.name!r}: its parameter {symbol!r} becomes {name}, which is "
+                        f"also a name of {taken[name]}; rename it in the law"
+                    )
+                taken[name] = f"the friction law {law.name!r}"
         for effect in self.effects:
             for name in [p.name for p in EFFECTS[effect].parameters] + [s.name for s in EFFECTS[effect].states]:
                 if name in taken:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import InputError, choices
 from ..physics.effects import EFFECTS
-from ..physics.friction import PRIOR, SYMBOLS, held
+from ..physics.friction import held
 from .system import Balance, ParameterKind, ScalarFunction, State
 
 if TYPE_CHECKING:
@@ -85,24 +85,22 @@ class _Wiring:
             self.sources[signal] = (function, {})
         for contact in system.all_contacts:
             law = structure.law(contact)
-            names = {symbol: contact.symbol(symbol) for symbol in SYMBOLS}
+            names = {symbol: contact.symbol(symbol) for symbol in law.symbols}
             names |= {"direction": contact.direction, "speed": contact.velocity}
             names |= {"z": contact.bristle.name, "z_dot": f"{contact.bristle.name}_dot"}
             self.sources[contact.friction] = (law.effort, names)
             if law.state_rate is not None:
                 self.states.append(contact.bristle)
                 self.sources[f"{contact.bristle.name}_dot"] = (law.state_rate, names)
-            for symbol in law.symbols:
-                unit, meaning = SYMBOLS[symbol]
-                unit = unit.format(effort=contact.effort_unit, length=contact.length_unit)
-                positive = symbol in ("tau", "sigma_0")
+            for symbol, part in law.symbols.items():
                 kinds[contact.symbol(symbol)] = ParameterKind(
                     contact.symbol(symbol),
-                    unit,
-                    f"{meaning}, {contact.name}",
-                    0.0,
-                    lower_open=positive,
-                    prior=PRIOR.get(symbol),
+                    part.unit_at(contact.effort_unit, contact.length_unit),
+                    f"{part.meaning}, {contact.name}",
+                    part.lower,
+                    part.upper,
+                    lower_open=part.lower_open,
+                    prior=part.prior,
                 )
         self.changes: dict[str, list[tuple[str, ScalarFunction]]] = {}
         for name in structure.effects:

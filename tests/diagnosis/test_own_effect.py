@@ -12,29 +12,9 @@ from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
 from ehsa_ctrl.diagnosis.hypothesis_model import left_out_effects, with_every_effect
 from ehsa_ctrl.physics.effects import EFFECTS
-from ehsa_ctrl.physics.friction import LAWS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "own-effect.md"
 TITLE = 'title="effects/seal_pressure_friction.py"'
-
-
-@pytest.fixture
-def friction_law(tmp_path, monkeypatch):
-    """Write a friction law into friction/ of a project, which becomes the current folder."""
-
-    def write(name, symbol, effort):
-        folder = tmp_path / "friction"
-        folder.mkdir()
-        (folder / f"{name}.py").write_text(
-            "from ehsa_ctrl.physics.friction import FrictionLaw\n"
-            f"def effort(direction: float, speed: float, A: float, {symbol}: float) -> float:\n"
-            f"    return {effort}\n"
-            f"law = FrictionLaw({name!r}, {effort!r}, effort, sticks=True)\n",
-            encoding="utf-8",
-        )
-        monkeypatch.chdir(tmp_path)
-
-    return write
 
 
 @pytest.fixture
@@ -169,33 +149,3 @@ def test_an_effect_with_a_state_is_found(project, plant):
     assert (neutral["x"] == base["x"]).all()
     assert felt["W_pump"][-1] > 100.0
     assert not left_out_effects(plant)
-
-
-@pytest.mark.slow
-def test_a_law_that_8_does_not_contain_stays_in_a_diagnosis(friction_law, plant):
-    """Quadratic instead of viscous friction; the cause is leakage."""
-    friction_law("quadratic", "B", "direction * A + B * speed * abs(speed)")
-    nominal = plant.with_structure(e.Structure("stribeck", "quadratic")).set(B_FR=1e5, K_S="50 kN/m")
-    rig = nominal.set(K_L=4e-12)
-    log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=16.0, sample_time=0.004), centre=True)
-    found = e.diagnose(nominal, log)
-
-    assert [cause.id for cause in found.effects] == ["internal_leakage"], str(found)
-    assert found.improved.structure.rod_friction == "quadratic"
-
-
-def test_a_symbol_that_friction_does_not_know_is_an_error(friction_law):
-    """With the symbols that there are."""
-    friction_law("steep", "n", "direction * A * abs(speed) ** n")
-
-    with pytest.raises(e.InputError, match="friction law steep: 'n' is neither an argument of the contact"):
-        len(LAWS)
-
-
-def test_a_friction_law_of_a_project_is_taken(friction_law, plant):
-    """friction/ beside plants/: a law by its name, compiled as all are."""
-    friction_law("steep", "B", "direction * A + B * speed * abs(speed)")
-    steep = plant.with_structure(e.Structure("stribeck", "steep"))
-
-    assert "steep" in LAWS
-    assert e.simulate(steep, np.full(50, 1.5))["x"][-1] > e.simulate(plant, np.full(50, 1.5))["x"][-1]

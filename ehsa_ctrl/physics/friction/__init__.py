@@ -1,13 +1,13 @@
 """The friction family: one law a file. Adding a file adds the law to plants, lists, engine and tests.
 
-A user's own go into `friction/` beside her `plants/`, or into a package with an entry point `ehsa_ctrl.friction`.
+A user's own laws go into `friction/` beside `plants/`, or into a package with an entry point `ehsa_ctrl.friction`.
 """
 
 import sys
 
 from ...core.registry import Registry
-from ._law import ABSENT, PRIOR, SYMBOLS, FrictionLaw, held
+from ._law import SYMBOLS, FrictionLaw, FrictionParameter, held
 
 LAWS: Registry[FrictionLaw] = Registry(sys.modules[__name__], "law", FrictionLaw, "friction")
 
-__all__ = ["ABSENT", "LAWS", "PRIOR", "SYMBOLS", "FrictionLaw", "held"]
+__all__ = ["LAWS", "SYMBOLS", "FrictionLaw", "FrictionParameter", "held"]

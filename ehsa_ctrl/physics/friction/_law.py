@@ -1,30 +1,70 @@
-"""What a friction law is: one scalar function, and the facts that the engine and the tests need to know of it."""
+"""The definition of a friction law: a scalar function, its parameters, and what the engine needs to know of it."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
-#: Symbols a law may use for its parameters, with the unit in terms of the contact's effort (N or N m) and of its
-#: displacement (m or rad). On the shaft A becomes A_FM, on the rod A_FR.
-SYMBOLS = {
-    "A": ("{effort}", "Coulomb level"),
-    "B": ("{effort} s/{length}", "viscous coefficient"),
-    "C": ("{effort}", "static minus Coulomb level"),
-    "tau": ("{length}/s", "speed at which the static part has decayed"),
-    "v_band": ("{length}/s", "half width of the dead band"),
-    "sigma_0": ("{effort}/{length}", "bristle stiffness"),
-    "sigma_1": ("{effort} s/{length}", "bristle damping"),
-}
+
+@dataclass(frozen=True)
+class FrictionParameter:
+    """A parameter of friction laws.
+
+    Attributes
+    ----------
+    symbol: argument of a law's functions; A becomes A_FM on the shaft and A_FR on the rod.
+    unit: SI, in terms of the contact's {effort} (N or N m) and {length} (m or rad): "{effort} s/{length}".
+    meaning: one line for tables and messages.
+    lower, upper: physical range, in the contact's units; lower_open: `lower` itself is not allowed.
+    prior: relative standard deviation of a typical nominal value; None for one that is not refitted beside an effect.
+    absent: value in a contact without the law's part, such as zero friction; None where there is none.
+    """
+
+    symbol: str
+    unit: str
+    meaning: str
+    lower: float = 0.0
+    upper: float = 1e30
+    lower_open: bool = False
+    prior: float | None = None
+    absent: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.symbol.isidentifier() or self.symbol in ARGUMENTS:
+            raise TypeError(
+                f"friction parameter {self.symbol!r}: expected a Python name other than {', '.join(ARGUMENTS)}"
+            )
+        if not self.lower < self.upper:
+            raise TypeError(
+                f"friction parameter {self.symbol}: lower = {self.lower:g}, upper = {self.upper:g}; "
+                "expected lower < upper"
+            )
+
+    def unit_at(self, effort: str, length: str) -> str:
+        """Unit at a contact, from the units of its effort and displacement."""
+        return self.unit.format(effort=effort, length=length)
+
 
 #: What a law may ask of its contact.
 ARGUMENTS = ("direction", "speed", "z", "z_dot")
 
-#: What these are in a contact without the law's part: no friction, bristles too stiff to yield.
-ABSENT = {"A": 0.0, "B": 0.0, "C": 0.0, "sigma_0": 1e8, "sigma_1": 0.0}
-#: Relative standard deviations of typical nominal values.
-PRIOR = {"A": 0.1, "B": 0.1, "C": 0.15, "tau": 0.15}
+#: Parameters that every law may use without declaring them. Bristles that are absent are too stiff to yield.
+SYMBOLS = {
+    parameter.symbol: parameter
+    for parameter in (
+        FrictionParameter("A", "{effort}", "Coulomb level", prior=0.1, absent=0.0),
+        FrictionParameter("B", "{effort} s/{length}", "viscous coefficient", prior=0.1, absent=0.0),
+        FrictionParameter("C", "{effort}", "static minus Coulomb level", prior=0.15, absent=0.0),
+        FrictionParameter(
+            "tau", "{length}/s", "speed at which the static part has decayed", lower_open=True, prior=0.15
+        ),
+        FrictionParameter("v_band", "{length}/s", "half width of the dead band"),
+        FrictionParameter("sigma_0", "{effort}/{length}", "bristle stiffness", lower_open=True, absent=1e8),
+        FrictionParameter("sigma_1", "{effort} s/{length}", "bristle damping", absent=0.0),
+    )
+}
 
 
 @dataclass(frozen=True)
@@ -41,6 +81,9 @@ class FrictionLaw:
     band: name of the parameter that is the speed below which the contact is captured (Karnopp); None: exactly 0.
     state_rate: d z/dt of the inner state, None for a law without one.
     passive: effort * speed >= 0 always; False needs the reason in the law's docstring.
+    parameters: those of the law that are not in SYMBOLS.
+
+    Raises TypeError for an argument that is no parameter, and for a parameter that is unused or in SYMBOLS.
     """
 
     name: str
@@ -50,25 +93,33 @@ class FrictionLaw:
     band: str | None = None
     state_rate: Callable[..., float] | None = None
     passive: bool = True
+    parameters: tuple[FrictionParameter, ...] = ()
 
     def __post_init__(self) -> None:
-        if unknown := sorted(self._asked - {*SYMBOLS, *ARGUMENTS}):
+        own = [parameter.symbol for parameter in self.parameters]
+        if unknown := sorted(self._asked - {*SYMBOLS, *ARGUMENTS, *own}):
             raise TypeError(
                 f"friction law {self.name}: {unknown[0]!r} is neither an argument of the contact "
-                f"({', '.join(ARGUMENTS)}) nor a symbol for a parameter ({', '.join(SYMBOLS)})"
+                f"({', '.join(ARGUMENTS)}) nor a parameter ({', '.join([*SYMBOLS, *own])}); declare it in `parameters`"
             )
+        for symbol in own:
+            if symbol in SYMBOLS or own.count(symbol) > 1:
+                raise TypeError(f"friction law {self.name}: the parameter {symbol!r} is declared already; rename it")
+            if symbol not in self._asked and symbol != self.band:
+                raise TypeError(f"friction law {self.name}: no function uses the parameter {symbol!r}; leave it out")
 
-    @property
+    @cached_property
     def _asked(self) -> set[str]:
         """Names of the arguments of its functions."""
         functions = (self.effort,) if self.state_rate is None else (self.effort, self.state_rate)
         return {argument for function in functions for argument in inspect.signature(function).parameters}
 
-    @property
-    def symbols(self) -> tuple[str, ...]:
-        """The parameters the law needs, in the order of SYMBOLS."""
+    @cached_property
+    def symbols(self) -> dict[str, FrictionParameter]:
+        """The parameters that the law needs, by symbol: those of SYMBOLS in their order, then its own."""
         used = self._asked if self.band is None else self._asked | {self.band}
-        return tuple(symbol for symbol in SYMBOLS if symbol in used)
+        known = SYMBOLS | {parameter.symbol: parameter for parameter in self.parameters}
+        return {symbol: parameter for symbol, parameter in known.items() if symbol in used}
 
 
 def held(rate: float, direction: float) -> float:
