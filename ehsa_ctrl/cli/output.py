@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.json_text import plain as plain
-from ..core.json_text import to_json as to_json
+from ..core.result import plain as plain
+from ..core.result import to_json as to_json
 from .options import Force, Json, Out
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ import numpy as np
 
 from .errors import InputError, choices, shown
 from .files import atomic_write
-from .text import TextResult, unique_names
+from .result import Result
+from .text import unique_names
 
 if TYPE_CHECKING:
     import pandas
@@ -65,8 +66,8 @@ class Column:
             raise InputError(f"offset = {self.offset:g}: must be a finite number")
 
 
-@dataclass(frozen=True)
-class Log(TextResult):
+@dataclass(frozen=True, repr=False)
+class Log(Result):
     """A log with channels by name.
 
     Attributes
@@ -117,8 +118,6 @@ class Log(TextResult):
             lines.append(f"  {name:<16} {values.min():>12.5g} to {values.max():>12.5g} {unit}".rstrip())
         missing = [f"  missing: {', '.join(self.missing)}"] if self.missing else []
         return "\n".join([*lines, *missing, *(f"  {note}" for note in self.notes)])
-
-    __repr__ = __str__
 
     def segment(self, start: float | None = None, stop: float | None = None, *, shortest: int = 2) -> Log:
         """The samples from `start` to `stop` [s, the log's own time], both included; None is the end of the log.

@@ -1,18 +1,9 @@
-"""Text of sentences, names of files that tell them apart, and results as text in a notebook."""
+"""Text of sentences, and names of files that distinguish them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-
-
-class TextResult:
-    """A result that a notebook shows as its own text, in a font of fixed width so that tables stay aligned."""
-
-    def _repr_html_(self) -> str:
-        import html
-
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def join_words(items: Iterable[str]) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ..core.text import TextResult
+from ..core.result import Result
 from .stages.feedforward import Feedforward, feedforward_settings
 from .stages.pipeline import M_LAW, TRACES, compiled_pipeline, pipeline
 from .stages.rest import Dither, Rest, rest_settings
@@ -68,7 +68,7 @@ class Law(Protocol):
 
 
 @dataclass(frozen=True)
-class SampledController(TextResult):
+class SampledController(Result):
     """A core.controller_interface.Controller for simulation, analysis and export.
 
     Attributes

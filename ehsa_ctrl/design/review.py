@@ -7,11 +7,11 @@ that friction adds.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 from ..core.controller_interface import Controller
 from ..core.errors import InputError, choices
+from ..core.result import Result, as_dict, as_table
 from .analysis.loop import LoopAnalysis, analyse_loop
 from .review_checks import CHECKS, Known, ReviewContext, ReviewFinding, Verdict
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["Known", "Review", "ReviewFinding", "Verdict", "review"]
 
 
-@dataclass(frozen=True)
-class Review:
+@dataclass(frozen=True, repr=False)
+class Review(Result):
     """The findings of a design review.
 
     Attributes
@@ -58,14 +58,10 @@ class Review:
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per check: result, verdict, fix."""
-        import pandas
-
-        rows = [(f.result, f.verdict, f.fix) for f in self.findings]
-        tests = pandas.Index([f.test for f in self.findings], name="test")
-        return pandas.DataFrame(rows, index=tests, columns=["result", "verdict", "fix"])
+        return as_table(self.findings, "result verdict fix", index="test")
 
     def to_dict(self) -> dict[str, Any]:
-        return {"controller": self.controller, "passed": self.passed, "findings": [vars(f) for f in self.findings]}
+        return as_dict(self, "controller passed findings")
 
     def __str__(self) -> str:
         width = max(len(finding.test) for finding in self.findings)
@@ -78,17 +74,6 @@ class Review:
             if finding.verdict != "good" and finding.fix:
                 lines.append(f"  {'':<{width}}  -> {finding.fix}")
         return "\n".join(lines)
-
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{escape(f.test)}</td><td>{escape(f.result)}</td><td>{f.verdict}</td>"
-            f"<td>{escape(f.fix) if f.verdict != 'good' else ''}</td></tr>"
-            for f in self.findings
-        )
-        head = "".join(f"<th>{word}</th>" for word in ("test", "result", "verdict", "suggested fix"))
-        return f"<table><caption>review of {escape(self.controller)}</caption><tr>{head}</tr>{rows}</table>"
 
 
 def review(

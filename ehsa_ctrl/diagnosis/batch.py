@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from ..core.errors import EhsaError, InputError
 from ..core.files import parse_json
 from ..core.log import Log
 from ..core.parallel import as_completed, worker_count
+from ..core.result import Result, as_dict, as_table
 from ..core.text import unique_names
 from ..identification.plant_log import read_plant_log
 from ..plant.plant import Plant
@@ -80,19 +81,14 @@ class Row:
         numbers = {name: math.nan if content[name] is None else float(content[name]) for name in NUMBERS}
         return cls(**(content | numbers | {"set": tuple(content["set"])}))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values; null where there is none."""
-        return {f.name: getattr(self, f.name) for f in fields(self)} | {
-            "set": list(self.set),
-            **{name: getattr(self, name) if math.isfinite(getattr(self, name)) else None for name in NUMBERS},
-        }
+    to_dict = as_dict
 
     def to_line(self) -> str:
-        return json.dumps(self.to_dict())
+        return json.dumps(as_dict(self))
 
 
-@dataclass(frozen=True)
-class LogBatch:
+@dataclass(frozen=True, repr=False)
+class LogBatch(Result):
     """The diagnoses of many logs of one rig.
 
     Attributes
@@ -126,27 +122,16 @@ class LogBatch:
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a log."""
-        import pandas
-
-        rows = [row.to_dict() | {"set": " or ".join(row.set)} for row in self.rows]
-        return pandas.DataFrame(rows, columns=[f.name for f in fields(Row)]).drop(columns="digest").set_index("file")
+        names = "verdict cause set probability place gap_before gap_after seconds error"
+        return as_table(self.rows, names, index="file", set=lambda row: " or ".join(row.set))
 
     def to_dict(self) -> dict[str, Any]:
         """As summary.json."""
-        return {
-            "plant": self.plant,
-            "threshold": self.threshold,
-            "counts": self.counts,
-            "interrupted": self.interrupted,
-            "logs": [row.to_dict() for row in self.rows],
-            "provenance": versions(),
-        }
+        return as_dict(self, "plant threshold counts interrupted", logs=self.rows, provenance=versions())
 
     def __str__(self) -> str:
         words = ", ".join(f"{count} {word}" for word, count in self.counts.items())
         return f"{len(self.rows)} logs of {self.plant}: {words}\n{self.to_pandas().to_string()}"
-
-    __repr__ = __str__
 
     def _repr_html_(self) -> str:
         return f"<p>{html.escape(str(self).splitlines()[0])}</p>" + str(self.to_pandas().to_html(float_format="%.3g"))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
 from ..core.log import Log, named
-from ..core.text import TextResult
+from ..core.result import Result, as_dict
 from ..plant.plant import Plant
 from .diagnose import diagnose
 from .diagnosis import Cause, Diagnosis
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import pandas
 
 
-@dataclass(frozen=True)
-class Change(TextResult):
+@dataclass(frozen=True, repr=False)
+class Change(Result):
     """What changed between two logs.
 
     Attributes
@@ -59,22 +59,16 @@ class Change(TextResult):
 
     def to_dict(self) -> dict[str, Any]:
         """As diagnosis.json: that of the second log, with the first under `before`."""
-        return {
-            **self.after.to_dict(),
-            "change": self.sentence,
-            "before": {
-                "log": self.before.log.path,
-                "verdict": self.before.verdict,
-                "sentence": self.before.sentence,
-                "brought": self.brought,
-                "parameters": {
-                    name: {"nominal": self.before.plant[name], "value": parameter.value, "unit": parameter.unit}
-                    for name, parameter in self.rig.parameters.items()
-                    if name in self.before.plant.parameters
-                    and abs(parameter.value - self.before.plant[name]) > 1e-6 * abs(self.before.plant[name])
-                },
+        nominal, rig = self.before.plant, self.rig.parameters
+        before = as_dict(
+            self.before, "verdict sentence", log=self.before.log.path, brought=self.brought,
+            parameters={
+                name: as_dict(parameter, "value unit", nominal=nominal[name])
+                for name, parameter in rig.items()
+                if name in nominal.parameters and abs(parameter.value - nominal[name]) > 1e-6 * abs(nominal[name])
             },
-        }
+        )  # fmt: skip
+        return self.after.to_dict() | {"change": self.sentence, "before": before}
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a cause of what the second log shows, as of `Diagnosis`."""
@@ -82,8 +76,6 @@ class Change(TextResult):
 
     def __str__(self) -> str:
         return f"{self.sentence}\n{self.after}"
-
-    __repr__ = __str__
 
 
 def what_changed(

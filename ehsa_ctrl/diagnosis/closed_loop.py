@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.controller_interface import MEASURED
 from ..core.errors import InputError
+from ..core.result import as_dict
 from ..plant.file import label, symbol_of
 from ..scenario.metrics import METRICS
 from ..scenario.result import failures_of
@@ -61,25 +62,16 @@ class LoopComparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Content of closed_loop.json, SI units."""
-        replay = None
-        if self.replay is not None:
-            replay = {
-                "gap": {word: dict(gaps) for word, gaps in self.replay.gap.items()},
-                "seconds": self.replay.seconds,
-                "current_not_of_this_loop": self.replay.other,
-            }
-        return {
-            "scenario": self.scenario,
-            "controller": self.controller,
-            "plants": list(self.metrics),
-            "metrics": {
+        replay = self.replay
+        return as_dict(
+            self, "scenario controller failures", plants=list(self.metrics),
+            metrics={
                 name: {**{word: values[name] for word, values in self.metrics.items()}, "unit": METRICS[name].unit}
                 for name in METRICS
             },
-            "passed": {word: not reasons for word, reasons in self.failures.items()},
-            "failures": {word: list(reasons) for word, reasons in self.failures.items()},
-            "replay": replay,
-        }
+            passed={word: not reasons for word, reasons in self.failures.items()},
+            replay=replay and as_dict(replay, "gap seconds", current_not_of_this_loop=replay.other),
+        )  # fmt: skip
 
 
 def check_replay(case: PreparedScenario, nominal: Plant, log: Log) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.log import Log
 from ..core.plotting import draw
-from ..core.text import TextResult
+from ..core.result import Result, as_dict, as_table
 from ..physics.effects import EFFECTS
 from ..plant.file import label
 from ..plant.plant import Plant, Sensor
@@ -80,20 +80,7 @@ class Cause:
         """The line of the catalogue."""
         return EFFECTS[self.id].summary
 
-    def to_dict(self) -> dict[str, Any]:
-        """As in diagnosis.json."""
-        return {
-            "id": self.id,
-            "channel": self.channel,
-            "probability": self.probability,
-            "parameters": {n: {"value": p.value, "sd": p.sd, "unit": p.unit} for n, p in self.parameters.items()},
-            "ambiguous_with": list(self.ambiguous_with),
-            "absorbed_by_refit": self.absorbed_by_refit,
-            "gap_closed": self.gap_closed,
-            "place": self.place,
-            "alone": dict(self.alone),
-            "why_same": dict(self.why_same),
-        }
+    to_dict = as_dict
 
 
 @dataclass(frozen=True)
@@ -108,8 +95,8 @@ class RankedHypothesis:
     gap: float
 
 
-@dataclass(frozen=True)
-class Diagnosis(TextResult):
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Result):
     """The answer to where, which and how far.
 
     Attributes
@@ -177,36 +164,21 @@ class Diagnosis(TextResult):
 
     def to_dict(self) -> dict[str, Any]:
         """As diagnosis.json."""
-        return {
-            "verdict": self.verdict,
-            "sentence": self.sentence,
-            "log": str(self.log.path) if self.log.path is not None else None,
-            "plant": self.plant.name,
-            "plant_title": self.plant.title,
-            "model": self.plant.model,
-            "settings": {p.name: p.written for p in self.plant.parameters.values() if p.source == "given"},
-            "samples": len(self.log),
-            "sample_time": self.log.sample_time,
-            "where": [{"place": place, "share": share} for place, share in self.where],
-            "effects": [self._described(cause) for cause in self.effects],
-            "gap": {model: dict(gaps) for model, gaps in self.gap.items()},
-            "gap_whole_log": dict(self.whole),
-            "held_out": self.held_out,
-            "noise_sd": dict(self.noise_sd),
-            "next_experiment": self.next_experiment,
-            "threshold": self.threshold,
-            "candidates": [{"members": list(c.members), "evidence": c.evidence, "gap": c.gap} for c in self.candidates],
-            "nearest_sentence": self.nearest,
-            "location": None if self.location is None else self.location.to_dict(),
-            "findings": list(self.findings),
-            "seconds": self.seconds,
-            "runs": self.runs,
-            "provenance": dict(self.provenance),
-        }
+        plant, log = self.plant, self.log
+        return as_dict(
+            self, "verdict sentence gap held_out noise_sd next_experiment threshold candidates location findings "
+            "seconds runs provenance",
+            log=log.path, samples=len(log), sample_time=log.sample_time,
+            plant=plant.name, plant_title=plant.title, model=plant.model,
+            settings={p.name: p.written for p in plant.parameters.values() if p.source == "given"},
+            where=[{"place": place, "share": share} for place, share in self.where],
+            effects=[self._described(cause) for cause in self.effects],
+            gap_whole_log=self.whole, nearest_sentence=self.nearest,
+        )  # fmt: skip
 
     def _described(self, cause: Cause) -> dict[str, Any]:
         """A cause with its text in the catalogue, and with the nominal value and meaning of its numbers."""
-        effect, found = EFFECTS[cause.id], cause.to_dict()
+        effect, found = EFFECTS[cause.id], as_dict(cause)
         own = {parameter.name: parameter for parameter in effect.parameters}
         meanings = {kind.name: kind.meaning for kind in self.plant.structure.equations.parameters}
         for name, number in found["parameters"].items():
@@ -226,19 +198,10 @@ class Diagnosis(TextResult):
         """One row a cause."""
         import pandas
 
-        rows = [
-            {
-                "cause": cause.name,
-                "place": cause.place,
-                "probability": cause.probability,
-                "gap_closed": cause.gap_closed,
-                "absorbed_by_refit": cause.absorbed_by_refit,
-                "ambiguous_with": ", ".join(cause.ambiguous_with),
-                **{f"{name}": number.value for name, number in cause.parameters.items()},
-            }
-            for cause in self.effects
-        ]
-        return pandas.DataFrame(rows)
+        names = "place probability gap_closed absorbed_by_refit ambiguous_with"
+        causes = as_table(self.effects, names, ambiguous_with=lambda cause: ", ".join(cause.ambiguous_with))
+        numbers = [{name: number.value for name, number in cause.parameters.items()} for cause in self.effects]
+        return causes.rename_axis("cause").reset_index().join(pandas.DataFrame(numbers))
 
     def plot(self) -> Figure:
         """Measured against simulated before and after."""
@@ -269,8 +232,6 @@ class Diagnosis(TextResult):
         if self.next_experiment:
             lines.append(f"  next experiment: {self.next_experiment}")
         return "\n".join(lines)
-
-    __repr__ = __str__
 
 
 def _shown(diagnosis: Diagnosis) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..core.log import Log
+from ..core.result import as_dict
 from ..core.text import join_words
 from ..identification.initial_state import find_initial_state
 from ..identification.logged_inputs import acting_drive, logged_inputs, undo_sensor
@@ -76,16 +77,8 @@ class Location:
 
     def to_dict(self) -> dict[str, Any]:
         """As under `location` in diagnosis.json."""
-        return {
-            "shares": dict(self.shares),
-            "by_signal": {name: dict(parts) for name, parts in self.by_signal.items()},
-            "regimes": [
-                {"balance": r.balance, "words": r.words, "explained": r.explained, "gap_closed": r.gap_closed}
-                for r in self.regimes
-            ],
-            "sensor": self.sensor,
-            "untold": list(self.untold),
-        }
+        regimes = [as_dict(r, "balance words explained gap_closed") for r in self.regimes]
+        return as_dict(self, "by_signal sensor untold", shares=dict(self.shares), regimes=regimes)
 
     def __str__(self) -> str:
         told = [f"{place} {100 * s:.0f} %" for place, s in self.shares if s >= 0.005 and place not in self.silent]

@@ -20,7 +20,7 @@ import numpy as np
 from ..core.catalogue import plants
 from ..core.errors import InputError
 from ..core.files import write_text
-from ..core.text import TextResult
+from ..core.result import Result
 from ..plant.file import LOAD_SYMBOLS
 from ..plant.load import load_plant
 from ..plant.plant import Plant
@@ -53,7 +53,7 @@ Compared = tuple[ExperimentTrial, np.ndarray]
 
 
 @dataclass(frozen=True)
-class NextExperiment(TextResult):
+class NextExperiment(Result):
     """A proposed experiment and what to expect of it.
 
     Attributes

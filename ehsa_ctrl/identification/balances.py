@@ -25,7 +25,7 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 from ..core.log import Log
-from ..core.text import TextResult
+from ..core.result import Result, as_table
 from ..plant.arrays import array_evaluator, needs
 from ..plant.plant import Plant
 from ..plant.system import Balance
@@ -59,8 +59,8 @@ class BalanceFit:
     relative_error: float
 
 
-@dataclass(frozen=True)
-class BalanceEstimate(TextResult):
+@dataclass(frozen=True, repr=False)
+class BalanceEstimate(Result):
     """Parameters from the balances of a system.
 
     Attributes
@@ -86,11 +86,8 @@ class BalanceEstimate(TextResult):
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a parameter: value, sd, unit, believed (the nominal value), balance."""
-        import pandas
-
-        rows = [vars(parameter) for parameter in self.parameters.values()]
-        table = pandas.DataFrame(rows, columns=["name", "value", "sd", "unit", "nominal", "balance"])
-        return table.rename(columns={"nominal": "believed"}).set_index("name")
+        names = "value sd unit believed balance"
+        return as_table(self.parameters.values(), names, believed=lambda p: p.nominal)
 
     def __str__(self) -> str:
         lines = [f"{self.plant.name} ({self.plant.model}) from its balances, {self.method}"]
@@ -103,8 +100,6 @@ class BalanceEstimate(TextResult):
                 f"of its leading term, {fit.rows} rows"
             )
         return "\n".join(lines)
-
-    __repr__ = __str__
 
 
 def estimate_by_balances(

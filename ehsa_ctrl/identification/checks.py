@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from ..core.errors import InputError
 from ..core.log import CHANNELS, Log
+from ..core.result import as_dict
 from ..core.text import join_words
 from ..plant.plant import Plant
 from .free_run_checks import late_channels, wrong_sample_time, wrong_signs, wrong_units
@@ -57,8 +58,7 @@ class LogFinding:
         """The same, with the log's name if it is one of several."""
         return replace(self, sentence=f"{log.name}: {self.sentence}") if log.label else self
 
-    def to_dict(self) -> dict[str, Any]:
-        return {"kind": self.kind, "channel": self.channel, "severity": self.severity, "sentence": self.sentence}
+    to_dict = as_dict
 
 
 def check_log(log: Log, plant: Plant) -> tuple[LogFinding, ...]:

@@ -12,7 +12,8 @@ import numpy as np
 from ..core.errors import InputError, SimulationError, choices
 from ..core.log import Log
 from ..core.plotting import draw
-from ..core.text import TextResult, join_words
+from ..core.result import Result
+from ..core.text import join_words
 from ..plant.plant import Plant
 from ..simulation.engine import LARGEST
 from ..simulation.sensors import shown
@@ -73,8 +74,8 @@ def fit_cell(percent: float) -> str:
     return f"{percent:.2f}" if abs(percent) < 1e6 else f"{percent:.2e}"
 
 
-@dataclass(frozen=True)
-class Comparison(TextResult):
+@dataclass(frozen=True, repr=False)
+class Comparison(Result):
     """A free run and the log that drove it.
 
     Attributes
@@ -132,8 +133,6 @@ class Comparison(TextResult):
             for channel, percent in self.fit_percent.items()
         ]
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
-
-    __repr__ = __str__
 
 
 def replay(plant: Plant, log: Log, *, before: Log | None = None) -> Comparison:

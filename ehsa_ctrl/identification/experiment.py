@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ import numpy as np
 from ..core.errors import InputError, choices
 from ..core.files import write_text
 from ..core.plotting import draw
-from ..core.text import TextResult
+from ..core.result import Result, as_dict
 from ..plant.file import label
 from ..plant.plant import Plant
 from ..simulation.trajectory import Trajectory, versions
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 SHORTEST, LONGEST = 1.0, 600.0
 
 
-@dataclass(frozen=True)
-class ExperimentDesign(TextResult):
+@dataclass(frozen=True, repr=False)
+class ExperimentDesign(Result):
     """A proposed input and the accuracy to expect from it.
 
     Attributes
@@ -122,56 +122,34 @@ class ExperimentDesign(TextResult):
     def to_dict(self) -> dict[str, Any]:
         """The content of excitation.json."""
         relative = self.forecast.relative
-        return {
-            "parameters": {
-                e.name: {
-                    "believed": e.value,
-                    "sd": e.sd,
-                    "relative_sd": relative[e.name],
-                    "relative_sd_at_worst": self.at_worst[e.name],
-                    "unit": e.unit,
-                    "verdict": e.verdict,
-                    "trades_with": list(e.trades),
-                }
+        return as_dict(
+            self, "centre margin calibration undetermined seed seconds provenance",
+            parameters={
+                e.name: as_dict(
+                    e, "sd unit verdict", believed=e.value, relative_sd=relative[e.name],
+                    relative_sd_at_worst=self.at_worst[e.name], trades_with=e.trades,
+                )
                 for e in self.forecast.estimates
             },
-            "input": self.chosen.words,
-            "kind": self.chosen.shape.kind,
-            "parts": [
-                {
-                    "kind": part.kind, "pace": part.pace, "seed": part.seed, "share": part.share,
-                    "amplitude": part.size * self.chosen.amplitude,
-                }
+            input=self.chosen.words,
+            kind=self.chosen.shape.kind,
+            parts=[
+                as_dict(part, "kind pace seed share", amplitude=part.size * self.chosen.amplitude)
                 for part in self.chosen.shape.parts
             ],
-            "centre": self.centre,
-            "duration": float(self.time[-1]),
-            "sample_time": float(self.time[1] - self.time[0]),
-            "peak": float(np.max(np.abs(self.current))),
-            "criterion": {"name": self.criterion, "value": self.chosen.score},
-            "limits": {
-                use.limit: {
-                    "allowed": use.allowed, "reached": use.reached, "worst": use.worst, "unit": use.unit,
-                    "share": use.share, "worst_share": use.worst_share,
-                }
-                for use in self.limits
-            },
-            "margin": self.margin,
-            "calibration": self.calibration,
-            "variations": {"draws": self.draws, "spread": self.spread},
-            "undetermined": {name: list(trades) for name, trades in self.undetermined.items()},
-            "candidates": [
-                {
-                    "input": c.words, "score": c.score, "not_determined": c.rank[0], "centre": c.centre,
-                    "relative_sd": c.forecast.relative, "tightest_limit": c.tightest.limit if c.tightest else None,
-                    "rehearsal": asdict(self.checks[number]) if number in self.checks else None,
-                }
+            duration=float(self.time[-1]),
+            sample_time=float(self.time[1] - self.time[0]),
+            peak=float(np.max(np.abs(self.current))),
+            limits={use.limit: as_dict(use, "allowed reached worst unit share worst_share") for use in self.limits},
+            variations=as_dict(self, "draws spread"),
+            candidates=[
+                as_dict(
+                    c, "score centre", input=c.words, not_determined=c.rank[0], relative_sd=c.forecast.relative,
+                    tightest_limit=c.tightest.limit if c.tightest else None, rehearsal=self.checks.get(number),
+                )
                 for number, c in enumerate(self.candidates)
             ],
-            "seed": self.seed,
-            "seconds": self.seconds,
-            "provenance": self.provenance,
-        }  # fmt: skip
+        ) | {"criterion": {"name": self.criterion, "value": self.chosen.score}}  # fmt: skip
 
     def _lines(self) -> Iterator[str]:
         yield f"{self.plant.name} ({self.plant.model}): {self.chosen.words}; {self.time[-1]:g} s from rest"
@@ -201,8 +179,6 @@ class ExperimentDesign(TextResult):
 
     def __str__(self) -> str:
         return "\n".join(self._lines())
-
-    __repr__ = __str__
 
 
 def design_experiment(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ..core.errors import InputError, choices
 from ..core.plotting import draw
-from ..core.text import TextResult
+from ..core.result import Result, as_dict, as_table
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .balances import BalanceEstimate
@@ -55,8 +55,8 @@ def _pooled_fit(comparisons: tuple[Comparison, ...]) -> dict[str, float]:
     return found
 
 
-@dataclass(frozen=True)
-class Identification(TextResult):
+@dataclass(frozen=True, repr=False)
+class Identification(Result):
     """A plant identified from logs.
 
     Attributes
@@ -211,102 +211,67 @@ class Identification(TextResult):
     def to_dict(self) -> dict[str, Any]:
         """The content of identification.json."""
         fit, balances = self.fit, self.balances
-        return {
-            "warnings": list(self.warnings),
-            "parameters": {
-                e.name: {
-                    "value": e.value, "sd": e.sd, "unit": e.unit, "identifiable": e.identifiable, "verdict": e.verdict,
-                    "interval_95": list(e.interval), "trades_with": list(e.trades), "at_bound": e.at_bound,
-                    "start": e.start, "prior_sd": e.prior_sd, "meaning": self._meaning(e.name),
-                }
+        return as_dict(
+            self, "warnings search_warnings method findings interrupted seconds provenance",
+            parameters={
+                e.name: as_dict(
+                    e, "value sd unit identifiable verdict at_bound start prior_sd", interval_95=e.interval,
+                    trades_with=e.trades, meaning=self._meaning(e.name),
+                )
                 for e in self.estimates
             },
-            "search_warnings": list(self.search_warnings),
-            "method": self.method,
-            "beside": {
+            beside={
                 "method": "balances" if self.method == "simulation" else "simulation",
-                "parameters": {e.name: {"value": e.value, "sd": e.sd, "unit": e.unit} for e in self.other_estimates},
-                "differing": list(self.differing),
+                "parameters": {e.name: as_dict(e, "value sd unit") for e in self.other_estimates},
+                "differing": self.differing,
                 "without": self.no_simulation,
             },
-            "balances": None if balances is None else {
-                "method": balances.method,
-                "relative_error": {closure.name: closure.relative_error for closure in balances.balances},
-                "balances": [asdict(closure) for closure in balances.balances],
-                "undetermined": balances.undetermined,
-            },
-            "fit_percent": {
+            balances=balances and as_dict(
+                balances, "method balances undetermined",
+                relative_error={closure.name: closure.relative_error for closure in balances.balances},
+            ),
+            fit_percent={
                 "train": self.train.fit_percent,
                 "validate": self.validation.fit_percent,
                 "before": {"train": self.train.fit_percent_before, "validate": self.validation.fit_percent_before},
                 "kind": "free run, driven by the logged drive",
                 "start": [run.start.words for run in (*self.train.after, *self.validation.after)],
             },
-            "runs": [
-                {
-                    "log": run.log.name,
-                    "use": use,
-                    "fit_percent": run.fit_percent,
-                    "start": run.start.words,
-                    "stopped": run.stopped,
-                }
+            runs=[
+                as_dict(run, "fit_percent stopped", log=run.log.name, use=use, start=run.start.words)
                 for use, reach in (("train", self.train), ("validate", self.validation))
                 for run in reach.after
             ],
-            "correlation": {
-                "names": list(self.uncertainty.names),
-                "matrix": self.uncertainty.correlation,
-                "covariance": self.uncertainty.covariance,
-                "from": self.uncertainty.source,
-            },
-            "cost": None if fit is None else {
-                "reduced": fit.reduced_cost,
-                "noise_ratio": self.noise_ratio,
-                "weights": "residuals" if fit.weighted else "noise",
-                "explained": self.explained,
-                "residuals": fit.residuals,
-                "steps": fit.steps,
-                "stopped": "interrupted" if self.interrupted else fit.stopped,
-                "window": self.window,
-                "starts": [{"name": name, "cost": cost} for name, cost in self.starts],
-                "settled": self.starts_agree,
-                "noise_sd": self.noise_sd,
-                "sensor_noise_sd": {
+            correlation=as_dict(
+                self.uncertainty, "names covariance", matrix=self.uncertainty.correlation
+            ) | {"from": self.uncertainty.source},
+            cost=fit and as_dict(
+                self, "noise_ratio explained window noise_sd", reduced=fit.reduced_cost, residuals=fit.residuals,
+                steps=fit.steps, weights="residuals" if fit.weighted else "noise",
+                stopped="interrupted" if self.interrupted else fit.stopped, settled=self.starts_agree,
+                starts=[{"name": name, "cost": cost} for name, cost in self.starts],
+                sensor_noise_sd={
                     channel: sensor_sd(self.plant, self.train.after[0].log, channel)
                     for channel in self.noise_sd
                     if channel in self.train.fit_percent
                 },
-            },
-            "residual_tests": [
-                {
-                    "channel": test.channel, "against": test.against, "passed": test.passed, "largest": test.largest,
-                    "band": test.band,
-                    "outside": test.outside,
-                }
-                for test in self.residual_tests
-            ],
-            "logs": {
+            ),
+            residual_tests=[as_dict(t, "channel against passed largest band outside") for t in self.residual_tests],
+            logs={
                 "train": [run.log.path for run in self.train.after],
                 "validate": [run.log.path for run in self.validation.after],
             },
-            "findings": [finding.to_dict() for finding in self.findings],
-            "interrupted": self.interrupted,
-            "seconds": self.seconds,
-            "provenance": self.provenance,
-        }  # fmt: skip
+        )  # fmt: skip
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a parameter."""
-        import pandas
-
-        rows = [
-            {
-                "name": e.name, "unit": e.unit, "start": e.start, "value": e.value, "sd": e.sd, "lower": e.interval[0],
-                "upper": e.interval[1], "verdict": e.verdict, "trades_with": ", ".join(e.trades),
-            }
-            for e in self.estimates
-        ]  # fmt: skip
-        return pandas.DataFrame(rows).set_index("name")
+        return as_table(
+            self.estimates,
+            "unit start value sd lower upper verdict trades_with",
+            lower=lambda e: e.interval[0],
+            upper=lambda e: e.interval[1],
+            trades_with=lambda e: ", ".join(e.trades),
+        )
 
     def plot(self) -> Figure:
         """Measured, before and after, on the validation logs if there are any, else on those used."""
@@ -314,5 +279,3 @@ class Identification(TextResult):
 
     def __str__(self) -> str:
         return identification_text(self)
-
-    __repr__ = __str__

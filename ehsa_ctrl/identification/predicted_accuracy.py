@@ -12,7 +12,7 @@ from scipy import stats
 
 from ..core.errors import EhsaError, InputError, SimulationError, choices
 from ..core.log import Log
-from ..core.text import TextResult
+from ..core.result import Result, as_table
 from ..plant.file import label
 from ..plant.plant import Plant
 from ..simulation.bench import record
@@ -33,8 +33,8 @@ RARE = 0.01
 FIRST = 2
 
 
-@dataclass(frozen=True)
-class PredictedAccuracy(TextResult):
+@dataclass(frozen=True, repr=False)
+class PredictedAccuracy(Result):
     """Standard deviations to expect from an input.
 
     run: the nominal plant under the input, without noise. estimates: one row a free parameter with its nominal value.
@@ -93,22 +93,17 @@ class PredictedAccuracy(TextResult):
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a parameter: nominal value, expected sd, absolute and relative, and what it trades off against."""
-        import pandas
-
         relative = self.relative
-        rows = [
-            {
-                "name": e.name, "unit": e.unit, "believed": e.value, "sd": e.sd, "relative_sd": relative[e.name],
-                "verdict": e.verdict, "trades_with": ", ".join(e.trades),
-            }
-            for e in self.estimates
-        ]  # fmt: skip
-        return pandas.DataFrame(rows).set_index("name")
+        return as_table(
+            self.estimates,
+            "unit believed sd relative_sd verdict trades_with",
+            believed=lambda e: e.value,
+            relative_sd=lambda e: relative[e.name],
+            trades_with=lambda e: ", ".join(e.trades),
+        )
 
     def __str__(self) -> str:
         return self.table()
-
-    __repr__ = __str__
 
 
 def percent(value: float) -> str:

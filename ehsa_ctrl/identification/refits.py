@@ -12,7 +12,7 @@ from scipy import stats
 
 from ..core.errors import InputError
 from ..core.parameter import Parameter
-from ..core.text import TextResult
+from ..core.result import Result, as_dict
 from .fit_result import Diverged, Fit
 from .gauss_newton import fit
 from .identification import Identification
@@ -49,8 +49,8 @@ def _refit(best: Fit, name: str, value: float, *, steps: int, enough: float) -> 
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Profile(TextResult):
+@dataclass(frozen=True, repr=False)
+class Profile(Result):
     """Cost along one parameter.
 
     values (m,) in `unit`, rise (m,): increase of the cost there, scaled so that one standard deviation gives 1;
@@ -66,8 +66,6 @@ class Profile(TextResult):
     def __str__(self) -> str:
         low, high = self.interval
         return f"{self.name}: 95 % interval by profile {low:.5g} to {high:.5g} {self.unit}"
-
-    __repr__ = __str__
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a value at which the parameter was held, with the increase of the cost."""
@@ -154,17 +152,8 @@ class EstimateSensitivity:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for identification.json, SI units."""
-        return {
-            "name": self.parameter.name,
-            "value": self.parameter.value,
-            "unit": self.parameter.unit,
-            "file_unit": self.parameter.file_unit,
-            "cost": self.cost,
-            "ends": [
-                {"value": e.value, "parameters": dict(e.values), "cost": e.cost, "excluded": e.excluded}
-                for e in self.ends
-            ],
-        }
+        ends = [as_dict(end, "value cost excluded", parameters=end.values) for end in self.ends]
+        return as_dict(self, "cost", ends=ends, **as_dict(self.parameter, "name value unit file_unit"))
 
 
 def assumption_sensitivities(found: Identification) -> tuple[EstimateSensitivity, ...]:

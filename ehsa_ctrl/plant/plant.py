@@ -13,7 +13,7 @@ import numpy as np
 from ..core.errors import InputError, choices, shown
 from ..core.log import Column
 from ..core.parameter import Parameter, check_range
-from ..core.text import TextResult
+from ..core.result import Result, as_table
 from ..core.unit import read_value
 from ..physics.effects import EFFECTS
 from .file import EstimationFile, key_of, label
@@ -63,7 +63,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Plant(TextResult):
+class Plant(Result):
     """A plant for simulation, linearisation and identification.
 
     Attributes
@@ -191,11 +191,7 @@ class Plant(TextResult):
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per parameter: value in SI units, unit, source, sd, range of plausible values, note."""
-        import pandas
-
-        words = ("value", "unit", "source", "sd", "lower", "upper", "note")
-        rows = {p.name: {word: getattr(p, word) for word in words} for p in self.parameters.values()}
-        return pandas.DataFrame.from_dict(rows, orient="index", columns=list(words)).rename_axis("name")
+        return as_table(self.parameters.values(), "value unit source sd lower upper note")
 
 
 def effect_default(structure: Structure, name: str) -> Parameter | None:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ..core.errors import InputError
 from ..core.files import FORCE_ARGUMENT
-from ..core.json_text import to_json
+from ..core.result import to_json
 from ..core.result_folder import ResultFolder
 from ..diagnosis.changed import Change
 from ..diagnosis.diagnosis import Diagnosis

@@ -12,7 +12,7 @@ from ..core.catalogue import scenarios
 from ..core.definition import Definition, Schema, Second, validate
 from ..core.errors import choices, shown
 from ..core.files import read_toml
-from ..core.text import TextResult
+from ..core.result import Result
 from ..plant.file import LIMIT_UNITS
 from .baseline import BaselineTolerances
 from .disturbances import Fault, ForceStep, SensorSettings, SupervisionSettings
@@ -182,8 +182,8 @@ class ScenarioFile(Definition):
         return {**{f"load.{word}": text for word, text in self.load.items()}, **self.settings}
 
 
-@dataclass(frozen=True)
-class Scenario(TextResult):
+@dataclass(frozen=True, repr=False)
+class Scenario(Result):
     """A scenario definition with its name and file."""
 
     name: str
@@ -203,8 +203,6 @@ class Scenario(TextResult):
             *([f"  set for this scenario: {settings}"] if settings else []),
             *(f"  {name} {METRICS[name].format_bounds(bound.min, bound.max)}" for name, bound in file.limits.items()),
         ])  # fmt: skip
-
-    __repr__ = __str__
 
 
 def load_scenario(name: str | Path) -> Scenario:

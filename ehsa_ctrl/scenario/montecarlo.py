@@ -22,7 +22,7 @@ from ..core.errors import InputError, SimulationError
 from ..core.files import parse_json
 from ..core.parallel import Prefer, in_rounds, worker_count
 from ..core.plotting import draw
-from ..core.text import TextResult
+from ..core.result import Result, as_dict
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .definition import Scenario
@@ -71,8 +71,8 @@ class Outcome:
         return cls(**(content | {"margin": float(content["margin"]), "failures": tuple(content["failures"])}))
 
 
-@dataclass(frozen=True)
-class MonteCarlo(TextResult):
+@dataclass(frozen=True, repr=False)
+class MonteCarlo(Result):
     """A scenario on many random plants.
 
     Attributes
@@ -125,21 +125,11 @@ class MonteCarlo(TextResult):
 
     def to_dict(self, confidence: float = 0.95) -> dict[str, Any]:
         """Plain values for montecarlo.json, SI units."""
-        return {
-            "scenario": self.scenario,
-            "controller": self.controller,
-            "runs": len(self.outcomes),
-            "passes": self.passes,
-            "probability": self.probability,
-            "confidence": confidence,
-            "interval": list(self.interval(confidence)),
-            "seed": self.seed,
-            "interrupted": self.interrupted,
-            "uncertain": [str(parameter) for parameter in self.uncertainty.parameters],
-            "influences": [influence.to_dict() for influence in self.influences],
-            "failures": self.reasons,
-            "provenance": versions(),
-        }
+        return as_dict(
+            self, "scenario controller passes probability seed interrupted influences",
+            runs=len(self.outcomes), confidence=confidence, interval=self.interval(confidence), failures=self.reasons,
+            uncertain=[str(parameter) for parameter in self.uncertainty.parameters], provenance=versions(),
+        )  # fmt: skip
 
     @property
     def reasons(self) -> dict[str, int]:
@@ -166,8 +156,6 @@ class MonteCarlo(TextResult):
         first = self.influences[0] if self.influences else None
         lines.append(f"  {first}" if first is not None else "  no influence of parameters: only sensor noise varies")
         return "\n".join(lines)
-
-    __repr__ = __str__
 
 
 def monte_carlo(

@@ -12,6 +12,7 @@ import numpy as np
 from ..core.controller_interface import MEASURED, Controller
 from ..core.parameter import Parameter
 from ..core.plotting import draw
+from ..core.result import Result, as_dict
 from ..design.analysis.loop import LoopAnalysis
 from ..plant.plant import Plant
 from ..simulation.closed_loop import ClosedLoop
@@ -84,8 +85,8 @@ def failures_of(checks: Sequence[LimitCheck], run: Trajectory, expected_trips: S
     return tuple(reasons)
 
 
-@dataclass(frozen=True)
-class ScenarioResult:
+@dataclass(frozen=True, repr=False)
+class ScenarioResult(Result):
     """The result of a scenario.
 
     Attributes
@@ -161,58 +162,26 @@ class ScenarioResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for results.json, SI units."""
-        return {
-            "scenario": self.scenario.name,
-            "title": self.scenario.title,
-            "why": self.scenario.definition.why,
-            "definition": self.scenario.definition.model_dump(by_alias=True),
-            "plant": self.plant.name,
-            "plant_title": self.plant.title,
-            "controller": self.controller.name,
-            "controller_words": str(self.controller) if "__str__" in vars(type(self.controller)) else "",
-            "sample_time": self.controller.sample_time,
-            "tolerance": self.nonlinear.trajectory.tolerance,
-            "current_limit_reached": self.current_limit_reached,
-            "settings": dict(self.settings),
-            "passed": self.passed,
-            "verdict": self.verdict,
-            "failures": list(self.failures),
-            "baseline": self.baseline and {"file": str(self.baseline.path), "reason": self.baseline.reason},
-            "limits": [
-                {"metric": j.metric, "value": j.value, "min": j.lower, "max": j.upper, "passed": j.passed}
-                for j in self.limit_checks
-            ],
-            "trips": [
-                {
-                    "limit": t.limit,
-                    "allowed": t.allowed,
-                    "reached": t.reached,
-                    "unit": t.unit,
-                    "first": t.first,
-                    "sentence": str(t),
-                }
-                for t in self.trips
-            ],
-            "expected_trips": list(self.expected_trips),
-            "metrics": {
-                name: {
-                    "linear": linear,
-                    "nonlinear": nonlinear,
-                    "gap": gap(linear, nonlinear),
-                    "unit": METRICS[name].unit,
-                }
-                for name, (linear, nonlinear) in self.metrics.items()
+        scenario, plant, metrics = self.scenario, self.plant, self.metrics
+        return as_dict(
+            self, "current_limit_reached settings passed verdict failures expected_trips seconds",
+            scenario=scenario.name, title=scenario.title, why=scenario.definition.why,
+            definition=scenario.definition.model_dump(by_alias=True), plant=plant.name, plant_title=plant.title,
+            controller=self.controller.name, sample_time=self.controller.sample_time,
+            controller_words=str(self.controller) if "__str__" in vars(type(self.controller)) else "",
+            tolerance=self.nonlinear.trajectory.tolerance, margins=self.loop, assumed_ranges=self.sensitivities,
+            baseline=self.baseline and {"file": str(self.baseline.path), "reason": self.baseline.reason},
+            limits=[as_dict(j, "metric value passed", min=j.lower, max=j.upper) for j in self.limit_checks],
+            trips=[as_dict(trip, sentence=str(trip)) for trip in self.trips],
+            metrics={
+                name: {"linear": pair[0], "nonlinear": pair[1], "gap": gap(*pair), "unit": METRICS[name].unit}
+                for name, pair in metrics.items()
             },
-            "not_defined": {name: why for name in METRICS if (why := self.scenario.definition.reason_undefined(name))},
-            "margins": self.loop.to_dict() if self.loop else None,
-            "linear_model_passed_limits": [str(item) for item in self.linear.trajectory.exceeded],
-            "assumed": {p.name: p.value for p in self._plant_numbers if p.source == "assumed"},
-            "assumed_ranges": None if self.sensitivities is None else [each.to_dict() for each in self.sensitivities],
-            "warnings": list(self.plant.implausible),
-            "seed": self.scenario.definition.sensors.seed,
-            "seconds": self.seconds,
-            "provenance": versions(),
-        }
+            not_defined={name: why for name in METRICS if (why := scenario.definition.reason_undefined(name))},
+            linear_model_passed_limits=[str(item) for item in self.linear.trajectory.exceeded],
+            assumed={p.name: p.value for p in self._plant_numbers if p.source == "assumed"},
+            warnings=plant.implausible, seed=scenario.definition.sensors.seed, provenance=versions(),
+        )  # fmt: skip
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per metric: linear prediction, nonlinear outcome and their difference, in display units."""
@@ -264,8 +233,6 @@ class ScenarioResult:
     def __str__(self) -> str:
         verdict = "passed" if self.passed else "FAILED: " + first_reasons(self.failures)
         return f"{self.scenario.name} with {self.controller.name}: {verdict}\n{self.table().to_string()}"
-
-    __repr__ = __str__
 
     def _repr_html_(self) -> str:
         import html

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..core.errors import InputError, SimulationError
 from ..core.parameter import Parameter
+from ..core.result import as_dict
 from ..plant.file import label
 
 if TYPE_CHECKING:
@@ -69,18 +70,10 @@ class AssumptionSensitivity:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for results.json, SI units."""
-        return {
-            "name": self.parameter.name,
-            "value": self.parameter.value,
-            "unit": self.parameter.unit,
-            "file_unit": self.parameter.file_unit,
-            "ends": [
-                {"value": e.value, "metrics": dict(e.metrics), "passed": e.passed, "failures": list(e.failures)}
-                for e in self.ends
-            ],
-            "flips": self.flips,
-            "kept": self.nominal_passed,
-        }
+        return as_dict(
+            self, "flips", **as_dict(self.parameter, "name value unit file_unit"), kept=self.nominal_passed,
+            ends=[as_dict(end, "value metrics passed failures") for end in self.ends],
+        )  # fmt: skip
 
 
 def assumption_sensitivity(case: PreparedScenario, nominal_passed: bool) -> tuple[AssumptionSensitivity, ...]:
@@ -132,7 +125,7 @@ class Influence:
         return self.chance < SIGNIFICANCE
 
     def to_dict(self) -> dict[str, Any]:
-        return vars(self) | {"decisive": self.decisive}
+        return as_dict(self, "name measure value chance passing failing decisive")
 
     def __str__(self) -> str:
         name = label(self.name)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.controller_interface import MEASURED, REFERENCE, Controller
 from ..core.errors import InputError, SimulationError
-from ..core.text import TextResult
+from ..core.result import Result
 from ..plant.plant import Plant
 from .engine import DONE, NO_CURRENT, UNFINISHED, checked_start, initial_carry, initial_modes, why_stopped
 from .faults import Faults
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class ClosedLoop(TextResult):
+@dataclass(frozen=True, repr=False)
+class ClosedLoop(Result):
     """A closed-loop run.
 
     Attributes
@@ -64,8 +64,6 @@ class ClosedLoop(TextResult):
 
     def __str__(self) -> str:
         return f"{self.trajectory}\n  error {1e3 * abs(self.error[-1]):.4g} mm at the end"
-
-    __repr__ = __str__
 
     def first(self, samples: int) -> ClosedLoop:
         """The first samples of this run, for a comparison with a run that ended early."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.errors import SimulationError
 from ..core.plotting import draw
-from ..core.text import TextResult
+from ..core.result import Result
 from ..plant.plant import Plant
 from .limits import Exceedance, exceedances
 
@@ -30,8 +30,8 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in names}}
 
 
-@dataclass(frozen=True)
-class Trajectory(TextResult):
+@dataclass(frozen=True, repr=False)
+class Trajectory(Result):
     """One run of a plant, sampled.
 
     Attributes
@@ -156,5 +156,3 @@ class Trajectory(TextResult):
     def __str__(self) -> str:
         passed = [f"  limit passed: {exceedance}" for exceedance in self.exceeded]
         return "\n".join([self.summary(), *passed, *([f"  {self.stopped}"] if self.stopped else [])])
-
-    __repr__ = __str__

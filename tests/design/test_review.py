@@ -175,7 +175,7 @@ def test_a_review_can_be_read(system):
     assert set(table.columns) == {"result", "verdict", "fix"}
     assert table.loc["stick band", "verdict"] == "warning"
     assert "! stick band" in str(found) and "->" in str(found)
-    assert found.to_dict()["passed"] is True and "<table>" in found._repr_html_()
+    assert found.to_dict()["passed"] is True and "<pre>" in found._repr_html_()
     with pytest.raises(InputError, match="made no test 'noise'"):
         found["noise"]
 

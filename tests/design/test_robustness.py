@@ -66,7 +66,7 @@ def test_the_table_has_a_row_a_plant(three):
     assert list(table.index) == ["as designed", "weak", "strong"]
     assert table.loc["weak", "Ms"] == pytest.approx(alone.Ms)
     assert three.to_dict()["worst"]["Ms"]["plant"] == "strong"
-    assert "<table>" in three._repr_html_()
+    assert "<pre>" in three._repr_html_()
 
 
 def test_a_coarse_grid_finds_the_same_margins(linear):

@@ -6,7 +6,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.json_text import to_json
+from ehsa_ctrl.core.result import to_json
 from ehsa_ctrl.identification.identify import identify
 from ehsa_ctrl.identification.refits import assumption_sensitivities, profile
 from ehsa_ctrl.report.results import write_result_page

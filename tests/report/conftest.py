@@ -8,7 +8,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.definition import validate
-from ehsa_ctrl.core.json_text import to_json
+from ehsa_ctrl.core.result import to_json
 from ehsa_ctrl.identification.identification import FreeRuns
 from ehsa_ctrl.identification.identify import identify
 from ehsa_ctrl.report.provenance import provenance

@@ -6,7 +6,7 @@ from functools import cache
 import pytest
 
 from ehsa_ctrl import write_report
-from ehsa_ctrl.core.json_text import to_json
+from ehsa_ctrl.core.result import to_json
 from ehsa_ctrl.diagnosis.changed import Change
 from ehsa_ctrl.report.figures.free_runs import signals_table
 from ehsa_ctrl.report.kinds.diagnosis import ORDER, VERDICTS

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl import write_report
-from ehsa_ctrl.core.json_text import plain, to_json
+from ehsa_ctrl.core.result import plain, to_json
 from ehsa_ctrl.core.text import join_words
 from ehsa_ctrl.identification.checks import LogFinding
 from ehsa_ctrl.identification.identification import FreeRuns

@@ -5,8 +5,8 @@ import pytest
 
 from ehsa_ctrl import load_plant
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.json_text import plain
 from ehsa_ctrl.core.log import Log
+from ehsa_ctrl.core.result import plain
 from ehsa_ctrl.diagnosis.diagnosis import Cause, CauseParameter, Diagnosis
 from ehsa_ctrl.identification.parameters import free_parameters
 from ehsa_ctrl.report.kinds.diagnosis import KIND

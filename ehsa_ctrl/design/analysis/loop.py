@@ -13,7 +13,7 @@ from ...core.controller_interface import MEASURED, REFERENCE, Controller
 from ...core.errors import InputError
 from ...core.log import CHANNELS
 from ...core.plotting import draw
-from ...core.text import TextResult
+from ...core.result import Result, as_dict
 from .closed_loop import INPUTS, OUTPUTS, close_loop, closed_loop_matrix, discrete_response, spectral_radius
 from .margins import Margins, disk_range, frequency_grid, margins
 from .sampled import LATEST, sample, scale_model
@@ -40,8 +40,8 @@ MOST_POINTS = 20_000
 LONGEST = 60
 
 
-@dataclass(frozen=True, kw_only=True)
-class LoopAnalysis(TextResult, Margins):
+@dataclass(frozen=True, repr=False, kw_only=True)
+class LoopAnalysis(Result, Margins):
     """A position loop, broken at the current, with the plant sampled exactly (zero-order hold).
 
     Attributes
@@ -95,12 +95,11 @@ class LoopAnalysis(TextResult, Margins):
         return draw(self)
 
     def to_dict(self) -> dict[str, Any]:
-        names = (
-            "crossover", "phase_margin", "gain_margin", "gain_reduction", "delay_margin", "Ms", "Mt", "disk_margin",
-            "disk_frequency", "gain_frequency", "stable", "noise_gain", "current_noise", "compliance",
-            "static_compliance", "Mks", "sample_time", "delay",
-        )  # fmt: skip
-        return {"controller": self.controller, **{name: getattr(self, name) for name in names}}
+        return as_dict(
+            self,
+            "controller crossover phase_margin gain_margin gain_reduction delay_margin Ms Mt disk_margin disk_frequency"
+            " gain_frequency stable noise_gain current_noise compliance static_compliance Mks sample_time delay",
+        )
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per figure: value, SI unit (phase in deg)."""
@@ -126,8 +125,6 @@ class LoopAnalysis(TextResult, Margins):
             f"  compliance under force: peak {1e9 * self.compliance:.3g} um/kN, static "
             f"{1e9 * self.static_compliance:.3g} um/kN{noise}"
         )
-
-    __repr__ = __str__
 
 
 def analyse_loop(

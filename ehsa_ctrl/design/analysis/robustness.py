@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,6 +13,7 @@ import numpy as np
 from ...core.controller_interface import Controller
 from ...core.errors import InputError
 from ...core.plotting import draw
+from ...core.result import Result, as_dict
 from .loop import LoopAnalysis, analyse_loop
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ class WorstMargin(NamedTuple):
     label: str
 
 
-@dataclass(frozen=True)
-class RobustMargins:
+@dataclass(frozen=True, repr=False)
+class RobustMargins(Result):
     """Margins of one controller's loop with each of many plants.
 
     Attributes
@@ -120,14 +120,11 @@ class RobustMargins:
         return pandas.DataFrame(rows, index=pandas.Index(list(self.loops), name="plant"))
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "controller": self.controller,
-            "plants": len(self.loops),
-            "stable": self.stable,
-            "unstable": list(self.unstable),
-            "worst": {name: {"value": worst.value, "plant": worst.label} for name, worst in self.worst.items()},
-            "quantiles": {name: self._quantiles(name) for name in MARGINS},
-        }
+        return as_dict(
+            self, "controller stable unstable", plants=len(self.loops),
+            worst={name: {"value": worst.value, "plant": worst.label} for name, worst in self.worst.items()},
+            quantiles={name: self._quantiles(name) for name in MARGINS},
+        )  # fmt: skip
 
     def _quantiles(self, name: str) -> dict[str, float]:
         """Of the stable loops, by rank: interpolation would average infinite margins."""
@@ -147,20 +144,6 @@ class RobustMargins:
             value, unit = (1e3 * worst.value, "ms") if name == "delay_margin" else (worst.value, MARGINS[name][0])
             lines.append(f"  {name.replace('_', ' '):<13} {value:8.3g} {unit:<4} {worst.label}")
         return "\n".join(lines)
-
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{escape(name.replace('_', ' '))}</td><td>{worst.value:.3g} {MARGINS[name][0]}</td>"
-            f"<td>{escape(worst.label)}</td></tr>"
-            for name, worst in self.worst.items()
-        )
-        verdict = "all stable" if self.stable else f"{len(self.unstable)} not stable"
-        return (
-            f"<table><caption>{escape(self.controller)} with {len(self.loops)} plants, {verdict}</caption>"
-            f"<tr><th>margin</th><th>worst</th><th>plant</th></tr>{rows}</table>"
-        )
 
 
 def robust_margins(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.text import TextResult
+from ...core.result import Result, as_dict
 
 if TYPE_CHECKING:
     import control
@@ -18,8 +18,8 @@ OUTPUTS = {"omega": "rad/s", "dP": "Pa", "v": "m/s", "x": "m"}
 KEYS = {"omega": "speed", "dP": "dP", "v": "rod_speed", "x": "position"}
 
 
-@dataclass(frozen=True)
-class Analysis(TextResult):
+@dataclass(frozen=True, repr=False)
+class Analysis(Result):
     """Properties of a linear model with the current as input.
 
     Attributes
@@ -38,14 +38,11 @@ class Analysis(TextResult):
     dc_gains: dict[str, float]
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "states": list(self.system.state_labels),
-            "poles": [complex(pole) for pole in self.poles],
-            "natural_frequencies": self.natural_frequencies,
-            "damping": self.damping,
-            "zeros": {KEYS[output]: [complex(zero) for zero in zeros] for output, zeros in self.zeros.items()},
-            "dc_gain": {KEYS[output]: gain for output, gain in self.dc_gains.items()},
-        }
+        return as_dict(
+            self, "poles natural_frequencies damping", states=self.system.state_labels,
+            zeros={KEYS[output]: zeros for output, zeros in self.zeros.items()},
+            dc_gain={KEYS[output]: gain for output, gain in self.dc_gains.items()},
+        )  # fmt: skip
 
     def __str__(self) -> str:
         lines = [f"{self.system.name}: states {', '.join(self.system.state_labels)}", "poles"]
@@ -59,8 +56,6 @@ class Analysis(TextResult):
             size = f"{gain:.5g} {OUTPUTS[output]}/A" if np.isfinite(gain) else "integrates"
             lines.append(f"  {output:<6} DC gain {size:<20} zeros {zeros or 'none'}")
         return "\n".join(lines)
-
-    __repr__ = __str__
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per pole: real and imaginary part and natural frequency (rad/s), damping (nan for an integrator)."""
