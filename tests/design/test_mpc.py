@@ -374,8 +374,8 @@ def test_the_horizon_is_in_the_size(mpc):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ('speed = "350 rad/s"', 'speed = "-350 rad/s"', "leaves no room"),
-        ('stroke = "95 mm"', 'stroke = "0 mm"', "leaves no room"),
+        ('speed = "350 rad/s"', 'speed = "-350 rad/s"', "expected a value greater than 0"),
+        ('stroke = "95 mm"', 'stroke = "0 mm"', "expected a value greater than 0"),
         ("horizon = 20", "horizon = 1", "horizon"),
         ("horizon = 20", "horizon = 20.5", "horizon"),
         ('name = "daqp"', 'name = "dakp"', "did you mean 'daqp'"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from ..controller import SampledController
 from ..qp import QP_SOLVERS, SOLVED, QpSolution, QpSolver
 from ..qp.osqp import ITERATIONS, Osqp, osqp_workspace
 from ..stages.pipeline import M_LAW
-from ..state_space.mpc import EMBEDDED_HEAD, EMBEDDED_USES, Mpc, mpc_law
+from ..state_space.mpc import SAMPLE_FUNCTIONS, Mpc, mpc_law
 
 #: Step sizes that are tried on the problems of a run.
 STEP_SIZES = (0.01, 0.03, 0.1, 0.3)
@@ -140,7 +141,7 @@ class EmbeddedMpc:
 
     mpc: Mpc
     function = staticmethod(mpc_law)
-    uses: tuple[Callable[..., Any], ...] = EMBEDDED_USES
+    uses: tuple[Callable[..., Any], ...] = SAMPLE_FUNCTIONS
     compiles = False
 
     @property
@@ -151,18 +152,10 @@ class EmbeddedMpc:
     def traces(self) -> Mapping[str, int]:
         return {name: index for name, index in self.mpc.traces.items() if name != "solver_time"}
 
-    @property
+    @cached_property
     def _own_matrices(self) -> dict[str, np.ndarray]:
-        condensed, model = self.mpc.condensed, self.mpc.feedback.model
-        root = root_of(condensed.H)
-        return {
-            "shrink": 1.0 / np.r_[model.scale, model.disturbance_scale],
-            "F": root.T @ condensed.F,
-            "T": condensed.T,
-            "lower": condensed.lower,
-            "upper": condensed.upper,
-            "root": root,
-        }
+        root = root_of(self.mpc.condensed.H)
+        return {**self.mpc.matrices, "F": root.T @ self.mpc.condensed.F, "root": root}
 
     @property
     def matrices(self) -> dict[str, np.ndarray]:
@@ -170,18 +163,10 @@ class EmbeddedMpc:
         return {**self.mpc.feedback.matrices, **self._own_matrices}
 
     def settings(self) -> np.ndarray:
-        law, condensed = self.mpc, self.mpc.condensed
-        feedback, own = law.feedback.settings(), list(self._own_matrices.values())
-        begins = EMBEDDED_HEAD + feedback.size + np.cumsum([0, *(part.size for part in own[:-1])])
-        behind = law.feedback.initial_memory().size
-        sizes = [law.horizon, len(condensed.F), condensed.lower.size, own[0].size, condensed.F.shape[1]]
-        head = [EMBEDDED_HEAD, behind, law.problem.current_limit, law.largest_change, *sizes, *begins]
-        return np.concatenate([np.array(head, dtype=float), feedback, *(part.ravel() for part in own)])
+        return self.mpc.settings_with(self._own_matrices)
 
     def initial_memory(self) -> np.ndarray:
-        condensed = self.mpc.condensed
-        room = condensed.F.shape[1] + 2 * len(condensed.F) + 2 * condensed.lower.size
-        return np.concatenate([self.mpc.initial_memory(), np.zeros(room)])
+        return self.mpc.initial_memory()
 
     def linear(self) -> Any:
         return self.mpc.linear()

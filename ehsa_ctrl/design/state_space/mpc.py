@@ -41,66 +41,84 @@ REASON = {
     3.0: "the solver failed",
     4.0: "solved too late",
 }
-#: Relative violation from which a soft limit counts as exceeded; the exact solver leaves 1e-9.
-PASSED = 1e-6
-#: Places in the MPC's own memory: traces, then the last current and the age of the plan, then the plan.
-_STATUS, _REASON, _ITERATIONS, _TIME, _SHARE, _GIVEN, _AGE, _PLAN = range(8)
-#: Numbers before the feedback's settings in those of `mpc_law`.
-EMBEDDED_HEAD = 15
+#: Relative violation from which a soft limit counts as violated; the exact solver leaves 1e-9.
+VIOLATED = 1e-6
+#: Places in the MPC's part of the memory: traces, then the last current and the age of the plan, then the plan.
+_STATUS, _REASON, _ITERATIONS, _TIME, _VIOLATION, _LAST, _AGE, _PLAN = range(8)
+#: Numbers before the matrices in the MPC's part of the settings.
+HEAD = 14
 
 
-def prepare(
-    reference: np.ndarray,
-    measured: np.ndarray,
-    memory: np.ndarray,
-    settings: np.ndarray,
-    changing: tuple[float, float, float],
-    shrink: np.ndarray,
-    F: np.ndarray,
-    T: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
-    """Estimate; return Gamma w [A], f (v,) and both bounds (v + g,) of this sample's problem (see Condensed).
+def multiply(matrix: np.ndarray, vector: np.ndarray, rows: int, columns: int, product: np.ndarray) -> None:
+    """product (rows,) = matrix @ vector; the matrix is stored column by column, so that compilers vectorise this."""
+    for i in range(rows):
+        product[i] = 0.0
+    for k in range(columns):
+        factor = vector[k]
+        for i in range(rows):
+            product[i] += matrix[k * rows + i] * factor
 
-    changing: extra and the last current [A], and hold. shrink: (n,) 1 / SI value of a z of 1.
+
+def pose_problem(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """Estimate; write parameters, f and both bounds of this sample's problem into memory; return Gamma w [A].
+
+    settings: first index of the feedback's settings; length of its memory; current limit; largest change of the current
+    per sample (0: any); samples of the horizon; numbers of unknowns, of bounds, of states and disturbances, and of
+    parameters; first indices of shrink (1 / SI value of a state of 1), F, T, lower and upper (see Condensed); then the
+    feedback's settings, then these.
+    memory: the feedback's; traces, last current and age of the plan; the plan and its multipliers; the solver's
+    unknowns; parameters, f, lower and upper bounds.
     """
-    estimate(measured, memory, settings, changing[2])
-    known = target_current(reference[0], reference[1], reference[2], memory, settings)
-    n = shrink.size
-    p = np.empty(F.shape[1])
+    begin, behind, horizon = int(settings[0]), int(settings[1]), int(settings[4])
+    unknowns, bounds, n, size = int(settings[5]), int(settings[6]), int(settings[7]), int(settings[8])
+    shrink, F, T = int(settings[9]), int(settings[10]), int(settings[11])
+    below, above = int(settings[12]), int(settings[13])
+    feedback = settings[begin:]
+    own = memory[behind:]
+    p = own[_PLAN + 2 * unknowns + bounds :]
+    f = p[size:]
+    lower = f[unknowns:]
+    upper = lower[bounds:]
+    estimate(measured, memory, feedback, hold)
     for i in range(n):
-        p[i] = memory[4 + n + i] * shrink[i]
-    motion_ahead(reference, settings[4], (p.size - n - 4) // 3 - 1, p[n:])
-    p[-4], p[-3], p[-2], p[-1] = memory[2], changing[0], changing[1], 1.0
-    shift = T @ p
-    return known, F @ p, lower + shift, upper + shift
+        p[i] = memory[4 + n + i] * settings[shrink + i]
+    motion_ahead(reference, feedback[4], horizon, p[n:])
+    p[size - 4], p[size - 3], p[size - 2], p[size - 1] = memory[2], extra, own[_LAST], 1.0
+    multiply(settings[F:], p, unknowns, size, f)
+    multiply(settings[T:], p, bounds, size, lower)
+    for i in range(bounds):
+        shift = lower[i]
+        lower[i] = settings[below + i] + shift
+        upper[i] = settings[above + i] + shift
+    return target_current(reference[0], reference[1], reference[2], memory, feedback)
 
 
-def apply_plan(
-    reference: np.ndarray, memory: np.ndarray, feedback: np.ndarray, own: np.ndarray,
-    extra: float, known: float, limit: float, change: float, horizon: int, unknowns: int, bounds: int,
-) -> float:  # fmt: skip
+def apply_plan(reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, target: float) -> float:
     """Current of a sample after the solver: of the new plan, else bridged within the limits of current and rate.
 
-    own: the MPC's memory from its traces on; own[_REASON] is 0 for a new plan. change: largest change of the current
-    per sample (0: any).
+    memory, settings: as in `pose_problem`; the trace of the reason is 0 for a new plan. target: Gamma w [A].
     """
+    begin, behind, limit, change = int(settings[0]), int(settings[1]), settings[2], settings[3]
+    horizon, unknowns, bounds = int(settings[4]), int(settings[5]), int(settings[6])
+    feedback = settings[begin:]
+    own = memory[behind:]
     if own[_REASON] == 0.0:
-        share = 0.0
+        violation = 0.0
         for i in range(horizon, unknowns):
-            share = max(share, own[_PLAN + i])
-        own[_SHARE], own[_STATUS], own[_AGE] = share, 1.0 if share > PASSED else 0.0, 0.0
-        wanted = own[_PLAN] + known
+            violation = max(violation, own[_PLAN + i])
+        own[_VIOLATION], own[_STATUS], own[_AGE] = violation, 1.0 if violation > VIOLATED else 0.0, 0.0
+        wanted = own[_PLAN] + target
     else:
         # No warm start from an iterate that is no solution.
         for i in range(bounds):
             own[_PLAN + unknowns + i] = 0.0
-        own[_SHARE] = 0.0
+        own[_VIOLATION] = 0.0
         own[_AGE] += 1.0
         if own[_AGE] == 1.0:
             own[_STATUS] = 2.0
-            wanted = own[_PLAN + 1] + known
+            wanted = own[_PLAN + 1] + target
         else:
             own[_STATUS] = 3.0
             wanted = regulator_current(reference[0], reference[1], reference[2], memory, feedback)
@@ -108,24 +126,30 @@ def apply_plan(
             wanted = -extra
         bridged = min(max(wanted + extra, -limit), limit)
         if change > 0.0:
-            bridged = min(max(bridged, own[_GIVEN] - change), own[_GIVEN] + change)
+            bridged = min(max(bridged, own[_LAST] - change), own[_LAST] + change)
         wanted = bridged - extra
-    given = min(max(wanted + extra, -limit), limit)
-    own[_GIVEN] = given
-    predict(given - extra, known, memory, feedback)
-    return given
+    current = min(max(wanted + extra, -limit), limit)
+    own[_LAST] = current
+    predict(current - extra, target, memory, feedback)
+    return current
+
+
+#: The functions around the solver, each after those that it calls.
+SAMPLE_FUNCTIONS = (
+    target_current, regulator_current, estimate, predict, motion_ahead, multiply, pose_problem, apply_plan
+)  # fmt: skip
 
 
 @cache
 def _compiled() -> Any:
     """Functions that run each sample beside the solver, compiled; the first compilation takes some 10 s."""
     from ...core.compiled import load_compiled
-    from ..stages.pipeline import HEAD, source_text
+    from ..stages.pipeline import IMPORTS, source_text
 
-    names = ("PASSED", "_STATUS", "_REASON", "_SHARE", "_GIVEN", "_AGE", "_PLAN")
+    names = ("VIOLATED", "_STATUS", "_REASON", "_VIOLATION", "_LAST", "_AGE", "_PLAN")
     constants = "\n".join(f"{name} = {globals()[name]!r}" for name in names)
-    functions = (target_current, regulator_current, estimate, predict, motion_ahead, prepare, apply_plan)
-    text = [HEAD, constants, *(f'@cached_njit(error_model="numpy")\n{source_text(each)}' for each in functions)]
+    text = [IMPORTS, constants]
+    text += [f'@cached_njit(error_model="numpy")\n{source_text(function)}' for function in SAMPLE_FUNCTIONS]
     return load_compiled("\n\n\n".join(text), "the estimate of an MPC")
 
 
@@ -188,7 +212,7 @@ class Mpc:
         return int(self.feedback.initial_memory().size)
 
     @property
-    def largest_change(self) -> float:
+    def _largest_change(self) -> float:
         """Largest change of the current per sample [A]; 0 for any."""
         return (self.problem.limits.current_rate or 0.0) * self.feedback.model.sample_time
 
@@ -208,22 +232,36 @@ class Mpc:
             return self.external
         return QP_SOLVERS[self.solver].make(self.condensed.H, self.condensed.G, self.iteration_limit, self.deadline)
 
+    @property
+    def matrices(self) -> dict[str, np.ndarray]:
+        """The matrices at the end of the settings, in their order."""
+        c, model = self.condensed, self.feedback.model
+        shrink = 1.0 / np.r_[model.scale, model.disturbance_scale]
+        return {"shrink": shrink, "F": c.F, "T": c.T, "lower": c.lower, "upper": c.upper}
+
+    def settings_with(self, matrices: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Settings of `pose_problem` with these matrices."""
+        feedback, c = self.feedback.settings(), self.condensed
+        head_size = HEAD + len(matrices) - len(self.matrices)
+        begins = head_size + feedback.size + np.cumsum([0, *(part.size for part in matrices.values())])[:-1]
+        sizes = self.horizon, len(c.F), c.lower.size, matrices["shrink"].size, c.F.shape[1]
+        head = [head_size, self._behind, self.problem.current_limit, self._largest_change, *sizes, *begins]
+        return np.concatenate([np.array(head, dtype=float), feedback, *(part.ravel("F") for part in matrices.values())])
+
     @cached_property
-    def _fixed(self) -> tuple[np.ndarray, ...]:
-        """Constant arguments of `prepare`."""
-        c = self.condensed
-        scale = np.r_[self.feedback.model.scale, self.feedback.model.disturbance_scale]
-        return 1.0 / scale, np.ascontiguousarray(c.F), np.ascontiguousarray(c.T), c.lower, c.upper
+    def _settings(self) -> np.ndarray:
+        return self.settings_with(self.matrices)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the solver's workspace, which can't be pickled; another process makes its own."""
         return {name: value for name, value in self.__dict__.items() if name != "qp"}
 
     def settings(self) -> np.ndarray:
-        return self.feedback.settings()
+        return self._settings
 
     def initial_memory(self) -> np.ndarray:
-        own = np.zeros(_PLAN + len(self.condensed.F) + self.condensed.lower.size)
+        v, parameters = self.condensed.F.shape
+        own = np.zeros(_PLAN + 3 * v + 3 * self.condensed.lower.size + parameters)
         own[_AGE] = 2.0  # no plan yet
         return np.concatenate([self.feedback.initial_memory(), own])
 
@@ -240,12 +278,17 @@ class Mpc:
         extra: float,
         hold: float,
     ) -> float:
-        """One sample, as `state_feedback`. memory: the feedback's, then _STATUS to _AGE, plan and multipliers."""
-        parts, own, v = _compiled(), memory[self._behind :], len(self.condensed.F)
+        """One sample; arguments as in `pose_problem`."""
+        functions, own = _compiled(), memory[self._behind :]
+        (v, parameters), bounds = self.condensed.F.shape, self.condensed.lower.size
         begin = perf_counter()
-        changing = float(extra), float(own[_GIVEN]), float(hold)
-        known, f, lower, upper = parts.prepare(reference, measured, memory, settings, changing, *self._fixed)
-        plan, multipliers = own[_PLAN : _PLAN + v], own[_PLAN + v :]
+        target = functions.pose_problem(reference, measured, memory, settings, float(extra), float(hold))
+        plan, multipliers, problem = (
+            own[_PLAN:][:v],
+            own[_PLAN + v :][:bounds],
+            own[_PLAN + 2 * v + bounds + parameters :],
+        )
+        f, lower, upper = problem[:v], problem[v : v + bounds], problem[v + bounds :]
         solution = self.qp.solve(f, lower, upper, plan, multipliers)
         seconds = perf_counter() - begin
         reason = float(solution.status)
@@ -256,11 +299,7 @@ class Mpc:
         own[_REASON], own[_ITERATIONS], own[_TIME] = reason, solution.iterations, seconds
         if reason == SOLVED:
             plan[:], multipliers[:] = solution.x, solution.y
-        limits = self.problem.current_limit, self.largest_change
-        sizes = self.horizon, v, multipliers.size
-        return float(
-            parts.apply_plan(reference, memory, settings, own, changing[0], known, *map(float, limits), *sizes)
-        )
+        return float(functions.apply_plan(reference, memory, settings, float(extra), target))
 
     def __str__(self) -> str:
         limits = [f"|current| <= {self.problem.current_limit:g} A"]
@@ -286,55 +325,22 @@ def solve_qp(
 def mpc_law(
     reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
 ) -> float:
-    """One sample of an MPC.
+    """One sample of an MPC whose solver is written in C.
 
-    settings: first index of the feedback's settings; length of its memory; current limit; largest change of the current
-    per sample (0: any); samples of the horizon; numbers of unknowns, of bounds, of states and disturbances, and of
-    parameters; first indices of shrink, F, T, lower, upper and root; then the feedback's settings, then these. They are
-    those of `prepare`, but the solver's unknowns are z with theta = root z, and root' F replaces F.
-    memory: the feedback's, then as in Mpc, then z and room for a sample's parameters, f and both bounds.
+    settings: as in `pose_problem`, with root as one more matrix: the solver's unknowns are z with theta = root z, and
+    root' F replaces F.
     """
-    begin, behind, limit, change = int(settings[0]), int(settings[1]), settings[2], settings[3]
-    horizon, unknowns, bounds, n, size = (
-        int(settings[4]), int(settings[5]), int(settings[6]), int(settings[7]), int(settings[8])
-    )  # fmt: skip
-    shrink, F, T = int(settings[9]), int(settings[10]), int(settings[11])
-    below, above, root = int(settings[12]), int(settings[13]), int(settings[14])
-    feedback = settings[begin:]
+    behind, unknowns, bounds, size = int(settings[1]), int(settings[5]), int(settings[6]), int(settings[8])
+    root = int(settings[14])
     own = memory[behind:]
-    solution = own[_PLAN:]
-    multipliers = solution[unknowns:]
+    plan = own[_PLAN:]
+    multipliers = plan[unknowns:]
     z = multipliers[bounds:]
-    p = z[unknowns:]
-    f = p[size:]
+    f = z[unknowns + size :]
     lower = f[unknowns:]
     upper = lower[bounds:]
-    estimate(measured, memory, feedback, hold)
-    known = target_current(reference[0], reference[1], reference[2], memory, feedback)
-    for i in range(n):
-        p[i] = memory[4 + n + i] * settings[shrink + i]
-    motion_ahead(reference, feedback[4], horizon, p[n:])
-    p[size - 4], p[size - 3], p[size - 2], p[size - 1] = memory[2], extra, own[_GIVEN], 1.0
-    for i in range(unknowns):
-        total = 0.0
-        for k in range(size):
-            total += settings[F + i * size + k] * p[k]
-        f[i] = total
-    for i in range(bounds):
-        shift = 0.0
-        for k in range(size):
-            shift += settings[T + i * size + k] * p[k]
-        lower[i] = settings[below + i] + shift
-        upper[i] = settings[above + i] + shift
+    target = pose_problem(reference, measured, memory, settings, extra, hold)
     own[_REASON] = solve_qp(f, lower, upper, z, multipliers, own[_ITERATIONS:])
     if own[_REASON] == 0.0:
-        for i in range(unknowns):
-            entry = 0.0
-            for k in range(unknowns):
-                entry += settings[root + i * unknowns + k] * z[k]
-            solution[i] = entry
-    return apply_plan(reference, memory, feedback, own, extra, known, limit, change, horizon, unknowns, bounds)
-
-
-#: Functions that `mpc_law` calls.
-EMBEDDED_USES = (target_current, regulator_current, estimate, predict, motion_ahead, apply_plan)
+        multiply(settings[root:], z, unknowns, unknowns, plan)
+    return apply_plan(reference, memory, settings, extra, target)
