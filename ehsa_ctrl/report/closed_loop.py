@@ -1,4 +1,4 @@
-"""What a diagnosis means for a closed loop, from closed_loop.json; the command line prints the same table."""
+"""Consequences of a diagnosis for a closed loop, from closed_loop.json; the command line prints the same table."""
 
 from __future__ import annotations
 
@@ -10,43 +10,45 @@ from ..scenario.metrics import METRICS
 from .page import DOUBT, Paragraph, Picture, Section, Sentence, Table
 from .text import NOTHING, unit, value_text
 
-#: Metrics of the closed loop that are shown, where a run has them.
+#: Metrics shown if a run has them.
 CLOSED_LOOP = (
     "RiseTime", "SettlingTime", "SettlingRatio", "Overshoot", "SteadyStateError", "MaxError", "RMSError",
     "HuntingAmplitude", "Slips", "SaturationShare", "CurrentRMS", "Energy", "StopTime", "TravelAfterStop",
 )  # fmt: skip
-#: A logged current that differs by more than this share of its standard deviation from what the controller computes
-#: was recorded under another loop.
-OTHER = 0.2
+#: A logged current that differs from the controller's output by more than this share of its standard deviation was
+#: probably recorded with another controller (engineering judgement).
+MAX_CURRENT_DEVIATION = 0.2
 
 
 def closed_loop_sentences(closed: Mapping[str, Any]) -> Iterator[Sentence]:
-    """Whether the loop keeps its limits, a sentence for each plant."""
+    """Whether the loop meets its limits, one sentence per plant."""
     for word, reasons in closed["failures"].items():
-        words = "; ".join(reasons) if reasons else "keeps the limits"
+        words = "; ".join(reasons) if reasons else "limits met"
         yield f"{closed['scenario']} with {closed['controller']} on the {word} plant: {words}.", not reasons
 
 
 def closed_loop_section(closed: Mapping[str, Any]) -> Section:
-    """What the diagnosis means for a closed loop."""
+    """Comparison of the closed loop on the nominal and the improved plant."""
     head, rows = closed_table(closed)
-    caption = "The same controller on the plants, with the scenario's load, sampling and noise; bars: the rod sticks."
+    caption = "The same controller on each plant, with the scenario's load, sampling and noise. Bars: the rod sticks."
     blocks: list[Any] = [
-        Paragraph(f"{closed['scenario']} with {closed['controller']}, the controller designed on the nominal plant."),
-        Picture("closed_loop", "The closed loop", caption),
-        Table("On the nonlinear plant", ["metric", *head, "unit"], rows),
+        Paragraph(f"{closed['scenario']} with {closed['controller']}, designed on the nominal plant."),
+        Picture("closed_loop", "Closed loop", caption),
+        Table("Closed loop on the nonlinear plant", ["metric", *head, "unit"], rows),
     ]
     if len(closed["failures"]) == 1:
-        blocks.append(Paragraph("No cause was named, so that there is no other plant to compare."))
-    other = (closed.get("replay") or {}).get("current_not_of_this_loop")
-    if other is not None and other > OTHER:
-        words = f"differs by {100.0 * other:.0f} % from what this controller computes from the log's own measurements"
-        blocks.append(Paragraph(f"The logged current {words}: was it recorded under this loop?", DOUBT))
-    return Section("The closed loop", blocks, "closed")
+        blocks.append(Paragraph("No cause was named, so there is no improved plant to compare."))
+    deviation = (closed.get("replay") or {}).get("current_not_of_this_loop")
+    if deviation is not None and deviation > MAX_CURRENT_DEVIATION:
+        words = f"differs by {100.0 * deviation:.0f} % from the output of this controller for the logged measurements"
+        blocks.append(
+            Paragraph(f"The logged current {words}. Check that the log was recorded with this controller.", DOUBT)
+        )
+    return Section("Closed loop", blocks, "closed")
 
 
 def closed_table(closed: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
-    """Head (the plants) and rows (metric, a value a plant, unit) of a closed_loop.json."""
+    """Head (one entry per plant) and rows (metric, one value per plant, unit) of a closed_loop.json."""
     words = list(closed["plants"])
     rows = []
     for name in CLOSED_LOOP:

@@ -1,4 +1,4 @@
-"""What a verdict of a diagnosis means for its models and hypotheses, in words; for pages and figures alike."""
+"""Wording of models and hypotheses for each verdict of a diagnosis, shared by pages and figures."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ OUTCOMES = {
 
 
 def after_model(verdict: str) -> str | None:
-    """The model shown as "after": with causes where some are named, else refitted, none without a gap."""
+    """The model shown as "after": with the named causes, else the refit; None without a gap."""
     if verdict == "no_gap":
         return None
     return "with_effects" if verdict in ("effect", "ambiguous") else "refit"
 
 
 def after_words(verdict: str, causes: int) -> str:
-    """What the model shown as "after" is."""
+    """Description of the model shown as "after"."""
     if after_model(verdict) == "with_effects":
         return f"with the cause{'s' if causes > 1 else ''} found"
     return "with nominal parameters refitted"
 
 
 def models_shown(verdict: str, models: Iterable[str]) -> list[str]:
-    """The models whose gaps mean something: without named causes there is no model that has them."""
+    """The models whose gaps are meaningful: "with_effects" only if causes are named, none but nominal without a gap."""
     omitted = {"no_gap": ("refit", "with_effects", "upper_bound"), "effect": (), "ambiguous": ()}
     return [model for model in models if model not in omitted.get(verdict, ("with_effects",))]
 
 
 def outcome(verdict: str, causes: Mapping[str, Sequence[str]], members: Sequence[str]) -> str:
-    """What became of a hypothesis, one of OUTCOMES.
+    """Outcome of a hypothesis, a key of OUTCOMES.
 
-    Where no cause is named none was excluded in favour of another: hypotheses were tried, or are possible.
+    If no cause is named, no hypothesis is excluded in favour of another: each is "tried" or "possible".
 
     Parameters
     ----------
@@ -47,12 +47,12 @@ def outcome(verdict: str, causes: Mapping[str, Sequence[str]], members: Sequence
     if verdict == "underdetermined":
         known = set().union(*alike.values()) if alike else set()
         return "possible" if members and all(m in known or _id(m) in known for m in members) else "tried"
-    gone, come = set(causes) - set(members), set(members) - set(causes)
-    if not gone:
-        return "redundant" if come else "named"
-    # One cause replaced by an equivalent one, perhaps with more beside it: that is not excluded either.
-    if len(gone) == 1 and any(_id(name) in alike[next(iter(gone))] for name in come):
-        return "equivalent" if len(come) == 1 else "redundant"
+    missing, added = set(causes) - set(members), set(members) - set(causes)
+    if not missing:
+        return "redundant" if added else "named"
+    # A hypothesis that replaces one cause by an equivalent effect is not excluded.
+    if len(missing) == 1 and any(_id(name) in alike[next(iter(missing))] for name in added):
+        return "equivalent" if len(added) == 1 else "redundant"
     return "excluded"
 
 

@@ -88,7 +88,7 @@ def test_the_comparison_shows_every_metric_that_happened(page, harsh):
     assert shown["StickShare"][1] == number(harsh.metrics["StickShare"][1] / scale["1"])
     assert shown["CurrentRMS"][1] == number(harsh.metrics["CurrentRMS"][1])
     for name, (_, _, _, of, meaning) in shown.items():
-        assert of == unit(METRICS[name].shown) and meaning == METRICS[name].meaning
+        assert of == unit(METRICS[name].display_unit) and meaning == METRICS[name].meaning
 
 
 def test_limits_are_judged_in_the_page_as_in_the_result(page, gentle, harsh):

@@ -53,7 +53,7 @@ def test_verdicts_come_before_everything(overview, harsh):
     """What is to be looked at stands above the first figure and table, of every result."""
     top = overview[: min(overview.index("<table"), overview.index("<img"))]
 
-    assert "Passed a limit of the plant: pump speed reached 5000 rpm." in top
+    assert "Plant limit exceeded: pump speed reached 5000 rpm." in top
     assert "96 of 100 runs pass" in top and "Interrupted: there are fewer runs" in top
     assert "<h1>10 results, 4 failed, " in top and "NOT STABLE" in top
     assert '<span class="doubt">△</span> <a href="#simulation-' in top
@@ -200,7 +200,9 @@ def test_a_fit_is_green_only_where_it_is_good(gentle, harsh, fitting, tmp_path, 
 
 
 @pytest.mark.parametrize(("required", "state"), [(None, None), (0.95, False), (0.85, True)])
-def test_a_share_of_passing_runs_is_judged_by_what_was_demanded(gentle, harsh, fitting, tmp_path, required, state):
+def test_a_share_of_passing_runs_is_compared_with_the_required_probability(
+    gentle, harsh, fitting, tmp_path, required, state
+):
     """187 of 200 with its interval, against the demand; without one there is no mark of success."""
     content = contents(gentle, harsh, fitting)["montecarlo.json"]
     (each,) = content["campaigns"]
@@ -208,5 +210,5 @@ def test_a_share_of_passing_runs_is_judged_by_what_was_demanded(gentle, harsh, f
     found = kinds()["montecarlo.json"].read({"campaigns": [each | {"required": required}]}, tmp_path)
 
     assert found.state is state
-    assert "187 of 200 runs pass, probability 0.935 (95 % interval 0.891 to 0.965)" in found.lead[0]
+    assert "187 of 200 runs pass, probability 0.935 (95 % confidence interval 0.891 to 0.965)" in found.lead[0]
     assert LOOKS[found.state][0] == {None: "–", False: "✗", True: "✓"}[state]

@@ -1,4 +1,4 @@
-"""Pages of the results that commands write, made from their JSON: one kind a file, found by the name of its JSON."""
+"""Pages of the results that commands write: one module per kind of result, found by the name of its JSON file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Causes of a diagnosis on its page: numbers, what they close, what the log cannot distinguish them from."""
+"""Sections for the causes of a diagnosis: parameters, closed gap, indistinguishable effects."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def cause_name(cause: Content) -> str:
 
 
 def causes_are_named(content: Content) -> bool:
-    """Whether causes are claimed."""
+    """Whether the verdict names causes."""
     return content["verdict"] in ("effect", "ambiguous")
 
 
@@ -29,33 +29,33 @@ def cause_section(cause: Content, content: Content) -> Section:
     if "summary" in cause:
         blocks.append(Paragraph(f"{as_sentence(cause['summary'])} In a log: {cause['fingerprint']}."))
     head = ["name", "found", "nominal", "unit", "meaning"]
-    blocks.append(Table("Numbers, with one standard deviation", head, numbers_of(cause)))
+    blocks.append(Table("Parameters, with one standard deviation", head, parameter_rows(cause)))
     facts = [("place", str(cause["place"]))] if "place" in cause else []
     if causes_are_named(content):
-        own = ", its own part" if len(content["effects"]) > 1 else ""
-        facts.append(("closes", f"{percent(cause['gap_closed'])} of the gap of all signals on held-out data{own}"))
-        words = "of what it closes: a refit of the nominal parameters would have closed this part as well"
+        part = ", as the part of this cause" if len(content["effects"]) > 1 else ""
+        facts.append(("gap closed", f"{percent(cause['gap_closed'])} of the total gap on held-out data{part}"))
+        words = "of this reduction, which a refit of the nominal parameters alone would also achieve"
         facts.append(("absorbed by a refit", f"{percent(cause['absorbed_by_refit'])} {words}"))
     alone = [f"{signal_shown(n).words} {percent(gap, 2)}" for n, gap in cause.get("alone", {}).items() if n != "total"]
     if alone:
-        facts.append(("gap that it makes alone", f"{', '.join(alone)}, the larger of fitted and held-out data"))
+        facts.append(("gap due to this cause alone", f"{', '.join(alone)}; the larger of fitted and held-out data"))
     blocks.append(Facts(facts))
     why = cause.get("why_same", {})
-    here = [other for other in cause["ambiguous_with"] if other not in why]
-    if here:
+    similar = [other for other in cause["ambiguous_with"] if other not in why]
+    if similar:
         blocks.append(
-            Paragraph(f"This log cannot distinguish it from {join_words(here)}: it lacks the motion for that.")
+            Paragraph(f"This log cannot distinguish it from {join_words(similar)}; another excitation is needed.")
         )
-    always = [f"{other}: {why[other]}" for other in cause["ambiguous_with"] if other in why]
-    if always:
-        blocks += [Paragraph("No log of these channels can distinguish it from:"), Points(always)]
+    equivalent = [f"{other}: {why[other]}" for other in cause["ambiguous_with"] if other in why]
+    if equivalent:
+        blocks += [Paragraph("No log with these channels can distinguish it from:"), Points(equivalent)]
     certain = cause["probability"] >= 0.9 and not cause["ambiguous_with"]
     heading = f"{cause_name(cause)}: probability {cause['probability']:.2f}"
     return Section(heading, blocks, state=True if certain else DOUBT)
 
 
-def numbers_of(cause: Content) -> list[list[str]]:
-    """Name, value found, nominal value, unit and meaning of each number of a cause, in the unit that is shown."""
+def parameter_rows(cause: Content) -> list[list[str]]:
+    """Name, value found, nominal value, unit and meaning of each parameter of a cause, in display units."""
     rows = []
     for name, number in cause["parameters"].items():
         sd = INFINITE if number["sd"] is None else number["sd"]

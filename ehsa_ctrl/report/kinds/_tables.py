@@ -1,4 +1,4 @@
-"""Tables and facts that several kinds of results share."""
+"""Tables and facts shared by several kinds of results."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from ...plant.file import label
 from ..page import DOUBT, Points, Section, State, Table
 from ..text import value_text
 
-#: Margin in a JSON -> its name, unit, what one of that unit is in the JSON's, and meaning.
+#: Key of a margin in JSON -> name, display unit, SI value of that unit, and meaning.
 MARGINS = {
     "crossover": ("crossover", "rad/s", 1.0, "frequency at which the loop gain is 1"),
     "phase_margin": ("phase margin", "°", 1.0, "additional lag at the crossover that makes the loop unstable"),
     "gain_margin": ("gain margin", "", 1.0, "factor on the gain that makes the loop unstable"),
     "delay_margin": ("delay margin", "ms", 1e-3, "additional delay that makes the loop unstable"),
-    "Ms": ("Ms", "", 1.0, "peak of |S|: the largest amplification of a disturbance"),
-    "Mt": ("Mt", "", 1.0, "peak of |T|: the largest amplification of reference and noise"),
-    "disk_margin": ("disk margin", "", 1.0, "gain and phase may vary together within this disk"),
+    "Ms": ("Ms", "", 1.0, "peak of |S|: largest amplification of a disturbance"),
+    "Mt": ("Mt", "", 1.0, "peak of |T|: largest amplification of reference and noise"),
+    "disk_margin": ("disk margin", "", 1.0, "size of the disk of simultaneous gain and phase variations"),
     "current_noise": ("current from sensor noise, RMS", "mA", 1e-3, "RMS current that the sensors' noise causes"),
 }
 
 
-#: State of a fit by its quality.
+#: Quality of a fit -> state of its sentence.
 FITS: dict[str, State] = {"good": True, "fair": DOUBT, "poor": False}
 
 
@@ -35,7 +35,7 @@ def margin(loop: Mapping[str, Any], key: str) -> str:
 
 
 def margins_table(caption: str, loops: Sequence[Mapping[str, Any]]) -> Table:
-    """A row a margin, a column a controller."""
+    """One row per margin, one column per controller."""
     rows = [
         [words, *(value_text(loop.get(key), scale) for loop in loops), unit, meaning]
         for key, (words, unit, scale, meaning) in MARGINS.items()
@@ -45,7 +45,7 @@ def margins_table(caption: str, loops: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def loop_sentence(loop: Mapping[str, Any]) -> str:
-    """Margins and stability of a loop."""
+    """Margins and stability of a loop as a sentence."""
     return (
         f"crossover {margin(loop, 'crossover')}, phase margin {margin(loop, 'phase_margin')}, gain margin "
         f"{margin(loop, 'gain_margin')}, delay margin {margin(loop, 'delay_margin')}, Ms {margin(loop, 'Ms')}, Mt "
@@ -54,42 +54,40 @@ def loop_sentence(loop: Mapping[str, Any]) -> str:
 
 
 def fit_table(caption: str, columns: Mapping[str, Mapping[str, float | None]]) -> Table:
-    """Fits in percent: a row a channel, a column a run."""
+    """Fits in percent: one row per channel, one column per run."""
     channels = dict.fromkeys(channel for fits in columns.values() for channel in fits)
     rows = [[channel, *(value_text(fits.get(channel)) for fits in columns.values())] for channel in channels]
     return Table(caption, ["channel", *columns], rows)
 
 
 def settings_of(content: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Plant and parameters that were set for this run, as facts."""
+    """Plant and the parameters set for this run, as facts."""
     given = ", ".join(f"{label(key)} = {value}" for key, value in content.get("settings", {}).items())
     plant = str(content.get("plant", ""))
     model = content.get("model")
-    return [("plant", f"{plant} ({model})" if model else plant), ("set for this run", given or "nothing")]
+    return [("plant", f"{plant} ({model})" if model else plant), ("parameters set", given or "none")]
 
 
-def words_of(finding: Any) -> str:
-    """A finding about a log as a sentence; older results have it as text."""
+def finding_text(finding: Any) -> str:
+    """The sentence of a finding about a log; results of older versions store it as text."""
     return str(finding["sentence"] if isinstance(finding, Mapping) else finding)
 
 
 def findings_section(findings: Sequence[Any]) -> Section:
-    """What is doubtful in the logs; empty for none."""
-    return Section(
-        "Doubtful in the logs", [Points([words_of(each) for each in findings])] if findings else [], "findings"
-    )
+    """Findings about the quality of the logs; empty without findings."""
+    return Section("Data quality", [Points([finding_text(each) for each in findings])] if findings else [], "findings")
 
 
 def steps_of(content: Mapping[str, Any]) -> list[str]:
-    """How the logs were read and prepared, in sentences; those about reading name the log themselves."""
+    """How the logs were read and prepared, as sentences; sentences about reading contain the name of the log."""
     steps = content.get("preparation") or []
     logs = unique_names([str(step.get("log", "")) for step in steps])
-    named = ["log" in step and step["kind"] not in ("read", "caution") for step in steps]
+    prefixed = ["log" in step and step["kind"] not in ("read", "caution") for step in steps]
     words = [str(step["words"]) for step in steps]
-    return [f"{log}: {text}" if own else text for log, text, own in zip(logs, words, named, strict=True)]
+    return [f"{log}: {text}" if prefix else text for log, text, prefix in zip(logs, words, prefixed, strict=True)]
 
 
 def plant_name(content: Mapping[str, Any]) -> str:
-    """The plant's name, where the command was given its file too."""
+    """The plant's name; of a file, its stem."""
     name = str(content["plant"])
     return Path(name).stem if name.endswith(".toml") else name

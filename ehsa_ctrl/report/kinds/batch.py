@@ -1,4 +1,4 @@
-"""The page of the diagnoses of many logs: one table."""
+"""The page of the diagnoses of several logs: one table."""
 
 from __future__ import annotations
 
@@ -21,23 +21,25 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
         (f"{name} could not be diagnosed: {row['error'].rstrip('.')}.", False) for name, row in named if row["error"]
     ]
     if content["interrupted"]:
-        sentences.append(("Interrupted: not all logs are done.", DOUBT))
+        sentences.append(("Interrupted: some logs have not been diagnosed.", DOUBT))
     rows = [
         [name, row["verdict"].replace("_", " ") or "✗ failed", " or ".join(row["set"]), row["place"],
          value_text(row["probability"], 1.0, 2) if row["cause"] else "", percent(row["gap_before"], 2),
          percent(row["gap_after"], 2) if row["verdict"] != "no_gap" else "", value_text(row["seconds"], 1.0, 2)]
         for name, row in named
     ]  # fmt: skip
-    head = ["log", "verdict", "cause", "place", "probability", "gap", "after", "s"]
+    head = ["log", "verdict", "cause", "place", "probability", "gap", "gap with\ncauses", "time\ns"]
     return Page(
         title=f"Diagnosis of {len(logs)} logs of {content['plant']}",
         sentences=sentences,
         sections=[
             Section(
-                "Logs", [Table("Gap of all signals on held-out data, nominal and with the causes", head, rows)], "logs"
+                "Logs",
+                [Table("Total gap on held-out data, of the nominal model and with the causes", head, rows)],
+                "logs",
             )
         ],
-        facts=[("plant", str(content["plant"])), ("threshold of a gap", percent(content["threshold"]))],
+        facts=[("plant", str(content["plant"])), ("relevant gap", f"{percent(content['threshold'])} or more")],
         versions=content["provenance"],
         covers=folder_names(files),
     )

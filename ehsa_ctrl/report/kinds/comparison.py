@@ -1,4 +1,4 @@
-"""The page of a comparison: how well free runs of a plant fit a log, and what is doubtful in it."""
+"""The page of a comparison: fit of a plant's free runs to a log, and the quality of the log's data."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any
 from ...identification.comparison import GOOD, POOR, fit_words, quality
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence
 from ..text import value_text
-from ._tables import FITS, findings_section, fit_table, plant_name, settings_of, steps_of, words_of
+from ._tables import FITS, finding_text, findings_section, fit_table, plant_name, settings_of, steps_of
 
 NOTE = (
-    "Each model is simulated in free run with the log's drive. A fit of 100 % is exact, 0 % is no better than the "
-    f"mean; from {GOOD:g} % on it is called good, below {POOR:g} % poor, and fair between."
+    "Each model is simulated in free run with the logged input. A fit of 100 % is exact, 0 % is no better than the "
+    f"mean of the measurement. A fit of at least {GOOD:g} % is good, below {POOR:g} % poor, otherwise fair."
 )
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Page:
     models = content["models"]
     sentences = [_sentence(name, model) for name, model in models.items()]
-    sentences += [(f"Doubtful in the log: {words_of(each).rstrip('.')}.", DOUBT) for each in content["findings"]]
+    sentences += [(f"Data quality: {finding_text(each).rstrip('.')}.", DOUBT) for each in content["findings"]]
     facts = [("log", str(content["log"])), ("time", f"{value_text(content['from'])} to {value_text(content['to'])} s")]
     if "samples" in content:
         facts.append(("samples", f"{content['samples']}, {value_text(content['sample_time'], 1e-3)} ms apart"))
@@ -35,8 +35,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
                 "Measured and simulated",
                 [
                     fit_table("Fit in free run, %", {name: model["fit_percent"] for name, model in models.items()}),
-                    Picture("compare", "The whole log", "Free runs, driven by the logged drive alone.", True),
-                    Picture("compare-detail", "In detail", "The second in which the drive varies most.", True),
+                    Picture("compare", "Whole log", "Free runs, driven by the logged input alone.", True),
+                    Picture("compare-detail", "Detail", "The second in which the input varies most.", True),
                 ],
                 "runs",
             ),
@@ -45,9 +45,9 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
                 "The log",
                 [
                     Facts(facts),
-                    Paragraph("Preparation:" if steps else "It was used as recorded."),
+                    Paragraph("Preparation:" if steps else "The log was used as recorded."),
                     Points(steps),
-                    *([Paragraph("What it cannot show:"), Points(untold)] if untold else []),
+                    *([Paragraph("What this log cannot show:"), Points(untold)] if untold else []),
                 ],
                 "log",
             ),
@@ -60,9 +60,9 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
 def _sentence(name: str, model: Mapping[str, Any]) -> Sentence:
     known = {channel: fit for channel, fit in model["fit_percent"].items() if fit is not None}
     if model["stopped"]:
-        return f"{name} model: the free run ended early, no fit is given: {model['stopped'].rstrip('.')}.", False
+        return f"{name} model: no fit, as the free run stopped early: {model['stopped'].rstrip('.')}.", False
     if not known:
-        return f"{name} model: no channel moved, so that there is no fit.", False
+        return f"{name} model: no fit, as all channels are constant.", False
     ordered = sorted(known, key=lambda channel: known[channel])
     worst, best = ordered[0], ordered[-1]
     ends = f"{value_text(known[worst])} % ({worst})"

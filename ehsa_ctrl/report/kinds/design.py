@@ -19,9 +19,9 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
         (f"{str(content['law']).rstrip('.')}.", None),
         (f"Linear loop: {loop_sentence(loop)}", bool(loop["stable"])),
         (
-            f"A step of the reference: overshoot {percent(content['overshoot'])}, settled after "
-            f"{value_text(content['settling_time'], 1e-3)} ms, on the linear model; ehsa-ctrl run checks it on the "
-            "plant with friction.",
+            f"Reference step on the linear model: overshoot {percent(content['overshoot'])}, settling time "
+            f"{value_text(content['settling_time'], 1e-3)} ms; ehsa-ctrl run checks the controller on the plant with "
+            "friction.",
             None,
         ),
     ]
@@ -32,7 +32,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
             Section(
                 "Linear loop",
                 [
-                    Picture("step", "Step of the reference", "Linear model and controller, without friction.", True),
+                    Picture("step", "Reference step", "Linear model and controller, without friction.", True),
                     Picture("loop", "Open loop", "Thick bars: gain margin (top) and phase margin (middle).", True),
                     Picture("nyquist", "Nyquist plot", headed=True),
                     margins_table("Margins, loop broken at the current", [loop]),
@@ -42,8 +42,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
         ],
         facts=[
             ("specification", asked or "none"),
-            ("set for this run", settings or "nothing"),
-            ("controller", str(content["controller"] or "printed only")),
+            ("parameters set", settings or "none"),
+            ("controller", str(content["controller"] or "not written to a file")),
         ],
     )
 

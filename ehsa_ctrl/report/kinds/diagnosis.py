@@ -16,20 +16,21 @@ from ..outcome import OUTCOMES, after_model, after_words, models_shown, outcome
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence, State, Table
 from ..signals import BALANCES, shown, signal_shown
 from ..text import NOTHING, as_sentence, percent, quantity, unit, value_text
-from ._diagnosis_causes import cause_name, cause_section, causes_are_named, numbers_of
+from ._diagnosis_causes import cause_name, cause_section, causes_are_named, parameter_rows
 from ._tables import settings_of, steps_of
 
 Content = Mapping[str, Any]
-INFINITE = float("inf")
-#: State and heading of each verdict.
+#: The sensor indicated by the balances is shown from this share of the gap on (engineering judgement).
+SENSOR_SHARE = 0.05
+#: Verdict -> state and heading of the page.
 VERDICTS: dict[str, tuple[State, str]] = {
     "no_gap": (True, "no relevant gap"),
     "effect": (True, "the cause is identified"),
-    "ambiguous": (DOUBT, "a cause that this log cannot distinguish from others"),
+    "ambiguous": (DOUBT, "several causes that this log cannot distinguish"),
     "outside_catalogue": (False, "no known effect explains the gap"),
     "underdetermined": (DOUBT, "the log does not show the cause"),
 }
-#: Sections in the order in which they answer the questions that a verdict leaves.
+#: Order of the sections for each verdict: those that explain it come first.
 ORDER = {
     "no_gap": ("signals", "gaps"),
     "effect": ("signals", "where", "causes", "candidates", "gaps", "next"),
@@ -47,18 +48,18 @@ def _read(content: Content, folder: Path) -> Page:
     closed = read_json(folder / "closed_loop.json") if (folder / "closed_loop.json").is_file() else None
     state, heading = VERDICTS.get(content["verdict"], (False, str(content["verdict"])))
     sentences: list[Sentence] = [(content["change"], None)] if "change" in content else []
-    sentences += [(content["sentence"], state), *_glance(content)]
+    sentences += [(content["sentence"], state), *_summary(content)]
     if closed is not None:
         sentences += list(closed_loop_sentences(closed))
-    sentences += [(f"Doubtful in the log: {str(words).rstrip('.')}.", DOUBT) for words in content["findings"]]
+    sentences += [(f"Data quality: {str(words).rstrip('.')}.", DOUBT) for words in content["findings"]]
     ordered = [parts[name](content) for name in ORDER.get(content["verdict"], tuple(parts))]
     model = f" ({content['model']})" if content.get("model") else ""
     return Page(
         title=f"Diagnosis of {_log(content)}: {heading}",
         sentences=sentences,
         notes=[
-            f"{content.get('plant', 'The plant')}{model} is simulated in free run with the logged drive. Held out, and "
-            f"not used for any fit, is {content['held_out']}."
+            f"{content.get('plant', 'The plant')}{model} is simulated in free run with the logged input. Held-out "
+            f"data, which no fit uses: {content['held_out']}."
         ],
         sections=[
             *([_changed(content)] if "change" in content else []),
@@ -71,50 +72,50 @@ def _read(content: Content, folder: Path) -> Page:
             *([("title", str(content["plant_title"]))] if "plant_title" in content else []),
             *settings_of(content),
             ("held out", str(content["held_out"])),
-            ("threshold of a gap", percent(content["threshold"])),
-            ("effort", f"{value_text(content['seconds'], 1.0, 2)} s, {content['runs']} simulations"),
+            ("relevant gap", f"{percent(content['threshold'])} or more"),
+            ("computation", f"{value_text(content['seconds'], 1.0, 2)} s, {content['runs']} simulations"),
         ],
         versions=content["provenance"],
     )
 
 
 def _log(content: Content) -> str:
-    """Log and plant, as far as the file names them."""
+    """Names of log and plant, as far as the file states them."""
     files = [Path(name) for name in (content.get("rests_on") or {}).get("files", {})]
     log = Path(content["log"]).name if content.get("log") else next((f.name for f in files if f.suffix != ".toml"), "")
     plant = content.get("plant") or next((file.stem for file in files if file.suffix == ".toml"), "")
     return f"{log or 'a log'}{f' on {plant}' if plant else ''}"
 
 
-def _glance(content: Content) -> Iterator[Sentence]:
-    """Where, which and how far, a line each."""
+def _summary(content: Content) -> Iterator[Sentence]:
+    """Location, causes, reduction of the gap and next experiment, one sentence each."""
     if content["verdict"] == "no_gap":
         return
     if content["where"]:
         shares = [f"{w['place']} {percent(w['share'], 2)}" for w in content["where"] if w["share"] >= 0.01]
-        yield f"Where: {', '.join(shares)} of the gap over the whole log.", None
+        yield f"Location: {', '.join(shares)} of the gap over the whole log.", None
     for cause in content["effects"]:
-        numbers = ", ".join(f"{name} = {value} {of}".rstrip() for name, value, _, of, _ in numbers_of(cause))
+        values = ", ".join(f"{name} = {value} {of}".rstrip() for name, value, _, of, _ in parameter_rows(cause))
         others = f"; or {' or '.join(cause['ambiguous_with'])}" if cause["ambiguous_with"] else ""
         yield (
-            f"Which: {cause_name(cause)}, probability {value_text(cause['probability'], 1.0, 2)}: {numbers}{others}.",
+            f"Cause: {cause_name(cause)}, probability {value_text(cause['probability'], 1.0, 2)}: {values}{others}.",
             None,
         )
     if not content["effects"]:
         nearest = content.get("nearest_sentence")
-        yield f"Which: none of the catalogue{f'; {nearest}' if nearest else ''}.", None
+        yield f"Cause: no effect of the catalogue{f'; {nearest}' if nearest else ''}.", None
     after = after_model(content["verdict"])
     if after is not None:
         gap = content["gap"]
         change = f"from {percent(gap['nominal']['total'], 2)} to {percent(gap[after]['total'], 2)}"
         words = after_words(content["verdict"], len(content["effects"]))
-        yield f"How far: the gap of all signals on held-out data falls {change} {words}.", None
+        yield f"Reduction: the total gap on held-out data falls {change} {words}.", None
     if content["next_experiment"]:
-        yield f"Next: {content['next_experiment'].rstrip('.')}.", None
+        yield f"Next experiment: {content['next_experiment'].rstrip('.')}.", None
 
 
 def _changed(content: Content) -> Section:
-    """What changed since an earlier log."""
+    """Changes since an earlier log."""
     before = content["before"]
     rows = [
         [label(name), value_text(each["nominal"]), value_text(each["value"]), unit(each["unit"])]
@@ -123,70 +124,70 @@ def _changed(content: Content) -> Section:
     facts = [
         ("earlier log", f"{before['log'] or 'not from a file'}: {before['sentence']}"),
         ("plant at the earlier log", str(before["brought"])),
-        ("later log", "all that follows, compared with the plant as it was at the earlier log"),
+        ("later log", "all following sections, compared with the plant as it was at the earlier log"),
     ]
-    table = Table("The plant at the earlier log", ["name", "nominal", "then", "unit"], rows)
+    table = Table("Plant at the earlier log", ["name", "nominal", "then", "unit"], rows)
     return Section("What changed", [Paragraph(content["change"]), Facts(facts), table], "changed")
 
 
 def _signals(content: Content) -> Section:
     caption = (
-        "Free runs, driven by the logged drive alone. A gap is the RMS of measured minus simulated on held-out data, "
-        "the sensor's noise subtracted, over the standard deviation of the signal; 0 % is within noise. A run far off "
-        "the measurement leaves its panel."
+        "Free runs, driven by the logged input alone. A gap is the RMS of measured minus simulated on held-out data, "
+        "with the sensor noise subtracted, over the standard deviation of the signal; 0 % is within the noise. A run "
+        "far from the measurement leaves its panel."
     )
     picture = Picture("signals", "Measured and simulated", caption)
-    return Section("Measured and simulated", [Paragraph(_reached(content)), picture], "signals")
+    return Section("Measured and simulated", [Paragraph(_remaining_gap(content)), picture], "signals")
 
 
-def _reached(content: Content) -> str:
-    """Signals that still have a relevant gap."""
+def _remaining_gap(content: Content) -> str:
+    """The signals that still have a relevant gap, as a sentence."""
     after = after_model(content["verdict"])
     gaps, limit = content["gap"][after or "nominal"], content["threshold"]
     left = [signal_shown(name).words for name, gap in gaps.items() if name != "total" and (gap or 0.0) >= limit]
-    how = "With the nominal parameters"
+    model = "With the nominal parameters"
     if after is not None:
-        how = as_sentence(after_words(content["verdict"], len(content["effects"]))).rstrip(".")
+        model = as_sentence(after_words(content["verdict"], len(content["effects"]))).rstrip(".")
     if not left:
-        return f"{how}, the gap of every signal is below {percent(limit)} on held-out data."
+        return f"{model}, the gap of every signal is below {percent(limit)} on held-out data."
     verb = "have" if len(left) > 1 else "has"
-    return f"{how}, {join_words(left)} still {verb} a gap of {percent(limit)} or more on held-out data."
+    return f"{model}, {join_words(left)} still {verb} a gap of {percent(limit)} or more on held-out data."
 
 
 def _where(content: Content) -> Section:
     if not content["where"]:
-        return Section("Where", [])
+        return Section("Location of the gap", [])
     location, named = content.get("location"), causes_are_named(content)
     balances = location["shares"] if location is not None else {}
     causes = {w["place"]: w["share"] for w in content["where"]} if named or location is None else {}
-    columns = [("by the causes", causes)] * bool(causes) + [("by the balances", balances)] * bool(balances)
+    columns = [("from the causes", causes)] * bool(causes) + [("from the balances", balances)] * bool(balances)
     rows = [[place, *(f"{100.0 * shares.get(place, 0.0):.0f} %" for _, shares in columns)] for place in PLACES]
     blocks: list[Any] = [
         Picture(
             "where",
             "Shares of the gap by place",
-            "Of the whole log. Left: shares of the squared gap. The balances use no catalogue of effects: the input "
-            "that is missing in each is estimated and put into a simulation. Right: the gap over time, and what is "
-            "left of it then.",
+            "Whole log. Left: shares of the squared gap. The balances use no catalogue of effects: the unknown input "
+            "of each balance is estimated and added to a simulation. Right: the gap over time, and the gap that "
+            "remains with these inputs.",
         ),
         Table("Share of the gap over the whole log", ["place", *(head for head, _ in columns)], rows),
     ]
     if location is None:
-        return Section("Where", blocks, "where")
-    if location["sensor"] is not None and (balances.get("sensor") or 0.0) >= 0.05:
-        blocks.append(Paragraph(f"Sensor that the balances point to: {location['sensor']}."))
+        return Section("Location of the gap", blocks, "where")
+    if location["sensor"] is not None and (balances.get("sensor") or 0.0) >= SENSOR_SHARE:
+        blocks.append(Paragraph(f"Sensor indicated by the balances: {location['sensor']}."))
     by_signal = [
         [signal_shown(name).words, percent(parts["gap"], 2),
          *(f"{round(100.0 * parts[place])} %" if parts.get(place) is not None else NOTHING for place in PLACES)]
         for name, parts in location["by_signal"].items()
     ]  # fmt: skip
-    caption = "Gap of the nominal plant over the whole log, and the part of its square that each balance explains"
+    caption = "Gap of the nominal plant over the whole log, and the share of its square that each balance explains"
     regimes = [
         [
             BALANCES.get(regime["balance"], regime["balance"]),
             regime["words"],
             percent(regime["explained"], 2),
-            _closes(regime["gap_closed"]),
+            _closed_share(regime["gap_closed"]),
         ]
         for regime in location["regimes"]
     ]
@@ -195,31 +196,31 @@ def _where(content: Content) -> Section:
         Picture(
             "unknown_inputs",
             "Unknown inputs of the balances",
-            "The input that each balance lacks, smoothed, and the variable that it depends on: mean in bins, the band "
-            "is one standard deviation within a bin. A positive torque or flow assists, a positive force resists "
-            "extension; an input that opposes the motion is shown times the sign of the motion. The share explained "
-            "is of data that was not fitted.",
+            "The unknown input of each balance, smoothed, and the variable that it depends on: mean per bin, with a "
+            "band of one standard deviation. A positive torque or flow assists the motion, a positive force resists "
+            "extension; an input that opposes the motion is multiplied by the sign of the motion. The explained share "
+            "refers to data that was not fitted.",
         ),
         Table(
             "Variables that the unknown inputs depend on",
-            ["balance", "dependence", "explained", "closes of the\nsquared gap"],
+            ["balance", "dependence", "explained", "squared gap\nclosed"],
             regimes,
         ),
     ]
-    return Section("Where", blocks, "where")
+    return Section("Location of the gap", blocks, "where")
 
 
-def _closes(share: float | None) -> str:
-    """The part of the squared gap that a curve alone closes; not tried is a dash."""
+def _closed_share(share: float | None) -> str:
+    """Share of the squared gap that a curve alone closes; a dash if it was not tried."""
     if share is None or share != share:
         return NOTHING
-    return f"{100.0 * share:.0f} %" if share >= 0.005 else "nothing"
+    return f"{100.0 * share:.0f} %" if share >= 0.005 else "none"
 
 
 def _causes(content: Content) -> Section:
-    titles = {"outside_catalogue": "Effects beside the unknown cause", "underdetermined": "Candidates"}
+    titles = {"outside_catalogue": "Effects in addition to the unknown cause", "underdetermined": "Candidates"}
     sections = [cause_section(cause, content) for cause in content["effects"]]
-    return Section(titles.get(content["verdict"], "Which cause"), sections, "causes")
+    return Section(titles.get(content["verdict"], "Causes"), sections, "causes")
 
 
 def _candidates(content: Content) -> Section:
@@ -233,11 +234,12 @@ def _candidates(content: Content) -> Section:
         )  # fmt: skip
     head = ["causes", "2 Δ log-likelihood", "largest gap,\nheld out", "outcome"]
     caption = (
-        "Twice the difference of the log-likelihood to that of the best hypothesis, nominal parameters fitted together "
-        "with it; logarithmic, a longer bar is a worse hypothesis. Right: its largest gap of a signal on held-out data."
+        "Twice the difference of the log-likelihood from that of the best hypothesis, with the nominal parameters "
+        "refitted; logarithmic axis, a longer bar is a worse hypothesis. Right: its largest gap of a signal on "
+        "held-out data."
     )
-    blocks = [Picture("candidates", "Other hypotheses", caption), Table("Hypotheses that were fitted", head, rows)]
-    return Section("Other hypotheses", blocks if rows else [], "candidates")
+    blocks = [Picture("candidates", "Hypotheses", caption), Table("Fitted hypotheses", head, rows)]
+    return Section("Hypotheses", blocks if rows else [], "candidates")
 
 
 def _gaps(content: Content) -> Section:
@@ -251,16 +253,18 @@ def _gaps(content: Content) -> Section:
         marked = [f"{'● ' if cell is not None and cell >= limit else ''}{percent(cell, 2)}" for cell in cells]
         rows.append([words, percent(whole.get(name), 2), *marked])
     head = ["signal", "whole log\nnominal", *(f"held out\n{MODELS[model]}" for model in models)]
-    caption = "Refitted: the nominal parameters alone, far beyond their uncertainty. A bar that is far too long is cut."
+    caption = (
+        "Refit: the nominal parameters alone, far beyond their uncertainty. Bars much longer than the others are cut."
+    )
     blocks: list[Any] = [
         Picture("shrinkage", "Gap of each model", caption),
-        Table("Gap, % of the signal's standard deviation; ● is relevant", head, rows),
+        Table("Gap in % of the signal's standard deviation; ● marks a relevant gap", head, rows),
     ]
     if causes_are_named(content) and len(content["effects"]) > 1:
         parts = [[cause_name(cause), percent(cause["gap_closed"])] for cause in content["effects"]]
-        caption = "Part of each cause: the mean over all orders in which they can be added"
-        blocks.append(Table(caption, ["cause", "closes"], parts))
-    return Section("Gaps" if content["verdict"] == "no_gap" else "How far", blocks, "gaps")
+        caption = "Part of each cause: mean over all orders in which the causes can be added (Shapley value)"
+        blocks.append(Table(caption, ["cause", "gap closed"], parts))
+    return Section("Gap of each model", blocks, "gaps")
 
 
 def _next(content: Content) -> Section:
@@ -270,7 +274,7 @@ def _next(content: Content) -> Section:
 
 
 def _recorded(content: Content) -> Section:
-    """What is known of the log itself."""
+    """Data quality, preparation and noise of the log."""
     rows = []
     for channel, sd in content["noise_sd"].items():
         how = shown(channel)
@@ -281,10 +285,12 @@ def _recorded(content: Content) -> Section:
         spacing = quantity(1e3 * content["sample_time"], "ms")
         blocks.append(Facts([("samples", f"{content['samples']}, {spacing} apart")]))
     blocks += (
-        [Paragraph("Doubtful in it:"), Points(findings)] if findings else [Paragraph("Nothing is doubtful in it.")]
+        [Paragraph("Data quality:"), Points(findings)]
+        if findings
+        else [Paragraph("The data quality check found nothing.")]
     )
     blocks += [Paragraph("Preparation:"), Points(steps)] if steps else []
-    caption = "Noise estimated from the log: one standard deviation"
+    caption = "Noise estimated from the log, one standard deviation"
     return Section("The log", [*blocks, Table(caption, ["channel", "noise", "unit"], rows)], "log")
 
 

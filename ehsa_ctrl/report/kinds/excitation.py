@@ -13,32 +13,33 @@ from ..page import DOUBT, Kind, Page, Picture, Section, Sentence, Table, mark
 from ..text import percent, unit, value_text
 from ._tables import settings_of
 
-#: Candidates in the table.
+#: Candidate inputs listed in the table.
 LISTED = 12
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Page:
     parameters = content["parameters"]
     poor = [name for name, each in parameters.items() if each["verdict"] != "well determined"]
-    determined = f"{len(parameters) - len(poor)} of {len(parameters)} parameters will be well determined"
+    determined = f"{len(parameters) - len(poor)} of {len(parameters)} parameters are expected to be well determined"
     worst = max(parameters, key=lambda name: parameters[name]["relative_sd"] or float("inf"))
     nearest = max(content["limits"], key=lambda name: content["limits"][name]["worst_share"])
     sentences: list[Sentence] = [
         (f"{content['input']}, for {value_text(content['duration'])} s.", None),
-        (f"{determined}{'; not ' + join_words(map(label, poor)) if poor else ''}. The worst is {label(worst)}: "
-         f"{percent(parameters[worst]['relative_sd'])} expected.", True if not poor else DOUBT),
-        (f"It stays within the plant's limits; nearest is {nearest.replace('_', ' ')}, "
-         f"{percent(content['limits'][nearest]['worst_share'], 2)} of the way even if parameters are "
-         f"{percent(content['variations']['spread'], 2)} off.", True),
+        (f"{determined}{'; not ' + join_words(map(label, poor)) if poor else ''}. The least certain is {label(worst)}, "
+         f"with a relative standard deviation of {percent(parameters[worst]['relative_sd'])}.",
+         True if not poor else DOUBT),
+        (f"The plant's limits are kept even with parameter errors of {percent(content['variations']['spread'], 2)}; "
+         f"the closest is {nearest.replace('_', ' ')}, at most "
+         f"{percent(content['limits'][nearest]['worst_share'], 2)} of which is used.", True),
     ]  # fmt: skip
     return Page(
-        title=f"An experiment for {content['plant']}",
+        title=f"Proposed experiment for {content['plant']}",
         sentences=sentences,
-        sections=[Section("The input", [
-            Picture("excitation", "The input and the expected response"),
+        sections=[Section("Input", [
+            Picture("excitation", "Input and expected response"),
             Table(
                 "Expected accuracy of the parameters",
-                ["name", "nominal", "expected sd", "relative", "at worst", "unit", "verdict"],
+                ["name", "nominal", "expected sd", "relative sd", "worst case", "unit", "verdict"],
                 [
                     [label(name), value_text(p["believed"]), value_text(p["sd"], 1.0, 2), percent(p["relative_sd"], 2),
                      percent(p["relative_sd_at_worst"], 2), unit(p["unit"]),
@@ -47,13 +48,13 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
                 ],
             ),
             Table(
-                f"Limits; at worst of {content['variations']['draws']} plants",
-                ["limit", "allowed", "reached", "at worst", "unit"],
+                f"Plant limits; worst case of {content['variations']['draws']} random plants",
+                ["limit", "allowed", "reached", "worst case", "unit"],
                 [_limit(name, each) for name, each in content["limits"].items()],
             ),
             Table(
-                "Candidates: the largest relative sd of a parameter",
-                ["input", "score", "not determined"],
+                "Candidate inputs, scored by the largest relative sd of a parameter",
+                ["input", "score", "parameters\nnot determined"],
                 [
                     [each["input"], percent(each["score"], 2), str(each["not_determined"])]
                     for each in content["candidates"][:LISTED]
@@ -64,7 +65,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
             *settings_of(content),
             ("seed", str(content["seed"])),
             ("current", str(content["current"] or "not written")),
-            *(("next", line) for line in content["next"]),
+            *(("next step", line) for line in content["next"]),
         ],
         versions=content["provenance"],
     )  # fmt: skip
@@ -73,7 +74,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
 def _limit(name: str, each: Mapping[str, Any]) -> list[str]:
     scale = scale_of(name, each["unit"]) if name in SHOWN else 1.0
     values = (value_text(each[key], scale) for key in ("allowed", "reached", "worst"))
-    words = "distance from the middle" if name == "stroke" else name.replace("_", " ")
+    words = "distance from mid-stroke" if name == "stroke" else name.replace("_", " ")
     return [words, *values, unit(SHOWN.get(name, each["unit"]))]
 
 

@@ -10,7 +10,7 @@ from ...plant.file import label
 from ..page import DOUBT, Kind, Page, Picture, Section, Sentence, Table, anchors
 from ..text import percent, value_text
 
-#: Parameters in the table of influences.
+#: Parameters listed in the table of influences.
 LISTED = 12
 
 
@@ -20,7 +20,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     names = ", ".join(dict.fromkeys(f"{each['scenario']}" for each in campaigns))
     keys = anchors(_name(each) for each in campaigns)
     return Page(
-        title=f"Monte Carlo: {names} on many plants",
+        title=f"Monte Carlo campaign: {names} on uncertain plants",
         sentences=sentences,
         sections=[Section(_name(each), _blocks(each, folder), key) for each, key in zip(campaigns, keys, strict=True)],
         facts=[("seed", ", ".join(dict.fromkeys(str(each["seed"]) for each in campaigns)))],
@@ -33,27 +33,27 @@ def _sentences(each: Mapping[str, Any]) -> list[Sentence]:
     found: list[Sentence] = [
         (
             f"{each['scenario']} with {each['controller']}: {each['passes']} of {each['runs']} runs pass, probability "
-            f"{share} ({percent(each['confidence'])} interval {low} to {high}).",
+            f"{share} ({percent(each['confidence'])} confidence interval {low} to {high}).",
             None,
         ),
-        _demand(each),
+        _requirement_sentence(each),
     ]
     decisive = [label(item["name"]) for item in each["influences"] if item["decisive"]]
     if decisive:
         found.append((f"Decisive parameters, the strongest first: {', '.join(decisive)}.", None))
     if each["interrupted"]:
-        found.append(("Interrupted: there are fewer runs than were asked for.", DOUBT))
+        found.append(("Interrupted: fewer runs than requested.", DOUBT))
     return found
 
 
-def _demand(each: Mapping[str, Any]) -> Sentence:
-    """The lower end of the interval against the required probability; a probability alone is neither good nor bad."""
+def _requirement_sentence(each: Mapping[str, Any]) -> Sentence:
+    """Whether the lower end of the interval reaches the required probability; no verdict without a requirement."""
     required, low = each.get("required"), each["interval"][0]
     if required is None:
-        return "No probability was required, so that there is no verdict.", None
-    words = "shown" if low >= required else "not shown"
-    start = f"the interval begins at {value_text(low, 1.0, 3)}"
-    return f"Required is a probability of at least {value_text(required)}: {words}, {start}.", low >= required
+        return "No required probability was given, so there is no verdict.", None
+    words = "confirm" if low >= required else "do not confirm"
+    start = f"the confidence interval starts at {value_text(low, 1.0, 3)}"
+    return f"The runs {words} the required probability of {value_text(required)}: {start}.", low >= required
 
 
 def _name(each: Mapping[str, Any]) -> str:
@@ -63,11 +63,11 @@ def _name(each: Mapping[str, Any]) -> str:
 def _blocks(each: Mapping[str, Any], folder: Path) -> list[Any]:
     longer = f"{each['scenario']}-{each['controller']}"
     stem = longer if any((folder / f"{longer}{end}").exists() for end in (".svg", ".png")) else each["scenario"]
-    words = "Decisive parameters: their distribution in runs that pass and in runs that fail."
+    words = "Number of passing and failing runs over the most influential parameters."
     blocks: list[Any] = [Picture(stem, _name(each), words)]
     if each["failures"]:
         rows = [[word, str(count)] for word, count in each["failures"].items()]
-        blocks.append(Table("What failed", ["limit", "runs"], rows))
+        blocks.append(Table("Violated limits", ["limit", "runs"], rows))
     if each["influences"]:
         rows = [
             [label(item["name"]), value_text(item["value"], 1.0, 2), value_text(item["chance"], 1.0, 2),

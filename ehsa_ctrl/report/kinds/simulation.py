@@ -1,4 +1,4 @@
-"""The page of a simulation on the virtual bench."""
+"""The page of a simulation."""
 
 from __future__ import annotations
 
@@ -10,29 +10,31 @@ from ..page import DOUBT, Kind, Page, Picture, Section, Sentence
 from ..text import value_text
 from ._tables import settings_of
 
-#: A drift of the pressure level beyond this [Pa] is reported.
+#: A drift of the mean pressure beyond this [Pa] is reported: 5 % of the EHSA's rest pressure (engineering judgement).
 DRIFT = 1e5
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Page:
     seconds = (content["samples"] - 1) * content["sample_time"]
     stopped, passed = content["stopped"], content["limits_passed"]
-    ran: Sentence = (f"Ran for {value_text(seconds)} s, to the end of its input.", True)
+    completion: Sentence = (f"The simulation ran for {value_text(seconds)} s, to the end of its input.", True)
     if stopped:
-        ran = (f"Ended after {value_text(seconds)} s, before its input: {stopped.rstrip('.')}.", False)
-    sentences = [ran]
-    sentences += [(f"Passed a limit of the plant: {words}.", DOUBT) for words in passed]
+        words = f"The simulation stopped after {value_text(seconds)} s, before the end of its input: "
+        completion = (f"{words}{stopped.rstrip('.')}.", False)
+    sentences = [completion]
+    sentences += [(f"Plant limit exceeded: {words}.", DOUBT) for words in passed]
     if not passed:
-        sentences.append(("Passed no limit of the plant.", True))
+        sentences.append(("No plant limit was exceeded.", True))
     drift = content["pressure_level_drift"]
     if abs(drift) > DRIFT:
-        sentences.append(
-            (f"The pressure level drifted by {value_text(drift, 1e5, 2)} bar: the model conserves volume.", None)
-        )
+        words = f"The mean pressure drifted by {value_text(drift, 1e5, 2)} bar"
+        sentences.append((f"{words}, because the model (12) conserves volume instead of oil mass.", None))
     return Page(
         title=f"Simulation of {content['plant']}" + (f" with {content['input']}" if content.get("input") else ""),
         sentences=sentences,
-        sections=[Section("The run", [Picture("simulation", "The run", "Grey bars: shaft or rod sticks.")], "run")],
+        sections=[
+            Section("Simulated run", [Picture("simulation", "Simulated run", "Grey bars: shaft or rod sticks.")], "run")
+        ],
         facts=[
             *settings_of(content),
             ("samples", f"{content['samples']}, {value_text(content['sample_time'], 1e-3)} ms apart"),
