@@ -45,5 +45,5 @@ def test_a_spring_that_is_the_cause_goes_by_its_key(plant, tmp_path):
 
     assert f"{BOTH} = 2e+04 +- 1e+02 N/m" in str(found)
     page = KIND.read(plain(found.to_dict()), tmp_path)
-    assert dict(page.facts)["set for this run"].startswith(f"{BOTH} = ")
+    assert dict(page.facts)["parameters set"].startswith(f"{BOTH} = ")
     assert f"{BOTH} = " in " ".join(words for words, _ in page.sentences)
