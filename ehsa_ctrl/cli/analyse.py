@@ -112,11 +112,11 @@ def command(
             reviews.append(review_design(system, chosen, known=known, robust=robust[-1], lag=lag))
     result: dict[str, Any] = {"plant": plant, "model": model, **analysis.to_dict()}
     if loops:
-        result |= {"loop": loops[0].to_dict(), "loops": [loop.to_dict() for loop in loops]}
+        result |= {"loop": loops[0], "loops": loops}
     if many:
-        result["robust"] = [margins.to_dict() for margins in robust if margins is not None]
+        result["robust"] = [margins for margins in robust if margins is not None]
     if review:
-        result["reviews"] = [one.to_dict() for one in reviews]
+        result["reviews"] = reviews
     if output.out is not None:
         result["rests_on"] = provenance([loaded], [*map(controllers.find, names), covariance])
 

@@ -36,7 +36,7 @@ def command(
     from ..identification.checks import check_log, raise_on_error
     from ..identification.comparison import fit_words, replay
     from ..identification.plant_log import missing_information
-    from ..report.write import replay_dict
+    from ..report.write import comparison_dict
     from .inputs import fit_table, load_models, read_prepared
     from .progress import compiling
 
@@ -60,19 +60,14 @@ def command(
             warn(f"{run.plant.model} model: {run.stopped}; no fit is given")
     missing = missing_information(read.raw, last)
     result: dict[str, Any] = {
+        **comparison_dict(replays),
         "log": log,
         "plant": plant,
         "settings": pairs,
-        "samples": len(ready),
-        "sample_time": ready.sample_time,
-        "from": float(ready.time[0]),
-        "to": float(ready.time[-1]),
-        "models": {run.plant.model: replay_dict(run) for run in replays},
-        "preparation": [step.to_dict() for step in steps],
-        "findings": [finding.to_dict() for finding in findings],
+        "preparation": steps,
+        "findings": findings,
         "untold": list(missing.values()),
         "assumed": assumed_names(last),
-        "provenance": replays[0].provenance,
         "rests_on": provenance(plants, [log]),
     }
 

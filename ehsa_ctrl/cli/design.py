@@ -145,7 +145,7 @@ def command(
         "controller": str(file) if file is not None else None,
         "definition": found.content,
         "law": str(found.controller.law),
-        "loop": found.loop.to_dict(),
+        "loop": found.loop,
     }
     if file is not None:
         write_text(file, text)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ..core.result import as_dict
 from .options import Force, Json, Model, PlantArgument, Settings, read_pairs
 from .output import to_json
 
@@ -55,10 +56,7 @@ def command(
             "fmu": str(path),
             "fmi": "2.0 co-simulation",
             "step": loaded.sample_time,
-            "variables": [
-                {"name": v.name, "kind": v.kind, "unit": v.unit, "start": v.start, "meaning": v.meaning}
-                for v in variables
-            ],
+            "variables": [as_dict(v, "name kind unit start meaning") for v in variables],
         }
         print(to_json(result))
         return

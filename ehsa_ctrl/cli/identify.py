@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
+from ..core.result import as_dict
 from .complete import models_or_both, plants, several_symbols, symbols
 from .options import LogOptions, Settings, check_word, read_pairs, split_names
 from .output import OutputOptions, provenance, warn
@@ -154,8 +155,7 @@ def command(
             answers.append(answer)
     result = {**answers[-1], "plant": plant, "settings": pairs, "rests_on": provenance(models, [*logs, *validate])}
     for identified, answer in zip(found, answers, strict=True) if assumed else ():
-        ranges = [sensitivity.to_dict() for sensitivity in assumption_sensitivities(identified)]
-        answer["assumed_ranges"] = result["assumed_ranges"] = ranges
+        answer["assumed_ranges"] = result["assumed_ranges"] = assumption_sensitivities(identified)
     if len(found) > 1:
         result["models"] = {each.model: answer for each, answer in zip(models, answers, strict=True)}
     findings = dict.fromkeys(str(finding) for each in found for finding in each.findings)
@@ -230,7 +230,5 @@ def _identify(
     answer = {**found.to_dict(), "model": plant.model, "preparation": steps, "untold": list(missing.values())}
     if profiles:
         lines = [profile(found, name) for name in profiles]
-        answer["profiles"] = {
-            line.name: {"values": line.values, "rise": line.rise, "interval_95": list(line.interval)} for line in lines
-        }
+        answer["profiles"] = {line.name: as_dict(line, "values rise", interval_95=line.interval) for line in lines}
     return found, answer

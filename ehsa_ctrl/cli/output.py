@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.result import plain as plain
 from ..core.result import to_json as to_json
 from .options import Force, Json, Out
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ..core.errors import InputError, SimulationError, choices
 from ..core.log import Log
 from ..core.plotting import draw
-from ..core.result import Result
+from ..core.result import Result, as_dict
 from ..core.text import join_words
 from ..plant.plant import Plant
 from ..simulation.engine import LARGEST
@@ -116,6 +116,12 @@ class Comparison(Result):
                 columns[f"{channel}_measured"] = self.log[channel]
             columns[f"{channel}_simulated"] = values
         return pandas.DataFrame(columns)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As of one model in comparison.json: fits, and the state at the first sample in SI units."""
+        states = [state.name for state in self.plant.structure.equations.states]
+        start = {"words": self.start.words, "state": dict(zip(states, self.start.state, strict=True))}
+        return as_dict(self, "fit_percent stopped", start=start)
 
     def plot(self) -> Figure:
         """Inputs, and each output measured and simulated, over the log's time."""

@@ -49,7 +49,8 @@ def _identifications(found: Sequence[Identification]) -> Stored:
 
 
 def _replays(found: Sequence[Comparison]) -> Stored:
-    return Stored(comparison_dict(found), comparison_figures(found))
+    rests_on = provenance([run.plant for run in found], [found[0].log.path])
+    return Stored({**comparison_dict(found), "rests_on": rests_on}, comparison_figures(found))
 
 
 def comparison_dict(replays: Sequence[Comparison]) -> dict[str, Any]:
@@ -62,20 +63,9 @@ def comparison_dict(replays: Sequence[Comparison]) -> dict[str, Any]:
         "sample_time": log.sample_time,
         "from": float(log.time[0]),
         "to": float(log.time[-1]),
-        "models": {run.plant.model: replay_dict(run) for run in replays},
+        "models": {run.plant.model: run.to_dict() for run in replays},
         "findings": [],
         "provenance": replays[0].provenance,
-        "rests_on": provenance([run.plant for run in replays], [log.path]),
-    }
-
-
-def replay_dict(run: Comparison) -> dict[str, Any]:
-    """One model of a comparison."""
-    states = [state.name for state in run.plant.structure.equations.states]
-    return {
-        "fit_percent": run.fit_percent,
-        "start": {"words": run.start.words, "state": dict(zip(states, run.start.state, strict=True))},
-        "stopped": run.stopped,
     }
 
 

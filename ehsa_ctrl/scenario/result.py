@@ -187,11 +187,12 @@ class ScenarioResult(Result):
         """One row per metric: linear prediction, nonlinear outcome and their difference, in display units."""
         import pandas
 
-        rows = []
-        for name, pair in self.metrics.items():
-            scale = METRICS[name].scale
-            rows.append((name, METRICS[name].display_unit, pair[0] / scale, pair[1] / scale, gap(*pair) / scale))
-        return pandas.DataFrame(rows, columns=["metric", "unit", "linear", "nonlinear", "gap"]).set_index("metric")
+        rows = {
+            name: (METRICS[name].display_unit, *(value / METRICS[name].scale for value in (*pair, gap(*pair))))
+            for name, pair in self.metrics.items()
+        }
+        columns = ["unit", "linear", "nonlinear", "gap"]
+        return pandas.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("metric")
 
     def cell(self, metric: str, value: float) -> str:
         """A value [SI unit] as text in the metric's display unit; "-" for nan."""

@@ -24,8 +24,8 @@ from typer.testing import CliRunner
 
 import ehsa_ctrl as e
 from ehsa_ctrl.cli.main import app
-from ehsa_ctrl.cli.output import plain
 from ehsa_ctrl.core import catalogue
+from ehsa_ctrl.core.result import plain
 from ehsa_ctrl.report.results import results_in, write_overview
 from ehsa_ctrl.scenario.prepare import check_definition
 

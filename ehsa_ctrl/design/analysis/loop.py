@@ -95,11 +95,7 @@ class LoopAnalysis(Result, Margins):
         return draw(self)
 
     def to_dict(self) -> dict[str, Any]:
-        return as_dict(
-            self,
-            "controller crossover phase_margin gain_margin gain_reduction delay_margin Ms Mt disk_margin disk_frequency"
-            " gain_frequency stable noise_gain current_noise compliance static_compliance Mks sample_time delay",
-        )
+        return as_dict(self, " ".join(["controller", *FIGURES, "noise_gain"]))
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per figure: value, SI unit (phase in deg)."""

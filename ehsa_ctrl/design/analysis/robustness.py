@@ -14,22 +14,15 @@ from ...core.controller_interface import Controller
 from ...core.errors import InputError
 from ...core.plotting import draw
 from ...core.result import Result, as_dict
-from .loop import LoopAnalysis, analyse_loop
+from .loop import FIGURES, LoopAnalysis, analyse_loop
 
 if TYPE_CHECKING:
     import control
     import pandas
     from matplotlib.figure import Figure
 
-#: Margin -> its unit, and the sign with which it is bad when large.
-MARGINS = {
-    "Ms": ("", 1),
-    "Mt": ("", 1),
-    "disk_margin": ("", -1),
-    "phase_margin": ("deg", -1),
-    "gain_margin": ("", -1),
-    "delay_margin": ("s", -1),
-}
+#: Margin -> 1 if it is bad when large, -1 if it is bad when small.
+MARGINS = {"Ms": 1, "Mt": 1, "disk_margin": -1, "phase_margin": -1, "gain_margin": -1, "delay_margin": -1}
 
 
 class WorstMargin(NamedTuple):
@@ -56,7 +49,7 @@ class RobustMargins(Result):
     def worst(self) -> dict[str, WorstMargin]:
         """The worst value of each of MARGINS with the plant's label; an unstable loop is the worst in all."""
         found = {}
-        for name, (_, sign) in MARGINS.items():
+        for name, sign in MARGINS.items():
             badness = {k: sign * getattr(loop, name) if loop.stable else inf for k, loop in self.loops.items()}
             label = max(badness, key=badness.__getitem__)
             found[name] = WorstMargin(float(getattr(self.loops[label], name)), label)
@@ -141,7 +134,7 @@ class RobustMargins(Result):
             return f"{head}{len(self.unstable)} NOT STABLE: {shown}"
         lines = [f"{head}all stable; the worst of each margin, and where"]
         for name, worst in self.worst.items():
-            value, unit = (1e3 * worst.value, "ms") if name == "delay_margin" else (worst.value, MARGINS[name][0])
+            value, unit = (1e3 * worst.value, "ms") if name == "delay_margin" else (worst.value, FIGURES[name])
             lines.append(f"  {name.replace('_', ' '):<13} {value:8.3g} {unit:<4} {worst.label}")
         return "\n".join(lines)
 
