@@ -14,7 +14,7 @@ from ..core.errors import InputError, choices
 from ..core.files import read_toml
 from ..design.kinds import CONTROLLER_KINDS
 from ..design.load import read_controller
-from ..design.specification import leaves
+from ..design.specification import definition_keys
 from ..physics.effects import EFFECTS
 from ..plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_SYMBOLS
 from ..plant.load import load_plant, models_of
@@ -111,7 +111,7 @@ def controller_toml(base: str, name: str, *, plant: str | None = None) -> str:
     path = controllers.find(base)
     kind, _ = read_controller(path)
     given = _titled(path, name)
-    example = _rescale(given, plant, shipped_base=is_shipped("controllers", path), keys=leaves(kind.file))
+    example = _rescale(given, plant, shipped_base=is_shipped("controllers", path), keys=definition_keys(kind.file))
     head = comment(
         f"{name}: a controller of the kind {kind.name!r}, {kind.summary}, started from {path.stem}. Other kinds: "
         f"{', '.join(word for word in CONTROLLER_KINDS if word != kind.name)}.",

@@ -92,7 +92,7 @@ def command(
     from ..core.catalogue import is_shipped
     from ..core.files import read_toml, refuse_existing, write_text
     from ..design.analysis.closed_loop import step_response
-    from ..design.specification import begin, design, keys_for, leaves, put
+    from ..design.specification import definition_keys, design, split_figures, starting_definition, with_values
     from ..design.tuning.constraints import Tuning
     from ..plant.linear import three_state
     from ..scenario.rescaling import rescaling_to
@@ -103,7 +103,7 @@ def command(
             raise InputError(f"-o {file}: expected a file that ends in .toml")
         refuse_existing(file, force=output.force)
     output.check("design", "design.json", "report.html", figures=["loop", "nyquist", "step"])
-    chosen, begun = begin(kind, base)
+    chosen, begun = starting_definition(kind, base)
     content = read_toml(begun)
     figures = {word: text for word, text in vars(figure_options).items() if text}
     asked = key_options.dotted()
@@ -118,15 +118,15 @@ def command(
     # The numbers of a shipped controller are for the shipped EHSA; the plant of a user's own is not known.
     if is_shipped("controllers", begun):
         rescaling = rescaling_to(plant, pairs)
-        own, unscaled = rescaling.changes(content, leaves(chosen.file)), rescaling.unknown(content)
-        content = put(content, chosen, {key: str(value) for key, value in own.items()})
+        own, unscaled = rescaling.changes(content, definition_keys(chosen.file)), rescaling.unknown(content)
+        content = with_values(content, chosen, {key: str(value) for key, value in own.items()})
         # A [tuning] that the options add has a default of its own.
-        tuning = put(content, chosen, {**keys_for(chosen, figures)[0], **asked}).get("tuning", {})
+        tuning = with_values(content, chosen, {**split_figures(chosen, figures)[0], **asked}).get("tuning", {})
         usual = f"{Tuning().noise_gain:g} A/m"
         if tuning and "noise_gain" not in tuning and rescaling.scale("tuning.noise_gain", usual) != usual:
             own["tuning.noise_gain"] = defaults["tuning.noise_gain"] = rescaling.scale("tuning.noise_gain", usual)
     name = file.stem if file is not None else f"{kind}_designed"
-    found = design(name, chosen, content, system, figures=figures, asked=defaults | asked)
+    found = design(name, chosen, content, system, figures=figures, values=defaults | asked)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
     words += [f"{key} = {text}" for key, text in pairs.items()]
     comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'default specification'}."]

@@ -77,12 +77,12 @@ def controller(
     ehsa-ctrl new controller strong --kind mpc --plant rig
     """
     from ..core.catalogue import controllers as catalogue
-    from ..design.specification import begin
+    from ..design.specification import starting_definition
     from .definitions import controller_commands, controller_toml
 
     if kind is not None:
-        begin(kind, base)
-    chosen = base or begin(kind or "pid")[1].stem
+        starting_definition(kind, base)
+    chosen = base or starting_definition(kind or "pid")[1].stem
     stem = _stem(name, catalogue, kind or chosen)
     text = partial(controller_toml, chosen, stem, plant=plant)
     _write(catalogue, stem, chosen, text, controller_commands(stem, plant), as_json=as_json, force=force)

@@ -1,4 +1,4 @@
-"""Design of a controller to a specification: keys of its definition, and required figures of its loop."""
+"""Design of a controller to a specification: values of keys in its definition, and required figures of its loop."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from .load import build_controller
 if TYPE_CHECKING:
     import control
 
-#: Tables of which a definition has one: a key of one removes the others.
+#: Tables that exclude each other: setting a key of one removes the others.
 ALTERNATIVES = ("design", "tuning", "gains")
-#: Command line options for the keys of one table.
+#: Tables whose keys have a command line option of their own.
 OPTIONS = {"weights": "--weight", "limits": "--limit"}
-#: Figures that can be required: word -> (unit, bound from below or above).
+#: Figures that can be required -> (unit, whether the required value is the least or the largest).
 FIGURES = {
     "bandwidth": ("rad/s", "least"),
     "phase_margin": ("deg", "least"),
@@ -42,19 +42,20 @@ FIGURES = {
     "disk_margin": ("1", "least"),
     "noise_gain": ("A/m", "largest"),
 }
-#: Range of position weights [m] that is searched for a bandwidth.
+#: Position weights [m] searched for a bandwidth: from a tenth of the position sensor's resolution (10 um) to a
+#: deviation far beyond any stroke. Engineering judgement.
 WEIGHTS = (1e-6, 1.0)
 
 
-def begin(kind: str, base: str | None = None) -> tuple[ControllerKind, Path]:
-    """Kind and file of the definition that a design starts from.
+def starting_definition(kind: str, base: str | None = None) -> tuple[ControllerKind, Path]:
+    """Controller kind, and TOML file that a design starts from.
 
     Parameters
     ----------
     kind: a key of CONTROLLER_KINDS.
     base: a controller's name or path; by default KIND_position, else the first of this kind in the catalogue.
 
-    Raises InputError for an unknown kind, a base of another kind, or a kind without one.
+    Raises InputError for an unknown kind, a base of another kind, or a kind that the catalogue lacks.
     """
     if kind not in CONTROLLER_KINDS:
         raise InputError(f"--kind {kind!r}: no such kind of controller; {choices(kind, CONTROLLER_KINDS)}")
@@ -73,32 +74,32 @@ def begin(kind: str, base: str | None = None) -> tuple[ControllerKind, Path]:
     )
 
 
-def leaves(form: type[BaseModel], prefix: str = "") -> list[str]:
-    """Dotted keys of a form and its tables."""
+def definition_keys(form: type[BaseModel], prefix: str = "") -> list[str]:
+    """Dotted keys of a form, those of nested tables included."""
     found = []
     for name, field in form.model_fields.items():
         key = f"{prefix}{field.alias or name}"
         parts = [field.annotation, *getattr(field.annotation, "__args__", ())]
         inner = next((part for part in parts if isinstance(part, type) and issubclass(part, BaseModel)), None)
-        found += leaves(inner, f"{key}.") if inner is not None else [key]
+        found += definition_keys(inner, f"{key}.") if inner is not None else [key]
     return found
 
 
-def resolve(key: str, form: type[BaseModel]) -> str:
-    """The dotted key of a word. Raises InputError for one that the form does not have, or has twice."""
-    known = leaves(form)
-    meant = [name for name in known if name == key or ("." not in key and name.endswith(f".{key}"))]
+def full_key(key: str, form: type[BaseModel]) -> str:
+    """The dotted key for a key without its table. Raises InputError for an unknown or ambiguous key."""
+    known = definition_keys(form)
     if key in known:
         return key
-    if len(meant) > 1:
-        raise InputError(f"--spec {key}: may be {' or '.join(meant)}; write it out")
-    if not meant:
-        raise InputError(_unknown(key, known))
-    return meant[0]
+    matches = [name for name in known if "." not in key and name.endswith(f".{key}")]
+    if len(matches) > 1:
+        raise InputError(f"--spec {key}: may be {' or '.join(matches)}; write it out")
+    if not matches:
+        raise InputError(_unknown_key_message(key, known))
+    return matches[0]
 
 
-def _unknown(key: str, known: list[str]) -> str:
-    """The error message for an unknown key: the keys of its table, else the tables."""
+def _unknown_key_message(key: str, known: list[str]) -> str:
+    """Message that lists the keys of the table, or the tables if there is no such table."""
     table, dot, word = key.partition(".")
     option = f"{OPTIONS[table]} {word}" if dot and table in OPTIONS else f"--spec {key}"
     within = [name.removeprefix(f"{table}.") for name in known if name.startswith(f"{table}.")]
@@ -108,32 +109,32 @@ def _unknown(key: str, known: list[str]) -> str:
         return f"{option}: this kind of controller has no [{table}]; leave it out"
     near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
     tables = dict.fromkeys(f"{name.partition('.')[0]}.*" if "." in name else name for name in sorted(known))
-    meant = f"did you mean {near[0]!r}? " if near else ""
-    return f"{option}: this kind of controller has no such key; {meant}known: {', '.join(tables)}"
+    suggestion = f"did you mean {near[0]!r}? " if near else ""
+    return f"{option}: this kind of controller has no such key; {suggestion}known: {', '.join(tables)}"
 
 
-def put(content: dict[str, Any], kind: ControllerKind, asked: Mapping[str, str]) -> dict[str, Any]:
-    """The definition's content with other values; `asked` is key -> text as after --spec.
+def with_values(content: dict[str, Any], kind: ControllerKind, values: Mapping[str, str]) -> dict[str, Any]:
+    """A copy of the definition's content with other values; `values` is key -> text as after --spec.
 
-    A key of a table among ALTERNATIVES removes the other tables. All other values stay.
+    A key of a table among ALTERNATIVES removes the other tables.
 
     Raises InputError for keys that the kind does not have.
     """
     content = copy.deepcopy(content)
-    for word, text in asked.items():
-        *tables, key = resolve(word, kind.file).split(".")
+    for name, text in values.items():
+        *tables, key = full_key(name, kind.file).split(".")
         if tables and tables[0] in ALTERNATIVES:
             for other in set(ALTERNATIVES) - {tables[0]}:
                 content.pop(other, None)
-        place = content
+        target = content
         for table in tables:
-            place = place.setdefault(table, {})
-        place[key] = value(text)
+            target = target.setdefault(table, {})
+        target[key] = parse_value(text)
     return content
 
 
-def value(text: str) -> Any:
-    """A value as TOML reads it ("1.5", "true", "[1, 2]"), else the text ("30 rad/s")."""
+def parse_value(text: str) -> Any:
+    """A TOML value ("1.5", "true", "[1, 2]"); text that is none ("30 rad/s") stays text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
@@ -141,7 +142,7 @@ def value(text: str) -> Any:
 
 
 def toml_text(content: Mapping[str, Any], comments: list[str]) -> str:
-    """The definition as TOML under its comments."""
+    """The definition as TOML, comments first."""
     import tomlkit
 
     document = tomlkit.document()
@@ -161,7 +162,7 @@ class ControllerDesign:
 
     Attributes
     ----------
-    content: of its TOML. controller, loop: on the design model.
+    content: the tables and keys of its TOML. controller, loop: on the design model.
     """
 
     content: dict[str, Any]
@@ -169,14 +170,14 @@ class ControllerDesign:
     loop: LoopAnalysis
 
     def toml(self, comments: list[str]) -> str:
-        """The TOML with law and loop as comments."""
-        reached = [line.strip() for line in f"{self.controller.law}\n{self.loop}".splitlines()]
-        return toml_text(self.content, [*comments, *reached])
+        """The TOML, with `comments`, the law and the loop's margins as comments."""
+        result = [line.strip() for line in f"{self.controller.law}\n{self.loop}".splitlines()]
+        return toml_text(self.content, [*comments, *result])
 
 
-def keys_for(kind: ControllerKind, figures: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
-    """Split required figures into keys of this kind's definition, and those to be checked on the loop."""
-    known = set(leaves(kind.file))
+def split_figures(kind: ControllerKind, figures: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+    """Split required figures into those that are keys of this kind's definition, and those to check on the loop."""
+    known = set(definition_keys(kind.file))
     classic = "phase_margin" in figures and "design.phase_margin" in known
     table = "design" if classic else "tuning"
     places = {"bandwidth": (f"{table}.crossover", "position.crossover")}
@@ -196,41 +197,42 @@ def design(
     system: control.StateSpace,
     *,
     figures: Mapping[str, str] | None = None,
-    asked: Mapping[str, str] | None = None,
+    values: Mapping[str, str] | None = None,
 ) -> ControllerDesign:
     """Design a controller to a specification.
 
     Parameters
     ----------
-    content: the definition to start from, see specification.begin.
-    figures: words of FIGURES -> text with a unit. A figure that is a key of the kind's design sets that key. Otherwise
-        a bandwidth is that of `bandwidth_of`, reached by the weight of the position, and the others are checked only.
-    asked: keys of the definition -> text, see specification.put.
+    content: the definition to start from, see `starting_definition`.
+    figures: key of FIGURES -> text with a unit. A figure that is a key of the definition sets that key. Otherwise the
+        position weight is chosen for a bandwidth (see `bandwidth_of`), and other figures are only checked on the loop.
+    values: key of the definition -> text, see `with_values`.
 
-    Raises InputError for unknown keys, a design that can't be reached, and a figure that the loop does not have.
+    Raises InputError for unknown keys, an infeasible design, and a required figure that the loop does not reach.
     """
-    keys, checked = keys_for(kind, figures or {})
-    wanted = {word: parse(text, FIGURES[word][0]) for word, text in checked.items()}
-    whole = put(dict(content), kind, {**keys, **(asked or {})})
-    if "bandwidth" in wanted and "weights.position" in leaves(kind.file):
-        whole = _with_bandwidth(name, kind, whole, system, wanted["bandwidth"])
-    found = _build(name, kind, whole, system)
-    for word, value in wanted.items():
-        got = bandwidth_of(system, found.controller) if word == "bandwidth" else found.loop.figure(word)
+    keys, checked = split_figures(kind, figures or {})
+    required = {word: parse(text, FIGURES[word][0]) for word, text in checked.items()}
+    specified = with_values(dict(content), kind, {**keys, **(values or {})})
+    if "bandwidth" in required and "weights.position" in definition_keys(kind.file):
+        specified = _with_bandwidth(name, kind, specified, system, required["bandwidth"])
+    result = _build(name, kind, specified, system)
+    for word, value in required.items():
+        got = bandwidth_of(system, result.controller) if word == "bandwidth" else result.loop.figure(word)
         unit, which = FIGURES[word]
+        # 0.1 % of tolerance: tuner and bisection stop near a bound, not on it.
         if got < value * (1 - 1e-3) if which == "least" else got > value * (1 + 1e-3):
             raise InputError(
-                f"{word} = {value:.4g}{f' {unit}' if unit != '1' else ''} was asked for as the {which} value; "
-                f"the loop of this {kind.name} has {got:.4g}: change what it is designed from with --spec, "
-                "or ask for less"
+                f"{word} = {value:.4g}{f' {unit}' if unit != '1' else ''} is required as the {which} value; "
+                f"the loop of this {kind.name} has {got:.4g}: change its specification with --spec, or relax the "
+                "requirement"
             )
-    return found
+    return result
 
 
 def bandwidth_of(system: control.StateSpace, controller: SampledController) -> float:
     """Bandwidth [rad/s] from position reference to position, -3 dB; 0 for an unstable loop.
 
-    The gain crossover of a state feedback's loop at the current is that of its speed feedback and says nothing of it.
+    With state feedback the gain crossover at the current does not measure it: speed feedback dominates that loop.
     """
     _, _, closed = close_loop(system, controller)
     if spectral_radius(closed.A) >= 1.0:
@@ -252,10 +254,10 @@ def _build(name: str, kind: ControllerKind, content: dict[str, Any], system: con
 def _with_bandwidth(
     name: str, kind: ControllerKind, content: dict[str, Any], system: control.StateSpace, bandwidth: float
 ) -> dict[str, Any]:
-    """The definition with the position weight that gives the bandwidth, by bisection in its logarithm."""
+    """The definition with the largest position weight that reaches the bandwidth, by bisection of its logarithm."""
 
     def attempt(position: float) -> tuple[dict[str, Any], float]:
-        other = put(content, kind, {"weights.position": f'"{position:.4g} m"'})
+        other = with_values(content, kind, {"weights.position": f'"{position:.4g} m"'})
         definition = validate(other, kind.file, name)
         return other, bandwidth_of(system, build_controller(name, kind, definition, system))
 
@@ -263,10 +265,10 @@ def _with_bandwidth(
     best, reached = attempt(WEIGHTS[0])
     if reached < bandwidth:
         raise InputError(
-            f"bandwidth = {bandwidth:.4g} rad/s is not reached by any weight of the position; the loop comes to "
-            f"{reached:.4g} rad/s: let the current cost less (--spec weights.current) or ask for less"
+            f"bandwidth = {bandwidth:.4g} rad/s is beyond reach of the position weight; the loop reaches at most "
+            f"{reached:.4g} rad/s: increase --spec weights.current, or require less"
         )
-    for _ in range(12):
+    for _ in range(12):  # to 0.3 % of the weight
         middle = 0.5 * (strict + loose)
         other, reached = attempt(exp(middle))
         if reached >= bandwidth:

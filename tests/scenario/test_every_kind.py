@@ -8,7 +8,7 @@ import pytest
 from ehsa_ctrl import run
 from ehsa_ctrl.core.catalogue import scenarios
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
-from ehsa_ctrl.design.specification import begin
+from ehsa_ctrl.design.specification import starting_definition
 
 #: The example of a kind, where it is not the one that `design` starts from.
 EXAMPLES = {
@@ -25,7 +25,7 @@ NAMES = sorted(path.stem for path in Path(scenarios.folders[-1]).glob("*.toml"))
 @pytest.mark.parametrize("kind", sorted(CONTROLLER_KINDS))
 def test_every_kind_runs_every_scenario(kind):
     """To its end or to a limit of the plant, with finite currents and a verdict; failing a limit is allowed."""
-    controller = EXAMPLES.get(kind) or begin(kind)[1].stem
+    controller = EXAMPLES.get(kind) or starting_definition(kind)[1].stem
     for name in NAMES:
         result = run(name, controller=controller)
 

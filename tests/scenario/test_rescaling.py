@@ -8,7 +8,7 @@ from ehsa_ctrl import InputError, load_controller, load_plant, three_state
 from ehsa_ctrl.core.catalogue import controllers, plants
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.load import read_controller
-from ehsa_ctrl.design.specification import leaves
+from ehsa_ctrl.design.specification import definition_keys
 from ehsa_ctrl.scenario.plant_data import check_controller_limits, ratings
 from ehsa_ctrl.scenario.prepare import check_definition, prepare
 from ehsa_ctrl.scenario.rescaling import rescaling_to
@@ -40,7 +40,7 @@ def rig(tmp_path):
 
 def changes(name, plant):
     content = tomllib.loads(controllers[name].read_text())
-    return rescaling_to(plant).changes(content, leaves(CONTROLLER_KINDS[content["kind"]].file))
+    return rescaling_to(plant).changes(content, definition_keys(CONTROLLER_KINDS[content["kind"]].file))
 
 
 @pytest.mark.parametrize("name", list(controllers))

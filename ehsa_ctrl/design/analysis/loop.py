@@ -16,7 +16,7 @@ from ...core.plotting import draw
 from ...core.result import Result, as_dict
 from .closed_loop import INPUTS, OUTPUTS, close_loop, closed_loop_matrix, discrete_response, spectral_radius
 from .margins import Margins, disk_range, frequency_grid, margins
-from .sampled import LATEST, sample, scale_model
+from .sampled import LATEST, sample, scale_model, scaled_matrices
 
 if TYPE_CHECKING:
     import control
@@ -249,8 +249,8 @@ def _balanced_channel(
 
     row, column = OUTPUTS.index(output), INPUTS.index(source)
     _, (scale, _) = matrix_balance(closed.A, permute=False, separate=True)
-    b, c = closed.B[:, [column]] / scale[:, None], closed.C[[row]] * scale[None, :]
-    return closed.A * (scale[None, :] / scale[:, None]), b, c, float(closed.D[row, column])
+    a, b, c = scaled_matrices(closed, scale)
+    return a, b[:, [column]], c[[row]], float(closed.D[row, column])
 
 
 def _total_noise(gains: Mapping[str, float], noise: Mapping[str, float] | None) -> float:

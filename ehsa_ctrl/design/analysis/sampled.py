@@ -56,6 +56,11 @@ def state_scales(system: control.StateSpace) -> np.ndarray:
     return np.array([SCALES.get(name, 1.0) for name in system.state_labels])
 
 
+def scaled_matrices(system: control.StateSpace, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, B and C of a system for states in units of `scale` (n,)."""
+    return system.A * (scale[None, :] / scale[:, None]), system.B / scale[:, None], system.C * scale[None, :]
+
+
 class ScaledModel(NamedTuple):
     """A continuous model in scaled states: x' = a x + inputs (current, force), readings = c x."""
 
@@ -72,13 +77,12 @@ def scale_model(system: control.StateSpace) -> ScaledModel:
         raise InputError(f"the model {system.name} has the inputs {', '.join(system.input_labels)}; expected current")
     if np.any(system.D):
         raise InputError(f"the model {system.name} has direct feedthrough; expected none")
-    scale = state_scales(system)
+    a, b, c = scaled_matrices(system, state_scales(system))
     inputs = np.zeros((system.nstates, 2))
     for column, name in enumerate(("current", "F_D")):
         if name in system.input_labels:
-            inputs[:, column] = system.B[:, system.input_labels.index(name)] / scale
-    a = system.A * (scale[None, :] / scale[:, None])
-    return ScaledModel(*remove_constant_states(a, inputs, readings(system) @ system.C * scale[None, :]))
+            inputs[:, column] = b[:, system.input_labels.index(name)]
+    return ScaledModel(*remove_constant_states(a, inputs, readings(system) @ c))
 
 
 def sample(model: ScaledModel, sample_time: float, delay: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

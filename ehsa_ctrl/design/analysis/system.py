@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.result import Result, as_dict
+from .sampled import scaled_matrices
 
 if TYPE_CHECKING:
     import control
@@ -108,6 +109,4 @@ def _balanced(system: control.StateSpace) -> control.StateSpace:
     from scipy.linalg import matrix_balance
 
     _, (scale, _) = matrix_balance(system.A, permute=False, separate=True)
-    return control.ss(
-        system.A * (scale[None, :] / scale[:, None]), system.B / scale[:, None], system.C * scale[None, :], system.D
-    )
+    return control.ss(*scaled_matrices(system, scale), system.D)
