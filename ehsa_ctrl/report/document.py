@@ -28,6 +28,7 @@ def write_document(template: str, path: Path, **content: Any) -> Path:
     )
     environment.globals |= {"looks": LOOKS, "banners": BANNERS}
     environment.filters["kind"] = lambda block: type(block).__name__
+    environment.filters["longest_line"] = lambda cell: max(map(len, cell.split("\n")))
     # The page may use this style and nothing else: no script, no other file, no network.
     style = environment.get_template("page.css").render()
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-#: How a number begins as pages show them, with or without a unit; nothing, a dash and "not defined" count as numbers.
-NUMBER = re.compile(r"(● )?\(?[-−]?(\d|∞)|–?$|not defined$")
+#: How a number begins as pages show them, with or without a unit; nothing, a dash and "n/a" count as numbers.
+NUMBER = re.compile(r"(● )?\(?[-−+]?(\d|∞)|–?$|n/a$")
 #: Neither right nor wrong: the reader should have a look.
 DOUBT: Literal["doubt"] = "doubt"
 State = bool | Literal["doubt"] | None

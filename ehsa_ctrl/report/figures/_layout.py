@@ -13,10 +13,10 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.legend import Legend
 from matplotlib.transforms import Bbox, blended_transform_factory
 
-from ..style import BLACK, DPI, WIDTH, Sheet, style
+from ..style import BLACK, DPI, RC, WIDTH, Sheet, style
 
-#: Height of a line of the title and of a note, and of the labels of an axis of time or frequency, in.
-TITLE_LINE, NOTE_LINE, XLABEL = 0.19, 0.15, 0.5
+#: Height of a line of the title, of a note and of a legend, and of the labels of an axis of time or frequency, in.
+TITLE_LINE, NOTE_LINE, LEGEND_LINE, XLABEL = 0.19, 0.15, 0.17, 0.5
 #: Height of what separates two panels, in; left edge of title and legend, part of the width.
 GAP, LEFT = 0.13, 0.0125
 #: Characters of a title and of a note that fit on the width.
@@ -69,6 +69,8 @@ def sheet(
         # Laid out once: it costs more than the drawing, and a PNG and an SVG of the figure are the same then.
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
+        # A notebook displays a figure at its own resolution, a file has DPI.
+        figure.set_dpi(RC["figure.dpi"])
         # The solver's last digits depend on the order of its variables in memory.
         for ax in figure.axes:
             ax.set_position(Bbox(ax.get_position(original=True).get_points().round(5)))

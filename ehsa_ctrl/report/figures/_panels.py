@@ -202,4 +202,6 @@ def _bounds(run: Trajectory, trip: Exceedance) -> tuple[float, float]:
 
 def _allowed(trip: Exceedance) -> str:
     shown = SHOWN[trip.limit]
-    return quantity(trip.allowed / factor(shown, trip.unit), shown)
+    allowed = trip.allowed / factor(shown, trip.unit)
+    # The stroke is centred at zero: its lines lie at half of it.
+    return f"±{quantity(allowed / 2, shown)}" if trip.limit == "stroke" else quantity(allowed, shown)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ...core.plotting import draw
 from ...identification.experiment import ExperimentDesign
@@ -15,7 +17,7 @@ from ...plant.file import label
 from ...scenario.montecarlo import MonteCarlo
 from ..signals import SIGNALS
 from ..style import BLUE, GREY, LIMIT, PRESSURES, PURPLE, ROLES, VERMILION
-from ..text import number, unit
+from ..text import RAISED, number, unit
 from . import _panels as panel
 from ._layout import XLABEL, header_legend, share_x, sheet
 
@@ -105,14 +107,20 @@ def montecarlo_figure(result: MonteCarlo) -> Figure:
         for influence in chosen:
             ax = axes[influence.name]
             values = np.array([outcome.parameters[influence.name] for outcome in result.outcomes])
-            edges = np.histogram_bin_edges(values, BINS)
-            counts = [np.histogram(values[which], edges)[0] for which in (passed, ~passed)]
+            # Very large and very small values by powers of a thousand, which the label names.
+            power = 3 * math.floor(math.log10(max(float(np.max(np.abs(values))), 1e-300)) / 3)
+            power = power if abs(power) >= 6 else 0
+            edges = np.histogram_bin_edges(values / 10.0**power, BINS)
+            counts = [np.histogram(values[which] / 10.0**power, edges)[0] for which in (passed, ~passed)]
             look: dict[str, Any] = {"width": np.diff(edges), "align": "edge", "edgecolor": "white", "linewidth": 0.4}
             ax.bar(edges[:-1], counts[0], color=BLUE, label="pass", **look)
             ax.bar(edges[:-1], counts[1], bottom=counts[0], color=VERMILION, hatch="///", label="fail", **look)
-            words = unit(units[influence.name])
-            ax.set_xlabel(f"{label(influence.name)}, {words} ({'decisive' if influence.decisive else 'not decisive'})")
+            times = f"10{str(power).translate(RAISED)} " if power else ""
+            words = f"{label(influence.name)} ({times}{unit(units[influence.name])})"
+            ax.set_xlabel(f"{words}, {'decisive' if influence.decisive else 'not decisive'}")
             ax.set_ylabel("runs")
+            ax.set_ylim(0, 1.08 * max(sum(counts)))
+            ax.yaxis.set_major_locator(MaxNLocator(5, integer=True))
             ax.set_xlim(edges[0], edges[-1])
         first = axes[names[0]]
         if chosen:

@@ -22,7 +22,7 @@ from ..outcome import models_shown, outcome
 from ..signals import BALANCES, signal_shown, unit_of_balance
 from ..style import BLACK, BLUE, GREEN, PURPLE, SKY, VERMILION
 from ..text import number, percent, unit
-from ._layout import header_legend, sheet
+from ._layout import LEGEND_LINE, header_legend, sheet
 
 EDGE: dict[str, Any] = {"edgecolor": "#222222", "linewidth": 0.6}
 #: Shares by place and the gap over time.
@@ -175,8 +175,8 @@ def _over_time(ax: Axes, location: Location, balance: str) -> None:
     ax.axhline(0.0, color=BLACK, linewidth=0.6, zorder=1.5)
     ax.set_xlim(location.time[0], location.time[-1])
     ax.yaxis.set_major_locator(MaxNLocator(5))
-    ax.set_title(f"{BALANCES[balance]}, over time", loc="left", fontsize=8.5)
-    ax.set_ylabel(unit(usual))
+    ax.set_title("over time", loc="left", fontsize=8.5)
+    ax.set_ylabel(f"{BALANCES[balance]}\n({unit(usual)})")
     ax.set_xlabel("time (s)")
 
 
@@ -219,7 +219,7 @@ def candidates_figure(diagnosis: Diagnosis) -> Figure:
         _hypotheses(axes["bars"], rows, outcomes)
         handles = [Patch(label=words, **look, **EDGE) for word, (words, look) in OUTCOMES.items() if word in outcomes]
         header_legend(axes["header"], handles, fontsize=8.5)
-        axes["bars"].set_title("largest gap, held out", loc="right", fontsize=8.5)
+        axes["bars"].text(1.02, 1.0, "held-out\ngap", transform=axes["bars"].transAxes, va="bottom", fontsize=8)
     return figure
 
 
@@ -259,7 +259,9 @@ def shrinkage_figure(diagnosis: Diagnosis) -> Figure:
     threshold = 100.0 * diagnosis.threshold
     look: dict[str, Any] = {"color": PURPLE, "linestyle": (0, (5, 2)), "linewidth": 1.1}
     heights = [row * len(signals) + 0.06]
-    with sheet("Gap on held-out data", [["bars"]], heights, header=0.62) as (figure, axes):
+    # The bars of the models and the threshold, two a row.
+    header = LEGEND_LINE * math.ceil((len(models) + 1) / 2) + 0.1
+    with sheet("Gap on held-out data", [["bars"]], heights, header=header) as (figure, axes):
         ax = axes["bars"]
         end = _reach(diagnosis, models, signals)
         for place, signal in enumerate(signals):

@@ -133,7 +133,7 @@ def _deviation_axis(ax: Axes, estimates: Iterable[Estimate]) -> None:
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value).replace("-", "−")))
     ax.xaxis.set_minor_locator(NullLocator())
     ax.axvline(0.0, color=GREY, linewidth=0.7, zorder=1.5)
-    ax.set_xlabel("off the identified value (%)")
+    ax.set_xlabel("deviation from the identified value (%)")
 
 
 def _spread_axis(ax: Axes) -> None:

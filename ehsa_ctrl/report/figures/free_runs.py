@@ -24,7 +24,7 @@ from ..signals import Shown, Signal, liveliest, shown, signal_shown
 from ..style import BLACK, BLUE, GREY, ROLES
 from ..text import number, percent
 from . import _panels as panel
-from ._layout import header_legend, share_x, sheet
+from ._layout import LEGEND_LINE, header_legend, share_x, sheet
 
 if TYPE_CHECKING:
     import pandas
@@ -142,7 +142,12 @@ def _whole_and_detail(
     labels: role -> words in the legend. detail: what the part is. held_from: where the held-out data begins, s.
     """
     rows = [[f"{trace.name} whole", f"{trace.name} detail"] for trace in traces]
-    with sheet(title, rows, [ROW] * len(rows), widths=WIDTHS, header=0.42) as (figure, axes):
+    roles = [role for role in ROLES if any(role in trace.lines for trace in traces)]
+    # Four entries fit into one row.
+    entries = len(roles) + (1 if held_from is None else 2)
+    columns = entries if entries <= 4 else 3
+    header = LEGEND_LINE * math.ceil(entries / columns) + 0.08
+    with sheet(title, rows, [ROW] * len(rows), widths=WIDTHS, header=header) as (figure, axes):
         wholes, details = ([axes[row[k]] for row in rows] for k in (0, 1))
         share_x(wholes)
         share_x(details)
@@ -163,11 +168,11 @@ def _whole_and_detail(
         details[-1].set_xlim(start, stop)
         wholes[-1].set_xlabel("time (s), whole log")
         details[-1].set_xlabel(f"time (s), {detail}")
-        handles = [lines[role] for role in ROLES if role in lines]
+        handles = [lines[role] for role in roles]
         handles.append(Patch(label="enlarged on the right", **ENLARGED))
         if held_from is not None:
             handles.append(Patch(label="held out", **HELD_OUT | {"linewidth": 0.6, "linestyle": (0, (4, 2))}))
-        header_legend(axes["header"], handles, ncols=3, fontsize=8.5)
+        header_legend(axes["header"], handles, ncols=columns, fontsize=8.5)
     return figure
 
 

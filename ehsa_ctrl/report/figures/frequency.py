@@ -24,7 +24,9 @@ SHOWN = {"omega": "rad/s", "dP": "bar", "v": "mm/s", "x": "mm"}
 #: |S| and |T| are not shown below this, dB.
 FLOOR = -45.0
 #: A margin.
-BAR: dict[str, Any] = {"color": VERMILION, "linewidth": 3.0, "zorder": 3, "solid_capstyle": "butt"}
+BAR: dict[str, Any] = {
+    "color": VERMILION, "linewidth": 3.0, "zorder": 3, "solid_capstyle": "butt", "clip_on": False,
+}  # fmt: skip
 
 
 @draw.register
@@ -39,8 +41,8 @@ def bode_figure(analysis: Analysis) -> Figure:
     omega = np.geomspace(min(centres) / 50, 50 * max(centres), 2000)
     response = np.asarray(analysis.system(1j * omega))
     rows = [[f"{name} gain", f"{name} phase"] for name in outputs]
-    title = f"{analysis.system.name}: from the current"
-    notes = ["dotted: " + "; ".join(words for _, words in poles)] if poles else []
+    title = f"Bode plot of {analysis.system.name}, input: current"
+    notes = ["dotted, poles at " + "; ".join(words for _, words in poles)] if poles else []
     with sheet(title, rows, [1.5] * len(rows), notes=notes) as (figure, axes):
         for name, (left, right) in zip(outputs, rows, strict=True):
             channel = response[analysis.system.output_labels.index(name), 0]
@@ -106,7 +108,7 @@ def loop_figure(loop: LoopAnalysis) -> Figure:
             top.plot([turnover] * 2, [0.0, -float(decibel(loop.gain_margin))], **BAR)
         few_ticks([top, middle, bottom])
         share_x([top, middle, bottom])
-        bottom.set_xlabel("frequency (rad/s), up to half of the sampling's")
+        bottom.set_xlabel("frequency (rad/s), up to the Nyquist frequency")
         bottom.set_xlim(omega[0], omega[-1])
     return figure
 
@@ -131,11 +133,11 @@ def _closed(ax: Axes, loop: LoopAnalysis) -> None:
 def _margins(loop: LoopAnalysis, crossover: float | None, turnover: float | None) -> Iterator[str]:
     """The margins in words, above the panels."""
     if crossover is not None:
-        delay = f" = {number(1e3 * loop.delay_margin)} ms" if np.isfinite(loop.delay_margin) else ""
-        yield f"crossover {number(crossover)} rad/s, phase margin {number(loop.phase_margin)}°{delay}"
+        delay = f", delay margin {number(1e3 * loop.delay_margin)} ms" if np.isfinite(loop.delay_margin) else ""
+        yield f"crossover {number(crossover)} rad/s: phase margin {number(loop.phase_margin)}°{delay}"
     if turnover is not None:
-        depth = f"{number(loop.gain_margin)} = {number(float(decibel(loop.gain_margin)))} dB"
-        yield f"phase -180° at {number(turnover)} rad/s, gain margin {depth}"
+        depth = f"{number(loop.gain_margin)} ({number(float(decibel(loop.gain_margin)))} dB)"
+        yield f"phase −180° at {number(turnover)} rad/s: gain margin {depth}"
 
 
 def _loop_phase(loop: LoopAnalysis) -> np.ndarray:

@@ -43,7 +43,7 @@ def nyquist_figure(loop: LoopAnalysis, robust: RobustMargins | None = None) -> F
     if robust is not None and robust.unstable:
         plants += f", {len(robust.unstable)} of them NOT STABLE"
     unstable = "" if loop.stable else ": NOT STABLE when closed"
-    with sheet(f"Position loop with {loop.controller}{plants}{unstable}", [["plane"]], [HEIGHT]) as (figure, axes):
+    with sheet(f"Nyquist plot with {loop.controller}{plants}{unstable}", [["plane"]], [HEIGHT]) as (figure, axes):
         ax = axes["plane"]
         for k, other in enumerate(list(robust.loops.values())[:MOST] if robust is not None else []):
             label = "other plants" if k == 0 else None
@@ -93,19 +93,20 @@ def robustness_figure(robust: RobustMargins) -> Figure:
     lost = f", {len(robust.unstable)} of them NOT STABLE" if robust.unstable else ""
     title = f"Position loop with {robust.controller} and {many} plants{lost}"
     omega, _, highest = robust.band("S")
-    with sheet(title, [["S"], ["T"]], [2.3, 2.3], extra=XLABEL + 0.84) as (figure, axes):
+    with sheet(title, [["S"], ["T"]], [2.3, 2.3], extra=XLABEL + 1.2) as (figure, axes):
         _band(axes["S"], robust, "S", "Ms", VERMILION)
         _band(axes["T"], robust, "T", "Mt", GREEN)
         few_ticks(axes.values())
         share_x(list(axes.values()))
-        axes["T"].set_xlabel("frequency (rad/s), up to half of the sampling's")
+        axes["T"].set_xlabel("frequency (rad/s), up to the Nyquist frequency")
         axes["T"].set_xlim(0.7 * omega[int(np.argmax(decibel(highest) > FLOOR))], omega[-1])
     return figure
 
 
 def _band(ax: Axes, robust: RobustMargins, name: str, margin: str, colour: str) -> None:
     omega, low, high = robust.band(name)
-    ax.fill_between(omega, decibel(low), decibel(high), color=colour, alpha=0.25, linewidth=0)
+    label = f"range over the {len(robust.loops) - len(robust.unstable)} stable loops"
+    ax.fill_between(omega, decibel(low), decibel(high), color=colour, alpha=0.25, linewidth=0, label=label)
     stable = {label: loop for label, loop in robust.loops.items() if loop.stable}
     first = next(iter(stable))
     worst = max(stable, key=lambda label: float(getattr(stable[label], margin)))

@@ -30,8 +30,8 @@ HELD: dict[str, Any] = {"drawstyle": "steps-post"}
 def trajectory_figure(run: Trajectory) -> Figure:
     """Current [A], speed [rpm], both pressures [bar] and position [mm] over time [s].
 
-    A strip shows when shaft and rod stick; the external force [kN] has a panel if there is one. Limits of the plant
-    that the run exceeded are lines, with a cross at the first sample beyond.
+    For the nonlinear model a strip shows when shaft and rod stick; the external force [kN] has a panel if there is
+    one. Limits of the plant that the run exceeded are lines, with a cross at the first sample beyond.
 
     Raises InputError for a plant of another system than the EHSA, whose signals are others.
     """
@@ -39,8 +39,10 @@ def trajectory_figure(run: Trajectory) -> Figure:
     if system != "ehsa":
         raise InputError(f"{run.plant.name} is a {system!r} system; the figure of a run is made for 'ehsa' alone")
     names = ["current", "omega", "pressures", "x"] + (["force"] if run.outer_force.any() else [])
-    contacts = [contact.name for contact in run.plant.structure.system.contacts]
-    heights = dict.fromkeys(names, panel.PANEL) | {"strip": panel.ROW * len(contacts)}
+    # The linear model has no dry friction, so that nothing sticks.
+    nonlinear = run.plant.model == "nonlinear"
+    contacts = [contact.name for contact in run.plant.structure.system.contacts] if nonlinear else []
+    heights = dict.fromkeys(names, panel.PANEL) | ({"strip": panel.ROW * len(contacts)} if contacts else {})
     # Dashes distinguish overlaid models; alone they would only hide what happens between them.
     look = {"color": ROLES[run.plant.model]["color"], "linewidth": 1.2, "label": f"{run.plant.model} model"}
     held = HELD if run.hold == "zero_order" else {}
@@ -54,10 +56,11 @@ def trajectory_figure(run: Trajectory) -> Figure:
             if name != "pressures":
                 stepwise = held if name in ("current", "force") else {}
                 line = panel.draw(places[name], run.time, SIGNALS[name].read(signals[name]), look | stepwise)
-        axes["strip"].set_xlim(run.time[0], run.time[-1])
+        axes["x"].set_xlim(run.time[0], run.time[-1])
         _finish(places, run, _pressures(places["pressures"], run))
-        stuck = {f"{name} sticks": (panel.phases(run.time, run.sticks(name)), panel.STUCK) for name in contacts}
-        panel.strip(axes["strip"], stuck)
+        if contacts:
+            stuck = {f"{name} sticks": (panel.phases(run.time, run.sticks(name)), panel.STUCK) for name in contacts}
+            panel.strip(axes["strip"], stuck)
         header_legend(axes["header"], [line])
     return figure
 

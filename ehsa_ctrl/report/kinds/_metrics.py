@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...core.text import join_words
@@ -56,26 +57,34 @@ def ranges_table(run: Run) -> Table:
 
 
 def metric_heading(name: str) -> str:
-    shown = unit(METRICS[name].display_unit)
-    return f"{name}\n{shown}" if shown else name
+    """Name and unit of a metric above a column, a line a word: SteadyStateError is wider than its numbers."""
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "\n", name)
+    return f"{words}\n{unit(METRICS[name].display_unit)}".rstrip()
 
 
-def metric_text(name: str, value: float | None) -> str:
+def metric_text(name: str, value: float | None, digits: int = 4) -> str:
     """A metric's SI value in the unit that is shown."""
-    return value_text(value, factor(METRICS[name].display_unit, METRICS[name].unit))
+    return value_text(value, factor(METRICS[name].display_unit, METRICS[name].unit), digits)
 
 
-def metric_of(run: Run, name: str, which: str = "nonlinear") -> str:
+def metric_of(run: Run, name: str, which: str = "nonlinear", digits: int = 4) -> str:
     if name in run.get("not_defined", {}):
-        return "not defined"
-    return metric_text(name, (run["metrics"].get(name) or {}).get(which))
+        return "n/a"
+    return metric_text(name, (run["metrics"].get(name) or {}).get(which), digits)
+
+
+def not_defined_sentence(runs: Sequence[Run]) -> str:
+    """Metrics that the scenario's reference does not define, with the reason; empty for none."""
+    reasons: dict[str, list[str]] = {}
+    for name, why in runs[0].get("not_defined", {}).items():
+        reasons.setdefault(why, []).append(name)
+    return " ".join(f"Not defined, as {why}: {join_words(names)}." for why, names in reasons.items())
 
 
 def metric_exists(run: Run, name: str) -> bool:
-    """Whether a metric happened in either run, or is known not to be defined."""
+    """Whether a metric has a value in either run."""
     metric = run["metrics"].get(name) or {}
-    happened = any(metric.get(which) is not None for which in ("linear", "nonlinear"))
-    return happened or name in run.get("not_defined", {})
+    return any(metric.get(which) is not None for which in ("linear", "nonlinear"))
 
 
 def bounds_text(limit: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from ...core.text import unique_names
 from ...plant.file import label
 from ..page import DOUBT, Points, Section, State, Table
-from ..text import value_text
+from ..text import NOTHING, value_text
 
 #: Key of a margin in JSON -> name, display unit, SI value of that unit, and meaning.
 MARGINS = {
@@ -56,8 +56,12 @@ def loop_sentence(loop: Mapping[str, Any]) -> str:
 def fit_table(caption: str, columns: Mapping[str, Mapping[str, float | None]]) -> Table:
     """Fits in percent: one row per channel, one column per run."""
     channels = dict.fromkeys(channel for fits in columns.values() for channel in fits)
-    rows = [[channel, *(value_text(fits.get(channel)) for fits in columns.values())] for channel in channels]
+    rows = [[channel, *map(_fit, (fits.get(channel) for fits in columns.values()))] for channel in channels]
     return Table(caption, ["channel", *columns], rows)
+
+
+def _fit(percent: float | None) -> str:
+    return NOTHING if percent is None else f"{percent:.1f}"
 
 
 def settings_of(content: Mapping[str, Any]) -> list[tuple[str, str]]:

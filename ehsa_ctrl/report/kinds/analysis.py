@@ -7,22 +7,30 @@ from pathlib import Path
 from typing import Any
 
 from ...core.text import join_words
+from ...core.unit import factor
 from ..page import Kind, Page, Picture, Section, Sentence, Table
 from ..text import value_text
 from ._tables import MARGINS, loop_sentence, margins_table
 
+#: Output in the JSON -> its words, SI unit and the unit shown, as in the Bode plot.
+OUTPUTS = {
+    "speed": ("speed", "rad/s", "rad/s"),
+    "dP": ("pressure difference", "Pa", "bar"),
+    "rod_speed": ("rod speed", "m/s", "mm/s"),
+    "position": ("position", "m", "mm"),
+}
 MARKS = {"good": "✓ good", "fault": "✗ fault"}
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Page:
     loops, robust = content.get("loops", []), content.get("robust", [])
     reviews = content.get("reviews", [])
-    sections = [Section("Linear model", [*_model(content)], "model")]
+    sections = []
     for loop in loops:
         name, end = loop["controller"], f"-{loop['controller']}" if len(loops) > 1 else ""
         blocks: list[Any] = [
             Picture(
-                f"loop{end}", f"Loop with {name}", "Thick bars: gain margin (top) and phase margin (middle).", True
+                f"loop{end}", f"Bode plot with {name}", "Thick bars: gain margin (top) and phase margin (middle).", True
             ),
             Picture(f"nyquist{end}", f"Nyquist plot with {name}", headed=True),
             Picture(f"robustness{end}", f"{name} on many plants", headed=True),
@@ -33,9 +41,10 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
         title=f"Analysis of {content['plant']}, {content['model']} model" + _with(loops),
         sentences=_sentences(content, loops, robust, reviews),
         sections=[
-            *sections,
+            Section("Linear model", [*_model(content)], "model"),
             Section("Margins", tables, "margins"),
             Section("Review", [*map(_review, reviews)], "review"),
+            *sections,
         ],
         facts=[("plant", str(content["plant"])), ("model", str(content["model"]))],
     )
@@ -49,7 +58,7 @@ def _with(loops: list[Any]) -> str:
 
 def _sentences(content: Mapping[str, Any], loops: list[Any], robust: list[Any], reviews: list[Any]) -> list[Sentence]:
     modes = sorted({f"{f / 6.283185307:.3g}" for f in content["natural_frequencies"] if f}, key=float)
-    found: list[Sentence] = [(f"Modes at {', '.join(modes)} Hz." if modes else "No mode but an integrator.", None)]
+    found: list[Sentence] = [(f"Modes at {join_words(modes)} Hz." if modes else "No mode but an integrator.", None)]
     for loop in loops:
         words = f"{loop['controller']}: {loop_sentence(loop)}"
         found.append((words, bool(loop["stable"])))
@@ -79,16 +88,12 @@ def _model(content: Mapping[str, Any]) -> Iterator[Any]:
             )
         ],
     )
-    units = {"speed": "rad/s per A", "dP": "Pa per A", "rod_speed": "m/s per A", "position": "m per A"}
-    yield Table(
-        "From the current",
-        ["to", "DC gain", "unit", "zeros, rad/s"],
-        [
-            [name, "integrates" if gain is None else value_text(gain, 1.0, 5), units.get(name, ""),
-             ", ".join(map(_complex, content["zeros"][name])) or "none"]
-            for name, gain in content["dc_gain"].items()
-        ],
-    )  # fmt: skip
+    rows = []
+    for name, gain in content["dc_gain"].items():
+        words, si, usual = OUTPUTS[name]
+        zeros = ", ".join(map(_complex, content["zeros"][name])) or "none"
+        rows.append([words, "∞" if gain is None else value_text(gain, factor(usual, si)), f"{usual} per A", zeros])
+    yield Table("From the current", ["to", "DC gain", "unit", "zeros, rad/s"], rows)
 
 
 def _worst(robust: list[Any]) -> Iterator[Table]:
@@ -121,7 +126,7 @@ def _complex(pole: list[float] | float) -> str:
     real, imaginary = pole if isinstance(pole, list) else (pole, 0.0)
     if abs(imaginary) < 1e-9 * max(abs(real), 1.0):
         return value_text(real)
-    return f"{value_text(real)} {'+' if imaginary > 0 else '−'} {value_text(abs(imaginary))}i"
+    return f"{value_text(real)} {'+' if imaginary > 0 else '-'} {value_text(abs(imaginary))}i"
 
 
 KIND = Kind("analysis.json", "analysis", _read)

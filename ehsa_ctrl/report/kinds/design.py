@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..page import Kind, Page, Picture, Section, Sentence
-from ..text import percent, value_text
+from ..text import as_sentence, percent, value_text
 from ._tables import loop_sentence, margins_table
 
 
@@ -16,7 +16,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     asked = ", ".join(f"{key} {value}" for key, value in content["asked"].items())
     settings = ", ".join(f"{key} = {value}" for key, value in content["settings"].items())
     sentences: list[Sentence] = [
-        (f"{str(content['law']).rstrip('.')}.", None),
+        (as_sentence(str(content["law"])), None),
         (f"Linear loop: {loop_sentence(loop)}", bool(loop["stable"])),
         (
             f"Reference step on the linear model: overshoot {percent(content['overshoot'])}, settling time "

@@ -10,7 +10,7 @@ from ...core.text import join_words
 from ...plant.file import label
 from ...simulation.limits import SHOWN, scale_of
 from ..page import DOUBT, Kind, Page, Picture, Section, Sentence, Table, mark
-from ..text import percent, unit, value_text
+from ..text import as_sentence, percent, unit, value_text
 from ._tables import settings_of
 
 #: Candidate inputs listed in the table.
@@ -24,7 +24,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     worst = max(parameters, key=lambda name: parameters[name]["relative_sd"] or float("inf"))
     nearest = max(content["limits"], key=lambda name: content["limits"][name]["worst_share"])
     sentences: list[Sentence] = [
-        (f"{content['input']}, for {value_text(content['duration'])} s.", None),
+        (as_sentence(f"{content['input']}, for {value_text(content['duration'])} s"), None),
         (f"{determined}{'; not ' + join_words(map(label, poor)) if poor else ''}. The least certain is {label(worst)}, "
          f"with a relative standard deviation of {percent(parameters[worst]['relative_sd'])}.",
          True if not poor else DOUBT),

@@ -47,7 +47,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
         for name, each in models.items()
     ]
     sentences = [
-        (f"{name} model: {words}" if several else words, state)
+        (f"{name.capitalize()} model. {words}" if several else words, state)
         for name, each in models.items()
         for words, state in verdict(each)
     ]
@@ -180,7 +180,9 @@ def _tests(each: Model) -> Table:
          percent(test.get("outside"), 4), mark(test["passed"], "yes" if test["passed"] else "no")]
         for test in each["residual_tests"]
     ]  # fmt: skip
-    caption = "Residual tests: a correlation beyond the band at any lag fails; a right model fails one in 1 of 100 logs"
+    caption = (
+        "Residual tests: a correlation beyond the band at any lag fails; a correct model fails any in 1 of 100 logs"
+    )
     return Table(caption, ["residual of", "with", "largest", "band", "lags outside", "passed"], rows)
 
 
@@ -227,8 +229,11 @@ def _ranges(each: Model) -> Iterator[Any]:
         for name, p in each["parameters"].items()
     ]
     rows.append(["residual variance / noise variance", *(value_text(end["cost"], 1.0, 3) for _, end in ends)])
-    rows.append(["the log", *("excludes it" if end["excluded"] else "allows it" for _, end in ends)])
-    head = ["name", *(f"{label(tried['name'])}\n{value_at_end(tried, end)}" for tried, end in ends)]
+    words = {True: "excluded by the log", False: "allowed by the log"}
+    head = [
+        "name",
+        *(f"{label(tried['name'])}\n{value_at_end(tried, end)}\n{words[end['excluded']]}" for tried, end in ends),
+    ]
     yield Table("Change of the estimates with an assumed parameter at an end of its range, one at a time", head, rows)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...plant.file import label
-from ..page import DOUBT, Kind, Page, Picture, Section, Sentence, Table, anchors
+from ..page import DOUBT, Kind, Page, Paragraph, Picture, Points, Section, Sentence, Table, anchors
 from ..text import percent, value_text
 
 #: Parameters listed in the table of influences.
@@ -69,15 +69,19 @@ def _blocks(each: Mapping[str, Any], folder: Path) -> list[Any]:
         rows = [[word, str(count)] for word, count in each["failures"].items()]
         blocks.append(Table("Violated limits", ["limit", "runs"], rows))
     if each["influences"]:
+        # A rank correlation has no medians: too few runs pass or fail.
+        medians = {"passing": "median\npassing", "failing": "median\nfailing"}
+        medians = {} if each["influences"][0].get("measure") == "rank" else medians
         rows = [
             [label(item["name"]), value_text(item["value"], 1.0, 2), value_text(item["chance"], 1.0, 2),
-             value_text(item["passing"]), value_text(item["failing"]), "yes" if item["decisive"] else "no"]
+             *(value_text(item[key]) for key in medians), "yes" if item["decisive"] else "no"]
             for item in each["influences"][:LISTED]
         ]  # fmt: skip
-        head = ["parameter", "influence, -1 to 1", "p-value", "median, passing", "median, failing", "decisive"]
-        blocks.append(Table("Influence of the parameters", head, rows))
+        measure = "distance of the distributions\n0 to 1" if medians else "rank correlation with the margin\n-1 to 1"
+        caption = "Influence of the parameters on passing" + ("; medians in SI units" if medians else "")
+        blocks.append(Table(caption, ["parameter", measure, "p-value", *medians.values(), "decisive"], rows))
     if each["uncertain"]:
-        blocks.append(Table("Uncertain parameters", ["parameter"], [[words] for words in each["uncertain"]]))
+        blocks += [Paragraph("Uncertain parameters:"), Points(each["uncertain"])]
     return blocks
 
 

@@ -34,6 +34,7 @@ from ._metrics import (
     metric_heading,
     metric_of,
     metric_text,
+    not_defined_sentence,
     range_sentence,
     ranges_table,
 )
@@ -133,11 +134,11 @@ def _summary(runs: Sequence[Run], keys: Sequence[str]) -> Table:
         [
             Link(run["scenario"], key), run["controller"], VERDICTS[run["verdict"]],
             f"{sum(limit['passed'] for limit in run['limits'])} of {len(run['limits'])}",
-            *(metric_of(run, name) for name in columns),
+            *(metric_of(run, name, digits=3) for name in columns),
         ]
         for key, run in zip(keys, runs, strict=True)
     ]  # fmt: skip
-    return Table("On the nonlinear plant; – did not happen", head, rows)
+    return Table("On the nonlinear plant; –: did not happen, n/a: not defined for the reference", head, rows)
 
 
 def _scenario(group: Sequence[tuple[str, Run]], keys: Mapping[str, str], loops: Mapping[str, str]) -> Section:
@@ -153,6 +154,8 @@ def _scenario(group: Sequence[tuple[str, Run]], keys: Mapping[str, str], loops: 
         ]
         head = ["metric", *(run["controller"] for run in runs), "unit"]
         blocks.append(Table("Controllers side by side, on the nonlinear plant", head, rows))
+    if not_defined := not_defined_sentence(runs):
+        blocks.append(Paragraph(not_defined))
     for stem, run in group:
         heading = f"{_name(run)}: {VERDICTS[run['verdict']].partition(' ')[2]}"
         blocks.append(Section(heading, list(_run(stem, run, loops)), keys[stem], STATES[run["verdict"]]))

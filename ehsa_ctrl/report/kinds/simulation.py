@@ -25,6 +25,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     sentences += [(f"Plant limit exceeded: {words}.", DOUBT) for words in passed]
     if not passed:
         sentences.append(("No plant limit was exceeded.", True))
+    # The linear model has no dry friction.
+    caption = "Grey bars: shaft or rod sticks." if content.get("model") != "linear" else ""
     drift = content["pressure_level_drift"]
     if abs(drift) > DRIFT:
         words = f"The mean pressure drifted by {value_text(drift, 1e5, 2)} bar"
@@ -32,9 +34,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     return Page(
         title=f"Simulation of {content['plant']}" + (f" with {content['input']}" if content.get("input") else ""),
         sentences=sentences,
-        sections=[
-            Section("Simulated run", [Picture("simulation", "Simulated run", "Grey bars: shaft or rod sticks.")], "run")
-        ],
+        sections=[Section("Simulated run", [Picture("simulation", "Simulated run", caption)], "run")],
         facts=[
             *settings_of(content),
             ("samples", f"{content['samples']}, {value_text(content['sample_time'], 1e-3)} ms apart"),
