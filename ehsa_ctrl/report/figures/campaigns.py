@@ -119,7 +119,7 @@ def montecarlo_figure(result: MonteCarlo) -> Figure:
             words = f"{label(influence.name)} ({times}{unit(units[influence.name])})"
             ax.set_xlabel(f"{words}, {'decisive' if influence.decisive else 'not decisive'}")
             ax.set_ylabel("runs")
-            ax.set_ylim(0, 1.08 * max(sum(counts)))
+            ax.set_ylim(0, 1.08 * float(np.max(np.sum(counts, axis=0))))
             ax.yaxis.set_major_locator(MaxNLocator(5, integer=True))
             ax.set_xlim(edges[0], edges[-1])
         first = axes[names[0]]
