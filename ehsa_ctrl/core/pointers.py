@@ -40,6 +40,17 @@ def shifted(context: Any, start: Any, elements: Any) -> Any:
 
 
 @intrinsic
+def move(context: Any, target: Any, source: Any, elements: Any) -> Any:
+    """Copy so many elements from one address to another; the two ranges may overlap."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        cgutils.raw_memmove(builder, *args, context.get_abi_sizeof(context.get_data_type(source.dtype)))
+        return context.get_dummy_value()
+
+    return types.none(target, source, types.int64), generate
+
+
+@intrinsic
 def call(context: Any, address: Any, *arguments: Any) -> Any:
     """Call the function at an address, which takes these arguments and returns a double; 0 is no function."""
     from llvmlite import ir

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ..core.result import Result
+from .stages.compiled import compiled_pipeline
 from .stages.feedforward import Feedforward, feedforward_settings
-from .stages.pipeline import M_LAW, TRACES, compiled_pipeline, pipeline
+from .stages.pipeline import M_LAW, TRACES, pipeline
 from .stages.rest import Dither, Rest, rest_settings
 from .stages.supervision import Supervision
 from .stages.trajectory import TrajectoryLimits, trajectory_settings
@@ -31,8 +32,9 @@ class Law(Protocol):
         current of feedforward and friction compensation; `hold` is 1.0 while integral action must pause, and -1.0 at
         the start of a motion, where the integral of the last rest is to be reset (a law may ignore that). It returns
         feedback + extra, limited to the drive's current, and uses the limited value in its anti-windup.
-        A plain function of a module, whose text is compiled; it may call those in `uses`, sqrt, exp, sin and the
-        numpy that numba supports.
+        A plain function of a module, whose text is compiled and written as C. Vectors have indices and slices that
+        count from their beginning, but no length; it may call those in `uses` and sqrt, exp, log, sin, cos, tan, tanh,
+        atan and isfinite.
     uses: functions that `function` calls.
     compiles: False for a law that only runs as plain Python (a solver inside); `function` may be any callable then.
     reads: the channels that it requires.

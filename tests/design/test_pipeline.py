@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl import load_controller, three_state
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.design.stages.compiled import compiled_pipeline, pointer_text
 from ehsa_ctrl.design.stages.feedforward import MEMORY as FEED_MEMORY
 from ehsa_ctrl.design.stages.feedforward import SETTINGS as FEED
 from ehsa_ctrl.design.stages.feedforward import Feedforward, feedforward, feedforward_settings
@@ -154,3 +156,40 @@ def test_the_pipeline_takes_any_callable_as_law(pid):
     current = pipeline(np.zeros(3), np.ones(5), memory, pid.settings(), lambda *arguments: 0.25 + arguments[4])
 
     assert current == 0.25
+
+
+def shifting_law(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """Means of the last readings, by all that a law may do with a slice."""
+    first, second, third = memory[1:4]
+    memory[1:4] = memory[:3]
+    memory[0] = measured[3]
+    memory[3], memory[0] = memory[0], memory[3]
+    tail = memory[2:]
+    return first + 2.0 * second + 4.0 * third + 8.0 * tail[1] + extra
+
+
+def test_slices_are_the_same_with_pointers():
+    """An overlapping copy, several targets and slices of slices: compiled as plain, to the bit."""
+    step = compiled_pipeline(shifting_law, ())
+    settings = np.zeros(S_LAW)
+    settings[:7] = [10.0, np.inf, np.inf, -np.inf, np.inf, np.inf, 0.0]
+    plain, compiled = np.zeros(M_LAW + 4), np.zeros(M_LAW + 4)
+    for k in range(8):
+        measured = np.array([0.0, 1.0, 2.0, 0.1 * k * k, 0.0])
+        found = step(np.zeros(3), measured, compiled, settings)
+
+        assert found == pipeline(np.zeros(3), measured, plain, settings, shifting_law)
+    assert found != 0.0
+    np.testing.assert_array_equal(plain, compiled)
+
+
+def test_an_index_from_the_end_is_refused():
+    """A pointer has no end."""
+
+    def law(memory):
+        return memory[-1]
+
+    with pytest.raises(InputError, match=r"law: `memory\[-1\]`; expected an index that counts from the front"):
+        pointer_text(law)

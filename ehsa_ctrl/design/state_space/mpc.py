@@ -142,9 +142,9 @@ SAMPLE_FUNCTIONS = (
 
 @cache
 def _compiled() -> Any:
-    """Functions that run each sample beside the solver, compiled; the first compilation takes some 10 s."""
+    """Functions that run each sample beside the solver, compiled; the first compilation takes about 3 s."""
     from ...core.compiled import load_compiled
-    from ..stages.pipeline import IMPORTS, source_text
+    from ..stages.compiled import IMPORTS, source_text
 
     names = ("VIOLATED", "_STATUS", "_REASON", "_VIOLATION", "_LAST", "_AGE", "_PLAN")
     constants = "\n".join(f"{name} = {globals()[name]!r}" for name in names)
