@@ -44,7 +44,9 @@ def move(context: Any, target: Any, source: Any, elements: Any) -> Any:
     """Copy so many elements from one address to another; the two ranges may overlap."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        cgutils.raw_memmove(builder, *args, context.get_abi_sizeof(context.get_data_type(source.dtype)))
+        to, start, count = args
+        size = context.get_abi_sizeof(context.get_data_type(source.dtype))
+        cgutils.raw_memmove(builder, to, start, count, size)
         return context.get_dummy_value()
 
     return types.none(target, source, types.int64), generate

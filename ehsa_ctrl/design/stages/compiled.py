@@ -119,7 +119,9 @@ class _Pointers(ast.NodeTransformer):
                 return ast.Expr(_call("move", self.visit(target), self.visit(value), count))
             case [ast.Tuple(elts=targets)], ast.Name() | ast.Subscript(slice=ast.Slice()):
                 vector = self.visit(node.value)
-                entries = [ast.Subscript(vector, ast.Constant(k), ast.Load()) for k in range(len(targets))]
+                entries: list[ast.expr] = [
+                    ast.Subscript(vector, ast.Constant(k), ast.Load()) for k in range(len(targets))
+                ]
                 node.value = ast.Tuple(entries, ast.Load())
         return self.generic_visit(node)
 
