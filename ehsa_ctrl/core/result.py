@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 class Result:
-    """Base of results: shown as their text, in a notebook in a font of fixed width so that tables stay aligned.
+    """Base of what users look at: shown as its `__str__`, in a notebook in a font of fixed width.
 
-    A dataclass needs `repr=False` for it, and a `__str__` of its own.
+    A dataclass with `repr=False` shows its text in a terminal too.
     """
 
     def __repr__(self) -> str:
@@ -62,13 +62,15 @@ def to_json(value: Any) -> str:
     return json.dumps(plain(value), indent=2)
 
 
-def as_table(items: Iterable[Any], names: str, *, index: str = "name", **how: Callable[[Any], Any]) -> pandas.DataFrame:
+def as_table(
+    items: Iterable[Any], names: str, *, index: str = "name", **computed: Callable[[Any], Any]
+) -> pandas.DataFrame:
     """One row an item, by default under its attribute `index`; a column each of `names`.
 
-    names: separated by spaces. how: of a name that is no attribute of an item, the value for an item.
+    names: separated by spaces. computed: of a name that is no attribute, a function of the item.
     """
     import pandas
 
     found = list(items)
-    columns = {name: list(map(how.get(name, attrgetter(name)), found)) for name in names.split()}
+    columns = {name: list(map(computed.get(name, attrgetter(name)), found)) for name in names.split()}
     return pandas.DataFrame(columns, index=pandas.Index([getattr(item, index) for item in found], name=index))

@@ -61,6 +61,7 @@ class Review(Result):
         return as_table(self.findings, "result verdict fix", index="test")
 
     def to_dict(self) -> dict[str, Any]:
+        """One of `reviews` in analysis.json."""
         return as_dict(self, "controller passed findings")
 
     def __str__(self) -> str:

@@ -125,6 +125,7 @@ class Influence:
         return self.chance < SIGNIFICANCE
 
     def to_dict(self) -> dict[str, Any]:
+        """One of `influences` in montecarlo.json, SI units."""
         return as_dict(self, "name measure value chance passing failing decisive")
 
     def __str__(self) -> str:

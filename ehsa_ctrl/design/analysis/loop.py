@@ -95,6 +95,7 @@ class LoopAnalysis(Result, Margins):
         return draw(self)
 
     def to_dict(self) -> dict[str, Any]:
+        """One of `loops` in analysis.json, SI units (phase in deg)."""
         return as_dict(self, " ".join(["controller", *FIGURES, "noise_gain"]))
 
     def to_pandas(self) -> pandas.DataFrame:

@@ -113,6 +113,7 @@ class RobustMargins(Result):
         return pandas.DataFrame(rows, index=pandas.Index(list(self.loops), name="plant"))
 
     def to_dict(self) -> dict[str, Any]:
+        """One of `robust` in analysis.json, SI units (phase in deg)."""
         return as_dict(
             self, "controller stable unstable", plants=len(self.loops),
             worst={name: {"value": worst.value, "plant": worst.label} for name, worst in self.worst.items()},

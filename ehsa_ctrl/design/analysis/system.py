@@ -39,6 +39,7 @@ class Analysis(Result):
     dc_gains: dict[str, float]
 
     def to_dict(self) -> dict[str, Any]:
+        """Content of analysis.json, SI units."""
         return as_dict(
             self, "poles natural_frequencies damping", states=self.system.state_labels,
             zeros={KEYS[output]: zeros for output, zeros in self.zeros.items()},
