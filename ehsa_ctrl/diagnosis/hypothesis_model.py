@@ -128,7 +128,10 @@ class HypothesisModel:
     def channels(self) -> tuple[str, ...]:
         """Scored channels of the log, then the load cell where the simulation has one."""
         system = self.plant.structure.system
-        simulated = [*(one.channel for one in system.scored), *(["force"] if system.cell is not None else [])]
+        simulated = [
+            *(one.channel for one in system.scored),
+            *([system.cell_channel] if system.cell is not None else []),
+        ]
         return tuple(channel for channel in dict.fromkeys(simulated) if channel in self.log.channels)
 
     def nominal_value(self, name: str) -> float:
@@ -246,10 +249,10 @@ class HypothesisModel:
         return drive
 
     def _readings(self, states: np.ndarray, force: np.ndarray, values: Setting) -> dict[str, np.ndarray]:
-        index, outputs = self.plant.structure.equations.index, self.plant.structure.system.outputs
+        index, system = self.plant.structure.equations.index, self.plant.structure.system
         out = {}
         for channel in self.channels:
-            signal = force if channel == "force" else states[:, index(outputs[channel])]
+            signal = force if channel == system.cell_channel else states[:, index(system.outputs[channel])]
             out[channel] = shown(self.sensor(channel, values), signal, self.log.sample_time)
         return out
 

@@ -22,6 +22,7 @@ from ..simulation.engine import simulate_batch
 from .excitation_library import LibraryInput
 from .hypothesis_model import HypothesisModel, Setting, law_switches, with_every_effect
 from .refit import STEP, TEMPER, NominalParameters, Objective, ResidualScale
+from .regressors import balance_contact
 
 #: Share of each limit that is kept in reserve.
 MARGIN = 0.15
@@ -154,6 +155,11 @@ class CandidateModels:
             amplitude *= 0.85
         return None
 
+    @property
+    def _position(self) -> str:
+        """State that is the position of the rod."""
+        return balance_contact(self.plant, "force").position
+
     def _model(self, time: np.ndarray, current: np.ndarray) -> HypothesisModel:
         system = self.plant.structure.system
         log = Log(time, {system.drive: current, **dict.fromkeys(system.outputs, np.zeros(time.size))})
@@ -166,7 +172,7 @@ class CandidateModels:
         known = self.plant.structure.equations.parameter_names
         plant, dt = self.plant.set(**{n: v for n, v in values.items() if n in known}), self.plant.sample_time
         out, state, low = current.copy(), plant.rest[None], 0.0
-        length, x = max(int(round(LOOP / dt)), 1), plant.structure.equations.index("x")
+        length, x = max(int(round(LOOP / dt)), 1), plant.structure.equations.index(self._position)
         for first in range(0, current.size - 1, length):
             block = out[first : first + length + 1]
             block -= np.clip(CENTRING_GAIN * low, -CENTRING_LIMIT, CENTRING_LIMIT)
@@ -187,7 +193,7 @@ class CandidateModels:
         system = self.plant.structure.system
         states = {state: run[channel] for channel, state in system.outputs.items()}
         (gain,) = system.entries["torque"].capacity
-        torque, speed = self.plant[gain] * current, states["omega"]
+        torque, speed = self.plant[gain] * current, states[balance_contact(self.plant, "torque").velocity]
         pressures = np.stack([states[state] for state in system.pressures])
         fastest = float(np.max(np.abs(speed)))
         return limit_shares(
@@ -200,7 +206,7 @@ class CandidateModels:
                 "current_rms": float(np.sqrt(np.mean(current**2))),
                 "pressure_max": float(np.max(pressures)),
                 "pressure_min": float(np.min(pressures)),
-                "stroke": 2.0 * float(np.max(np.abs(states["x"]))),
+                "stroke": 2.0 * float(np.max(np.abs(states[self._position]))),
             },
         )
 

@@ -11,7 +11,7 @@ from ..core.log import Log
 from ..plant.plant import Plant
 from .injection import Energy, Injection, SquaredGap, simulate_injections
 from .regimes import Curve, CurveKey, curves_of
-from .regressors import DRIVE, MEMORYLESS, pressure_difference
+from .regressors import DRIVE, MEMORYLESS, balance_contact, pressure_difference
 from .unknown_inputs import (
     BalanceSignals,
     UnknownInputs,
@@ -209,7 +209,8 @@ def _flow_forms(case: InjectionCase) -> list[Form]:
     pumped = [(one, two) for one, two in pairs if one.family in PUMPED and "shaft" in one.against]
     for one, two in pumped[:2]:
         # One error of the pump's displacement: what it does not deliver does not load the shaft either.
-        omega, dP = case.signals["omega"][:-1], pressure_difference(case.plant, case.signals)
+        shaft = balance_contact(case.plant, "torque")
+        omega, dP = case.signals[shaft.velocity][:-1], pressure_difference(case.plant, case.signals)
         flow = 0.5 * (one.values - two.values)
         turns = np.abs(omega) > 1.0
         lost = np.where(turns, flow / np.where(turns, omega, 1.0), 0.0)

@@ -52,7 +52,7 @@ def split_hats(z: np.ndarray, sign: np.ndarray, count: int) -> np.ndarray:
     return np.column_stack([part[:, np.any(part != 0.0, axis=0)] for part in parts])
 
 
-def _contact(plant: Plant, balance: str) -> Contact:
+def balance_contact(plant: Plant, balance: str) -> Contact:
     """The contact whose friction is a term of a balance."""
     system = plant.structure.system
     names = {name for one in system.balances if balance in one.unknown_inputs for name in one.contacts}
@@ -77,7 +77,7 @@ def pressure_difference(plant: Plant, s: BalanceSignals) -> np.ndarray:
 
 def shaft_angle(plant: Plant, s: BalanceSignals) -> np.ndarray:
     """(N - 1,) integral of the shaft's speed [rad]."""
-    omega = s[_contact(plant, "torque").velocity]
+    omega = s[balance_contact(plant, "torque").velocity]
     return np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1])) * s.sample_time])[:-1]
 
 
@@ -118,7 +118,7 @@ FITTED = ("late", "lag", "slope", "dead band")
 
 def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]) -> list[Regressors]:
     """Regressors of an unknown torque; orders: periods per turn of a ripple."""
-    held, dt, shaft = s[plant.structure.system.inputs[0]][:-1], s.sample_time, _contact(plant, "torque")
+    held, dt, shaft = s[plant.structure.system.inputs[0]][:-1], s.sample_time, balance_contact(plant, "torque")
     omega, rate, time = (s[n][:-1] for n in (shaft.velocity, f"{shaft.velocity}_rate", "time"))
     sign, push, size = _sure_sign(s, shaft), np.sign(held), np.abs(held)
     speed, current, against = "the shaft's speed", "the current", "time, against the motion"
@@ -183,8 +183,9 @@ def drive_regressors(plant: Plant, s: BalanceSignals, family: str, numbers: np.n
 
 def force_regressors(plant: Plant, s: BalanceSignals) -> list[Regressors]:
     """Regressors of an unknown force."""
-    x, v, time, rate = (s[n][:-1] for n in ("x", "v", "time", "v_rate"))
-    sign = _sure_sign(s, _contact(plant, "force"))
+    rod = balance_contact(plant, "force")
+    x, v, time, rate = (s[n][:-1] for n in (rod.position, rod.velocity, "time", f"{rod.velocity}_rate"))
+    sign = _sure_sign(s, rod)
     place, speed, against = "the rod's position", "the rod's speed", "against the motion"
     found = [
         Regressors("constant", "time", "s", time, np.ones((x.size, 1))),
@@ -211,7 +212,8 @@ def flow_regressors(plant: Plant, s: BalanceSignals, name: str, orders: tuple[fl
     """Regressors of an unknown flow into a chamber."""
     pressure, chamber = plant.structure.system.entries[name].target, name[-1]
     P, rate = s[pressure][:-1], s[f"{pressure}_rate"][:-1]
-    dP, omega, x, v, time = pressure_difference(plant, s), *(s[n][:-1] for n in ("omega", "x", "v", "time"))
+    shaft, rod, dP = balance_contact(plant, "torque"), balance_contact(plant, "force"), pressure_difference(plant, s)
+    omega, x, v, time = (s[n][:-1] for n in (shaft.velocity, rod.position, rod.velocity, "time"))
     here, speed, drop = f"the pressure in chamber {chamber}", "the shaft's speed", "the pressure difference"
     pumped, leak = omega * np.abs(dP), dP[:, None] * hats(time, 8)
     found = [

@@ -78,20 +78,22 @@ def signals_of(
             values[f"{state}_rate"] = _slope(values[state], dt, 1)
             sds[state] = noise.get(channel, 0.0)
     values |= {f"{c}_measured": undo_sensor(plant, log, c) for c in system.measured if c in log.channels}
-    if "x" in values:
-        values["v"], values["v_rate"] = values["x_rate"], _slope(values["x"], dt, 2)
-    elif system.prescribed:
-        values["x"] = values.get("position_measured", np.cumsum(values["v"]) * dt)
-        values["v_rate"] = _slope(values["v"], dt, 1)
-        sds["v"] = noise.get(system.drives["v"], 0.0)
     slides = {}
     for contact in system.all_contacts:
-        if contact.velocity not in values:
+        speed, position = contact.velocity, contact.position
+        if position in values:
+            values[speed], values[f"{speed}_rate"] = values[f"{position}_rate"], _slope(values[position], dt, 2)
+        elif contact in system.prescribed:
+            if position:
+                values[position] = values.get(f"{contact.position_channel}_measured", np.cumsum(values[speed]) * dt)
+            values[f"{speed}_rate"] = _slope(values[speed], dt, 1)
+            sds[speed] = noise.get(system.drives[speed], 0.0)
+        if speed not in values:
             continue
-        if contact.velocity in sds:
-            seen, sd = savgol_filter(values[contact.velocity], DIRECTION, 3), 0.45 * sds[contact.velocity]
+        if speed in sds:
+            seen, sd = savgol_filter(values[speed], DIRECTION, 3), 0.45 * sds[speed]
         else:
-            seen, sd = savgol_filter(values["x"], DIRECTION, 3, deriv=1, delta=dt), 0.3 * sds["x"] / dt
+            seen, sd = savgol_filter(values[position], DIRECTION, 3, deriv=1, delta=dt), 0.3 * sds[position] / dt
         values[contact.direction] = np.sign(seen)
         slides[contact.name] = np.abs(seen) > SURE * sd
     return BalanceSignals(values, slides, dt)

@@ -144,7 +144,7 @@ def _has_unmeasured_state(plant: Plant, log: Log) -> bool:
     """Whether no channel shows a state of the system; a rod's speed is the slope of its position."""
     outputs = plant.structure.system.outputs
     seen = {state for channel, state in outputs.items() if channel in log.channels}
-    seen |= {"v"} if "x" in seen else set()
+    seen |= {speed for speed, position in plant.structure.system.slopes.items() if position in seen}
     return any(state not in seen for state in outputs.values())
 
 

@@ -62,18 +62,20 @@ def balance_signals(plant: Plant, log: Log, method: Method, cutoff: float) -> Me
             held = system.hold == "zero_order"
             values[name] = 0.5 * (acting + np.concatenate([acting[:1], acting[:-1]])) if held else acting
             noise[name] = _noise(channels[channel])
-    if "v" not in values and "position" in channels:
-        noise["v"] = SLOPE_GAIN * _noise(channels["position"]) / dt
-        values["v"] = (
-            np.gradient(smooth["position"], dt)
-            if filtered
-            else savgol_filter(channels["position"], width, 3, deriv=1, delta=dt)
-        )
+    shown = {state: channel for channel, state in system.positions.items() if channel in channels}
+    for velocity, position in system.slopes.items():
+        if velocity in values or position not in shown:
+            continue
+        measured = channels[shown[position]]
+        noise[velocity] = SLOPE_GAIN * _noise(measured) / dt
+        slope = np.gradient(smooth[shown[position]], dt)
+        values[velocity] = slope if filtered else savgol_filter(measured, width, 3, deriv=1, delta=dt)
     for name in [*(state.name for state in system.states), *system.inputs]:
         if name in values:
             values[f"{name}_rate"] = np.gradient(values[name], dt) if filtered else _slope(values[name], dt)
-    if "v" in values and "acceleration" in channels:
-        values["v_rate"] = channels["acceleration"]
+    for contact in system.all_contacts:
+        if contact.velocity in values and contact.acceleration_channel in channels:
+            values[f"{contact.velocity}_rate"] = channels[contact.acceleration_channel]
     slides = {}
     for contact in system.all_contacts:
         if contact.velocity in values:

@@ -161,8 +161,9 @@ def _findings(log: Log, plant: Plant) -> Iterator[LogFinding]:
         sentence = clipped_output(log[channel], CHANNELS[channel].unit)
         if sentence:
             yield _warning("output_clipped", channel, f"{channel} {sentence}")
-    if "position" not in units:
-        yield from _beyond_stroke(plant, log)
+    for channel in plant.structure.system.positions:
+        if channel in log.channels and channel not in units:
+            yield from _beyond_stroke(plant, log, channel)
     yield from _too_little(plant, log, [channel for channel in alive if channel in moving])
 
 
@@ -211,10 +212,11 @@ def _constant_drive(plant: Plant, log: Log, drives: list[str], outputs: list[str
     speeds = {contact.velocity for contact in plant.structure.system.contacts}
     for channel in outputs:
         state = plant.structure.system.outputs[channel]
-        if state not in {*speeds, "x"}:
+        moves = channel in plant.structure.system.positions
+        if state not in speeds and not moves:
             continue
         rate = log[channel]
-        if state == "x":
+        if moves:
             lag = min(max(int(round(0.05 / log.sample_time)), 1), len(log) // 4)
             rate = rate[lag:] - rate[:-lag]
         limit = max(0.25 * np.max(np.abs(rate)), CONSTANT * sensor_sd(plant, log, channel))
@@ -277,10 +279,10 @@ def _held(log: Log, channels: Mapping[str, int]) -> Iterator[LogFinding]:
 
 def _impossible(plant: Plant, log: Log, channels: list[str]) -> Iterator[LogFinding]:
     """A position that jumps between two rows, and pressures below vacuum."""
-    outputs = plant.structure.system.outputs
+    system = plant.structure.system
     for channel in channels:
         sd = sensor_sd(plant, log, channel)
-        row = jump(log[channel], sd) if outputs[channel] == "x" else None
+        row = jump(log[channel], sd) if channel in system.positions else None
         if row is not None:
             yield _warning(
                 "rows_missing", channel,
@@ -289,7 +291,7 @@ def _impossible(plant: Plant, log: Log, channels: list[str]) -> Iterator[LogFind
                 "there? Use one side alone (from, to)",
             )  # fmt: skip
         median = float(np.median(log[channel]))
-        if outputs[channel] in ("P_1", "P_2") and median < VACUUM - 10.0 * sd:
+        if system.outputs[channel] in system.pressures and median < VACUUM - 10.0 * sd:
             yield _warning(
                 "vacuum", channel,
                 f"{channel} is {median / 1e5:.4g} bar by median, and a gauge pressure can't be below -1.013 bar: set "
@@ -297,16 +299,16 @@ def _impossible(plant: Plant, log: Log, channels: list[str]) -> Iterator[LogFind
             )  # fmt: skip
 
 
-def _beyond_stroke(plant: Plant, log: Log) -> Iterator[LogFinding]:
+def _beyond_stroke(plant: Plant, log: Log, channel: str) -> Iterator[LogFinding]:
     """A position outside the stroke has another zero than the middle, or another unit."""
     stroke = plant.limits.get("stroke")
-    if stroke is None or "position" not in log.channels:
+    if stroke is None:
         return
-    low, high, half = float(np.min(log["position"])), float(np.max(log["position"])), 0.5 * stroke.value
+    low, high, half = float(np.min(log[channel])), float(np.max(log[channel])), 0.5 * stroke.value
     if max(-low, high) > half + BEYOND * stroke.value:
         yield _warning(
-            "stroke", "position",
-            f"position goes from {1e3 * low:.4g} to {1e3 * high:.4g} mm, and {plant.name} has {1e3 * half:.4g} mm to "
+            "stroke", channel,
+            f"{channel} goes from {1e3 * low:.4g} to {1e3 * high:.4g} mm, and {plant.name} has {1e3 * half:.4g} mm to "
             "each side of its middle: is it counted from an end, or in another unit? Give its offset or scale in the "
             "plant's [log] table",
         )  # fmt: skip

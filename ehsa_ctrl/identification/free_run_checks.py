@@ -71,7 +71,7 @@ def _compare(plant: Plant, log: Log, change_time: float, *, shortest: int = 0) -
     for channel, state in plant.structure.system.outputs.items():
         if channel in log.channels:
             measured, simulated = log[channel][: len(run)], run[state]
-            if state == "x":
+            if channel in plant.structure.system.positions:
                 lag = _lag(log, change_time)
                 measured, simulated = measured[lag:] - measured[:-lag], simulated[lag:] - simulated[:-lag]
             pairs[channel] = _Pair(measured, simulated)
@@ -157,12 +157,14 @@ def _level_agrees(plant: Plant, log: Log, channel: str, scale: float) -> bool:
 def travel_ratio(plant: Plant, log: Log) -> float | None:
     """Rod travel over the travel that the shaft has pumped; None without both channels, or without a pump."""
     system, values = plant.structure.system, plant.values
-    by_state = {state: channel for channel, state in system.outputs.items() if channel in log.channels}
-    if not {"omega", "x"} <= by_state.keys() or not {"D", "A"} <= values.keys():
+    shafts = {contact.velocity for contact in system.contacts if contact.name == "shaft"}
+    speeds = [channel for channel, state in system.outputs.items() if state in shafts and channel in log.channels]
+    positions = [channel for channel in system.positions if channel in log.channels]
+    if not speeds or not positions or not {"D", "A"} <= values.keys():
         return None
     lag = _lag(log, SIZE_TIME)
-    travel = log[by_state["x"]][lag:] - log[by_state["x"]][:-lag]
-    turned = np.convolve(log[by_state["omega"]], np.ones(lag), mode="valid") * log.sample_time
+    travel = log[positions[0]][lag:] - log[positions[0]][:-lag]
+    turned = np.convolve(log[speeds[0]], np.ones(lag), mode="valid") * log.sample_time
     size = float(np.std(turned)) * values["D"] / values["A"]
     return float(np.std(travel)) / size if size > 0.0 else None
 
@@ -256,12 +258,13 @@ def wrong_signs(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
     along = [channel for channel, way in ways.items() if way > DIRECTION]
     if not against:
         return
-    drives, outputs = list(plant.structure.system.drives.values()), plant.structure.system.outputs
+    system = plant.structure.system
+    drives = list(system.drives.values())
     if not along and len(ways) > 1:
         why = f"all of {', '.join(against)} run against {' or '.join(drives)}"
         yield drives[0], _inverted(plant, drives[0], why)
         return
-    pressures = [channel for channel in against if outputs[channel] in ("P_1", "P_2")]
+    pressures = [channel for channel in against if system.outputs[channel] in system.pressures]
     if len(pressures) == 2:
         first, second = pressures
         yield (

@@ -225,9 +225,7 @@ def _residual_tests(best: Fit) -> tuple[Correlation, ...]:
     system, equations = best.plant.structure.system, best.plant.structure.equations
     drive = system.drives[system.inputs[0]]
     against = {drive: run.window.log[drive][run.window.first : run.window.last + 1]}
-    for state in equations.states:
-        if state.name == "v":
-            against["sign(v)"] = np.sign(run.states[:, equations.index("v")])
-        if state.name == "x":
-            against["x"] = run.states[:, equations.index("x")]
+    for speed, position in system.slopes.items():
+        against[f"sign({speed})"] = np.sign(run.states[:, equations.index(speed)])
+        against[position] = run.states[:, equations.index(position)]
     return correlations(white, run.measured.channels, against)

@@ -52,15 +52,15 @@ def estimate_states(plant: Plant, log: Log) -> StateEstimate:
 
     A state that no channel shows takes its rest value, and its whole scale as standard deviation.
     """
-    states = plant.structure.equations.states
+    states, slopes = plant.structure.equations.states, plant.structure.system.slopes
     channels = {state: channel for channel, state in plant.structure.system.outputs.items() if channel in log.channels}
     values = np.tile(plant.rest, (len(log), 1))
     sd = np.tile([state.scale for state in states], (len(log), 1))
     for column, state in enumerate(states):
         if state.name in channels:
             values[:, column], sd[:, column] = _smooth(plant, log, channels[state.name], LEVEL_SAMPLES, 0)
-        elif state.name == "v" and "x" in channels and len(log) >= 3:
-            values[:, column], sd[:, column] = _smooth(plant, log, channels["x"], SLOPE_SAMPLES, 1)
+        elif (position := slopes.get(state.name)) in channels and len(log) >= 3:
+            values[:, column], sd[:, column] = _smooth(plant, log, channels[position], SLOPE_SAMPLES, 1)
     return StateEstimate(values, sd)
 
 
@@ -198,15 +198,17 @@ def _run_in(plant: Plant, before: Log) -> InitialState | None:
     if run.stopped:
         return None
     state, index = run.states[-1].copy(), plant.structure.equations.index
-    error = {}
-    for channel, name in plant.structure.system.outputs.items():
+    system, error = plant.structure.system, {}
+    for channel, name in system.outputs.items():
         if channel in before.channels:
             scale, bias = _scale_and_bias(plant, channel)
             error[name] = (before[channel] - bias) / scale - run[name][:-1]
-    if "x" in error:
-        state[index("x")] += np.mean(error["x"][-max(len(before) // 10, 1) :])
-    if "P_1" in error and "P_2" in error:
-        state[[index("P_1"), index("P_2")]] += np.mean([np.mean(error["P_1"]), np.mean(error["P_2"])])
+    for position in system.positions.values():
+        if position in error:
+            state[index(position)] += np.mean(error[position][-max(len(before) // 10, 1) :])
+    if system.pressures and all(pressure in error for pressure in system.pressures):
+        level = np.mean([np.mean(error[pressure]) for pressure in system.pressures])
+        state[[index(pressure) for pressure in system.pressures]] += level
     return InitialState(state, f"in motion, from the {len(before) * before.sample_time:.3g} s before it")
 
 

@@ -13,14 +13,13 @@ from ..plant.plant import Plant
 #: A log needs at least this many samples.
 SHORTEST = 25
 
-#: What can't be determined without the channel that shows a state.
-MISSING_STATE = {
-    "omega": "what the shaft does: motor friction and inertia can't be separated from the torque constant",
-    "P_1": "the pressure in chamber 1: the force on the rod can't be separated from the motor's",
-    "P_2": "the pressure in chamber 2: the force on the rod can't be separated from the motor's",
-    "v": "the rod's speed",
-    "x": "where the rod is: leakage, load spring and end stops can't be distinguished",
+#: What can't be determined without the channel that shows the velocity of a contact, by the contact's name.
+MISSING_SPEED = {
+    "shaft": "what the shaft does: motor friction and inertia can't be separated from the torque constant",
+    "rod": "the rod's speed",
 }
+MISSING_POSITION = "where the rod is: leakage, load spring and end stops can't be distinguished"
+MISSING_PRESSURE = "the pressure in chamber {}: the force on the rod can't be separated from the motor's"
 MISSING_FORCE = "the force on the rod: the load can't be separated from the rod's friction"
 
 #: No logger samples faster than this share of the plant's sample time; more than SLOWEST times it is no time in s.
@@ -46,7 +45,7 @@ def read_plant_log(
     InputError: as `read_log`; no output at all; a sample time that only another unit of time explains.
     """
     system = plant.structure.system
-    wanted = [*system.outputs, *(["force"] if system.cell else [])]
+    wanted = [*system.outputs, *([system.cell_channel] if system.cell else [])]
     drives = list(system.drives.values())
     log = read_log(path, drives, columns=plant.log, shortest=shortest, uniform=uniform, wanted=wanted, span=span)
     missing = tuple(channel for channel in wanted if channel not in log.channels)
@@ -103,13 +102,18 @@ def wrong_time_unit(log: Log, plant: Plant) -> str:
 
 def missing_information(log: Log, plant: Plant) -> dict[str, str]:
     """Missing channel -> a sentence on what this log can't determine without it."""
-    outputs = plant.structure.system.outputs
+    system = plant.structure.system
+    outputs = system.outputs
     missing = dict.fromkeys([*(name for name in outputs if name not in log.channels), *log.missing])
     shown = {outputs[channel] for channel in outputs if channel in log.channels}
+    words = {contact.velocity: MISSING_SPEED[contact.name] for contact in system.contacts}
+    words |= {state: MISSING_PRESSURE.format(number) for number, state in enumerate(system.pressures, 1)}
+    words |= dict.fromkeys(system.positions.values(), MISSING_POSITION)
     found = {}
     for channel in missing:
+        state = outputs.get(channel, "")
         # A speed without a channel is the slope of the position.
-        if outputs.get(channel) != "v" or "x" not in shown:
-            what = MISSING_STATE.get(outputs.get(channel, ""), f"what {channel} shows")
-            found[channel] = f"without {channel} the log does not show {MISSING_FORCE if channel == 'force' else what}"
+        if system.slopes.get(state) not in shown:
+            what = MISSING_FORCE if channel == system.cell_channel else words.get(state, f"what {channel} shows")
+            found[channel] = f"without {channel} the log does not show {what}"
     return found

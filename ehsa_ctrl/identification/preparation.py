@@ -180,10 +180,10 @@ def zero(
 
 def _rest_values(plant: Plant) -> dict[str, float]:
     """Value of each output channel, and of the load cell, at the plant's rest."""
-    index = plant.structure.equations.index
-    values = {channel: float(plant.rest[index(state)]) for channel, state in plant.structure.system.outputs.items()}
-    if plant.structure.system.cell is not None:
-        values["force"] = float(simulate(plant, np.zeros(2)).cell_force[0])
+    index, system = plant.structure.equations.index, plant.structure.system
+    values = {channel: float(plant.rest[index(state)]) for channel, state in system.outputs.items()}
+    if system.cell is not None:
+        values[system.cell_channel] = float(simulate(plant, np.zeros(2)).cell_force[0])
     return values
 
 

@@ -57,6 +57,8 @@ class Contact:
     bristle: inner state of friction laws that have one.
     stribeck_speed: tau for a plant without static friction, whose file gives none.
     constant: symbol in the catalogue of effects of a constant effort on the contact; empty without one.
+    position: state that is the integral of the velocity, or its name where the motion is prescribed; empty without one.
+    position_channel, acceleration_channel: channels of the log that measure a prescribed position, an acceleration.
     symbols: friction symbols with another name in this system, e.g. {"A": "Fc"}.
     """
 
@@ -73,6 +75,9 @@ class Contact:
     symbols: Mapping[str, str] = field(default_factory=dict)
     stribeck_speed: float = 0.01
     constant: str = ""
+    position: str = ""
+    position_channel: str = ""
+    acceleration_channel: str = ""
 
     def symbol(self, symbol: str) -> str:
         """Name of a friction symbol at this contact: A_FM for A."""
@@ -156,7 +161,7 @@ class System:
     hold: of the drives between the samples of a log, "zero_order" or "first_order".
     chamber_forms: name in a plant's TOML -> equations of the chamber volumes; empty for a system without chambers.
     start: state -> parameter with its value at rest; the other states are zero at rest.
-    cell: signal of a load cell; None without one.
+    cell: signal of a load cell; None without one. cell_channel: channel of the log that measures it.
     prescribed: contacts whose motion is an input; their friction occurs only in balances.
     balances: in the order of solution; a parameter estimated in one is known in the next.
     measured: further channels that the balances use.
@@ -182,6 +187,7 @@ class System:
     chamber_forms: Mapping[str, tuple[tuple[str, ScalarFunction], ...]] = field(default_factory=dict)
     start: Mapping[str, str] = field(default_factory=dict)
     cell: str | None = None
+    cell_channel: str = "force"
     prescribed: tuple[Contact, ...] = ()
     balances: tuple[Balance, ...] = ()
     measured: tuple[str, ...] = ()
@@ -247,6 +253,18 @@ class System:
     def pressures(self) -> tuple[str, ...]:
         """States that are the pressures of the two chambers; empty for a system without flow balances."""
         return tuple(entry.target for name, entry in self.entries.items() if name.startswith("flow"))
+
+    @property
+    def positions(self) -> dict[str, str]:
+        """Channel of the log -> state, for each output that is the position of a contact."""
+        known = {contact.position for contact in self.all_contacts}
+        return {channel: state for channel, state in self.outputs.items() if state in known}
+
+    @property
+    def slopes(self) -> dict[str, str]:
+        """State that is the velocity of a contact -> state that is its position."""
+        states = {state.name for state in self.states}
+        return {c.velocity: c.position for c in self.all_contacts if {c.velocity, c.position} <= states}
 
     @property
     def places(self) -> dict[str, tuple[str, ...]]:

@@ -6,6 +6,8 @@ With measured force and gas spring pressures, the balance determines areas and f
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ...physics import residuals
 from ..system import Balance, ParameterKind, System
 from .ehsa import CHAMBER_FORMS, FLOW, ROD, SHAFT, SHAFT_TO_PISTON, TORQUE
@@ -27,7 +29,7 @@ system = System(
     measured=("position", "force", "spring_p1", "spring_p2"),
     lacking=(("motor_friction", "motor_viscous_friction"),),
     contacts=(SHAFT,),
-    prescribed=(ROD,),
+    prescribed=(replace(ROD, position_channel="position"),),
     equations=SHAFT_TO_PISTON,
     parameters=(
         *(_EHSA[name] for name in ("J_M", "K_T", "D", "K_L", "V", "beta", "A", "M", "P_0")),

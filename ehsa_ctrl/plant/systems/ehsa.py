@@ -34,6 +34,7 @@ ROD = Contact(
     bristle=State("z_R", "m", 1e-5),
     stribeck_speed=0.007,
     constant="F_0",
+    position="x",
 )
 
 #: The two forms of the chamber volumes, by the word used in a plant's TOML.

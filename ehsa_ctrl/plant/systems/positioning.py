@@ -25,6 +25,8 @@ CARRIAGE = Contact(
     stribeck_speed=0.007,
     symbols={"A": "Fc", "B": "Fv"},
     constant="F_0",
+    position="x",
+    acceleration_channel="acceleration",
 )
 
 system = System(
