@@ -63,7 +63,7 @@ def ours(case: Case, tol: float) -> Run:
 
 def ours_batch(case: Case, tol: float, parameters: Array, threads: int) -> Run:
     """Runs with varied parameters; gives the states of the first."""
-    code = plant_code(NONLINEAR)
+    code = plant_code(NONLINEAR.equations)
     runs, n = len(parameters), case.current.size
     current, force = np.ascontiguousarray(case.current), np.zeros(n)
     y, mode, carry = np.empty((runs, 5)), np.empty((runs, 2)), np.empty((runs, 11))

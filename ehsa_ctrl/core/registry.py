@@ -3,7 +3,8 @@
 A module defines one member (`effect = ...`) or several as a tuple under the plural (`effects = (..., ...)`).
 
 Members also come from a user's project (`effects/` beside `plants/`) and from installed packages (entry points). The
-code of a project runs only if the project is the working directory, or if one of its plants is loaded by path.
+code of a project runs only if the project is the working directory, or if one of its plants is loaded by path. Files
+that have changed are executed again when the next plant is loaded, so that a notebook need not be restarted.
 """
 
 from __future__ import annotations
@@ -29,10 +30,17 @@ T = TypeVar("T")
 
 #: Projects outside the working directory, of which a plant was loaded by path.
 _PROJECTS: list[Path] = []
+#: Counts loaded plants: each registry looks for changed files once for each count.
+_loads = 0
 
 
 def add_project(plant: Path) -> None:
-    """Add the project of a plant's file: the parent of its `plants/`, or else the file's own folder."""
+    """Add the project of a plant's file: the parent of its `plants/`, or else the file's own folder.
+
+    Registries then look for new and changed files in all projects.
+    """
+    global _loads
+    _loads += 1
     folder = plant.resolve().parent
     project = folder.parent if folder.name == "plants" else folder
     if project not in _PROJECTS:
@@ -77,12 +85,14 @@ class Registry(Mapping[str, T], Generic[T]):
     def __init__(self, package: ModuleType, attribute: str, kind: type[T], folder: str) -> None:
         self._shipped: dict[str, T] = dict(sorted(members(package, attribute).items()))
         self._attribute, self._kind, self._folder = attribute, kind, folder
-        self._known: dict[Path, dict[str, T]] = {}
-        self._merged: tuple[tuple[Path, ...], dict[str, T]] = ((), self._shipped)
+        #: Folder of a project -> (file, time of its last change, size) of each of its files, and its members.
+        self._known: dict[Path, tuple[list[tuple[Path, int, int]], dict[str, T]]] = {}
+        self._merged: tuple[tuple[int, tuple[Path, ...]], dict[str, T]] = ((-1, ()), self._shipped)
 
-    def _all(self) -> dict[str, T]:
+    def members(self) -> Mapping[str, T]:
+        """All members, as they are now: a look-up in it is faster than in the registry."""
         projects = (*_PROJECTS, Path(os.getcwd()))  # noqa: PTH109 - called at every look-up, and ten times as fast
-        if self._merged[0] != projects:
+        if self._merged[0] != (_loads, projects):
             everywhere = self._shipped | self._installed
             found = dict(everywhere)
             # Later projects override earlier ones; the working directory comes last.
@@ -91,14 +101,15 @@ class Registry(Mapping[str, T], Generic[T]):
                 if taken := set(own) & set(everywhere):
                     raise InputError(f"{project / self._folder}: the name {min(taken)!r} is taken; choose another one")
                 found |= own
-            self._merged = (projects, found)
+            self._merged = ((_loads, projects), found)
         return self._merged[1]
 
     def _of(self, folder: Path) -> dict[str, T]:
-        """Members of a project's folder; its modules are executed once."""
-        if folder not in self._known:
+        """Members of a project's folder; its modules are executed once, and again after a change."""
+        files = sorted(folder.glob("*.py")) if folder.is_dir() else []
+        state = [(file, file.stat().st_mtime_ns, file.stat().st_size) for file in files]
+        if folder not in self._known or self._known[folder][0] != state:
             found: dict[str, T] = {}
-            files = sorted(folder.glob("*.py")) if folder.is_dir() else []
             for file in files:
                 for member in () if file.name.startswith("_") else self._load(file):
                     if member.name in found:  # type: ignore[attr-defined]
@@ -106,16 +117,17 @@ class Registry(Mapping[str, T], Generic[T]):
                     found[member.name] = member  # type: ignore[attr-defined]
             if found:
                 log.info("%s of this project: %s (from %s)", self._folder, ", ".join(found), folder)
-            self._known[folder] = found
-        return self._known[folder]
+            self._known[folder] = (state, found)
+        return self._known[folder][1]
 
     def _load(self, file: Path) -> tuple[T, ...]:
         spec = importlib.util.spec_from_file_location(f"ehsa_ctrl_project_{self._folder}_{file.stem}", file)
-        assert spec is not None and spec.loader is not None
+        assert spec is not None
         module = importlib.util.module_from_spec(spec)
         sys.modules[spec.name] = module
         try:
-            spec.loader.exec_module(module)
+            # Not the loader's cache of compiled code, which misses a second change within one second.
+            exec(compile(file.read_bytes(), file, "exec"), vars(module))
         except Exception as error:
             raise InputError(f"{file}: can't be run: {type(error).__name__}: {error}") from error
         return tuple(self._checked(member, str(file)) for member in _defined(module, self._attribute) or (None,))
@@ -133,10 +145,10 @@ class Registry(Mapping[str, T], Generic[T]):
         return {member.name: member for member in found}  # type: ignore[attr-defined]
 
     def __getitem__(self, name: str) -> T:
-        return self._all()[name]
+        return self.members()[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._all())
+        return iter(self.members())
 
     def __len__(self) -> int:
-        return len(self._all())
+        return len(self.members())

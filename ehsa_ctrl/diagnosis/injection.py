@@ -139,7 +139,7 @@ def _simulate_kicked(
     tolerance: float,
 ) -> np.ndarray:
     """Runs (runs, N, n) whose states are moved by `halves` (N, runs, n) in the halves of each sample."""
-    code, lines = plant_code(plant.structure), plant.structure.system.hold == "first_order"
+    code, lines = plant_code(plant.structure.equations), plant.structure.system.hold == "first_order"
     samples, runs, n = halves.shape
     steps = max(int(np.ceil(dt / KICK - 1e-9)), 1)
     fine = np.arange((samples - 1) * steps + 1) / steps

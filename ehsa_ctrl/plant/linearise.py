@@ -14,9 +14,9 @@ from .arrays import evaluate_tape
 from .linear import INPUTS
 from .plain import evaluator
 from .plant import Plant
-from .structure import Structure
 from .tangent import Tangent
 from .tape import Ref, Tape, build_tape
+from .wiring import Equations
 
 if TYPE_CHECKING:
     import control
@@ -32,9 +32,8 @@ class OperatingPoint:
 
 
 @cache
-def _jacobian(structure: Structure) -> tuple[Tape, dict[tuple[int, int], Ref]]:
+def _jacobian(equations: Equations) -> tuple[Tape, dict[tuple[int, int], Ref]]:
     """A tape with the Jacobian by states and inputs: (row, column) -> entry, the others are zero."""
-    equations = structure.equations
     tape = build_tape(equations)
     seeds = [*(state.name for state in equations.states), *equations.inputs]
     tangent = Tangent(tape, seeds)
@@ -52,7 +51,7 @@ def jacobian(
 
     parameters: (n_parameters,) values other than the plant's own, in the order of `plant.vector`.
     """
-    tape, entries = _jacobian(plant.structure)
+    tape, entries = _jacobian(plant.structure.equations)
     names = plant.structure.equations.parameter_names
     values = dict(zip(names, plant.vector if parameters is None else parameters, strict=True))
     values |= {**point.states, **point.inputs, **point.directions}

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 
 from ..core.errors import InputError, choices
 from ..physics.effects import EFFECTS, Effect
@@ -131,10 +132,26 @@ class Structure:
         late = [name for name in self.effects if EFFECTS[name].delays]
         return EFFECTS[late[0]].parameters[0].name if late else None
 
-    @property
+    @cached_property
     def equations(self) -> Equations:
-        """The wired equations of this structure, computed once."""
-        return wire(self)
+        """The wired equations of this structure; they stay as they are when a file of a project changes."""
+        return wire(self, self.parts)
+
+    def __getstate__(self) -> dict[str, object]:
+        """The names alone: another process wires them again."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    @property
+    def parts(self) -> tuple[object, ...]:
+        """What the names stand for: the system, the friction laws and the effects."""
+        laws = LAWS.members()
+        # A project's effects are not executed for a plant that has none.
+        effects = EFFECTS.members() if self.effects else {}
+        return (
+            self.system,
+            *(laws[name] for name in (self.shaft_friction, self.rod_friction) if name is not None),
+            *(effects[name] for name in self.effects),
+        )
 
 
 NONLINEAR = Structure()

@@ -149,9 +149,9 @@ class Balance:
         return (place,) if count == 1 else tuple(f"{place}_{i}" for i in range(1, count + 1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class System:
-    """A system: everything except friction laws, chamber form, effects and numbers.
+    """A system: everything except friction laws, chamber form, effects and numbers. Compared by identity.
 
     Attributes
     ----------

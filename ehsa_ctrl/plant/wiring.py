@@ -27,9 +27,9 @@ class Call:
     arguments: Mapping[str, str]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equations:
-    """The equations of one structure in an order of evaluation.
+    """The equations of one structure in an order of evaluation. Compared by identity, so that caches may use them.
 
     Attributes
     ----------
@@ -187,8 +187,11 @@ class _Wiring:
 
 
 @cache
-def wire(structure: Structure) -> Equations:
-    """The equations of a structure, ordered for evaluation, with the residuals of its balances."""
+def wire(structure: Structure, parts: tuple[object, ...]) -> Equations:
+    """The equations of a structure, ordered for evaluation, with the residuals of its balances.
+
+    parts: what the structure's names stand for (`Structure.parts`), so that a file that has changed is wired again.
+    """
     wiring = _Wiring(structure)
     system = structure.system
     rates = tuple(wiring.place(f"{state.name}_dot") for state in wiring.states)

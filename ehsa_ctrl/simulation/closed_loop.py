@@ -136,7 +136,7 @@ def run_closed_loop(
     traces = np.full((samples, traced.size), np.nan)
     from .closed_loop_kernel import closed_loop
 
-    code = plant_code(plant.structure)
+    code = plant_code(plant.structure.equations)
     step = controller.compiled if compiled is None or compiled else None
     parameters, settings, law = plant.vector, controller.settings(), step or _idle()
 

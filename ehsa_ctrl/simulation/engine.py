@@ -261,7 +261,7 @@ def _run(
         raise InputError(f"tolerance = {tolerance:g}; expected 1e-13 to 0.1")
     if not 0.0 < dt < 1.0:
         raise InputError(f"sample_time = {dt:g} s; expected more than 0 and less than 1 s")
-    code = plant_code(plant.structure)
+    code = plant_code(plant.structure.equations)
     runs, n = start.shape
     samples = current.size
     states = np.array(start)

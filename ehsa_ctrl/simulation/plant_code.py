@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.compiled import load_functions
 from ..core.errors import InputError
-from ..plant.structure import Structure
+from ..plant.wiring import Equations
 from .plant_text import plant_text
 
 #: Places in `PlantCode.functions`: those of every structure, then for each contact hold, net, friction.
@@ -41,17 +41,18 @@ class PlantCode:
 
 
 @cache
-def plant_code(structure: Structure, *, sensitivities: bool = False) -> PlantCode:
-    """The compiled functions of a structure; the first call ever for a structure compiles, later starts load.
+def plant_code(equations: Equations, *, sensitivities: bool = False) -> PlantCode:
+    """The compiled functions of a structure; the first call ever for its equations compiles, later starts load.
 
     Raises InputError for derivatives of a structure with a dead time.
     """
+    structure = equations.structure
     if sensitivities and structure.delay is not None:
         raise InputError(
             f"no derivatives by {structure.delay}: a dead time of the drive is the same as delays of all sensors; "
             f"free delay.CHANNEL instead"
         )
-    equations, contacts = structure.equations, structure.system.contacts
+    contacts = structure.system.contacts
     text, constants = plant_text(structure, sensitivities=sensitivities)
     addresses = load_functions(text)
     names = [*NAMES, *(f"{name}_{i}" for i in range(len(contacts)) for name in OF_A_CONTACT)]

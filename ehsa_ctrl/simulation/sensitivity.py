@@ -149,7 +149,7 @@ def _run(
     y = checked_start(plant, start)
     out = np.full((current.size, y.size), np.nan)
     values = np.empty((current.size, y.size, S.shape[1] - 1))
-    code = plant_code(plant.structure, sensitivities=True)
+    code = plant_code(plant.structure.equations, sensitivities=True)
     from .sensitivity_kernel import sensitivity
 
     modes, carry = initial_modes(plant, y), initial_carry(plant, 1, dt)[0]

@@ -38,7 +38,7 @@ class SteppedRun:
             raise InputError(f"tolerance = {tolerance:g}; expected 1e-13 to 0.1")
         first = checked_start(plant, start)
         self.plant, self.tolerance, self.time = plant, tolerance, 0.0
-        self._code = plant_code(plant.structure)
+        self._code = plant_code(plant.structure.equations)
         # The engine takes late currents from the samples of a run, which a step has not: they are stored here.
         self._dead_time = 0.0 if plant.structure.delay is None else plant[plant.structure.delay]
         late = {} if plant.structure.delay is None else {plant.structure.delay: 0.0}

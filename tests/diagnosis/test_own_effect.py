@@ -1,5 +1,6 @@
 """An effect of a user's own project, as the documentation writes it, is found, simulated, linearised and diagnosed."""
 
+import pickle
 import re
 from pathlib import Path
 
@@ -70,6 +71,34 @@ def test_neutral_changes_nothing_and_more_holds_the_rod_back(project, plant):
 
     assert (neutral["x"] == base["x"]).all()
     assert f"{1e3 * base['x'].max():.1f} mm, with the effect {1e3 * felt['x'].max():.1f} mm" in PAGE.read_text()
+
+
+def test_a_changed_file_is_read_again(project, plant):
+    """By the next plant that is loaded; one that was loaded before keeps its equations, also in another process."""
+    file, current = project / "effects" / "seal_pressure_friction.py", np.full(100, 2.0)
+    before = plant.with_effects("seal_pressure_friction", k_seal=5e-5)
+    found = e.simulate(before, current)["x"]
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("max(0.5", "max(5.0"), encoding="utf-8")
+    after = e.load_plant("ehsa").with_effects("seal_pressure_friction", k_seal=5e-5)
+
+    assert "max(0.5" in text
+    assert (e.simulate(before, current)["x"] == found).all()
+    assert e.simulate(after, current)["x"][-1] < found[-1]
+    assert pickle.loads(pickle.dumps(after)).structure.equations is after.structure.equations
+
+
+def test_projects_may_have_effects_of_one_name(project, plant, tmp_path_factory, monkeypatch):
+    """Each plant has the equations of its project."""
+    current = np.full(100, 2.0)
+    here = e.simulate(plant.with_effects("seal_pressure_friction", k_seal=5e-5), current)["x"]
+    text = (project / "effects" / "seal_pressure_friction.py").read_text(encoding="utf-8")
+    other = tmp_path_factory.mktemp("other") / "effects"
+    other.mkdir()
+    (other / "mine.py").write_text(text.replace("max(0.5", "max(5.0"), encoding="utf-8")
+    monkeypatch.chdir(other.parent)
+
+    assert e.simulate(plant.with_effects("seal_pressure_friction", k_seal=5e-5), current)["x"][-1] < here[-1]
 
 
 @pytest.mark.slow

@@ -117,9 +117,10 @@ class LawSwitch:
         return {self.parameter: 1.0 / number, **defaults}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Effect:
-    """One effect: where it acts, what it changes and how a log shows it.
+    """One effect: where it acts, what it changes and how a log shows it. Compared by identity: two projects may have
+    different effects of one name.
 
     Attributes
     ----------
