@@ -1,4 +1,4 @@
-"""Provenance of a result: parameters that were assumed, with their range, and hashes of the files it was made from."""
+"""Provenance of a result: assumed parameters with their ranges, and hashes of the input files."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from .text import number, quantity_in
 
 
 def provenance(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:
-    """What a result's JSON has under `rests_on`: assumed parameters as in the plant's file, and hashes of files.
+    """Content of `rests_on` in a result's JSON: assumed parameters in the units of the plant's file, hashes of files.
 
-    files: the plants' own are added; None and what is not a file are left out.
+    files: input files besides those of the plants; None and paths without a file are omitted.
     """
     given = list(plants)
     return {"assumed": assumed_rows(given), "files": dict(hashes([*files, *(plant.path for plant in given)]))}
 
 
 def hashes(files: Iterable[str | Path | None]) -> list[tuple[str, str]]:
-    """Name and the first 16 digits of the SHA-256 of each file that exists, each once."""
+    """Name and first 16 digits of the SHA-256 of each existing file, without repetition."""
     found: dict[str, str] = {}
     for file in files:
         if file is not None and Path(file).is_file():
@@ -32,7 +32,7 @@ def hashes(files: Iterable[str | Path | None]) -> list[tuple[str, str]]:
 
 
 def assumed_rows(plants: Iterable[Plant]) -> list[dict[str, str]]:
-    """Every assumed parameter, limit and sensor number of some plants, each value once, in the unit of the file."""
+    """Assumed parameters, limits and sensor data of the plants, without repetition, in the units of the file."""
     found: dict[tuple[str, str, float], dict[str, str]] = {}
     for plant in plants:
         sensors = [number for sensor in plant.sensors.values() for number in sensor.stated]
@@ -44,7 +44,7 @@ def assumed_rows(plants: Iterable[Plant]) -> list[dict[str, str]]:
 
 
 def _texts(parameter: Parameter) -> dict[str, str]:
-    """Value and range."""
+    """Value and range as text."""
     own = parameter.file_unit
     value, high = (quantity_in(each, own, parameter.unit) for each in (parameter.value, parameter.upper))
     if parameter.lower == -float("inf") and parameter.upper == float("inf"):
@@ -53,7 +53,7 @@ def _texts(parameter: Parameter) -> dict[str, str]:
 
 
 def merged_versions(provenances: Iterable[Mapping[str, str]]) -> dict[str, str]:
-    """Versions of several results; where they differ, all of them."""
+    """Software versions of several results; differing versions are listed together."""
     found: dict[str, set[str]] = {}
     for versions in provenances:
         for name, version in versions.items():

@@ -1,4 +1,4 @@
-"""The figures that belong to each result's page: the file of each without its ending, and the figure."""
+"""Figures of each result's page, as pairs of file stem and figure."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def save_all(figures: Figures, folder: Path) -> None:
 
 
 def run_figures(results: Sequence[ScenarioResult], stated: Sequence[Mapping[str, Any]] | None = None) -> Figures:
-    """Each run, its baseline where it left that, and each linear loop once.
+    """Each run, its baseline figure if it deviates from the baseline, and each distinct linear loop.
 
-    stated: the results' dictionaries, where they are at hand.
+    stated: dictionaries of the results, if already made.
     """
     runs = list(stated) if stated is not None else [result.to_dict() for result in results]
     for stem, result in zip(run_stems(runs), results, strict=True):
@@ -57,7 +57,7 @@ def run_figures(results: Sequence[ScenarioResult], stated: Sequence[Mapping[str,
 
 
 def identification_figures(identifications: Mapping[str, Identification]) -> Figures:
-    """Fits, parameters, correlation and residuals of each model; identifications: by the name of the model."""
+    """Fits, parameters, correlation and residuals of each model. identifications: name of the model -> result."""
     for name, found in identifications.items():
         end = f"-{name}" if len(identifications) > 1 else ""
         runs = found.validation.after or found.train.after
@@ -71,13 +71,13 @@ def identification_figures(identifications: Mapping[str, Identification]) -> Fig
 
 
 def comparison_figures(replays: Sequence[Comparison]) -> Figures:
-    """The whole log, and the second in which the drive varies most."""
+    """The whole log, and the second in which the input varies most."""
     yield "compare", replay_figure(replays)
     yield "compare-detail", replay_figure(replays, detail=True)
 
 
 def diagnosis_figures(diagnosis: Diagnosis) -> Figures:
-    """Those for which the diagnosis has something to show."""
+    """All figures for which the diagnosis has data."""
     yield "signals", diagnosis_figure(diagnosis)
     if diagnosis.verdict == "no_gap":
         return

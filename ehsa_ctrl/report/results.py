@@ -1,6 +1,6 @@
-"""Pages made from the files of a result: its JSON and its figures.
+"""Pages made from the stored files of a result: its JSON and its figures.
 
-One code makes the page that a command leaves with `--out`, the overview of a folder by `ehsa-ctrl report`, and that of
+The same code makes the page of a command with `--out`, the overview of `ehsa-ctrl report`, and the page of
 `write_report` in Python. Nothing is simulated again.
 """
 
@@ -25,19 +25,19 @@ from .page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section,
 
 #: File of the overview.
 FILE = "overview.html"
-#: An SVG of more bytes than this makes a page slow: the PNG is shown where there is one.
-LARGEST = 600_000
-#: A file of more bytes is not a figure of this package, and would make the page useless.
-TOO_LARGE = 8_000_000
-#: Endings of figures, and what follows image/ in their type.
+#: Browsers display larger SVG files slowly, so the PNG replaces them [bytes] (engineering judgement).
+MAX_SVG = 600_000
+#: Larger figures [bytes] are left out of the page; no figure of this package is that large.
+MAX_FIGURE = 8_000_000
+#: Suffix of a figure file -> its image/... media type.
 TYPES = {".svg": "svg+xml", ".png": "png"}
 
 
 @dataclass(frozen=True)
 class StoredResult:
-    """A result on disk, as a page.
+    """A stored result with its page.
 
-    folder: of the JSON. place: the same as seen from the page's folder. anchor: its id in an overview.
+    folder: of the JSON. place: the folder relative to that of the page. anchor: id in an overview.
     """
 
     kind: Kind
@@ -61,15 +61,15 @@ class StoredResult:
 
     @cached_property
     def provenance(self) -> Section:
-        """Where the numbers come from: facts, assumed parameters, files, versions and the command."""
+        """Section with facts, assumed parameters, input files, versions and the command."""
         head = ["plant", "name", "value", "range", "note"]
         rows = [[label(row[key]) if key == "name" else row[key] for key in head] for row in self.assumed]
         files = [f"{digits} {name}" for name, digits in self.rests_on.get("files", {}).items()]
         command = self.rests_on.get("command")
         blocks = [
             Facts(self.page.facts),
-            Table("Assumed, not measured: other values change the results", head, rows),
-            *([Paragraph("Made from these files, with the first digits of their SHA-256:")] if files else []),
+            Table("Assumed parameters: not measured, and other values change the results", head, rows),
+            *([Paragraph("Input files, with the first digits of their SHA-256:")] if files else []),
             Points(files),
             Facts(list(self.page.versions.items())),
             *([Paragraph("Command:"), Paragraph(command, code=True)] if command else []),
@@ -78,29 +78,29 @@ class StoredResult:
 
     @cached_property
     def images(self) -> dict[str, Markup]:
-        """The figures that exist, by their stems."""
+        """Stem of each existing figure -> its <img> element."""
         verdict = " ".join(words for words, _ in self.page.sentences)
         found = {}
         for picture in pictures_in(self.page.sections):
-            drawn = _embedded(self.folder, picture.stem, f"{picture.heading}. {verdict}")
+            drawn = _embed(self.folder, picture.stem, f"{picture.heading}. {verdict}")
             if drawn is not None:
                 found[picture.stem] = drawn
         return found
 
     @property
     def sections(self) -> list[Section]:
-        """Those with something to show, the provenance last."""
-        return list(_filled([*self.page.sections, self.provenance], self.images))
+        """The sections that have content; the provenance is last."""
+        return list(_without_empty([*self.page.sections, self.provenance], self.images))
 
     @property
     def file(self) -> str:
-        """The result's own page as seen from the overview; empty where there is none."""
+        """The result's own page relative to the overview; empty if there is none."""
         there = (self.folder / self.kind.page).is_file()
         return (Path(self.place) / self.kind.page).as_posix() if there else ""
 
     @property
     def link(self) -> str:
-        """The same as a URL: a folder may be called javascript:, or hold a # or %."""
+        """`file` as a URL; quoted because the name of a folder may start with javascript: or contain # or %."""
         return quote(os.fsencode(self.file))
 
 
@@ -113,21 +113,21 @@ def write_result_page(folder: Path, name: str) -> Path:
 def write_overview(results: Sequence[StoredResult], folder: Path, name: str) -> Path:
     """Write `overview.html` to the folder and return its path.
 
-    results: from `results_in`. name: of the folder they are from, for the heading.
+    results: from `results_in`. name: of their folder, for the heading.
     """
     return write_document("overview.html.j2", Path(folder) / FILE, results=results, name=name)
 
 
 def results_in(root: Path, page: Path | None = None) -> tuple[list[StoredResult], list[str]]:
-    """Every result in a folder and below it, and sentences about files that could not be read.
+    """All results in a folder and its subfolders, and sentences about files that could not be read.
 
-    page: folder of the page that will show them, the same one by default; links are relative to it.
+    page: folder of the overview, `root` by default; links are relative to it.
 
-    Raises InputError where there is no such folder, or no result in it.
+    Raises InputError if the folder does not exist or contains no result.
     """
     root = Path(root)
     if not root.is_dir():
-        raise InputError(f"{root}: no such folder; give the one that a command wrote to with --out")
+        raise InputError(f"{root}: no such folder; give a folder that a command wrote with --out")
     found, wrong = [], []
     for kind, folder in _files(root):
         try:
@@ -136,7 +136,7 @@ def results_in(root: Path, page: Path | None = None) -> tuple[list[StoredResult]
             wrong.append(str(error))
     if not found:
         why = f" ({wrong[0]})" if wrong else ""
-        raise InputError(f"{root}: holds no result of ehsa-ctrl{why}; call a command with --out {root} first")
+        raise InputError(f"{root}: contains no result of ehsa-ctrl{why}; run a command with --out {root} first")
     covered = [result.folder / name for result in found for name in result.page.covers]
     shown = [result for result in found if result.folder not in covered]
     ids = anchors(f"{result.kind.name.removesuffix('.json')}-{result.place}" for result in shown)
@@ -144,7 +144,7 @@ def results_in(root: Path, page: Path | None = None) -> tuple[list[StoredResult]
 
 
 def _files(root: Path) -> Iterator[tuple[Kind, Path]]:
-    """The folder's own results first, then those of its folders in the order of their names."""
+    """Kind and folder of each result file: those of the folder itself first, then its subfolders by name."""
     known = kinds()
     for folder, below, files in os.walk(root):
         below[:] = sorted(name for name in below if not name.startswith("."))
@@ -154,29 +154,29 @@ def _files(root: Path) -> Iterator[tuple[Kind, Path]]:
 
 
 def _read(kind: Kind, folder: Path, place: str) -> StoredResult:
-    """Raises InputError for a file that is not a result of this kind."""
+    """Read a result. Raises InputError for a file that is not a result of this kind."""
     path = folder / kind.name
     try:
         content = read_json(path)
         result = StoredResult(kind, kind.read(content, folder), folder, place, content.get("rests_on") or {})
-        # Checked now, while it is still known which file is wrong.
+        # Checked here, where the message can still name the file.
         page = result.page
         check([page.title, page.sentences, page.notes, page.covers, page.sections, result.provenance])
         return result
     except InputError as error:
-        # A message of the reader names the file; one about a unit within it does not.
+        # Errors of the JSON reader name the file; errors about its content do not.
         if str(path) in str(error):
             raise
-        raise InputError(f"{path}: is not what ehsa-ctrl writes under this name") from None
+        raise InputError(f"{path}: is not a result of ehsa-ctrl") from None
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
-        raise InputError(f"{path}: is not what ehsa-ctrl writes under this name") from None
+        raise InputError(f"{path}: is not a result of ehsa-ctrl") from None
 
 
-def _filled(blocks: Iterable[Any], images: Mapping[str, Markup]) -> Iterator[Any]:
-    """Blocks without empty ones and without figures that do not exist."""
+def _without_empty(blocks: Iterable[Any], images: Mapping[str, Markup]) -> Iterator[Any]:
+    """The blocks without empty ones and without missing figures."""
     for block in blocks:
         if isinstance(block, Section):
-            inner = list(_filled(block.blocks, images))
+            inner = list(_without_empty(block.blocks, images))
             if inner:
                 yield block._replace(blocks=inner)
         elif isinstance(block, Picture):
@@ -186,19 +186,19 @@ def _filled(blocks: Iterable[Any], images: Mapping[str, Markup]) -> Iterator[Any
             yield block
 
 
-def _embedded(folder: Path, stem: str, words: str) -> Markup | None:
-    """A figure as an <img>: the SVG, the PNG where that is too large; None where neither exists."""
-    # Some stems come out of the JSON; none may lead out of the folder.
+def _embed(folder: Path, stem: str, words: str) -> Markup | None:
+    """A figure as an <img>: the SVG, or the PNG if the SVG is too large; None if neither exists."""
+    # Some stems come from the JSON; none may lead out of the folder.
     if Path(stem).name != stem:
         return None
     try:
         files = [file for end in TYPES if (file := folder / f"{stem}{end}").is_file()]
         if not files:
             return None
-        file = files[-1] if files[0].stat().st_size > LARGEST else files[0]
-        if file.stat().st_size <= TOO_LARGE:
+        file = files[-1] if files[0].stat().st_size > MAX_SVG else files[0]
+        if file.stat().st_size <= MAX_FIGURE:
             return image(file.read_bytes(), TYPES[file.suffix], words)
-        why = f"is larger than {TOO_LARGE // 1_000_000} MB"
+        why = f"is larger than {MAX_FIGURE // 1_000_000} MB"
     except OSError as error:
         why = f"can't be read ({error.strerror})"
     return Markup('<p class="soft">The figure is left out: {} {}.</p>').format(stem, why)

@@ -1,7 +1,7 @@
-"""How figures look, in one place.
+"""The style of all figures.
 
-Lines differ by colour (the palette of M. Okabe and K. Ito, made for colour-blind readers) and, in
-black and white, by dashes and width. Nothing here changes matplotlib's state for others.
+Lines differ by colour (the palette of M. Okabe and K. Ito for colour-blind readers) and, in black and white, by dashes
+and width. Nothing here changes matplotlib's global state.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ BLACK, GREY, BLUE, SKY, VERMILION, GREEN, PURPLE = (
 
 #: 8 in at 150 dpi are 1200 px; on A4 the same figure is scaled to about nine tenths.
 WIDTH, DPI = 8.0, 150
-#: More points than this in a line are drawn as pixels, so that a page with it stays quick.
+#: Longer lines are rasterised, so that a browser still displays the page quickly (engineering judgement).
 RASTER_POINTS = 20_000
 
 RC: dict[str, Any] = {
@@ -50,14 +50,14 @@ RC: dict[str, Any] = {
     "lines.linewidth": 1.3,
     "lines.scale_dashes": True,
     "savefig.dpi": DPI,
-    # Without these two the same figure would be another file each time, and other on a machine with other fonts.
+    # These two make the file reproducible: the same bytes in every run and on machines with other fonts.
     "svg.fonttype": "path",
     "svg.hashsalt": "ehsa_ctrl",
     "xtick.labelsize": 8.5,
     "ytick.labelsize": 8.5,
 }
 
-#: How each kind of signal is drawn, in every figure.
+#: Role of a signal -> line style, in every figure.
 ROLES: dict[str, dict[str, Any]] = {
     "reference": {"label": "reference", "color": BLACK, "linestyle": (0, (6, 3)), "linewidth": 1.1, "zorder": 2.2},
     "measured": {
@@ -76,13 +76,13 @@ ROLES: dict[str, dict[str, Any]] = {
         "label": "after (identified)", "color": VERMILION, "linestyle": "-", "linewidth": 1.2, "zorder": 2.4,
     },
 }  # fmt: skip
-#: Lines that belong to one panel only.
+#: Line styles of the pressure panel.
 PRESSURES: dict[str, dict[str, Any]] = {
     "P_1": {"label": "P₁", "color": BLUE, "linestyle": "-", "linewidth": 1.5},
     "P_2": {"label": "P₂", "color": GREEN, "linestyle": (0, (4, 1.2)), "linewidth": 1.3},
 }
 LIMIT: dict[str, Any] = {"color": PURPLE, "linewidth": 1.1, "zorder": 2.6}
-#: Of the first, second ... limit in a panel: pump and motor have theirs close together.
+#: Dashes of the first, second and third limit in a panel: those of pump and motor are close together.
 LIMIT_DASHES = ((0, (8, 2, 2, 2)), (0, (2, 1)), (0, (10, 3)))
 
 
@@ -90,9 +90,9 @@ class Sheet(Figure):
     """A figure that a notebook displays without pyplot."""
 
     def draw(self, renderer: Any) -> None:
-        """Draw names as they are: a $ begins no formula, and bytes that are not valid UTF-8 become question marks.
+        """Draw user text literally: $ does not start a formula, and invalid UTF-8 becomes question marks.
 
-        Only the numbers of an axis are formulas, matplotlib's own.
+        Only tick labels may contain formulas, which matplotlib itself generates.
         """
         axes = [axis for ax in self.axes for axis in (ax.xaxis, ax.yaxis)]
         ticks = [tick for axis in axes for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())]
@@ -111,6 +111,6 @@ class Sheet(Figure):
 
 @contextmanager
 def style() -> Iterator[None]:
-    """matplotlib's defaults with RC on top, whatever the user has set, until the block ends."""
+    """Context with matplotlib's defaults and RC, whatever the user's settings."""
     with matplotlib.style.context(RC, after_reset=True):
         yield

@@ -1,4 +1,4 @@
-"""Numbers and units as a reader sees them: four significant digits, units with raised exponents."""
+"""Numbers and units as text: four significant digits, units with superscript exponents."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import re
 
 from ..core.unit import factor
 
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-#: Shown for a number that does not exist: a step that never settled, a hunting that did not happen.
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: Shown instead of nan, such as the settling time of a step that never settles.
 NOTHING = "–"
 
 
 def number(value: float) -> str:
-    """A number with four significant digits; nan as a dash, infinity as its sign.
+    """A number with four significant digits; nan becomes a dash, infinity its symbol.
 
-    Between 1e-4 and 1e6 all digits are written out, beyond that with an exponent: 45678 becomes 45680, 4.13e-13 stays.
+    Numbers from 1e-4 to 1e6 have no exponent: 45678 becomes "45680", 4.13e-13 becomes "4.13e-13".
     """
     if math.isnan(value):
         return NOTHING
@@ -31,9 +31,9 @@ def number(value: float) -> str:
 
 
 def uncertain(value: float, sd: float) -> str:
-    """A value to the second digit of its standard deviation: "853.0 ± 1.1", "(4.096 ± 0.069)e-13".
+    """A value rounded to the second digit of its standard deviation: "853.0 ± 1.1", "(4.096 ± 0.069)e-13".
 
-    The value alone where the standard deviation is infinite, zero or none.
+    Only the value if the standard deviation is infinite, nan or not positive.
     """
     if not (math.isfinite(value) and math.isfinite(sd) and sd > 0.0):
         return number(value)
@@ -46,27 +46,27 @@ def uncertain(value: float, sd: float) -> str:
 
 
 def unit(text: str) -> str:
-    """A unit as it is typeset: "m3/(Pa s)" becomes "m³/(Pa s)", "um" becomes "µm", and "1" nothing."""
+    """A unit as it is typeset: "m3/(Pa s)" becomes "m³/(Pa s)", "um" becomes "µm" and "1" an empty text."""
     if text == "1":
         return ""
     micro = re.sub(r"\bu(?=[a-zA-Z])", "µ", text)
-    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda match: match[0].translate(RAISED), micro)
+    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda match: match[0].translate(SUPERSCRIPTS), micro)
 
 
-def quantity(value: float, of: str) -> str:
+def quantity(value: float, unit_text: str) -> str:
     """A number with its unit: quantity(0.0121, "m") is "0.0121 m"."""
-    return f"{number(value)} {unit(of)}".rstrip()
+    return f"{number(value)} {unit(unit_text)}".rstrip()
 
 
 def value_text(value: float | None, scale: float = 1.0, digits: int = 4) -> str:
-    """A number of a result's JSON, in units of `scale`; None (nan or infinity in JSON) is a dash."""
+    """A number from JSON divided by `scale`; None, which stands for nan and infinity in JSON, becomes a dash."""
     if value is None or not math.isfinite(value):
         return NOTHING
     return number(float(f"{value / scale:.{digits}g}"))
 
 
 def percent(share: float | None, digits: int = 3) -> str:
-    """A share in percent; a dash for None or nan."""
+    """A ratio in percent: percent(0.123) is "12.3 %"; a dash for None or nan."""
     text = value_text(share, 0.01, digits)
     return text if text == NOTHING else f"{text} %"
 
@@ -77,5 +77,5 @@ def quantity_in(value: float, unit_shown: str, unit_si: str) -> str:
 
 
 def as_sentence(words: str) -> str:
-    """Words with a capital letter and a full stop; symbols within stay as they are."""
+    """Text with an initial capital and a final full stop; the rest is unchanged."""
     return f"{words[:1].upper()}{words[1:].rstrip('.')}."

@@ -1,4 +1,4 @@
-"""The page of a result that was computed in Python, made from its JSON and figures like that of a command."""
+"""The page of a Python result, made from its JSON and figures in the same way as by a command."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .results import write_result_page
 
 
 class Stored(NamedTuple):
-    """What a result leaves in a folder: the content of its JSON, and its figures."""
+    """Content of a result's JSON, and its figures."""
 
     content: dict[str, Any]
     figures: Figures
@@ -80,7 +80,7 @@ def _change(found: Sequence[Change]) -> Stored:
     return Stored({**change.to_dict(), "rests_on": rests_on}, diagnosis_figures(change.after))
 
 
-#: Class of a result -> the name of its JSON, what is stored of it, and whether several share a page.
+#: Class of a result -> name of its JSON, function that prepares what is stored, and whether several can share a page.
 RESULTS: dict[type, tuple[str, Callable[[Sequence[Any]], Stored], bool]] = {
     ScenarioResult: ("results.json", _runs, True),
     Identification: ("identification.json", _identifications, True),
@@ -91,36 +91,36 @@ RESULTS: dict[type, tuple[str, Callable[[Sequence[Any]], Stored], bool]] = {
 
 
 def write_report(result: Any, folder: str | Path, *, force: bool = False) -> Path:
-    """Write the page of a result to a folder and return its path: one file with its figures in it, no network.
+    """Write the page of a result to a folder and return its path: one self-contained HTML file.
 
     Parameters
     ----------
-    result: what `run`, `identify`, `diagnose`, `what_changed` or `replay` gives; of `run`, `identify` (both models) and
-        `replay` also several in a list, which share a page. Other results are drawn by their `plot()`.
+    result: from `run`, `identify`, `diagnose`, `what_changed` or `replay`; a list of results of `run`, `identify` (both
+        models) or `replay` shares a page. Other results have a `plot()` only.
     force: replace a page that an earlier call wrote.
 
     Returns
     -------
-    Of a diagnosis FOLDER/diagnosis.html, else FOLDER/report.html.
+    FOLDER/diagnosis.html for a diagnosis, otherwise FOLDER/report.html.
 
     Raises
     ------
-    InputError: a result without a page, results of two kinds, a page that exists already (without force, or where it
-        is not one that this function wrote), a folder that can't be written to.
+    InputError: a result without a page, results of different kinds, an existing page (without force, or not written by
+        this function), or a folder that is not writable.
     """
     found = list(result) if isinstance(result, list | tuple) else [result]
     if not found:
-        raise InputError("write_report: there is no result; give what run, identify, diagnose or replay returned")
+        raise InputError("write_report: got no result; pass what run, identify, diagnose or replay returned")
     kind = type(found[0])
     others = {type(each).__name__ for each in found} - {kind.__name__}
     if kind not in RESULTS:
         known = ", ".join(sorted(each.__name__ for each in RESULTS))
-        drawn = "; its plot() draws it" if hasattr(kind, "plot") else ""
-        raise InputError(f"write_report: a result of the kind {kind.__name__} has no page ({known} have one){drawn}")
+        drawn = "; use its plot()" if hasattr(kind, "plot") else ""
+        raise InputError(f"write_report: got a {kind.__name__}, which has no page; expected {known}{drawn}")
     name, store, several = RESULTS[kind]
     if others or (len(found) > 1 and not several):
-        what = f"{kind.__name__} and {', '.join(sorted(others))}" if others else f"{len(found)} of {kind.__name__}"
-        raise InputError(f"write_report: {what} don't share a page; write them to a folder each")
+        what = f"{kind.__name__} and {', '.join(sorted(others))}" if others else f"{len(found)} {kind.__name__} results"
+        raise InputError(f"write_report: {what} can't share a page; write each to its own folder")
     page = kinds()[name].page
     place = ResultFolder(Path(folder), "write_report", force, how=FORCE_ARGUMENT).check(page)
     with place.draft() as draft, tempfile.TemporaryDirectory() as temporary:

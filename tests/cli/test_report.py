@@ -76,7 +76,7 @@ def test_json_names_every_result(run, results):
 
     assert status == 0 and answer["left_out"] == []
     assert [each["kind"] for each in answer["results"]] == ["simulation", "comparison", "design"]
-    assert answer["results"][0]["good"] and "Exceeded no limit of the plant." in answer["results"][0]["sentences"]
+    assert answer["results"][0]["good"] and "No plant limit was exceeded." in answer["results"][0]["sentences"]
 
 
 def test_a_folder_without_results_is_one_sentence(run, tmp_path):

@@ -54,7 +54,7 @@ def test_verdicts_come_before_everything(overview, harsh):
     top = overview[: min(overview.index("<table"), overview.index("<img"))]
 
     assert "Plant limit exceeded: pump speed reached 5000 rpm." in top
-    assert "96 of 100 runs pass" in top and "Interrupted: there are fewer runs" in top
+    assert "96 of 100 runs pass" in top and "Interrupted: fewer runs than requested" in top
     assert "<h1>10 results, 4 failed, " in top and "NOT STABLE" in top
     assert '<span class="doubt">△</span> <a href="#simulation-' in top
     assert f"{'; '.join(harsh.failures[:3])}; and {len(harsh.failures) - 3} more." in top.replace("&gt;", ">")
@@ -136,7 +136,7 @@ def test_a_result_of_another_program_is_left_out_and_said(tree, tmp_path):
     sections, wrong = results_in(tmp_path)
 
     assert [each.kind.name for each in sections] == ["design.json"]
-    assert wrong == [f"{tmp_path / 'results.json'}: is not what ehsa-ctrl writes under this name"]
+    assert wrong == [f"{tmp_path / 'results.json'}: is not a result of ehsa-ctrl"]
 
 
 @pytest.mark.parametrize("text", ["", "{}", "null", '{"scenarios": []}', '{"scenarios": [3]}'])
@@ -144,7 +144,7 @@ def test_a_folder_of_nothing_known_is_refused(tmp_path, text):
     """In one sentence; so is one that is not there."""
     (tmp_path / "results.json").write_text(text)
 
-    with pytest.raises(InputError, match="holds no result"):
+    with pytest.raises(InputError, match="contains no result"):
         results_in(tmp_path)
     with pytest.raises(InputError, match="no such folder"):
         results_in(tmp_path / "absent")

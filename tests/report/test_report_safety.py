@@ -12,7 +12,7 @@ from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.identification.checks import LogFinding
 from ehsa_ctrl.report.document import image
 from ehsa_ctrl.report.kinds import kinds
-from ehsa_ctrl.report.results import LARGEST, TOO_LARGE, results_in, write_overview, write_result_page
+from ehsa_ctrl.report.results import MAX_FIGURE, MAX_SVG, results_in, write_overview, write_result_page
 
 from .diagnoses import diagnosis
 from .reading import Page, figures, loads_nothing
@@ -174,8 +174,8 @@ def test_a_figure_that_is_far_too_large_is_left_out_and_said(tree, tmp_path):
     """A large one is shown where there is nothing smaller."""
     (tmp_path / "large").mkdir()
 
-    assert len(figures(simulation(tree, tmp_path / "large", svg=b"x" * (LARGEST + 1)))) == 1
-    text = simulation(tree, tmp_path, svg=b"<" * (TOO_LARGE + 1))
+    assert len(figures(simulation(tree, tmp_path / "large", svg=b"x" * (MAX_SVG + 1)))) == 1
+    text = simulation(tree, tmp_path, svg=b"<" * (MAX_FIGURE + 1))
     assert figures(text) == [] and "The figure is left out: simulation is larger than 8 MB." in text
 
 
@@ -193,7 +193,7 @@ def test_no_name_of_a_figure_leads_out_of_the_folder(tree, tmp_path):
 
 @pytest.mark.parametrize(
     ("value", "says"),
-    [*((value, "not what ehsa-ctrl writes") for value in (5, None, {}, [[1]])), ("[" * 100_000, "no valid JSON")],
+    [*((value, "not a result of ehsa-ctrl") for value in (5, None, {}, [[1]])), ("[" * 100_000, "no valid JSON")],
 )
 def test_a_json_of_other_types_is_no_result(tree, tmp_path, value, says):
     """It is said when it is read, not when a page is half made."""

@@ -54,14 +54,15 @@ def test_a_page_is_replaced_only_when_told(gentle, tmp_path):
 def test_what_has_no_page_is_said(gentle, fitting, tmp_path):
     """Which have, and what else there is; results of two kinds don't share one."""
     with pytest.raises(
-        e.InputError, match=r"kind Log has no page \(Change, Comparison, Diagnosis, Identification, Scenario"
+        e.InputError,
+        match=r"got a Log, which has no page; expected Change, Comparison, Diagnosis",
     ):
         e.write_report(fitting.train.after[0].log, tmp_path)
-    with pytest.raises(e.InputError, match=r"kind LoopAnalysis has no page .*; its plot\(\) draws it"):
+    with pytest.raises(e.InputError, match=r"got a LoopAnalysis, which has no page; .*; use its plot\(\)"):
         e.write_report(gentle.loop, tmp_path)
-    with pytest.raises(e.InputError, match="ScenarioResult and Identification don't share a page"):
+    with pytest.raises(e.InputError, match="ScenarioResult and Identification can't share a page"):
         e.write_report([gentle, fitting], tmp_path)
-    with pytest.raises(e.InputError, match="there is no result"):
+    with pytest.raises(e.InputError, match="got no result"):
         e.write_report([], tmp_path)
     with pytest.raises(e.InputError, match="is a file; give a folder"):
         e.write_report(gentle, __file__)

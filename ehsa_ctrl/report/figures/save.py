@@ -1,4 +1,4 @@
-"""Figures as files: the same figure gives the same bytes."""
+"""Save figures reproducibly: the same figure gives the same bytes."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 
 from ..style import DPI, style
 
-#: Without these entries a file holds neither the date nor the release that made it.
+#: Omits date and matplotlib version from the file, for reproducibility.
 NO_DATE = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 
 def to_svg(figure: Figure) -> str:
-    """The figure as the text of an SVG; characters are outlines, so that it looks alike everywhere."""
+    """The figure as SVG text; characters are outlines, so that it looks the same everywhere."""
     stream = StringIO()
     with style():
         figure.savefig(stream, format="svg", dpi=DPI, metadata=NO_DATE)
@@ -25,15 +25,15 @@ def to_svg(figure: Figure) -> str:
 
 
 def _shorter(digits: re.Match[str]) -> str:
-    """Two decimals of a point (4 um on paper) where matplotlib writes six: half of the file."""
+    """Round coordinates to two decimals of a point (4 um on paper), which halves the file."""
     return f"{float(digits[0]):.2f}".rstrip("0").rstrip(".")
 
 
 def save(figure: Figure, path: str | Path) -> tuple[Path, Path]:
-    """Write `path`.png (150 dpi) and `path`.svg; returns both. Folders are made where they are missing."""
+    """Write `path`.png (150 dpi) and `path`.svg and return both paths; creates missing folders."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    # Not with_suffix: a name may hold a dot ("pid_v1.2").
+    # Not with_suffix: a name may contain a dot ("pid_v1.2").
     png, svg = path.with_name(path.name + ".png"), path.with_name(path.name + ".svg")
     with style():
         figure.savefig(png, dpi=DPI, metadata={"Software": None})
