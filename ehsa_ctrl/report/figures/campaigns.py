@@ -17,7 +17,7 @@ from ...plant.file import label
 from ...scenario.montecarlo import MonteCarlo
 from ..signals import SIGNALS
 from ..style import BLUE, GREY, LIMIT, PRESSURES, PURPLE, ROLES, VERMILION
-from ..text import RAISED, number, unit
+from ..text import SUPERSCRIPTS, number, unit
 from . import _panels as panel
 from ._layout import XLABEL, header_legend, share_x, sheet
 
@@ -115,7 +115,7 @@ def montecarlo_figure(result: MonteCarlo) -> Figure:
             look: dict[str, Any] = {"width": np.diff(edges), "align": "edge", "edgecolor": "white", "linewidth": 0.4}
             ax.bar(edges[:-1], counts[0], color=BLUE, label="pass", **look)
             ax.bar(edges[:-1], counts[1], bottom=counts[0], color=VERMILION, hatch="///", label="fail", **look)
-            times = f"10{str(power).translate(RAISED)} " if power else ""
+            times = f"10{str(power).translate(SUPERSCRIPTS)} " if power else ""
             words = f"{label(influence.name)} ({times}{unit(units[influence.name])})"
             ax.set_xlabel(f"{words}, {'decisive' if influence.decisive else 'not decisive'}")
             ax.set_ylabel("runs")
