@@ -121,6 +121,6 @@ def metrics() -> str:
         "|---|---|---|---|",
     ]
     for name, metric in METRICS.items():
-        shown = "" if metric.shown == "1" else metric.shown
-        lines.append(f"| `{name}` | {shown} | {cell(metric.meaning)} | {metric.format(metric.floor)} |")
+        shown = "" if metric.display_unit == "1" else metric.display_unit
+        lines.append(f"| `{name}` | {shown} | {cell(metric.meaning)} | {metric.format(metric.absolute_tolerance)} |")
     return "\n".join(lines) + "\n"
