@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import tomlkit
 from ..core.catalogue import controllers, is_shipped, plants, shipped
 from ..core.errors import InputError, choices
 from ..core.files import read_toml
-from ..design.kinds import CONTROLLER_KINDS
+from ..design.kinds import CONTROLLER_KINDS, ControllerKind
 from ..design.load import read_controller
 from ..design.specification import definition_keys
 from ..physics.effects import EFFECTS
@@ -24,7 +25,7 @@ from ..scenario.definition import load_scenario
 from ..scenario.metrics import METRICS
 from ..scenario.rescaling import rescaling_to
 from ..simulation.limits import NAMES
-from .template import HOW, KeyLine, comment, fill, sections, template, to_toml
+from .template import HOW, KeyLine, comment, fill, form_template, sections, template, to_toml
 
 QUANTITIES = 'Quantities are texts with any unit that converts ("20 mm", "50 kN/m"); the SI unit is in brackets.'
 #: Ends of the names of a model's tables.
@@ -112,8 +113,26 @@ def controller_toml(base: str, name: str, *, plant: str | None = None) -> str:
     kind, _ = read_controller(path)
     given = _titled(path, name)
     example = _rescale(given, plant, shipped_base=is_shipped("controllers", path), keys=definition_keys(kind.file))
+    head = _controller_head(kind, name, f"started from {path.stem}", plant)
+    text = template(f"controller_{kind.name}", "controller_stages") or form_template(kind.file)
+    return head + fill(text, given, example=example)
+
+
+def controller_of_form(kind: str, name: str, *, plant: str | None = None) -> str:
+    """A controller of a kind without any example: every key of its form, required ones with a placeholder.
+
+    Raises InputError for a plant that is wrong.
+    """
+    form = CONTROLLER_KINDS[kind].file
+    given = tomlkit.parse(tomlkit.dumps(tomllib.loads(form_template(form, required=True)) | {"title": name}))
+    head = _controller_head(CONTROLLER_KINDS[kind], name, "with placeholders: replace each value that is set", plant)
+    return head + fill(form_template(form), given, example=_rescale(given, plant, shipped_base=False))
+
+
+def _controller_head(kind: ControllerKind, name: str, start: str, plant: str | None) -> str:
+    """The comments at the top of a controller's file."""
     head = comment(
-        f"{name}: a controller of the kind {kind.name!r}, {kind.summary}, started from {path.stem}. Other kinds: "
+        f"{name}: a controller of the kind {kind.name!r}, {kind.summary}, {start}. Other kinds: "
         f"{', '.join(word for word in CONTROLLER_KINDS if word != kind.name)}.",
         "It is designed on the linear model of the plant that it is used with. Positive current and position extend "
         "the rod.",
@@ -122,8 +141,7 @@ def controller_toml(base: str, name: str, *, plant: str | None = None) -> str:
         QUANTITIES,
         HOW,
     )
-    text = template(f"controller_{kind.name}", "controller_stages")
-    return "\n".join(head) + "\n\n" + (fill(text, given, example=example) if text else tomlkit.dumps(given))
+    return "\n".join(head) + "\n\n"
 
 
 def reference_kinds() -> list[str]:

@@ -77,15 +77,18 @@ def controller(
     ehsa-ctrl new controller strong --kind mpc --plant rig
     """
     from ..core.catalogue import controllers as catalogue
-    from ..design.specification import starting_definition
-    from .definitions import controller_commands, controller_toml
+    from ..design.kinds import CONTROLLER_KINDS
+    from ..design.specification import example_of, starting_definition
+    from .definitions import controller_commands, controller_of_form, controller_toml
 
-    if kind is not None:
-        starting_definition(kind, base)
-    chosen = base or starting_definition(kind or "pid")[1].stem
-    stem = _stem(name, catalogue, kind or chosen)
-    text = partial(controller_toml, chosen, stem, plant=plant)
-    _write(catalogue, stem, chosen, text, controller_commands(stem, plant), as_json=as_json, force=force)
+    if kind in CONTROLLER_KINDS and base is None and example_of(kind) is None:
+        stem, start = _stem(name, catalogue, kind), f"the keys of the kind {kind!r}"
+        text = partial(controller_of_form, kind, stem, plant=plant)
+    else:
+        start = starting_definition(kind, base)[1].stem if kind is not None else base or "pid_position"
+        stem = _stem(name, catalogue, kind or start)
+        text = partial(controller_toml, base or start, stem, plant=plant)
+    _write(catalogue, stem, start, text, controller_commands(stem, plant), as_json=as_json, force=force)
 
 
 @app.command("scenario")

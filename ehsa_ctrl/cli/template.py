@@ -12,7 +12,10 @@ import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 FOLDER = Path(__file__).parent / "templates"
 #: Characters in a line.
@@ -62,6 +65,48 @@ def template(*names: str) -> str:
     """Text of shipped templates, one after the other; empty where there is none of the first name."""
     files = [FOLDER / f"{name}.toml" for name in names]
     return "".join(file.read_text(encoding="utf-8") for file in files) if files[0].exists() else ""
+
+
+def form_template(form: type[BaseModel], *, required: bool = False) -> str:
+    """A template with the keys of a form, for a kind of controller that has none; with `required` those alone.
+
+    Each key has its meaning, unit and default; the example is the default, else a placeholder of the right type.
+    """
+    schema = form.model_json_schema()
+    return "\n".join(_form_lines(schema, schema.get("$defs", {}), "", required)) + "\n"
+
+
+def _form_lines(table: Mapping[str, Any], forms: Mapping[str, Any], path: str, required: bool) -> list[str]:
+    """Lines of the keys of a table in a JSON schema, then of its tables."""
+    lines: list[str] = []
+    tables: list[str] = []
+    for key, field in table["properties"].items():
+        needed = key in table.get("required", ())
+        if required and not needed:
+            continue
+        parts = [part for part in field.get("anyOf") or field.get("oneOf") or [field] if part.get("type") != "null"]
+        if "$ref" in parts[0]:
+            inner = forms[parts[0]["$ref"].rpartition("/")[2]]
+            above = comment(field["description"]) if "description" in field else []
+            tables += ["", *above, f"[{path}{key}]", *_form_lines(inner, forms, f"{path}{key}.", required)]
+            continue
+        unit, default = parts[0].get("unit", ""), field.get("default")
+        value = _form_example(parts[0], default, unit)
+        usual = "" if default in (None, "") else f"; default {value}".replace('"', "")
+        words = "; required" if needed else usual
+        meaning = f"{field.get('description', '')}{f' [{unit}]' if unit else ''}{words}"
+        lines.append(f"{key} = {value}  # {meaning}")
+    return lines + tables
+
+
+def _form_example(part: Mapping[str, Any], default: Any, unit: str) -> str:
+    """The default of a key as TOML, else a placeholder."""
+    if unit:
+        number = 1.0 if default is None else default
+        return to_toml(f"{number:g} {unit}") if unit != "1" else to_toml(number)
+    examples = {"string": "TEXT", "boolean": False, "integer": 1, "number": 1.0, "array": [], "object": {}}
+    value = part.get("const", (part.get("enum") or [examples.get(part.get("type", ""), "TEXT")])[0])
+    return to_toml(value if default is None else default)
 
 
 def sections(text: str) -> list[TableLines]:

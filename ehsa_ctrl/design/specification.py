@@ -65,13 +65,20 @@ def starting_definition(kind: str, base: str | None = None) -> tuple[ControllerK
         if found != kind:
             raise InputError(f"--base {base}: is a {found!r} controller; expected kind = {kind!r}")
         return CONTROLLER_KINDS[kind], path
+    example = example_of(kind)
+    if example is None:
+        raise InputError(
+            f"there is no {kind!r} controller to start from; write one by `ehsa-ctrl new controller NAME --kind {kind}`"
+        )
+    return CONTROLLER_KINDS[kind], example
+
+
+def example_of(kind: str) -> Path | None:
+    """The controller KIND_position of the catalogue, else the first of this kind; None where there is none."""
     for name in sorted(controllers, key=lambda name: name != f"{kind}_position"):
         if read_toml(controllers[name]).get("kind") == kind:
-            return CONTROLLER_KINDS[kind], controllers[name]
-    raise InputError(
-        f"there is no {kind!r} controller to start from; write one with this kind in controllers/, see "
-        "docs/how-to/own-controller.md"
-    )
+            return controllers[name]
+    return None
 
 
 def definition_keys(form: type[BaseModel], prefix: str = "") -> list[str]:

@@ -4,14 +4,17 @@ import json
 import re
 import tomllib
 from pathlib import Path
+from typing import Annotated, Literal
 
 import pytest
+from pydantic import Field
 
 from ehsa_ctrl.cli.definitions import controller_toml, plant_toml, reference_kinds, scenario_of_kind, scenario_toml
 from ehsa_ctrl.cli.template import FOLDER, KeyLine, sections, template
 from ehsa_ctrl.core.catalogue import controllers, plants, scenarios
-from ehsa_ctrl.core.definition import validate
-from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
+from ehsa_ctrl.core.definition import In, Second, validate
+from ehsa_ctrl.design.kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
+from ehsa_ctrl.design.specification import starting_definition
 from ehsa_ctrl.plant.file import LOAD_SYMBOLS, PlantFile
 from ehsa_ctrl.plant.load import load_plant
 from ehsa_ctrl.scenario.definition import ScenarioFile
@@ -191,6 +194,31 @@ def test_a_controller_of_each_kind_is_found_by_name_and_valid(run, kind):
     assert run("new", "controller", "--kind", kind)[0] == 0
 
     assert run("check", f"controllers/my_{kind}.toml")[0] == 0
+
+
+class OwnFile(ControllerFile):
+    """Form of a kind that has neither an example nor a template."""
+
+    kind: Literal["own"] = Field(description="type of feedback law")
+    gain: Annotated[float, In("A/m")] = Field(gt=0, description="current per position error")
+    filter_time: Second = Field(default=0.01, description="time constant of the filter")
+
+
+def test_a_kind_without_example_gets_one_from_its_form(run, tmp_path, monkeypatch):
+    """Required keys with placeholders, the others switched off; `design` names that command, then starts from it."""
+    kind = ControllerKind("own", "proportional", OwnFile, lambda name, file, system: None)
+    monkeypatch.setitem(CONTROLLER_KINDS, "own", kind)
+
+    assert "write one by `ehsa-ctrl new controller NAME --kind own`" in run("design", "ehsa", "--kind", "own")[2]
+    assert run("new", "controller", "mine", "--kind", "own")[0] == 0
+    text = (tmp_path / "controllers" / "mine.toml").read_text()
+    assert 'gain = "1 A/m"  # current per position error [A/m]; required' in text
+    assert '#filter_time = "0.01 s"  # time constant of the filter [s]; default 0.01 s' in text
+    assert "#[dither]" in text and text.count("schema = 1") == 1
+    validate(tomllib.loads(text), OwnFile, "mine.toml")
+    assert starting_definition("own") == (kind, tmp_path / "controllers" / "mine.toml")
+    again = controller_toml("mine", "next")
+    assert 'gain = "1 A/m"  # current per position error [A/m]; required' in again
 
 
 @pytest.mark.slow
