@@ -250,7 +250,7 @@ def _print_closed(closed: LoopComparison) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from ..report.closed_loop import MAX_CURRENT_DEVIATION, closed_table
+    from ..report.closed_loop import MAX_CURRENT_DEVIATION, closed_table, plant_title
 
     console = Console(highlight=False)
     console.print(f"\n{closed.scenario} with {closed.controller}:")
@@ -263,13 +263,15 @@ def _print_closed(closed: LoopComparison) -> None:
         table.add_row(*row)
     console.print(table)
     for word, reasons in closed.failures.items():
-        console.print(f"{word} plant: " + ("keeps the limits" if not reasons else "; ".join(reasons)), markup=False)
+        console.print(
+            f"{plant_title(word)}: " + ("keeps the limits" if not reasons else "; ".join(reasons)), markup=False
+        )
     if len(closed.metrics) == 1:
         console.print("No cause was named, so that there is no other plant to compare.")
-    if closed.replay is not None and closed.replay.other > MAX_CURRENT_DEVIATION:
+    if closed.replay is not None and (difference := closed.replay.current_difference) > MAX_CURRENT_DEVIATION:
         warn(
-            f"the logged current differs by {100 * closed.replay.other:.0f} % from what {closed.controller} asks for "
-            "on the log's own measurements: was it recorded under this loop?"
+            f"the logged current differs by {100 * difference:.0f} % from the output of {closed.controller} on the "
+            "logged measurements: was the log recorded under this loop?"
         )
 
 

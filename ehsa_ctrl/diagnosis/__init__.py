@@ -1,14 +1,16 @@
-"""Where the gap between a rig and its simulation lies, which effect causes it, and how far it shrinks.
+"""Diagnosis: where a rig differs from its simulation, which effect is the cause, and how much of the gap it closes.
 
-`diagnose` runs the stages; each has a file or a few:
+`diagnose` runs these stages:
 
-- the model of all hypotheses and the scored segments of a log: hypothesis_model, validation_segment, signals
-- hypotheses and their fits: candidate_effects, refit, hypothesis_search
-- the decision: scoring, model_selection
-- the place of the gap, without the catalogue: gap_attribution on unknown_inputs, regressors, regimes, injection,
-  place_sets and sensor_error
-- the result: causes, improved_plant, verdict_text, diagnosis; and the next experiment: next_experiment on
-  model_discrimination and excitation_library
+- model of all hypotheses, and segments of the log: hypothesis_model, validation_segment, signals
+- candidate effects and their fits: candidate_effects, refit, hypothesis_search
+- choice of the causes: scoring, model_selection
+- place of the gap, independent of the catalogue of effects: gap_attribution, with unknown_inputs, regressors, regimes,
+  injection, place_sets, sensor_error
+- result: causes, improved_plant, verdict_text, diagnosis
+- proposed experiment: next_experiment, with model_discrimination and excitation_library
 
-What is known of an effect is in its file in physics/effects, of a machine in plant/systems.
+diagnose.py, batch.py, changed.py and closed_loop.py are the entry points: one log, many logs, two logs of one rig, and
+the effect of a diagnosis on a closed loop. Everything specific to an effect is in its file in physics/effects,
+everything specific to a machine in plant/systems.
 """

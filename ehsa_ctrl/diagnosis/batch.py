@@ -1,4 +1,4 @@
-"""Diagnoses of many logs of one rig; an interrupt keeps those that are done."""
+"""Diagnoses of many logs of one rig. After an interruption, finished diagnoses are kept."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import pandas
 
 
-#: Fields of a row that are numbers.
+#: Numeric fields of a row.
 NUMBERS = ("probability", "gap_before", "gap_after", "seconds")
 
 
@@ -40,10 +40,12 @@ class Row:
 
     Attributes
     ----------
-    file: the log. verdict: as in `Diagnosis`; empty where it could not be diagnosed, for the reason in `error`.
-    cause: name of the first cause; set: it and those that this log can't tell from it; probability: of the first cause.
-    place: with the largest share. gap_before, gap_after: in total on held-out data, nominal and with the causes.
-    seconds: of computation. digest: of the log's content.
+    file: path of the log.
+    verdict: see `Diagnosis`; empty if the diagnosis failed.
+    cause, probability: of the first cause. set: this cause and those that explain the log as well.
+    place: with the largest share of the gap.
+    gap_before, gap_after: total gap on held-out data, of the nominal plant and with the causes.
+    seconds: computing time. error: why the diagnosis failed. digest: hash of the log's content.
     """
 
     file: str
@@ -76,7 +78,7 @@ class Row:
 
     @classmethod
     def from_line(cls, line: str) -> Row:
-        """From a line of JSON."""
+        """A row from a line of JSON."""
         content = parse_json(line)
         numbers = {name: math.nan if content[name] is None else float(content[name]) for name in NUMBERS}
         return cls(**(content | numbers | {"set": tuple(content["set"])}))
@@ -93,10 +95,10 @@ class LogBatch(Result):
 
     Attributes
     ----------
-    plant: name of the nominal plant. threshold: a gap from which on it matters.
-    rows: of the logs that are done, in the order in which they were given.
-    diagnoses: file -> diagnosis, of those that were made in this call and not handed to `keep`.
-    interrupted: not all logs are done.
+    plant: name of the nominal plant. threshold: smallest relevant gap.
+    rows: of the finished logs, in the order given.
+    diagnoses: file -> diagnosis, of those made in this call and not passed to `keep`.
+    interrupted: whether logs are missing because of an interrupt.
     """
 
     plant: str
@@ -112,7 +114,7 @@ class LogBatch(Result):
 
     @property
     def counts(self) -> dict[str, int]:
-        """First cause, or verdict where none is named -> number of logs; the most frequent first."""
+        """First cause (or verdict if no cause is named) -> number of logs, the most frequent first."""
         found: dict[str, int] = {}
         for row in self.rows:
             named = row.verdict in ("effect", "ambiguous")
@@ -121,12 +123,12 @@ class LogBatch(Result):
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a log."""
+        """One row per log."""
         names = "verdict cause set probability place gap_before gap_after seconds error"
         return as_table(self.rows, names, index="file", set=lambda row: " or ".join(row.set))
 
     def to_dict(self) -> dict[str, Any]:
-        """As summary.json."""
+        """Content of summary.json."""
         return as_dict(self, "plant threshold counts interrupted", logs=self.rows, provenance=versions())
 
     def __str__(self) -> str:
@@ -149,31 +151,32 @@ def diagnose_many(
     watch: Callable[[int, int], None] | None = None,
     keep: Callable[[str, Diagnosis], None] | None = None,
 ) -> LogBatch:
-    """Diagnose many logs against the same plant, one thread each.
+    """Diagnose many logs with the same nominal plant in parallel, one thread per diagnosis.
 
     Parameters
     ----------
-    plant, threshold, check: as for `diagnose`, the same for all.
-    logs: files, or logs that were read already.
-    jobs: workers; -1 for all; by default those of joblib's context (`joblib.parallel_config`), else 1. Without a
-        backend in that context: processes, as a good part of a diagnosis holds Python's lock.
-    file: each row is appended to it when it is done, as a line of JSON. A file of the same plant and threshold is
-        continued: its logs are not diagnosed again unless they have changed or failed.
-    watch: called with the numbers of logs done and in all.
-    anew: begin the file again with the first row.
-    keep: called with each file and its diagnosis when it is done; the result does not contain it then.
+    plant, threshold, check: as for `diagnose`.
+    logs: paths, or logs that are already read.
+    jobs: number of workers, -1 for all cores; by default that of joblib's context (`joblib.parallel_config`), else 1.
+        Workers are processes unless the context has a backend, because much of a diagnosis holds Python's interpreter
+        lock.
+    file: each finished row is appended to it as a line of JSON. An existing file of the same plant and threshold is
+        continued: only new, changed and failed logs are diagnosed.
+    anew: start the file again.
+    watch: progress callback, called with the number of finished logs and of all logs.
+    keep: called with file and diagnosis of each finished log; the result then does not contain the diagnosis.
 
     Returns
     -------
-    A row for each log, with a sentence for one that could not be diagnosed; also after an interrupt from the keyboard,
-    if at least one log is done.
+    LogBatch: a row per log, with the error of a log that failed. After a keyboard interrupt the finished ones, if there
+    are any.
 
     Raises
     ------
-    InputError: no log, the same one twice, or the file is of other diagnoses.
+    InputError: no log, a log given twice, or a file of other diagnoses.
     """
     if not logs:
-        raise InputError("no log to diagnose; give one or more")
+        raise InputError("no log to diagnose; give at least one")
     named = [_name(log, number) for number, log in enumerate(logs, 1)]
     twice = next((name for name in named if named.count(name) > 1), None)
     if twice is not None:
@@ -183,13 +186,12 @@ def diagnose_many(
     checkpoint = open_checkpoint(
         None if file is None else Path(file),
         "diagnoses",
-        _mark(plant, threshold, check),
+        _settings_digest(plant, threshold, check),
         Row.from_line,
         anew=anew,
-        none="is no file of diagnoses; give another one",
-        other="holds diagnoses against another plant or with another threshold; give another folder, or --force to "
-        "begin anew",
-        wrong="is no row of a diagnosis",
+        none="is not a file of diagnoses; give another one",
+        other="holds diagnoses with another plant or threshold; give another folder, or --force to start again",
+        wrong="is not a row of a diagnosis",
     )
     earlier = {row.file: row for row in checkpoint.results}
     rows: dict[str, Row] = {}
@@ -201,7 +203,7 @@ def diagnose_many(
         except InputError as error:
             rows[name] = Row(name, error=str(error))
             continue
-        digest = _digest(read)
+        digest = _log_digest(read)
         before = earlier.get(name)
         if before is not None and before.digest == digest and not before.error:
             rows[name] = before
@@ -211,7 +213,7 @@ def diagnose_many(
     interrupted = False
     count = min(worker_count(jobs), max(len(todo), 1))
     try:
-        work = partial(_one, plant, threshold, check)
+        work = partial(_diagnose_one, plant, threshold, check)
         with closing(as_completed(work, todo, count=count)) as results:
             for name, found, digest in results:
                 if isinstance(found, str):
@@ -233,16 +235,18 @@ def diagnose_many(
     return LogBatch(plant.name, threshold, ordered, diagnoses, interrupted)
 
 
-def _one(plant: Plant, threshold: float, check: bool, job: tuple[str, Log, str]) -> tuple[str, Diagnosis | str, str]:
-    """A diagnosis, or the reason why there is none; on a worker."""
+def _diagnose_one(
+    plant: Plant, threshold: float, check: bool, job: tuple[str, Log, str]
+) -> tuple[str, Diagnosis | str, str]:
+    """Name of a log, its diagnosis or the error in words, and the log's digest; runs on a worker."""
     name, log, digest = job
     try:
         return name, diagnose(plant, log, threshold=threshold, jobs=1, check=check), digest
     except EhsaError as error:
         return name, str(error), digest
     except (ArithmeticError, ValueError, LookupError) as error:
-        # One log must not lose the results of the others.
-        return name, f"{name}: the diagnosis broke off ({type(error).__name__}: {error})", digest
+        # An unexpected failure of one log must not lose the results of the others.
+        return name, f"{name}: the diagnosis failed ({type(error).__name__}: {error})", digest
 
 
 def _name(log: str | Path | Log, number: int) -> str:
@@ -251,15 +255,15 @@ def _name(log: str | Path | Log, number: int) -> str:
     return str(log)
 
 
-def _digest(log: Log) -> str:
-    """A hash of a log's content."""
+def _log_digest(log: Log) -> str:
+    """Hash of a log's content."""
     found = hashlib.sha256(log.time.tobytes())
     for name, values in log.channels.items():
         found.update(name.encode() + values.tobytes())
     return found.hexdigest()[:16]
 
 
-def _mark(plant: Plant, threshold: float, check: bool) -> str:
-    """A hash of what the rows of one file have in common."""
+def _settings_digest(plant: Plant, threshold: float, check: bool) -> str:
+    """Hash of the settings that all rows of a file share."""
     parts = [str(plant.structure), plant.values, [str(s) for s in plant.sensors.values()], threshold, check]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]

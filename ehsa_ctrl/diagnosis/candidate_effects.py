@@ -1,4 +1,4 @@
-"""Candidate effects: every effect that this plant and this log could show, with the numbers that it sets free."""
+"""Candidate effects: the effects that can act in this plant and show in this log, with their free parameters."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from ..identification.logged_inputs import logged_inputs
 from ..physics.effects import EFFECTS, CandidateEffect, DiagnosisContext
 from ..plant.arrays import needed_to_simulate
 from ..plant.plant import Plant
-from .hypothesis_model import HypothesisModel, without_dry_friction
-from .signals import noise_of
-from .unknown_inputs import signals_of, unknown_inputs
+from .hypothesis_model import HypothesisModel, lacks_dry_friction
+from .signals import estimate_noise
+from .unknown_inputs import balance_signals, unknown_inputs
 
-#: The effort of a rod for which the smallest changes of an effect's symbols are stated [N].
+#: Effort scale of the rod [N] for which the effect files state the smallest changes of symbols: that of the EHSA.
 REFERENCE_EFFORT = 1e3
-#: A parameter that has to be positive may fall to this share of its nominal value.
-LEAST_SHARE = 0.02
-#: Samples in motion that friction levels need.
-LEAST_SAMPLES = 50
+#: Lower bound of a positive parameter as a share of its nominal value. Engineering judgement.
+MIN_SHARE = 0.02
+#: Smallest number of moving samples for `friction_levels`: 0.2 s at 250 Hz for three unknowns. Engineering judgement.
+MIN_SAMPLES = 50
 
 
 def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
-    """Every effect that this plant and this log could show."""
+    """All effects that can act in this plant and show in this log."""
     plant = model.plant
     system, equations = plant.structure.system, plant.structure.equations
     rods = [contact for contact in system.contacts if contact.name == "rod"]
     bounds = {}
     for kind in equations.parameters:
         positive = kind.lower_open and kind.lower == 0.0
-        bounds[kind.name] = (LEAST_SHARE * plant[kind.name] if positive else kind.lower, kind.upper)
+        bounds[kind.name] = (MIN_SHARE * plant[kind.name] if positive else kind.lower, kind.upper)
     context = DiagnosisContext(
         log=model.log,
         channels=model.channels,
@@ -44,7 +44,7 @@ def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
         bounds=bounds,
         effort=rods[0].effort_scale / REFERENCE_EFFORT if rods else 1.0,
         sensors={channel: {"bias": s.bias, "scale": s.scale} for channel, s in plant.sensors.items()},
-        switches_law=bool(model.switched),
+        switches_law=bool(model.plants_by_law),
         friction_levels=friction_levels(plant, model.log),
     )
     return tuple(
@@ -56,22 +56,22 @@ def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
 
 
 def wearing_parameters() -> frozenset[str]:
-    """Parameters that change by orders of magnitude."""
+    """Parameters that wear changes by orders of magnitude, such as a leakage coefficient."""
     return frozenset(symbol for effect in EFFECTS.values() for symbol in effect.wears)
 
 
 def friction_levels(plant: Plant, log: Log) -> dict[str, float]:
-    """Friction and offset that the balances show of a plant without dry friction, by symbol in the catalogue.
+    """Initial values of friction and constant effort for a plant without dry friction: symbol -> value, SI units.
 
-    Least squares of each contact's unknown input on the sign of its speed, the speed and a constant, where it moves.
-    Starting values: all of a missing friction is too far from none for a search by derivatives.
+    Least squares of each contact's unknown input on sign of speed, speed and a constant, over the samples in motion.
+    The search needs these values, because derivatives at zero friction do not lead to the friction that is missing.
     """
-    if not without_dry_friction(plant):
+    if not lacks_dry_friction(plant):
         return {}
-    # Without effects, whose states nothing measures.
+    # Without effects, because their states are not measured.
     plain = plant.with_structure(replace(plant.structure, effects=()))
-    drive, outside = logged_inputs(plain, log)
-    signals = signals_of(plain, log, drive, noise_of(log), outside=outside)
+    drive, second_input = logged_inputs(plain, log)
+    signals = balance_signals(plain, log, drive, estimate_noise(log), second_input=second_input)
     unknown = unknown_inputs(plain, signals).values
     found: dict[str, float] = {}
     system = plain.structure.system
@@ -80,11 +80,11 @@ def friction_levels(plant: Plant, log: Log) -> dict[str, float]:
         name = of_contact.get(contact.name, "")
         if name not in unknown:
             continue
-        # An unknown torque drives, an unknown force resists.
+        # A positive unknown torque drives the motion, a positive unknown force resists it.
         sign = 1.0 if name == "force" else -1.0
         speed = signals[contact.velocity][:-1]
         moves = (np.abs(speed) > contact.stribeck_speed) & np.isfinite(unknown[name])
-        if np.count_nonzero(moves) >= LEAST_SAMPLES:
+        if np.count_nonzero(moves) >= MIN_SAMPLES:
             x = np.column_stack([np.sign(speed), speed, np.ones_like(speed)])[moves]
             level, slope, offset = (sign * np.linalg.lstsq(x, unknown[name][moves], rcond=None)[0]).tolist()
             found |= {f"A_{contact.suffix}": max(level, 0.0), f"B_{contact.suffix}": max(slope, 0.0)}

@@ -1,4 +1,4 @@
-"""The reported causes of a gap: parameters, shares of the gap, and effects that could take their place."""
+"""The causes as reported: parameters, shares of the gap, and effects that explain the log as well."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..plant.plant import Plant
 from .diagnosis import Cause, CauseParameter
 from .hypothesis_model import law_switches
 from .model_selection import Selection
-from .scoring import CauseKey, ScoredHypothesis, Scoring, reported_ids, standard_deviations
+from .scoring import CauseKey, ScoredHypothesis, Scoring, effect_id_by_parameter, standard_deviations
 from .signals import largest
 
-#: Less probable candidates are not listed.
-LEAST_PROBABLE = 0.02
+#: Candidates below this probability are not listed. Engineering judgement.
+MIN_PROBABILITY = 0.02
 
 
-def reported_causes(
+def build_causes(
     plant: Plant,
     selection: Selection,
     scoring: Scoring,
@@ -29,12 +29,14 @@ def reported_causes(
     gap: Mapping[str, Mapping[str, float]],
     log: Log,
 ) -> tuple[Cause, ...]:
-    """Causes of the chosen hypothesis, the largest first, and further candidates where the verdict is underdetermined.
+    """Causes of the chosen hypothesis, the largest first, and the other candidates if the verdict is underdetermined.
 
-    known: all hypotheses that were scored. sd: of the chosen hypothesis' numbers. gap: model -> gap on held-out data.
+    known: all hypotheses that were scored. sd: standard deviation of each parameter of the chosen hypothesis. gap:
+    model
+    -> signal -> gap on held-out data.
     """
     chosen = selection.chosen
-    closed = _shares_closed(selection, scoring, known, gap["nominal"]["total"])
+    closed = _closed_shares(selection, scoring, known, gap["nominal"]["total"])
     nominal, refitted, final = (gap[m]["total"] for m in ("nominal", "refit", "with_effects"))
     absorbed = float(np.clip((nominal - refitted) / (nominal - final), 0.0, 1.0)) if nominal > final else 0.0
     found = []
@@ -51,7 +53,7 @@ def reported_causes(
                 ambiguous_with=tuple(dict.fromkeys([*equivalent, *others])),
                 absorbed_by_refit=absorbed,
                 gap_closed=closed.get(key, 0.0),
-                alone=chosen.own[key],
+                alone=chosen.own_gaps[key],
                 why_same=equivalent,
             )
         )
@@ -62,7 +64,7 @@ def reported_causes(
 
 
 def _equivalent_effects(id: str, values: Mapping[str, float], plant: Plant, log: Log) -> Mapping[str, str]:
-    """Ids that no log of a hydraulic plant can tell from this one, and why."""
+    """Effects that are equivalent to this one on any log of a hydraulic plant: id -> reason."""
     equivalent = EFFECTS[id].equivalent_effects
     if equivalent is None or plant.structure.chambers is None:
         return {}
@@ -72,30 +74,32 @@ def _equivalent_effects(id: str, values: Mapping[str, float], plant: Plant, log:
 
 
 def _further_candidates(selection: Selection, scoring: Scoring) -> list[Cause]:
-    """Candidates beside the chosen ones, the most probable first, each with the numbers of its best hypothesis."""
+    """Candidates that were not chosen, the most probable first, each with the parameters of its best hypothesis."""
     found: dict[CauseKey, Cause] = {}
     for scored in selection.ranked:
         for key in scored.causes:
             p = selection.probability.get(key, 0.0)
-            if key in selection.chosen.causes or key in found or p < LEAST_PROBABLE:
+            if key in selection.chosen.causes or key in found or p < MIN_PROBABILITY:
                 continue
             parameters = _parameters(key, scored, scoring, standard_deviations(scored.fit, scoring.weight))
-            found[key] = Cause(key[0], key[1], EFFECTS[key[0]].place, min(p, 1.0), parameters, alone=scored.own[key])
+            found[key] = Cause(
+                key[0], key[1], EFFECTS[key[0]].place, min(p, 1.0), parameters, alone=scored.own_gaps[key]
+            )
     return sorted(found.values(), key=lambda cause: -cause.probability)
 
 
 def _parameters(
     key: CauseKey, scored: ScoredHypothesis, scoring: Scoring, sd: Mapping[str, float]
 ) -> dict[str, CauseParameter]:
-    """The parameters of a cause; that of a sensor is called `value`, as the channel names it."""
+    """Name -> estimated parameter of a cause; that of a sensor is called `value`, because the cause has the channel."""
     model, values = scoring.objective.model, scored.fit.values
     kinds = {
         kind.name: kind.unit
-        for p in (model.plant, *model.switched.values())
+        for p in (model.plant, *model.plants_by_law.values())
         for kind in p.structure.equations.parameters
     }
     switches = {switch.number: switch for switch in law_switches()}
-    ids = reported_ids(model.plant)
+    ids = effect_id_by_parameter(model.plant)
     out = {}
     for free in (free for c in scored.fit.candidates if c.key == key for free in c.free):
         name = free.name
@@ -116,19 +120,19 @@ def _parameters(
     return out
 
 
-def _shares_closed(
+def _closed_shares(
     selection: Selection, scoring: Scoring, known: Sequence[ScoredHypothesis], nominal: float
 ) -> dict[CauseKey, float]:
-    """Share of the gap that each cause closes: its mean part over all orders in which they could be added (Shapley)."""
+    """Share of the total gap that each cause closes: its Shapley value, see gap_attribution."""
     chosen = selection.chosen
     causes = chosen.causes
     if nominal == 0.0:
         return dict.fromkeys(causes, 0.0)
-    gaps: dict[frozenset[CauseKey], float] = {frozenset(): nominal, frozenset(causes): chosen.held_out["total"]}
+    gaps: dict[frozenset[CauseKey], float] = {frozenset(): nominal, frozenset(causes): chosen.held_out_gap["total"]}
     for scored in known:
         part = frozenset(scored.causes)
         if part < frozenset(causes) and part:
-            gaps[part] = min(gaps.get(part, np.inf), scored.held_out["total"])
+            gaps[part] = min(gaps.get(part, np.inf), scored.held_out_gap["total"])
 
     def left(members: frozenset[CauseKey]) -> float:
         if members not in gaps:

@@ -1,4 +1,4 @@
-"""What changed between two logs of the same rig: the second is compared with the plant that explains the first."""
+"""Changes between two logs of a rig: the second log is diagnosed with the plant that explains the first one."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Change(Result):
-    """What changed between two logs.
+    """The change between two logs of a rig.
 
     Attributes
     ----------
-    before: the first log against the nominal plant.
-    after: the second log against `rig`; its causes are what changed.
-    rig: the plant adapted to the first log. brought: how, in words.
+    before: diagnosis of the first log with the nominal plant.
+    after: diagnosis of the second log with `rig`; its causes are the changes.
+    rig: the plant adapted to the first log.
+    brought: how the plant was adapted, in words.
     """
 
     before: Diagnosis
@@ -39,26 +40,26 @@ class Change(Result):
 
     @property
     def new(self) -> tuple[Cause, ...]:
-        """Causes of the second log beyond the first; none where the verdict names none."""
+        """Causes that are new in the second log; empty if the verdict names none."""
         return self.after.effects if self.after.verdict in ("effect", "ambiguous") else ()
 
     @property
     def sentence(self) -> str:
-        """What changed and what did not, in two sentences."""
+        """The change, and how the plant was adapted to the first log, in words."""
         if self.after.verdict == "no_gap":
-            first = "Nothing that matters changed between the logs."
+            first = "No relevant change between the logs."
         elif self.new:
             named = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in self.new)
-            first = f"Between the logs changed: {named}."
+            first = f"Changed between the logs: {named}."
         elif self.before.verdict == "no_gap" or self.before.improved is not None:
             first = f"Something changed between the logs. {self.after.sentence}"
         else:
-            # What the first log leaves unexplained is in the second log too.
-            first = f"Whether anything changed can't be told: no cause was found for either log. {self.after.sentence}"
-        return f"{first} Before, {self.brought}."
+            # The unexplained gap of the first log is in the second log too.
+            first = f"A change can't be determined: no cause was found for either log. {self.after.sentence}"
+        return f"{first} Earlier log: {self.brought}."
 
     def to_dict(self) -> dict[str, Any]:
-        """As diagnosis.json: that of the second log, with the first under `before`."""
+        """Content of diagnosis.json: the diagnosis of the second log, with the first one under `before`."""
         nominal, rig = self.before.plant, self.rig.parameters
         before = as_dict(
             self.before, "verdict sentence", log=self.before.log.path, brought=self.brought,
@@ -71,7 +72,7 @@ class Change(Result):
         return self.after.to_dict() | {"change": self.sentence, "before": before}
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a cause of what the second log shows, as of `Diagnosis`."""
+        """One row per cause of the second log, as of `Diagnosis`."""
         return self.after.to_pandas()
 
     def __str__(self) -> str:
@@ -88,10 +89,10 @@ def what_changed(
     watch: Watch | None = None,
     check: bool = True,
 ) -> Change:
-    """Diagnose `after` against the plant that explains `before`: what both logs show is no cause.
+    """Diagnose the log `after` with the plant that explains the log `before`, so that only changes are causes.
 
-    The plant is adapted to the first log: with the causes that it shows, or, where it has no gap or none was named,
-    with the nominal parameters refitted within their priors.
+    The plant is adapted to the first log by the causes found in it. If it has no gap, or no cause was found, the
+    nominal parameters are refitted within their priors.
 
     Parameters
     ----------
@@ -104,37 +105,37 @@ def what_changed(
 
     Raises
     ------
-    InputError: as `diagnose`, and the same log twice.
+    InputError: as `diagnose`; or both logs are the same.
     """
     if before is after or (before.path is not None and before.path == after.path):
-        raise InputError(f"{after.path or 'the log'}: is given as the log before and the one after; give two logs")
+        raise InputError(f"{after.path or 'the log'}: is given as both the earlier and the later log; give two logs")
     before, after = named([before, after])
-    first = diagnose(plant, before, threshold=threshold, jobs=jobs, watch=_labelled(watch, "before"), check=check)
-    rig, brought = _adapted(first)
-    second = diagnose(rig, after, threshold=threshold, jobs=jobs, watch=_labelled(watch, "after"), check=check)
+    first = diagnose(plant, before, threshold=threshold, jobs=jobs, watch=_with_label(watch, "before"), check=check)
+    rig, brought = _adapt_plant(first)
+    second = diagnose(rig, after, threshold=threshold, jobs=jobs, watch=_with_label(watch, "after"), check=check)
     return Change(first, second, rig, brought)
 
 
-def _labelled(watch: Watch | None, word: str) -> Watch | None:
+def _with_label(watch: Watch | None, word: str) -> Watch | None:
     if watch is None:
         return None
     return lambda stage, done, total: watch(f"{word}: {stage}", done, total)
 
 
-def _adapted(first: Diagnosis) -> tuple[Plant, str]:
-    """The plant adapted to the first log, and how."""
+def _adapt_plant(first: Diagnosis) -> tuple[Plant, str]:
+    """The plant adapted to the first log, and how, in words."""
     if first.improved is not None:
         names = " and ".join(cause.name for cause in first.effects)
-        return first.improved, f"the rig differed from the plant by {names}, which is no change"
+        return first.improved, f"the rig already differed from the nominal plant by {names}"
     if first.verdict == "no_gap":
-        why = "the log had no gap that matters"
+        why = "it has no relevant gap"
     else:
-        why = "no cause was named for the gap"
-    return _refitted(first), f"{why}; the nominal parameters were refitted to it within their priors"
+        why = "no cause was found for its gap"
+    return _refit_plant(first), f"{why}; the nominal parameters were refitted to it within their priors"
 
 
-def _refitted(first: Diagnosis) -> Plant:
-    """The plant with nominal parameters refitted to the whole log, under the same priors as any hypothesis."""
+def _refit_plant(first: Diagnosis) -> Plant:
+    """The plant with nominal parameters refitted to the whole log, under the priors of a hypothesis."""
     plant, noise = first.plant, first.noise_sd
     model = whole_log(plant, with_every_effect(plant), first.log, noise).model
     values = refit_nominal(*objective_of(model, noise, first.threshold))

@@ -1,5 +1,5 @@
-"""What a diagnosis means for a closed loop: a scenario on the nominal and the improved plant, and the gap of a log to
-runs of the loop under which it was recorded."""
+"""Effect of a diagnosis on a closed loop: a scenario on the nominal and on the improved plant, and the closed-loop gap
+of a log that was recorded under this loop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..core.result import as_dict
 from ..plant.file import label, symbol_of
 from ..scenario.metrics import METRICS
 from ..scenario.result import failures_of
-from .signals import gap, scored, signal_noise
+from .signals import gap, scored_signals, signal_noise
 
 if TYPE_CHECKING:
     from ..core.log import Log
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoopReplay:
-    """A log compared with runs of the same loop.
+    """A log compared with simulations of the same closed loop.
 
-    gap: plant -> signal -> gap over `seconds`, all that log and scenario have in common.
-    other: RMS of the logged current minus what the controller asks for on the log's own measurements, over that
-        current's standard deviation; nan where the log lacks what the controller reads.
+    gap: plant -> signal -> gap. seconds: time that log and scenario have in common [s].
+    current_difference: RMS difference between the logged current and the controller's output on the logged
+        measurements, divided by the standard deviation of the logged current; nan if the log lacks a measurement.
     """
 
     gap: Mapping[str, Mapping[str, float]]
     seconds: float
-    other: float
+    current_difference: float
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,11 @@ class LoopComparison:
     Attributes
     ----------
     scenario, controller: names.
-    metrics: plant ("believed", "improved" where a cause was named; "before", "after" where two logs were compared) ->
-        metric -> value, SI units.
-    failures: plant -> limits of the scenario and of the plant that were exceeded, in sentences.
-    replay: the closed-loop gap, where the log was recorded under this loop.
-    loops: plant -> its run.
+    metrics: plant -> metric -> value, SI units. Plants: "believed" (nominal) and, if a cause was named, "improved"; or
+        "before" and "after" if two logs were compared.
+    failures: plant -> exceeded limits of scenario and plant, in sentences.
+    replay: the closed-loop gap, if the log was recorded under this loop.
+    loops: plant -> simulation.
     """
 
     scenario: str
@@ -70,18 +70,18 @@ class LoopComparison:
                 for name in METRICS
             },
             passed={word: not reasons for word, reasons in self.failures.items()},
-            replay=replay and as_dict(replay, "gap seconds", current_not_of_this_loop=replay.other),
+            replay=replay and as_dict(replay, "gap seconds", current_not_of_this_loop=replay.current_difference),
         )  # fmt: skip
 
 
 def check_replay(case: PreparedScenario, nominal: Plant, log: Log) -> None:
-    """Raises InputError for a log that can't have been recorded under this loop."""
+    """Raises InputError if the log can't have been recorded under this loop."""
     dt = case.controller.sample_time
     where = log.path or "the log"
     if abs(log.sample_time / dt - 1.0) > 1e-3:
         raise InputError(
-            f"{where}: is sampled every {log.sample_time:g} s, controller {case.controller.name} every {dt:g} s; leave "
-            "--replay out, or give the log that this loop recorded"
+            f"{where}: has a sample time of {log.sample_time:g} s, controller {case.controller.name} of {dt:g} s; omit "
+            "--replay, or give a log recorded under this loop"
         )
     for symbol, value in _settings(case, nominal).items():
         if not np.isclose(nominal[symbol], value, rtol=1e-9, atol=0.0):
@@ -102,12 +102,12 @@ def compare_loops(
 
     words: names of the nominal plant and of the one with the causes.
 
-    Raises SimulationError for a run that could not be finished though no limit of the plant was passed.
+    Raises SimulationError if a run stops although no limit of the plant is exceeded.
     """
     settings = _settings(case, found.plant)
     plants = {words[0]: found.plant.set(**settings)}
     if found.improved is not None:
-        # A load that the diagnosis found acts in the scenario too.
+        # A load that is a cause of the diagnosis is kept in the scenario.
         kept = {name: value for name, value in settings.items() if found.improved[name] == found.plant[name]}
         plants[words[1]] = found.improved.set(**kept)
     loops = {word: case.simulate(plant) for word, plant in plants.items()}
@@ -127,31 +127,32 @@ def compare_loops(
 
 
 def _settings(case: PreparedScenario, plant: Plant) -> dict[str, float]:
-    """Parameters that the scenario sets, as far as this model of the plant has them, SI units."""
+    """Parameters of the plant that the scenario sets, SI units."""
     names = map(symbol_of, case.scenario.definition.all_settings)
     return {name: case.nonlinear[name] for name in names if name in plant.parameters}
 
 
 def _replay(case: PreparedScenario, plants: Mapping[str, Plant], found: Diagnosis) -> LoopReplay:
+    """The log compared with simulations of the loop without sensor noise."""
     log, definition = found.log, case.scenario.definition
     quiet = definition.model_copy(update={"sensors": definition.sensors.model_copy(update={"noise": False})})
-    silent = replace(case, scenario=replace(case.scenario, definition=quiet))
-    loops = {word: silent.simulate(plant) for word, plant in plants.items()}
+    noiseless = replace(case, scenario=replace(case.scenario, definition=quiet))
+    loops = {word: noiseless.simulate(plant) for word, plant in plants.items()}
     n = min(len(log), *(loop.asked.size for loop in loops.values()))
     dt = log.sample_time
     signals = found.plant.structure.system.scored
-    measured = scored(signals, {name: values[:n] for name, values in log.channels.items()}, dt)
+    measured = scored_signals(signals, {name: values[:n] for name, values in log.channels.items()}, dt)
     noise = signal_noise(signals, found.noise_sd, dt)
     gaps = {}
     for word, loop in loops.items():
         simulated = dict(zip(MEASURED, loop.measured[:n].T, strict=True))
-        gaps[word] = gap(measured, scored(signals, simulated, dt), noise)
+        gaps[word] = gap(measured, scored_signals(signals, simulated, dt), noise)
     reference = next(iter(loops.values())).reference[:n]
     return LoopReplay(gaps, (n - 1) * dt, _current_difference(case, log, reference))
 
 
 def _current_difference(case: PreparedScenario, log: Log, reference: np.ndarray) -> float:
-    """Relative difference between the logged current and what this controller asks for on the measurements."""
+    """See `LoopReplay.current_difference`."""
     n, lag = len(reference), case.scenario.definition.sensors.lag
     spread = float(np.std(log["current"][:n]))
     if spread == 0.0 or any(name not in log.channels for name in MEASURED):

@@ -1,8 +1,8 @@
-"""Diagnose a log: where the gap lies, which effect causes it, how far it shrinks.
+"""The stages of a diagnosis.
 
     PreparedLog -> Segments -> Hypotheses -> Scoring, Selection -> Diagnosis
 
-Each stage is frozen; the functions below make one from the last.
+Each stage is an immutable object; the functions below compute it from the previous ones.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .candidate_effects import candidate_effects
-from .causes import reported_causes
+from .causes import build_causes
 from .diagnosis import MODELS, Cause, Diagnosis, RankedHypothesis
 from .gap_attribution import Location, attribute_gap
 from .hypothesis_model import (
-    IN_STRIBECK,
+    STRIBECK_SPECIAL_CASES,
     HypothesisModel,
     Setting,
+    inapplicable_effects,
+    lacks_dry_friction,
     law_switches,
-    left_out_effects,
     with_every_effect,
-    without_dry_friction,
 )
 from .hypothesis_search import Hypotheses, Pool, Watch, search
 from .improved_plant import improved_plant
@@ -40,22 +40,23 @@ from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
 from .refit import objective_of, refit_nominal
 from .scoring import ScoredHypothesis, Scoring, score_hypotheses, standard_deviations
-from .signals import largest, noise_of
+from .signals import estimate_noise, largest
 from .validation_segment import Segment, initial_state, last_third, prepare_replay, replayed_effects, whole_log
 from .verdict_text import advice, name_of
 
-#: A shorter log leaves too little to fit and to hold out [s].
+#: Shortest log [s]. Engineering judgement: 2 s to fit and 1 s to hold out.
 SHORTEST = 3.0
-#: Priors of the refit without causes are wider by this.
-LOOSE = 30.0
+#: Factor on the prior deviations when only nominal parameters are refitted. Engineering judgement: practically no
+#: prior, so that the refit shows the most that wrong parameters can explain.
+REFIT_PRIOR_FACTOR = 30.0
 
 
 @dataclass(frozen=True)
 class PreparedLog:
-    """A checked log and the plant that it is compared with.
+    """A checked log and the model that is compared with it.
 
-    plant, log: as given. model: the plant with every effect, driven by the log with the channels that effects follow.
-    validation: a second log, prepared likewise. noise: channel -> standard deviation. findings: warnings.
+    plant, log: as given. model: the plant with every effect, and the log with the channels that replayed effects need.
+    validation: second log with the same channels. noise: channel -> standard deviation, SI units. findings: warnings.
     """
 
     plant: Plant
@@ -69,7 +70,7 @@ class PreparedLog:
 
 @dataclass(frozen=True)
 class Segments:
-    """The whole log from its start, the part that hypotheses are fitted to, and the part that is held out."""
+    """The whole log, the part for fitting, and the part held out for validation."""
 
     whole: Segment
     training: Segment
@@ -86,17 +87,17 @@ def diagnose(
     watch: Watch | None = None,
     check: bool = True,
 ) -> Diagnosis:
-    """Where the gap between a log and the nominal plant lies, what causes it, and how far it shrinks.
+    """Find where a log differs from the nominal plant, which effect is the cause, and how much of the gap it closes.
 
     Parameters
     ----------
-    plant: nominal, linear or nonlinear, with the load that was there.
-    log: see `read_plant_log`; it may lack force or pressures.
-    validate: a second log that nothing is fitted to; the last third of `log` by default.
-    threshold: a gap of a signal, relative to its standard deviation, from which on it matters.
-    jobs: threads; all cores by default.
-    watch: is called with stage, steps done and steps in all.
-    check: refuse logs that `check_log` finds wrong: a wrong sign or unit is no effect.
+    plant: nominal plant, linear or nonlinear, with the load of the experiment.
+    log: measured log, see `read_plant_log`; force and pressures may be missing.
+    validate: second log for validation; by default the last third of `log` is held out.
+    threshold: smallest relevant gap of a signal, as a share of its standard deviation.
+    jobs: number of threads; all cores by default.
+    watch: progress callback, called with stage, steps done and total steps.
+    check: reject a log in which `check_log` finds an error: a wrong sign or unit is not an effect.
 
     Returns
     -------
@@ -104,7 +105,8 @@ def diagnose(
 
     Raises
     ------
-    InputError: the log is clearly wrong or too short.
+    InputError: the log has an error, lasts less than SHORTEST or lacks the channel of the drive; no model can be
+        simulated on it; or threshold is not between 0 and 1.
     """
     began = time.monotonic()
     prepared = prepare_log(plant, log, validate, threshold, check=check)
@@ -112,57 +114,71 @@ def diagnose(
     gaps = segments.whole.gap({})
     if largest(gaps) < threshold:
         gap = dict.fromkeys(MODELS, segments.held_out.gap({}))
-        return _result(prepared, segments, gaps, {}, began, verdict="no_gap", where=(), effects=(), gap=gap, runs=2)
-    objective, columns = objective_of(segments.training.model, prepared.noise, threshold)
-    lumped = without_dry_friction(prepared.model.plant)
+        return _build_diagnosis(
+            prepared, segments, gaps, {}, began, verdict="no_gap", where=(), effects=(), gap=gap, runs=2
+        )
+    objective, sensitivities = objective_of(segments.training.model, prepared.noise, threshold)
+    lumped = lacks_dry_friction(prepared.model.plant)
     pool = Pool(jobs or os.cpu_count() or 1, watch)
-    hypotheses = Hypotheses.none_fitted(objective, candidate_effects(segments.training.model), columns, pool)
+    hypotheses = Hypotheses.initial(objective, candidate_effects(segments.training.model), sensitivities, pool)
     hypotheses = search(hypotheses, lumped=lumped)
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, threshold, lumped=lumped)
     hypotheses, scores, superseded = score_hypotheses(hypotheses, scoring)
     selection = select_model(scores, Reference.of(scoring), threshold)
-    nominal_refit = refit_nominal(objective, columns, 1.0 if lumped else LOOSE)
+    nominal_refit = refit_nominal(objective, sensitivities, 1.0 if lumped else REFIT_PRIOR_FACTOR)
     known = [*superseded, *scores]
-    return _explained(prepared, segments, gaps, hypotheses, scoring, selection, known, nominal_refit, began)
+    return _diagnose_selection(prepared, segments, gaps, hypotheses, scoring, selection, known, nominal_refit, began)
 
 
 def prepare_log(plant: Plant, log: Log, validate: Log | None, threshold: float, *, check: bool) -> PreparedLog:
-    """Check plant, logs and threshold, and prepare the logs for the model of all hypotheses."""
+    """Check threshold and logs, and set up the model of all hypotheses.
+
+    Raises InputError as `diagnose`.
+    """
     check_threshold(threshold)
     log, *others = named([log] if validate is None else [log, validate])
-    findings = [*_checked(plant, [log, *others], check), *(e.caveat for e in replayed_effects(plant))]
-    findings += [f"{name} is not among the candidates: {reason}" for name, reason in left_out_effects(plant).items()]
-    followed = prepare_replay(plant, log, everything=True)
-    validation = prepare_replay(plant, others[0], followed, everything=True) if others else None
-    model = HypothesisModel(with_every_effect(plant), followed, initial_state(plant, log), _switched(plant))
-    return PreparedLog(plant, log, model, validation, noise_of(log), tuple(filter(None, findings)), threshold)
+    findings = [*_check_logs(plant, [log, *others], check), *(e.caveat for e in replayed_effects(plant))]
+    findings += [f"effect {name} was not tested: {reason}" for name, reason in inapplicable_effects(plant).items()]
+    prepared = prepare_replay(plant, log, all_effects=True)
+    validation = prepare_replay(plant, others[0], prepared, all_effects=True) if others else None
+    model = HypothesisModel(with_every_effect(plant), prepared, initial_state(plant, log), _plants_by_law(plant))
+    return PreparedLog(plant, log, model, validation, estimate_noise(log), tuple(filter(None, findings)), threshold)
 
 
 def check_threshold(threshold: float) -> None:
-    """Raises InputError for a threshold that is no share."""
+    """Raises InputError unless the threshold is a share between 0 and 1."""
     if not 0.0 < threshold < 1.0:
         raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
 
 
-def _switched(plant: Plant) -> dict[str, Plant]:
-    """The plant with each friction law that a hypothesis may switch to; presliding needs a rod that pressures move."""
+def _plants_by_law(plant: Plant) -> dict[str, Plant]:
+    """Friction law -> the plant with this law, for hypotheses that replace the rod's friction law.
+
+    Empty where no replacement is possible: presliding needs a rod that the chamber pressures move.
+    """
     structure = plant.structure
     if plant.model != "nonlinear" or structure.chambers is None or structure.system.prescribed:
         return {}
     own = [plant.structure.law(contact) for contact in plant.structure.system.contacts if contact.name == "rod"]
-    if any(law.name not in IN_STRIBECK and law.state_rate is None for law in own):
-        # Neither law is contained in the other: a switch would change more than the effect does.
+    if any(law.name not in STRIBECK_SPECIAL_CASES and law.state_rate is None for law in own):
+        # The two laws are not nested: replacing one by the other would change more than the effect does.
         return {}
     return {switch.law: with_every_effect(plant, switch.law) for switch in law_switches()}
 
 
-def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> list[str]:
-    """Warnings on the logs; raises InputError for the first that is clearly wrong."""
+def _check_logs(plant: Plant, logs: Sequence[Log], check: bool) -> list[str]:
+    """Warnings on the logs.
+
+    Raises InputError for a log that is too short, lacks the channel of the drive or, with `check`, has an error.
+    """
     sentences = []
     for log in logs:
         for drive in plant.structure.system.drives.values():
             if drive not in log.channels:
-                raise InputError(f"{log.path or 'the log'}: has no {drive}, which drives the simulation")
+                raise InputError(
+                    f"{log.path or 'the log'}: has no channel {drive}, which drives the simulation; record it, or map "
+                    "it in the plant's [log] table"
+                )
         findings = check_log(log, plant)
         if check:
             raise_on_error(log, findings)
@@ -177,14 +193,14 @@ def _checked(plant: Plant, logs: Sequence[Log], check: bool) -> list[str]:
 
 
 def split_log(prepared: PreparedLog) -> Segments:
-    """What is fitted, and what is held out: the validation log, or else the last third."""
+    """The segments: the validation log is held out, or else the last third of the log."""
     plant, model = prepared.plant, prepared.model
     if prepared.validation is not None:
-        training, noise = model.log, noise_of(prepared.validation)
+        training, noise = model.log, estimate_noise(prepared.validation)
         held_out = whole_log(plant, model.plant, prepared.validation, noise)
     else:
         training, held_out = last_third(plant, model.plant, model.log, prepared.noise)
-    held_out = replace(held_out, model=replace(held_out.model, switched=model.switched))
+    held_out = replace(held_out, model=replace(held_out.model, plants_by_law=model.plants_by_law))
     return Segments(
         Segment(model, 0, prepared.noise, prepared.log.name),
         Segment(replace(model, log=training), 0, prepared.noise, "the training data"),
@@ -192,7 +208,7 @@ def split_log(prepared: PreparedLog) -> Segments:
     )
 
 
-def _result(
+def _build_diagnosis(
     prepared: PreparedLog,
     segments: Segments,
     gaps: Mapping[str, float],
@@ -201,7 +217,11 @@ def _result(
     findings: Sequence[str] = (),
     **found: Any,
 ) -> Diagnosis:
-    """A diagnosis with what every verdict has: logs, noise, segments and free runs over the whole log."""
+    """The result, with the fields that do not depend on the verdict; `found` holds the others.
+
+    gaps: of the nominal plant over the whole log. values: model -> setting, for its free run over the whole log. began:
+    start of the computation by the monotonic clock [s].
+    """
     held_out = segments.held_out
     own = held_out.model.log
     runs = {model: segments.whole.simulate(setting) for model, setting in {"nominal": {}, **values}.items()}
@@ -222,7 +242,7 @@ def _result(
     )
 
 
-def _explained(
+def _diagnose_selection(
     prepared: PreparedLog,
     segments: Segments,
     gaps: Mapping[str, float],
@@ -233,7 +253,10 @@ def _explained(
     nominal_refit: Setting,
     began: float,
 ) -> Diagnosis:
-    """The result of a selected model."""
+    """The result where there is a gap.
+
+    known: all hypotheses that were scored. nominal_refit: nominal parameters refitted without any effect.
+    """
     plant, log, chosen, held_out = prepared.plant, prepared.log, selection.chosen, segments.held_out
     with_effects = chosen.fit.values if selection.named else nominal_refit
     values: dict[str, Setting] = {"nominal": {}, "refit": nominal_refit, "with_effects": with_effects}
@@ -243,14 +266,14 @@ def _explained(
     sd = standard_deviations(chosen.fit, scoring.weight)
     causes: tuple[Cause, ...] = ()
     if selection.verdict != "outside_catalogue":
-        causes = reported_causes(plant, selection, scoring, known, sd, gap, log)
-    # Effects that no log can tell apart make an ambiguous set too.
+        causes = build_causes(plant, selection, scoring, known, sd, gap, log)
+    # Effects that are equivalent on any log make the verdict ambiguous too.
     ambiguous = selection.verdict == "effect" and any(cause.ambiguous_with for cause in causes)
     verdict = "ambiguous" if ambiguous else selection.verdict
     experiment = deciding_experiment(selection, hypotheses, prepared.noise)
     changed = {n: v for n, v in chosen.fit.values.items() if v != prepared.model.nominal_value(n)}
     least = selection.ranked[0].deviance
-    return _result(
+    return _build_diagnosis(
         prepared,
         segments,
         gaps,
@@ -262,7 +285,7 @@ def _explained(
         effects=causes,
         gap=gap,
         candidates=tuple(
-            RankedHypothesis(tuple(map(name_of, one.label)), one.deviance - least, largest(one.held_out))
+            RankedHypothesis(tuple(map(name_of, one.label)), one.deviance - least, largest(one.held_out_gap))
             for one in selection.ranked
         ),
         location=location,
@@ -274,9 +297,12 @@ def _explained(
 
 
 def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, float], ...]:
-    """Shares of the places. Places whose balances no sensor shows share by what the causes that act there close."""
+    """Place -> share of the gap, the largest first.
+
+    Places whose balances the log does not show share their part in proportion to what the causes there close.
+    """
     shares = dict(location.shares)
-    closed = dict.fromkeys(location.silent, 0.0)
+    closed = dict.fromkeys(location.unobserved, 0.0)
     for cause in causes:
         if cause.place in closed:
             closed[cause.place] += max(cause.gap_closed or 0.0, 0.0)
@@ -288,8 +314,11 @@ def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, floa
 
 
 def _upper_bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[str, float]:
-    """What a model of any form could reach: the nominal gap without the parts that unknown inputs close over the whole
-    log, or the best model's gap if that is less."""
+    """Estimate of the smallest gap that any model could reach, by signal.
+
+    The nominal gap without the share that injected unknown inputs close over the whole log, or the gap of the best
+    model if that is smaller.
+    """
     bound = {}
     for signal, nominal in gap["nominal"].items():
         if signal == "total":

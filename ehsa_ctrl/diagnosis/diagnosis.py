@@ -1,4 +1,4 @@
-"""The result of a diagnosis: verdict, places, causes, and how far the gap shrinks."""
+"""The result of a diagnosis: verdict, places, causes, and the gap of each model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..core.result import Result, as_dict, as_table
 from ..physics.effects import EFFECTS
 from ..plant.file import label
 from ..plant.plant import Plant, Sensor
-from .signals import gap, scored, signal_noise
+from .signals import gap, scored_signals, signal_noise
 from .verdict_text import name_of, nearest_sentence, verdict_sentence
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .next_experiment import NextExperiment
 
 Verdict = Literal["no_gap", "effect", "ambiguous", "outside_catalogue", "underdetermined"]
-#: The models whose gaps are stated, and what they are.
+#: The models of which a result gives the gap.
 MODELS = {
     "nominal": "nominal plant",
     "refit": "nominal parameters refitted",
@@ -36,7 +36,7 @@ MODELS = {
 
 @dataclass(frozen=True)
 class CauseParameter:
-    """An estimated parameter: its new value, not the change, in SI units."""
+    """An estimated parameter in SI units: `value` is the new value, not the change."""
 
     value: float
     sd: float
@@ -45,18 +45,18 @@ class CauseParameter:
 
 @dataclass(frozen=True)
 class Cause:
-    """One cause, or a candidate for one.
+    """A cause, or a candidate.
 
     Attributes
     ----------
-    id, channel, place: as in the catalogue of effects; the channel only of a sensor's effect.
-    probability: that this cause is present, given the log.
-    parameters: those of the effect.
-    ambiguous_with: ids that this log can't tell from it.
-    absorbed_by_refit: share of what it closes that a refit of the nominal parameters alone would have closed.
-    gap_closed: 1 - G_with / G_nominal on held-out data; its own part where there are several causes.
-    alone: the gap that it makes in each signal while the others stay.
-    why_same: ids among `ambiguous_with` that no log can tell apart, with the reason.
+    id, place: of the effect in the catalogue. channel: of the sensor, if the effect is a sensor error.
+    probability: posterior probability that the cause is present.
+    parameters: name -> estimate.
+    ambiguous_with: ids of effects that explain this log as well.
+    absorbed_by_refit: share of its improvement that a refit of the nominal parameters alone achieves.
+    gap_closed: 1 - G_with / G_nominal on held-out data; of several causes, the part of this one.
+    alone: signal -> gap that it makes with the other causes unchanged.
+    why_same: those of `ambiguous_with` that are equivalent on any log -> reason.
     """
 
     id: str
@@ -72,12 +72,12 @@ class Cause:
 
     @property
     def name(self) -> str:
-        """Id, with the channel of a sensor's effect."""
+        """Id, with the channel for a sensor error."""
         return name_of((self.id, self.channel))
 
     @property
     def summary(self) -> str:
-        """The line of the catalogue."""
+        """The effect in one line, from the catalogue."""
         return EFFECTS[self.id].summary
 
     to_dict = as_dict
@@ -85,9 +85,10 @@ class Cause:
 
 @dataclass(frozen=True)
 class RankedHypothesis:
-    """A refitted hypothesis: its members by name, its rank, and what it leaves.
+    """A scored hypothesis.
 
-    evidence: deviance (-2 log-likelihood) above that of the best one. gap: largest one of a signal on held-out data.
+    members: names of its causes. evidence: its deviance (-2 log-likelihood) minus that of the best hypothesis. gap: the
+    largest gap of a signal on held-out data.
     """
 
     members: tuple[str, ...]
@@ -97,24 +98,24 @@ class RankedHypothesis:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Result):
-    """The answer to where, which and how far.
+    """Where a log differs from the nominal plant, which effect is the cause, and how much of the gap it closes.
 
     Attributes
     ----------
-    plant, log: nominal plant and measured log. threshold: a gap from which on it matters.
-    verdict: as in diagnosis.json; `sentence` is the verdict in words.
-    where: place and share, largest first, together one.
-    effects: causes, or candidates where the verdict is "underdetermined"; the largest first.
-    gap: model (see MODELS) -> signal -> gap on held-out data; whole: the same of the nominal model over the whole log.
-    held_out: which data that is; held_from: where it begins in the log [s], None if it is a log of its own.
-    noise_sd: channel -> standard deviation of its noise.
+    plant, log: nominal plant and measured log. threshold: smallest relevant gap.
+    verdict: one of Verdict; `sentence` is the verdict in words.
+    where: (place, share of the gap), the largest first; the shares add up to one.
+    effects: causes, the largest first; candidates if the verdict is "underdetermined".
+    gap: model (see MODELS) -> signal -> gap on held-out data. whole: signal -> gap of the nominal plant, whole log.
+    held_out: description of the held-out data. held_from: its start in the log [s], None if it is a second log.
+    noise_sd: channel -> standard deviation of its noise, SI units.
     values: model -> parameters and sensor settings that differ from the nominal plant.
     simulated: model -> channel -> (N,) free run over the whole log.
-    candidates: every hypothesis that was scored, the best first.
-    location: where the gap lies, without the catalogue of effects.
-    improved: the plant with the causes added, None where none was named.
-    next_experiment: what to do next, in words; experiment: the input for it, if there is one.
-    findings: warnings on the log and notes on the gaps. runs: simulations that the refits made.
+    candidates: all scored hypotheses, the best first.
+    location: place of the gap, found without the catalogue of effects.
+    improved: the plant with the causes added; None if no cause is named.
+    next_experiment: the proposed experiment in words. experiment: its input, if there is one.
+    findings: warnings on the log and notes on the gaps. seconds: computing time. runs: number of simulations.
     """
 
     plant: Plant
@@ -142,19 +143,22 @@ class Diagnosis(Result):
 
     @property
     def whole_with_effects(self) -> dict[str, float] | None:
-        """Gap of the model with the causes over the whole log, which most of it was fitted to; None without a run."""
+        """Gap of the model with the causes over the whole log, two thirds of which it may have been fitted to.
+
+        None without a free run of this model.
+        """
         shown = self.simulated.get("with_effects")
         if not shown:
             return None
         signals, dt = self.plant.structure.system.scored, self.log.sample_time
         noise = signal_noise(signals, self.noise_sd, dt)
-        measured, simulated = scored(signals, self.log.channels, dt), scored(signals, shown, dt)
+        measured, simulated = scored_signals(signals, self.log.channels, dt), scored_signals(signals, shown, dt)
         shared = {name: values for name, values in measured.items() if name in simulated and name in noise}
         return gap(shared, simulated, noise) if shared else None
 
     @property
     def nearest(self) -> str:
-        """The nearest set of effects where none is the cause; empty where nothing halves the gap."""
+        """The most similar set of effects if none is the cause; empty if it closes less than half of the gap."""
         return nearest_sentence(self)
 
     @property
@@ -163,7 +167,7 @@ class Diagnosis(Result):
         return verdict_sentence(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """As diagnosis.json."""
+        """Content of diagnosis.json."""
         plant, log = self.plant, self.log
         return as_dict(
             self, "verdict sentence gap held_out noise_sd next_experiment threshold candidates location findings "
@@ -177,7 +181,7 @@ class Diagnosis(Result):
         )  # fmt: skip
 
     def _described(self, cause: Cause) -> dict[str, Any]:
-        """A cause with its text in the catalogue, and with the nominal value and meaning of its numbers."""
+        """A cause with its text in the catalogue, and the nominal value and meaning of its parameters."""
         effect, found = EFFECTS[cause.id], as_dict(cause)
         own = {parameter.name: parameter for parameter in effect.parameters}
         meanings = {kind.name: kind.meaning for kind in self.plant.structure.equations.parameters}
@@ -187,7 +191,7 @@ class Diagnosis(Result):
                 number |= {"name": effect.sensor, "belongs_to": "sensor", "nominal": getattr(sensor, effect.sensor)}
                 number["meaning"] = f"{effect.sensor} of the sensor of {cause.channel}"
             else:
-                # None: a friction, or a law's parameter, that the plant does not have.
+                # None: the nominal plant lacks this friction, or this parameter of another friction law.
                 absent = own[name].neutral if name in own else None
                 nominal = self.plant[name] if name in self.plant.parameters else absent
                 number |= {"name": name, "belongs_to": "effect" if name in own else "plant", "nominal": nominal}
@@ -195,7 +199,7 @@ class Diagnosis(Result):
         return {**found, "summary": effect.summary, "fingerprint": effect.fingerprint}
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a cause."""
+        """One row per cause."""
         import pandas
 
         names = "place probability gap_closed absorbed_by_refit ambiguous_with"
@@ -204,20 +208,20 @@ class Diagnosis(Result):
         return causes.rename_axis("cause").reset_index().join(pandas.DataFrame(numbers))
 
     def plot(self) -> Figure:
-        """Measured against simulated before and after."""
+        """Measured and simulated signals, with the nominal plant and with the causes."""
         return draw(self)
 
     def __str__(self) -> str:
         lines = [
             self.sentence,
-            f"  held out: {self.held_out}",
-            "  gap there, %" + "".join(f"{s:>14}" for s in _shown(self)),
+            f"  held-out data: {self.held_out}",
+            f"  {'gap there (%)':<28}" + "".join(f"{s:>14}" for s in _signals(self)),
         ]
         for model, gaps in self.gap.items():
-            lines.append(f"  {model:<12}" + "".join(f"{100.0 * gaps[s]:>14.2f}" for s in _shown(self)))
+            lines.append(f"  {MODELS[model]:<28}" + "".join(f"{100.0 * gaps[s]:>14.2f}" for s in _signals(self)))
         if self.where:
             lines.append(
-                "  where, over the whole log: "
+                "  place of the gap, over the whole log: "
                 + ", ".join(f"{place} {100 * share:.0f} %" for place, share in self.where if share >= 0.01)
             )
         for cause in self.effects:
@@ -226,7 +230,7 @@ class Diagnosis(Result):
             )
             lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")
             if cause.ambiguous_with:
-                lines.append(f"    can't be told from {', '.join(cause.ambiguous_with)}")
+                lines.append(f"    this log can't separate it from {' and '.join(cause.ambiguous_with)}")
         if self.nearest:
             lines.append(f"  {self.nearest}")
         if self.next_experiment:
@@ -234,5 +238,6 @@ class Diagnosis(Result):
         return "\n".join(lines)
 
 
-def _shown(diagnosis: Diagnosis) -> tuple[str, ...]:
+def _signals(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Names of the scored signals, then "total"."""
     return tuple(next(iter(diagnosis.gap.values())))

@@ -1,4 +1,4 @@
-"""Inputs that may tell candidates apart: excitations of the bench, slow and one-sided ones, frequency bands."""
+"""Library of inputs for the next experiment: excitations of the bench, slow ramps, one-sided steps, multisines."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from ..identification.input_shapes import InputPart, InputShape
 
-#: Low, middle and high band of multisines [Hz].
+#: Bands of the multisines [Hz]; engineering judgement.
 BANDS = ((0.125, 1.0), (1.0, 5.0), (5.0, 20.0))
 
 Current = Callable[[np.ndarray, float], np.ndarray]
@@ -17,9 +17,10 @@ Current = Callable[[np.ndarray, float], np.ndarray]
 
 @dataclass(frozen=True)
 class LibraryInput:
-    """An input: words that an amplitude follows, and current (N,) [A] of time (N,) [s] from zero and amplitude [A].
+    """An input of the library.
 
-    share: of the largest amplitude within the limits; friction shows better where the plant hardly moves.
+    words: text that ends before the amplitude. current: function of time (N,) [s] from zero and amplitude [A] that
+    gives the current (N,) [A]. share: of the largest amplitude within the limits; small motion shows friction better.
     excitation: its name on the command line, if it has one.
     """
 
@@ -30,7 +31,7 @@ class LibraryInput:
 
 
 def library_inputs(seed: int = 0) -> tuple[LibraryInput, ...]:
-    """The library; seed: of the random ones."""
+    """The library. seed: of random inputs."""
 
     def shape(part: InputPart) -> Current:
         return InputShape((part,)).current
@@ -57,7 +58,7 @@ def library_inputs(seed: int = 0) -> tuple[LibraryInput, ...]:
 
 
 def _multisine(low: float, high: float, seed: int) -> Current:
-    """Sines of equal amplitude at multiples of 1/8 Hz in a band, random phases; from zero within half a second."""
+    """Sines of equal amplitude with random phases at multiples of 1/8 Hz in a band, faded in over 0.5 s."""
 
     def current(time: np.ndarray, amplitude: float) -> np.ndarray:
         frequency = np.arange(low, high + 1e-9, 0.125)
@@ -69,7 +70,7 @@ def _multisine(low: float, high: float, seed: int) -> Current:
 
 
 def _triangle(frequency: float) -> Current:
-    """A triangle from zero: up, down through zero, up again."""
+    """A triangular wave that starts at zero."""
 
     def current(time: np.ndarray, amplitude: float) -> np.ndarray:
         return np.asarray(amplitude * 2.0 / np.pi * np.arcsin(np.sin(2.0 * np.pi * frequency * time)))
@@ -78,7 +79,7 @@ def _triangle(frequency: float) -> Current:
 
 
 def _pulses(sign: float) -> Current:
-    """Half a second on, one and a half off; from 0.25 s."""
+    """Pulses of 0.5 s with pauses of 1.5 s, from 0.25 s on."""
 
     def current(time: np.ndarray, amplitude: float) -> np.ndarray:
         phase = ((time - 0.25) / 0.25).round(9).astype(int) % 8

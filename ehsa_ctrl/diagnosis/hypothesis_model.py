@@ -1,7 +1,7 @@
-"""The model that runs every hypothesis: the plant with all effects of the catalogue, neutral unless set.
+"""The model of all hypotheses: the plant with all effects of the catalogue, each neutral unless a hypothesis sets it.
 
-A neutral effect leaves the plant as it was to the last bit. A single compiled engine therefore serves every
-hypothesis; the free numbers of one are columns of the parameter array.
+An effect at its neutral value does not change the plant, to the last bit. One compiled engine therefore simulates all
+hypotheses; they differ in their parameter vectors only.
 """
 
 from __future__ import annotations
@@ -25,29 +25,32 @@ from ..plant.system import Contact
 from ..simulation.engine import simulate_batch
 from ..simulation.sensors import shown
 
-#: Friction laws that are (8) with some parameters absent.
-IN_STRIBECK = ("none", "viscous", "coulomb", "stribeck")
-#: Free numbers by name: parameters of the plant, SETTING.CHANNEL of a sensor, the number of a law switch.
+#: Friction laws that are special cases of (8), with some parameters zero.
+STRIBECK_SPECIAL_CASES = ("none", "viscous", "coulomb", "stribeck")
+#: Parameters of a hypothesis by name: of the plant, SETTING.CHANNEL of a sensor, or the number of a law switch. Those
+#: not named have their nominal values.
 Setting = Mapping[str, float]
 
 
 def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
-    """The same plant in the structure that holds every effect at its neutral value.
+    """The same plant with all effects that fit it, at their neutral values.
 
-    rod_friction: a law for an effect that replaces the rod's. Otherwise a law that (8) contains becomes (8), so that
-        what it lacks can be searched; any other law stays.
+    rod_friction: friction law of the rod, for a hypothesis that replaces it. By default a special case of (8) becomes
+        (8), so that its missing terms can be estimated; any other law is kept.
     """
     system = plant.structure.system
     laws: dict[str, Any] = {
-        f"{contact.name}_friction": "stribeck" if in_stribeck(plant, contact) else plant.structure.law(contact).name
+        f"{contact.name}_friction": "stribeck"
+        if is_stribeck_special_case(plant, contact)
+        else plant.structure.law(contact).name
         for contact in system.all_contacts
     }
     if rod_friction is not None and "rod_friction" in laws:
         laws["rod_friction"] = rod_friction
     structure = replace(plant.structure, **laws)
     known = effects_with_parameters()
-    wired = [name for name in known if _fits(structure, name)]
-    # One order whatever effects the plant has already, so that all plants share the compiled text.
+    wired = [name for name in known if _is_applicable(structure, name)]
+    # The same order for all plants, whatever effects they have, so that they share the compiled engine.
     structure = replace(structure, effects=(*(n for n in plant.structure.effects if n not in known), *wired))
     absent = {p.name: p.neutral for n in wired for p in EFFECTS[n].parameters if n not in plant.structure.effects}
     for contact in system.all_contacts:
@@ -56,13 +59,13 @@ def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
     return plant.with_structure(structure, **{name: value for name, value in absent.items() if name in asked})
 
 
-def in_stribeck(plant: Plant, contact: Contact) -> bool:
-    """Whether a contact's friction law is (8) with some parameters absent."""
-    return plant.structure.law(contact).name in IN_STRIBECK
+def is_stribeck_special_case(plant: Plant, contact: Contact) -> bool:
+    """Whether a contact's friction law is a special case of (8)."""
+    return plant.structure.law(contact).name in STRIBECK_SPECIAL_CASES
 
 
-def left_out_effects(plant: Plant) -> dict[str, str]:
-    """Effects of the user's own that the plant can't have, each with the reason; shipped ones fit what they fit."""
+def inapplicable_effects(plant: Plant) -> dict[str, str]:
+    """User-defined effects that do not fit the plant: name -> reason. Shipped effects are omitted without a reason."""
     found = {}
     structure = with_every_effect(plant).structure
     for name in effects_with_parameters():
@@ -77,30 +80,30 @@ def left_out_effects(plant: Plant) -> dict[str, str]:
 
 
 def absent_friction(contact: Contact, symbols: Iterable[str] = ("A", "C", "tau")) -> dict[str, float]:
-    """Parameters of a friction that a contact does not have: no level, and the speed at which a static part decays."""
+    """Values of friction parameters that a contact lacks: level zero, tau the contact's Stribeck speed."""
     values = {name: part.absent for name, part in SYMBOLS.items() if part.absent is not None}
     values["tau"] = contact.stribeck_speed
     return {contact.symbol(symbol): values[symbol] for symbol in symbols if symbol in values}
 
 
 def effects_with_parameters() -> tuple[str, ...]:
-    """Effects with equations and parameters; one without parameters is an option of the plant, not a hypothesis."""
+    """Effects with equations and parameters. One without parameters is an option of the plant, not a hypothesis."""
     return tuple(name for name, effect in EFFECTS.items() if effect.wired and effect.parameters)
 
 
 def law_switches() -> tuple[LawSwitch, ...]:
-    """The friction laws that a hypothesis may switch to."""
+    """Replacements of the rod's friction law that a hypothesis may contain."""
     return tuple(effect.switch for effect in EFFECTS.values() if effect.switch is not None)
 
 
-def without_dry_friction(plant: Plant) -> bool:
-    """Whether no contact of the plant sticks."""
+def lacks_dry_friction(plant: Plant) -> bool:
+    """Whether no contact of the plant has dry friction (A = 0 for all)."""
     levels = [contact.symbol("A") for contact in plant.structure.system.contacts]
     return not any(plant[name] for name in levels if name in plant.parameters)
 
 
-def _fits(structure: Structure, effect: str) -> bool:
-    """Whether a system has what an effect changes and asks for."""
+def _is_applicable(structure: Structure, effect: str) -> bool:
+    """Whether a system has the signals that an effect changes and needs."""
     try:
         return bool(replace(structure, effects=(effect,)).equations)
     except InputError:
@@ -111,22 +114,22 @@ def _fits(structure: Structure, effect: str) -> bool:
 class HypothesisModel:
     """A plant with every effect, driven by a log.
 
-    plant: see `with_every_effect`. log: what drives it and what it is compared with. start: states at the first sample
-    by name, as the nominal sensors give them; states that are not named are at rest. switched: friction law -> the
-    plant with that law, for settings that switch to it. tolerance: of the engine.
+    plant: see `with_every_effect`. log: gives the inputs and the measurements. start: state -> value at the first
+    sample, by the nominal sensors; states that are missing are at rest. plants_by_law: friction law -> plant with this
+    law, for hypotheses that replace the rod's. tolerance: relative, of the engine.
 
-    In a log with the channel of an effect's `replay`, the effect follows that measured channel, not the simulation.
+    If the log has the channel of an effect's `replay`, this effect follows the measurement, not the simulation.
     """
 
     plant: Plant
     log: Log
     start: Mapping[str, float] | None = None
-    switched: Mapping[str, Plant] = field(default_factory=dict)
+    plants_by_law: Mapping[str, Plant] = field(default_factory=dict)
     tolerance: float = 1e-5
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Scored channels of the log, then the load cell where the simulation has one."""
+        """Channels that are compared: those of the scored signals, then the load cell if the system has one."""
         system = self.plant.structure.system
         simulated = [
             *(one.channel for one in system.scored),
@@ -135,7 +138,7 @@ class HypothesisModel:
         return tuple(channel for channel in dict.fromkeys(simulated) if channel in self.log.channels)
 
     def nominal_value(self, name: str) -> float:
-        """The value of a free number without any hypothesis."""
+        """Nominal value of a parameter: of the plant, of a sensor, or 0 for the number of a law switch."""
         if name in self.plant.parameters:
             return self.plant[name]
         setting, dot, channel = name.partition(".")
@@ -144,7 +147,7 @@ class HypothesisModel:
         return 0.0
 
     def run(self, settings: Sequence[Setting], jobs: int = 1) -> list[dict[str, np.ndarray] | None]:
-        """Simulate the log's drive with each setting: what the sensors would show; None where the run stopped."""
+        """Simulate each setting with the logged inputs: channel -> sensor reading (N,); None if the run stopped."""
         drives = [self._drive(values) for values in settings]
         out: list[dict[str, np.ndarray] | None] = [None] * len(settings)
         groups: dict[tuple[int, str], list[int]] = {}
@@ -153,7 +156,7 @@ class HypothesisModel:
             groups.setdefault((id(drives[i]), switch.law if switch else ""), []).append(i)
         for members in groups.values():
             switch = self._switch(settings[members[0]])
-            plant = self.plant if switch is None else self.switched.get(switch.law, self.plant)
+            plant = self.plant if switch is None else self.plants_by_law.get(switch.law, self.plant)
             rows = np.array([self._row(plant, switch, settings[i]) for i in members])
             start = None
             if self.start is not None:
@@ -174,7 +177,7 @@ class HypothesisModel:
         """The parameter vector of a setting."""
         of_laws = {name for one in law_switches() for name in (one.number, *one.defaults)}
         changed = {name: value for name, value in values.items() if "." not in name and name not in of_laws}
-        changed |= {effect.parameters[0].name: effect.parameters[0].neutral for effect in self._replayed}
+        changed |= {effect.parameters[0].name: effect.parameters[0].neutral for effect in self._replay_effects}
         if switch is not None:
             changed |= switch.parameters(values, plant.values)
         row, names = plant.vector.copy(), plant.structure.equations.parameter_names
@@ -185,7 +188,7 @@ class HypothesisModel:
     def _start(self, plant: Plant, values: Setting, drive: np.ndarray) -> np.ndarray:
         """State (n,) at the first sample of a run that starts in motion.
 
-        Readings are corrected for the sensor settings of this hypothesis. States of neutral effects are at rest.
+        Measured states are corrected for the sensor errors of the hypothesis. States of neutral effects are zero.
         """
         assert self.start is not None
         state, index = plant.rest.copy(), plant.structure.equations.index
@@ -219,29 +222,29 @@ class HypothesisModel:
         return state
 
     @cached_property
-    def _replayed(self) -> tuple[Effect, ...]:
-        """Effects that follow a measured channel of this log."""
+    def _replay_effects(self) -> tuple[Effect, ...]:
+        """Effects that follow a measured channel of the log."""
         own = map(EFFECTS.__getitem__, self.plant.structure.effects)
         return tuple(e for e in own if e.replay is not None and e.replay.channel in self.log.channels)
 
     @cached_property
     def _nominal_drive(self) -> np.ndarray:
-        """The drive (N,) that acted on the rig if the drive's sensor is as the plant says."""
+        """The drive (N,) that acted on the rig, from the log by the nominal sensor of the drive."""
         return undo_sensor(self.plant, self.log, self.plant.structure.system.drive)
 
     @cached_property
     def _outer_input(self) -> np.ndarray | None:
-        """The second input (N,), where the log has it."""
+        """The second input (N,) if the log has it."""
         return logged_inputs(self.plant, self.log)[1]
 
     def _drive(self, values: Setting) -> np.ndarray:
-        """The drive (N,) of a setting: what acted on the rig, and what replayed effects add to it."""
+        """The drive (N,) under a setting: what acted on the rig, plus the contribution of replayed effects."""
         drive, system = self._nominal_drive, self.plant.structure.system
         if any(values.get(f"{setting}.{system.drive}") for setting in ("delay", "filter")):
             sensor = self.sensor(system.drive, values)
             held = system.hold == "zero_order"
             drive = invert_sensor(sensor, self.log[system.drive], self.log.sample_time, held=held)
-        for effect in self._replayed:
+        for effect in self._replay_effects:
             assert effect.replay is not None
             merged = {**self.plant.values, **values}
             if merged[effect.parameters[0].name] != effect.parameters[0].neutral:
@@ -249,6 +252,7 @@ class HypothesisModel:
         return drive
 
     def _readings(self, states: np.ndarray, force: np.ndarray, values: Setting) -> dict[str, np.ndarray]:
+        """Channel -> sensor reading (N,) from states (N, n) and load cell force (N,)."""
         index, system = self.plant.structure.equations.index, self.plant.structure.system
         out = {}
         for channel in self.channels:
@@ -257,7 +261,7 @@ class HypothesisModel:
         return out
 
     def sensor(self, channel: str, values: Setting) -> Sensor:
-        """A channel's sensor under a setting; delays and filters add to those that the plant's sensor has."""
+        """A channel's sensor under a setting; its delay and filter add to the nominal ones."""
         sensor = self.plant.sensors.get(channel) or Sensor(channel, CHANNELS[channel].unit)
         return replace(
             sensor,

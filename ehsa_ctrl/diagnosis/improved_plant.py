@@ -1,4 +1,4 @@
-"""The nominal plant with the causes found: effects as equations, parameters with their standard deviations."""
+"""The improved plant: the nominal plant with the causes as effects, and estimated parameters with deviations."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .hypothesis_model import Setting, absent_friction, law_switches
 def improved_plant(
     plant: Plant, candidates: tuple[CandidateEffect, ...], values: Setting, sd: Mapping[str, float]
 ) -> Plant:
-    """A plant that runs as the model of a hypothesis does at these values.
+    """A plant whose simulation equals that of a hypothesis.
 
-    values: parameters and sensor settings, those of nominal parameters too. sd: of those that were found. Further
-        parameters of an effect keep the source of their typical value: only what was fitted is called identified.
+    values: parameters and sensor settings of the hypothesis, SI units. sd: standard deviations of those of its effects.
+    Fitted parameters get the source "identified"; other parameters of an effect keep the source of their typical value.
     """
     found, deviations = dict(values), dict(sd)
     structure, added = plant.structure, dict[str, Parameter]()
@@ -35,36 +35,36 @@ def improved_plant(
         if any(values.get(name, value) != value for name, value in absent.items()):
             changes: dict[str, Any] = {f"{contact.name}_friction": "stribeck"}
             structure = replace(structure, **changes)
-            note = "of a friction that the plant lacked, not fitted"
+            note = "friction added by a diagnosis, this value not fitted"
             added |= {n: Parameter(n, v, "", "assumed", note=note) for n, v in absent.items() if n not in values}
     effects = {c.effect.name: c.effect for c in candidates if c.effect.wired and c.effect.parameters}
     effects = {n: e for n, e in effects.items() if any(p.name in values for p in e.parameters)}
     structure = replace(structure, effects=tuple(dict.fromkeys([*structure.effects, *effects])))
     for name, effect in effects.items():
-        added |= {p.name: _not_fitted(name, p) for p in effect.parameters if p.name not in plant.parameters}
+        added |= {p.name: _default_parameter(name, p) for p in effect.parameters if p.name not in plant.parameters}
     known = structure.equations.parameter_names
     given = {n: p.value for n, p in added.items()} | {n: v for n, v in found.items() if n in known}
     changed = plant.with_structure(structure, **given)
     parameters = dict(changed.parameters)
     for name in given:
         if name in found:
-            note = "found by a diagnosis" if name in deviations else "refitted with a diagnosis"
+            note = "cause found by a diagnosis" if name in deviations else "refitted by a diagnosis"
             parameters[name] = replace(parameters[name], source="identified", sd=deviations.get(name), note=note)
         else:
             parameters[name] = replace(parameters[name], source=added[name].source, note=added[name].note)
     return replace(changed, parameters=parameters, sensors=_sensors(changed, values, sd))
 
 
-def _not_fitted(effect: str, parameter: EffectParameter) -> Parameter:
-    """A parameter that an effect needs and that was not fitted."""
+def _default_parameter(effect: str, parameter: EffectParameter) -> Parameter:
+    """A parameter that an effect needs and that was not fitted: neutral, which may be its typical value."""
     typical = parameter.neutral == parameter.typical
-    note = f"typical of {effect}, not fitted" if typical else f"{effect} without this part, not fitted"
+    note = f"typical value of {effect}, not fitted" if typical else f"neutral value in {effect}, not fitted"
     source = parameter.source if typical else "assumed"
     return Parameter(parameter.name, parameter.neutral, parameter.unit, source, note=note)
 
 
 def _sensors(plant: Plant, values: Setting, sd: Mapping[str, float]) -> dict[str, Any]:
-    """The plant's sensors with the settings that were found; delays and filters add to the nominal ones."""
+    """The plant's sensors with the estimated errors; delays and filters add to the nominal ones."""
     sensors = dict(plant.sensors)
     for name, value in values.items():
         setting, dot, channel = name.partition(".")

@@ -1,4 +1,4 @@
-"""Simulations with unknown inputs injected, and the part of the squared gap that they close."""
+"""Simulations with injected unknown inputs, and the squared gap that they leave."""
 
 from __future__ import annotations
 
@@ -11,68 +11,69 @@ from ..plant.plant import Plant
 from ..plant.system import System
 from ..simulation.engine import initial_carry, initial_modes, run_open_loop, simulate_batch
 from ..simulation.plant_code import plant_code
-from .signals import scored, signal_noise
+from .signals import scored_signals, signal_noise
 
-#: Flows are injected in steps of at most this length [s]: what half a hydraulic period brings at once opens valves.
-KICK = 5e-3
+#: Longest time between two impulses by which a flow is injected [s]: the flow of half a hydraulic period in a single
+#: impulse would raise the pressure enough to open a relief valve.
+IMPULSE_SPACING = 5e-3
 
 #: Unknown input -> (N - 1,) mean over each sample.
 Injection = Mapping[str, np.ndarray]
-#: Squared gap by signal (signals,), as a part of the nominal plant's.
-Energy = np.ndarray
+#: Squared gap of each signal (signals,).
+SquaredGaps = np.ndarray
 
 
 @dataclass(frozen=True)
-class SquaredGap:
-    """Squared gap of measured signals to simulations, by signal, noise subtracted.
+class GapMeasure:
+    """Measures the squared gap between measured and simulated signals.
 
-    system: declares the signals. signals: measured. noise: of the scored signals. power: their variances. whole:
-    squared gap of the nominal plant.
+    system: declares the scored signals. signals: measured (N,) each. noise: their noise, standard deviation. variance:
+    their variances. nominal: total squared gap of the nominal plant.
     """
 
     system: System
     signals: Mapping[str, np.ndarray] = field(repr=False)
     noise: Mapping[str, float]
-    power: Mapping[str, float]
+    variance: Mapping[str, float]
     sample_time: float
-    whole: float = 1.0
+    nominal: float = 1.0
 
     @classmethod
     def of(
         cls, system: System, measured: Mapping[str, np.ndarray], noise: Mapping[str, float], sample_time: float
-    ) -> SquaredGap:
-        signals = scored(system.scored, measured, sample_time)
-        power = {name: max(float(np.var(values)), 1e-300) for name, values in signals.items()}
-        return cls(system, signals, signal_noise(system.scored, noise, sample_time), power, sample_time)
+    ) -> GapMeasure:
+        signals = scored_signals(system.scored, measured, sample_time)
+        variance = {name: max(float(np.var(values)), 1e-300) for name, values in signals.items()}
+        return cls(system, signals, signal_noise(system.scored, noise, sample_time), variance, sample_time)
 
     @property
     def names(self) -> tuple[str, ...]:
-        return tuple(self.power)
+        return tuple(self.variance)
 
-    def with_measured(self, measured: Mapping[str, np.ndarray]) -> SquaredGap:
-        """The same measure for a log whose sensors were corrected."""
-        return replace(self, signals=scored(self.system.scored, measured, self.sample_time))
+    def with_measured(self, measured: Mapping[str, np.ndarray]) -> GapMeasure:
+        """The same measure for other measurements, for example with a sensor error corrected."""
+        return replace(self, signals=scored_signals(self.system.scored, measured, self.sample_time))
 
     def errors(self, simulated: Mapping[str, np.ndarray]) -> np.ndarray:
-        """(signals, N) measured less simulated, over the signal's standard deviation."""
-        shown = scored(self.system.scored, simulated, self.sample_time)
-        return np.array([(self.signals[n] - shown[n]) / np.sqrt(self.power[n]) for n in self.names])
+        """(signals, N) measured minus simulated, divided by the signal's standard deviation."""
+        shown = scored_signals(self.system.scored, simulated, self.sample_time)
+        return np.array([(self.signals[n] - shown[n]) / np.sqrt(self.variance[n]) for n in self.names])
 
     @property
-    def floor(self) -> np.ndarray:
-        """(signals,) what noise alone leaves."""
-        return np.array([self.noise[n] ** 2 / self.power[n] for n in self.names])
+    def noise_floor(self) -> np.ndarray:
+        """(signals,) squared gap of noise alone."""
+        return np.array([self.noise[n] ** 2 / self.variance[n] for n in self.names])
 
-    def energy(self, simulated: Mapping[str, np.ndarray]) -> Energy:
-        """(signals,) squared gap; large for a run that stopped."""
+    def squared_gap(self, simulated: Mapping[str, np.ndarray]) -> SquaredGaps:
+        """(signals,) squared gap with the noise subtracted; a thousand times the nominal one if the run stopped."""
         errors = self.errors(simulated)
         if not np.isfinite(errors).all():
-            return np.full(len(self.names), 1e3 * self.whole)
-        return np.maximum(np.mean(errors**2, axis=1) - self.floor, 0.0)
+            return np.full(len(self.names), 1e3 * self.nominal)
+        return np.maximum(np.mean(errors**2, axis=1) - self.noise_floor, 0.0)
 
-    def share(self, energy: Energy) -> float:
-        """Its part of the nominal plant's squared gap."""
-        return float(energy.sum()) / self.whole
+    def share(self, squared_gap: SquaredGaps) -> float:
+        """The total as a share of the nominal plant's squared gap."""
+        return float(squared_gap.sum()) / self.nominal
 
 
 def simulate_injections(
@@ -83,14 +84,16 @@ def simulate_injections(
     injections: Sequence[Injection],
     capacity: Mapping[str, np.ndarray],
     tolerance: float = 1e-5,
-    outside: np.ndarray | None = None,
+    second_input: np.ndarray | None = None,
 ) -> list[dict[str, np.ndarray]]:
-    """Simulate the plant with unknown inputs: channel -> (N,) for each injection; NaN from where a run stopped.
+    """Simulate the plant with unknown inputs: channel -> (N,) for each injection; NaN if the run stopped.
 
-    The system declares where each enters (`Entry`). What adds to an input (a torque to the current, a force to F_D)
-    acts from the middle of a sample on where inputs are joined by lines. What adds to the rate of a state (a flow) acts
-    as half of its integral in a step at each end of a sample, or of a fraction of at most KICK. capacity: of
-    `UnknownInputs`. outside: (N,) second input; zero by default.
+    The system declares where each unknown input enters (`Entry`). One that adds to an input (a torque to the current, a
+    force to F_D) is added to the sampled input. One that adds to the rate of a state (a flow) is injected as impulses:
+    half of its integral at each end of a sample, or of a fraction of a sample of at most IMPULSE_SPACING.
+
+    current, second_input: (N,) inputs of the system; the second is zero by default. start: (n,). capacity: see
+    `UnknownInputs`.
     """
     equations, system = plant.structure.equations, plant.structure.system
     to_inputs = {name: entry.target for name, entry in system.entries.items() if entry.target in system.inputs}
@@ -105,31 +108,31 @@ def simulate_injections(
     states = np.full((len(injections), current.size, start.size), np.nan)
     for members in groups.values():
         one = injections[members[0]]
-        inputs = [current.copy(), np.zeros(current.size) if outside is None else outside.copy()]
+        inputs = [current.copy(), np.zeros(current.size) if second_input is None else second_input.copy()]
         for name, target in to_inputs.items():
             if name in one:
                 inputs[system.inputs.index(target)][:-1] += one[name] / divisor(name)
         drive, force = inputs
-        kicked = [i for i in members if not to_states.keys().isdisjoint(injections[i])]
-        without = [i for i in members if i not in kicked]
+        with_impulses = [i for i in members if not to_states.keys().isdisjoint(injections[i])]
+        without = [i for i in members if i not in with_impulses]
         if without:
             batch = simulate_batch(
                 plant, plant.vector[None, :], drive, force=force, hold=system.hold,
                 start=start[None, :], sample_time=sample_time, tolerance=tolerance, jobs=1,
             )  # fmt: skip
             states[without] = batch.states[0]
-        if kicked:
-            kicks = np.zeros((current.size, len(kicked), start.size))
-            for column, i in enumerate(kicked):
+        if with_impulses:
+            impulses = np.zeros((current.size, len(with_impulses), start.size))
+            for column, i in enumerate(with_impulses):
                 for name, target in to_states.items():
                     if name in injections[i]:
                         half = 0.5 * sample_time * injections[i][name] / divisor(name)
-                        kicks[:-1, column, equations.index(target)] = half
-            states[kicked] = _simulate_kicked(plant, drive, force, start, sample_time, kicks, tolerance)
+                        impulses[:-1, column, equations.index(target)] = half
+            states[with_impulses] = _simulate_impulses(plant, drive, force, start, sample_time, impulses, tolerance)
     return [{channel: run[:, equations.index(s)] for channel, s in system.outputs.items()} for run in states]
 
 
-def _simulate_kicked(
+def _simulate_impulses(
     plant: Plant,
     current: np.ndarray,
     force: np.ndarray,
@@ -138,10 +141,10 @@ def _simulate_kicked(
     halves: np.ndarray,
     tolerance: float,
 ) -> np.ndarray:
-    """Runs (runs, N, n) whose states are moved by `halves` (N, runs, n) in the halves of each sample."""
+    """Runs (runs, N, n) with impulses `halves` (N, runs, n) on the states at start and end of each sample."""
     code, lines = plant_code(plant.structure.equations), plant.structure.system.hold == "first_order"
     samples, runs, n = halves.shape
-    steps = max(int(np.ceil(dt / KICK - 1e-9)), 1)
+    steps = max(int(np.ceil(dt / IMPULSE_SPACING - 1e-9)), 1)
     fine = np.arange((samples - 1) * steps + 1) / steps
     driven, pushed = (np.interp(fine if lines else fine // 1, np.arange(samples), u) for u in (current, force))
     halves = halves / steps
@@ -152,12 +155,12 @@ def _simulate_kicked(
     chosen, extremes = np.zeros((runs, 2, modes.shape[1]), dtype=np.int8), np.stack([y, y], axis=1)
     status = np.zeros(runs, dtype=np.int64)
     out[0] = y
-    kicks = halves.copy()
-    kicks[1:] += halves[:-1]
+    impulses = halves.copy()
+    impulses[1:] += halves[:-1]
     for k in range(samples - 1):
         for step in range(steps):
-            y += 2.0 * halves[k] if step else kicks[k]
-            # The rates that the engine keeps from the end of a step are invalid after a kick.
+            y += 2.0 * halves[k] if step else impulses[k]
+            # The engine reuses the rates at the end of a step, which are invalid after an impulse.
             carry[:, 1] = np.nan
             at = slice(k * steps + step, k * steps + step + 2)
             run_open_loop(

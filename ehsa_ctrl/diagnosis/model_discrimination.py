@@ -1,7 +1,7 @@
-"""How far apart the candidates of a diagnosis are under other inputs, and which inputs keep the plant's limits.
+"""Predicted distance of candidates under other inputs, and inputs that keep the plant's limits.
 
-The distance of two candidates is what a refit could not make up: what is left of the difference of their outputs after
-the nominal parameters, and the numbers of the two, have moved within their priors.
+The distance of two candidates is what is left of the difference of their outputs after a refit of the nominal
+parameters and of the parameters of both effects, under their priors.
 """
 
 from __future__ import annotations
@@ -24,20 +24,22 @@ from .hypothesis_model import HypothesisModel, Setting, law_switches, with_every
 from .refit import STEP, TEMPER, NominalParameters, Objective, ResidualScale
 from .regressors import balance_contact
 
+# The numbers below are engineering judgement.
+
 #: Share of each limit that is kept in reserve.
 MARGIN = 0.15
 #: Amplitude that is tried first [A].
-FIRST = 2.0
+FIRST_AMPLITUDE = 2.0
 #: Relative standard deviation of the stiffness of a spring that is mounted for the experiment.
 SPRING_SD = 0.05
-#: A candidate's own numbers are known to this share of their change, and are moved by this share of that.
-OWN, OWN_STEP = 0.5, 0.3
-#: A nominal parameter that moved this many prior deviations is one of the candidate's own numbers.
-FAR = 3.0
+#: Standard deviation of an effect parameter as a share of its change, and step of its derivative in these deviations.
+EFFECT_SD, EFFECT_STEP = 0.5, 0.3
+#: A nominal parameter that changed by more prior deviations counts as a parameter of the effect.
+LARGE_CHANGE = 3.0
 #: Iterations of the reweighted refit.
-REWEIGHTED = 3
-#: Step in which the slow loop is followed [s].
-LOOP = 0.1
+N_REWEIGHT = 3
+#: Time step of the centring loop [s], a fifth of its time constant.
+CENTRING_STEP = 0.1
 #: Parameter of a spring at the rod.
 SPRING_STIFFNESS = LOAD_SYMBOLS["stiffness"]
 
@@ -48,8 +50,8 @@ Pair = tuple[str, str]
 class CandidateOutputs:
     """The outputs of all candidates under one current.
 
-    change: parameters of the load and what they are changed by, -inf for what is removed. model: with the current and
-    the first candidate's outputs as its log. rows (candidates, R): these less each one's, in units of the scale.
+    change: load parameter -> change, -inf for one that becomes zero. model: its log has the current and the outputs of
+    the first candidate. rows: (candidates, n) outputs of the first candidate minus those of each, scaled.
     """
 
     change: Setting
@@ -59,14 +61,14 @@ class CandidateOutputs:
 
     @property
     def largest_distances(self) -> np.ndarray:
-        """Distance of each pair (pairs,) if a refit makes up nothing: an upper bound."""
+        """Distance of each pair (pairs,) without a refit: an upper bound."""
         apart = [self.rows[a] - self.rows[b] for a, b in combinations(range(len(self.rows)), 2)]
         return np.asarray(np.sqrt(TEMPER) * np.linalg.norm(apart, axis=1))
 
 
 @dataclass(frozen=True)
 class ExperimentTrial:
-    """An input at an amplitude [A], with the slow loop around the rod or not, and the candidates' outputs."""
+    """An input at an amplitude [A], with or without the loop that centres the rod, and the candidates' outputs."""
 
     input: LibraryInput
     amplitude: float
@@ -78,21 +80,21 @@ class ExperimentTrial:
 class CandidateModels:
     """Candidates of a diagnosis as models.
 
-    plant: with every effect. hypotheses: name -> fitted values. noise: of the measured channels. switched: friction
-    law -> the plant with it, see `HypothesisModel`.
+    plant: with every effect. hypotheses: name -> fitted values. noise: of the measured channels. plants_by_law:
+    friction law -> the plant with it, see `HypothesisModel`.
     """
 
     plant: Plant
     hypotheses: Mapping[str, Setting]
     noise: Mapping[str, float]
     nominal: NominalParameters
-    switched: Mapping[str, Plant] = field(default_factory=dict)
+    plants_by_law: Mapping[str, Plant] = field(default_factory=dict)
 
     @classmethod
     def of(
         cls, plant: Plant, hypotheses: Mapping[str, Setting], noise: Mapping[str, float], nominal: NominalParameters
     ) -> CandidateModels:
-        """With the friction laws that the candidates switch to."""
+        """With plants for the friction laws that the candidates use."""
         used = [s.law for s in law_switches() if any(s.active(values) for values in hypotheses.values())]
         return cls(plant, hypotheses, noise, nominal, {law: with_every_effect(plant, law) for law in used})
 
@@ -101,7 +103,7 @@ class CandidateModels:
         return tuple(combinations(self.hypotheses, 2))
 
     def with_load(self, values: Setting, change: Setting) -> dict[str, float]:
-        """A setting with the changed load; what is removed is zero, whatever it was."""
+        """A setting with the changed load."""
         new = dict(values)
         for name, by in change.items():
             new[name] = 0.0 if by == -inf else new.get(name, self.plant[name]) + by
@@ -112,18 +114,24 @@ class CandidateModels:
         return [self.with_load(values, change) for values in self.hypotheses.values()]
 
     def largest_amplitude(
-        self, input: LibraryInput, change: Setting, time: np.ndarray, *, centre: bool = False, begin: float = FIRST
+        self,
+        input: LibraryInput,
+        change: Setting,
+        time: np.ndarray,
+        *,
+        centre: bool = False,
+        begin: float = FIRST_AMPLITUDE,
     ) -> tuple[float, str]:
-        """The largest amplitude [A] that keeps the limits, within about a fifth, and the nearest limit.
+        """The largest amplitude [A] within the limits, to about 20 %, and the limit that is reached first.
 
-        For the first candidate; 0 if there is none. begin: what is tried first.
+        For the first candidate; 0 if no amplitude keeps the limits. begin: amplitude that is tried first.
         """
         first = self.settings(change)[0]
         low, high, amplitude, limit = 0.0, inf, max(begin, 0.1), ""
         for _ in range(4):
             current = self._current(input.current(time, amplitude), first, centre)
-            used = self._limits_used(self._model(time, current).run([first])[0], current)
-            # A plant without limits is driven with what is tried first.
+            used = self._limit_shares(self._model(time, current).run([first])[0], current)
+            # Without limits the amplitude that is tried first is kept.
             share = max(used.values(), default=1.0 - MARGIN) / (1.0 - MARGIN)
             if share <= 1.0:
                 low = amplitude
@@ -140,15 +148,15 @@ class CandidateModels:
     def trial(
         self, input: LibraryInput, amplitude: float, change: Setting, time: np.ndarray, *, centre: bool = False
     ) -> ExperimentTrial | None:
-        """An input with all candidates, smaller if one of them exceeds a limit; None if that does not help."""
+        """Simulate an input with all candidates; the amplitude is reduced until all keep the limits, else None."""
         settings = self.settings(change)
         for _ in range(5):
-            # Rounded, so that the stated amplitude is the simulated one.
+            # Rounded, so that the printed amplitude is the simulated one.
             amplitude = float(f"{amplitude:.3g}")
             current = self._current(input.current(time, amplitude), settings[0], centre)
             model = self._model(time, current)
             runs = model.run(settings)
-            used = max(max(self._limits_used(run, current).values(), default=0.0) for run in runs)
+            used = max(max(self._limit_shares(run, current).values(), default=0.0) for run in runs)
             if used <= 1.0 - MARGIN:
                 outputs = self._outputs(model, change, runs)
                 return None if outputs is None else ExperimentTrial(input, amplitude, centre, outputs)
@@ -163,16 +171,16 @@ class CandidateModels:
     def _model(self, time: np.ndarray, current: np.ndarray) -> HypothesisModel:
         system = self.plant.structure.system
         log = Log(time, {system.drive: current, **dict.fromkeys(system.outputs, np.zeros(time.size))})
-        return HypothesisModel(self.plant, log, None, self.switched)
+        return HypothesisModel(self.plant, log, None, self.plants_by_law)
 
     def _current(self, current: np.ndarray, values: Setting, centre: bool) -> np.ndarray:
-        """The current with what the bench's slow loop adds, block by block, around this candidate's rod."""
+        """The current (N,) with the contribution of the bench's centring loop for this candidate, step by step."""
         if not centre:
             return current
         known = self.plant.structure.equations.parameter_names
         plant, dt = self.plant.set(**{n: v for n, v in values.items() if n in known}), self.plant.sample_time
         out, state, low = current.copy(), plant.rest[None], 0.0
-        length, x = max(int(round(LOOP / dt)), 1), plant.structure.equations.index(self._position)
+        length, x = max(int(round(CENTRING_STEP / dt)), 1), plant.structure.equations.index(self._position)
         for first in range(0, current.size - 1, length):
             block = out[first : first + length + 1]
             block -= np.clip(CENTRING_GAIN * low, -CENTRING_LIMIT, CENTRING_LIMIT)
@@ -181,13 +189,13 @@ class CandidateModels:
                 break
             state = batch.states[:, -1]
             if first + length < current.size - 1:
-                # The last sample belongs to the next block.
+                # The last sample is the first one of the next block.
                 block[-1] = current[first + length]
-            low += (1.0 - np.exp(-LOOP / CENTRING_TIME)) * (float(np.mean(batch.states[0, :, x])) - low)
+            low += (1.0 - np.exp(-CENTRING_STEP / CENTRING_TIME)) * (float(np.mean(batch.states[0, :, x])) - low)
         return out
 
-    def _limits_used(self, run: Mapping[str, np.ndarray] | None, current: np.ndarray) -> dict[str, float]:
-        """Limit -> share of it that a run uses; a run that stopped exceeds all of them."""
+    def _limit_shares(self, run: Mapping[str, np.ndarray] | None, current: np.ndarray) -> dict[str, float]:
+        """Limit -> share of it that a run uses; inf for a run that stopped."""
         if run is None or not all(np.isfinite(values).all() for values in run.values()):
             return {**dict.fromkeys(self.plant.limits, inf), "range": inf}
         system = self.plant.structure.system
@@ -211,7 +219,7 @@ class CandidateModels:
         )
 
     def outputs(self, model: HypothesisModel, change: Setting) -> CandidateOutputs | None:
-        """All candidates under the input of a model's log; None if one of them stops, or if nothing moves."""
+        """All candidates under the input of a model's log; None if one of them stops, or nothing moves."""
         return self._outputs(model, change, model.run(self.settings(change)))
 
     def _outputs(
@@ -234,14 +242,14 @@ class CandidateModels:
         return CandidateOutputs(change, model, scaled, np.array([scaled.residual(model, run) for run in complete]))
 
     def distances(self, outputs: CandidateOutputs) -> np.ndarray:
-        """Distance of each pair (pairs,) after a refit, as a diagnosis measures it."""
+        """Distance of each pair (pairs,) after a refit with the cost of a diagnosis, linearised."""
         nominal, own = self._derivatives(outputs)
         objective = Objective(outputs.model, outputs.scale, self.nominal)
         out = []
         for a, b in combinations(range(len(outputs.rows)), 2):
             r, J = outputs.rows[a] - outputs.rows[b], np.concatenate([nominal, own[a], own[b]])
             w, least = np.ones(r.size), inf
-            for _ in range(REWEIGHTED):
+            for _ in range(N_REWEIGHT):
                 weighted = np.sqrt(TEMPER) * J * w
                 z = np.linalg.solve(np.eye(len(J)) + weighted @ weighted.T, -np.sqrt(TEMPER) * weighted @ (w * r))
                 left = r + z @ J
@@ -251,12 +259,13 @@ class CandidateModels:
         return np.array(out)
 
     def _derivatives(self, outputs: CandidateOutputs) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Changes of the outputs by one prior deviation: of the nominal parameters, and of each candidate's numbers."""
+        """Sensitivities of the outputs to one prior deviation: (k, n) of the nominal parameters, then for each
+        candidate (k, n) of its effect parameters."""
         settings = self.settings(outputs.change)
         prior = dict(zip(self.nominal.names, self.nominal.sd.tolist(), strict=True))
         sd = dict(prior)
         if SPRING_STIFFNESS in outputs.change:
-            # A mounted spring is known as well as springs are, a removed one exactly.
+            # The stiffness of a mounted spring is uncertain, that of a removed one is exactly zero.
             sd.pop(SPRING_STIFFNESS, None)
             if outputs.change[SPRING_STIFFNESS] > 0.0:
                 sd[SPRING_STIFFNESS] = SPRING_SD * outputs.change[SPRING_STIFFNESS]
@@ -270,10 +279,14 @@ class CandidateModels:
             for name, value in values.items():
                 neutral = outputs.model.nominal_value(name)
                 change = value - neutral if np.isfinite(neutral) else value
-                if abs(change) <= FAR * prior.get(name, 0.0) or name in outputs.change or not np.isfinite(value):
+                if (
+                    abs(change) <= LARGE_CHANGE * prior.get(name, 0.0)
+                    or name in outputs.change
+                    or not np.isfinite(value)
+                ):
                     continue
-                # Towards neutral, where every value is allowed.
-                asked.append((i, {**settings[i], name: value - OWN_STEP * OWN * change}, 1.0 / OWN_STEP))
+                # Towards the neutral value, because values between are within the bounds.
+                asked.append((i, {**settings[i], name: value - EFFECT_STEP * EFFECT_SD * change}, 1.0 / EFFECT_STEP))
         runs = outputs.model.run([setting for _, setting, _ in asked])
         columns: list[list[np.ndarray]] = [[] for _ in range(len(settings) + 1)]
         for j, ((i, _, factor), run) in enumerate(zip(asked, runs, strict=True)):

@@ -1,4 +1,4 @@
-"""Model selection: the set of causes, its alternatives, the probability of each cause, and when to abstain."""
+"""Model selection: the set of causes, its alternatives, the probability of each cause, and the verdict."""
 
 from __future__ import annotations
 
@@ -11,29 +11,32 @@ from .diagnosis import Verdict
 from .scoring import CauseKey, ScoredHypothesis, Scoring, by_label
 from .signals import largest
 
-#: An alternative can't be excluded within this deviance, plus this share of what the best model leaves unexplained,
-#: plus this share of what it explains.
-CLOSE, CLOSE_LEFT, CLOSE_EXPLAINED = 12.0, 0.3, 0.004
-#: One more cause has to lower a gap by this share of the threshold (in quadrature), or the deviance by this share.
-WORTHWHILE, WORTHWHILE_SHARE = 0.5, 0.02
-#: No set of causes is right where the best one leaves this share of the gap on the training data, and residuals whose
-#: mean square exceeds noise by this much; or most of the gap and this share of the deviance.
+# The thresholds were chosen with the tuning seeds of benchmarks/withheld; docs/evidence.md has the results with others.
+
+#: An alternative can't be excluded if its deviance is larger by less than the margin: a constant (12 is a likelihood
+#: ratio of 400), plus a share of the deviance that the best model leaves above noise, plus a share of what it explains.
+MARGIN, MARGIN_UNEXPLAINED, MARGIN_EXPLAINED = 12.0, 0.3, 0.004
+#: An additional cause must lower a gap by this share of the threshold (in quadrature), or the deviance by this share.
+MIN_DECREASE, MIN_DEVIANCE_SHARE = 0.5, 0.02
+#: The catalogue does not explain the log if the best set leaves this share of the training gap and residuals whose mean
+#: square exceeds that of noise by EXCESS;
 LEFT, EXCESS = 0.25, 0.3
+#: or if it leaves this share of the training gap and this share of the deviance above noise;
 MOST_LEFT, UNEXPLAINED = 0.5, 0.06
-#: Nor where it leaves this share of the slow error, and more of it than noise and the assumed model error of a sample,
-#: on training and on held-out data, where errors accumulate further.
-SLOW_LEFT, SLOW_SIZE = (0.06, 0.35), (0.8, 1.0)
-#: With this many alternatives the log does not excite what would tell them apart.
+#: or if it leaves this share of the low-frequency error and at least this RMS of it, in units of noise and assumed
+#: model error. First on training, then on held-out data, where errors accumulate.
+LOW_FREQUENCY_LEFT, LOW_FREQUENCY_RMS = (0.06, 0.35), (0.8, 1.0)
+#: Number of alternatives to one cause from which on the verdict is "underdetermined".
 TOO_MANY = 4
 
 
 @dataclass(frozen=True)
 class Selection:
-    """The selected model.
+    """The selected hypothesis.
 
-    chosen: the hypothesis. alternatives: cause -> those that could take its place. probability: of each cause of any
-    hypothesis, being present. ranked: the best hypothesis of each set of causes, best first. misfit: above one, no
-    effect of the catalogue explains the log.
+    alternatives: cause -> causes that could replace it. probability: cause of any hypothesis -> probability that it is
+    present. ranked: the best hypothesis of each set of causes, the lowest deviance first. misfit: what the chosen
+    hypothesis leaves, relative to the thresholds above; above 1, no effect of the catalogue explains the log.
     """
 
     verdict: Verdict
@@ -51,98 +54,110 @@ class Selection:
 
 @dataclass(frozen=True)
 class Reference:
-    """What the scores are compared with.
+    """Reference values for scores.
 
-    noise, nominal: deviance of noise alone and of the nominal model. fitted: total gap of the nominal model on the
-    training data. noise_square: mean square of residuals that are noise. input_noise: gap that the noise of the logged
-    current makes.
+    noise, nominal: deviance of noise alone and of the nominal model. training_gap: total gap of the nominal model on
+    training data. noise_square: mean square of residuals due to noise. input_noise: gap due to the noise of the logged
+    current.
     """
 
     noise: float
     nominal: float
-    fitted: float
+    training_gap: float
     noise_square: float
     input_noise: float = 0.0
 
     @classmethod
     def of(cls, scoring: Scoring) -> Reference:
-        fitted = scoring.training.gap({})["total"]
-        # A model that is off by more than the signals themselves is no worse than one that does not move at all.
+        training_gap = scoring.training.gap({})["total"]
+        # A gap above 1 counts as 1: that of a model which does not move at all.
         noise = scoring.noise_deviance
-        nominal = noise + (scoring.nominal_deviance - noise) / max(fitted, 1.0) ** 2
-        return cls(noise, nominal, fitted, scoring.noise_square, scoring.input_noise[0].gap)
+        nominal = noise + (scoring.nominal_deviance - noise) / max(training_gap, 1.0) ** 2
+        return cls(noise, nominal, training_gap, scoring.noise_square, scoring.input_noise[0].gap)
 
     def unexplained(self, one: ScoredHypothesis) -> float:
+        """Deviance above that of noise."""
         return max(one.deviance - self.noise, 0.0)
 
-    def close(self, one: ScoredHypothesis) -> float:
-        """How much larger the deviance of an alternative may be that can't be excluded."""
-        return CLOSE + CLOSE_LEFT * self.unexplained(one) + CLOSE_EXPLAINED * max(self.nominal - one.deviance, 0.0)
+    def margin(self, one: ScoredHypothesis) -> float:
+        """Alternatives whose deviance is larger by at most this margin can't be excluded."""
+        return (
+            MARGIN
+            + MARGIN_UNEXPLAINED * self.unexplained(one)
+            + MARGIN_EXPLAINED * max(self.nominal - one.deviance, 0.0)
+        )
 
 
 def select_model(scores: Sequence[ScoredHypothesis], reference: Reference, threshold: float) -> Selection:
-    """Choose among scored hypotheses."""
+    """Select the causes from scored hypotheses. threshold: smallest relevant gap."""
     ranked = sorted(by_label(scores).values(), key=lambda one: one.deviance)
     with_causes = [one for one in ranked if one.causes] or ranked
-    chosen = _smallest(with_causes, reference, threshold)
-    chosen = _simplest(with_causes, chosen, reference.close(chosen))
+    chosen = _select_smallest(with_causes, reference, threshold)
+    chosen = _select_simplest(with_causes, chosen, reference.margin(chosen))
     misfit = _misfit(chosen, reference)
-    close = reference.close(chosen)
-    alternatives = _alternatives(chosen, with_causes, close)
-    probability = _probability(with_causes, chosen, close / 6.0)
+    margin = reference.margin(chosen)
+    alternatives = _alternatives(chosen, with_causes, margin)
+    probability = _probability(with_causes, chosen, margin / 6.0)
     probability = {key: p / (1.0 + misfit**2) for key, p in probability.items()}
     return Selection(_verdict(chosen, alternatives, misfit), chosen, alternatives, probability, tuple(ranked), misfit)
 
 
-def _smallest(ranked: Sequence[ScoredHypothesis], reference: Reference, threshold: float) -> ScoredHypothesis:
-    """The smallest set of causes that no larger one improves on by enough to matter."""
+def _select_smallest(ranked: Sequence[ScoredHypothesis], reference: Reference, threshold: float) -> ScoredHypothesis:
+    """The smallest set of causes that no larger set improves on by a relevant amount."""
     sizes = sorted({len(one.causes) for one in ranked})
     chosen = next(one for one in ranked if len(one.causes) == sizes[0])
     for size in sizes[1:]:
         larger = next(one for one in ranked if len(one.causes) == size)
         gained = chosen.deviance - larger.deviance
-        if gained <= reference.close(larger):
+        if gained <= reference.margin(larger):
             continue
         decrease = max(
             _decrease(before, after)
-            for before, after in ((chosen.fitted, larger.fitted), (chosen.held_out, larger.held_out))
+            for before, after in (
+                (chosen.training_gap, larger.training_gap),
+                (chosen.held_out_gap, larger.held_out_gap),
+            )
         )
-        if decrease >= WORTHWHILE * threshold or gained >= WORTHWHILE_SHARE * (reference.nominal - larger.deviance):
+        if decrease >= MIN_DECREASE * threshold or gained >= MIN_DEVIANCE_SHARE * (reference.nominal - larger.deviance):
             chosen = larger
     return chosen
 
 
-def _simplest(ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesis, close: float) -> ScoredHypothesis:
-    """Of the sets that can't be told apart the one with the fewest free numbers comes first."""
+def _select_simplest(ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesis, margin: float) -> ScoredHypothesis:
+    """Of the sets of the same size within the margin, that with the lowest deviance plus a penalty per parameter."""
 
     def penalised(one: ScoredHypothesis) -> float:
-        return one.deviance + close / 3.0 * sum(len(c.free) for c in one.fit.candidates if c.key in one.causes)
+        return one.deviance + margin / 3.0 * sum(len(c.free) for c in one.fit.candidates if c.key in one.causes)
 
-    alike = [o for o in ranked if len(o.causes) == len(chosen.causes) and o.deviance - chosen.deviance <= close]
+    alike = [o for o in ranked if len(o.causes) == len(chosen.causes) and o.deviance - chosen.deviance <= margin]
     return min(alike, key=penalised)
 
 
 def _misfit(chosen: ScoredHypothesis, reference: Reference) -> float:
-    rest = reference.unexplained(chosen) / max(reference.nominal - reference.noise, 1.0)
-    gap_left = float(np.sqrt(max(chosen.fitted["total"] ** 2 - reference.input_noise**2, 0.0)))
-    left = gap_left / max(reference.fitted, 1e-9)
+    """See `Selection.misfit`."""
+    unexplained = reference.unexplained(chosen) / max(reference.nominal - reference.noise, 1.0)
+    gap_left = float(np.sqrt(max(chosen.training_gap["total"] ** 2 - reference.input_noise**2, 0.0)))
+    left = gap_left / max(reference.training_gap, 1e-9)
     excess = chosen.fit.rms**2 - reference.noise_square
-    slow = (min(s.share / a, s.size / b) for s, a, b in zip(chosen.slow, SLOW_LEFT, SLOW_SIZE, strict=True))
-    return max(min(left / LEFT, excess / EXCESS), min(left / MOST_LEFT, rest / UNEXPLAINED), *slow, 0.0)
+    low_frequency = (
+        min(s.share / a, s.rms / b)
+        for s, a, b in zip(chosen.low_frequency_errors, LOW_FREQUENCY_LEFT, LOW_FREQUENCY_RMS, strict=True)
+    )
+    return max(min(left / LEFT, excess / EXCESS), min(left / MOST_LEFT, unexplained / UNEXPLAINED), *low_frequency, 0.0)
 
 
 def _decrease(before: Mapping[str, float], after: Mapping[str, float]) -> float:
-    """By how much the largest gap decreased, in quadrature."""
+    """Decrease of the largest gap, in quadrature."""
     return float(np.sqrt(max(largest(before) ** 2 - largest(after) ** 2, 0.0)))
 
 
 def _alternatives(
-    chosen: ScoredHypothesis, ranked: Sequence[ScoredHypothesis], close: float
+    chosen: ScoredHypothesis, ranked: Sequence[ScoredHypothesis], margin: float
 ) -> dict[CauseKey, tuple[CauseKey, ...]]:
-    """For each cause those that could take its place: sets of the same size that differ in it alone."""
+    """Cause -> causes that could replace it, from sets within the margin that differ in this cause only."""
     out: dict[CauseKey, list[CauseKey]] = {key: [] for key in chosen.causes}
     for other in ranked:
-        if other is chosen or other.deviance - chosen.deviance > close or len(other.causes) != len(chosen.causes):
+        if other is chosen or other.deviance - chosen.deviance > margin or len(other.causes) != len(chosen.causes):
             continue
         removed, added = set(chosen.causes) - set(other.causes), set(other.causes) - set(chosen.causes)
         if len(removed) == 1 and len(added) == 1:
@@ -153,8 +168,11 @@ def _alternatives(
 def _probability(
     ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesis, temperature: float
 ) -> dict[CauseKey, float]:
-    """Of each cause being present: the weights of all sets that contain it."""
-    # Larger sets than the chosen one don't count: what they add was found not to matter.
+    """Cause -> probability that it is present: the sum of the weights exp(-deviance / 2) of all sets that contain it.
+
+    temperature: divides the deviance, because the model error makes it larger than that of independent noise.
+    """
+    # Sets larger than the chosen one are left out: what they add was found to be irrelevant.
     counted = [one for one in ranked if one is chosen or len(one.causes) <= len(chosen.causes)]
     deviance = np.array([one.deviance for one in counted])
     weights = np.exp(-0.5 * np.clip((deviance - chosen.deviance) / temperature, 0.0, 500.0))
@@ -167,6 +185,7 @@ def _probability(
 
 
 def _verdict(chosen: ScoredHypothesis, alternatives: Mapping[CauseKey, tuple[CauseKey, ...]], misfit: float) -> Verdict:
+    """The verdict where there is a gap."""
     if misfit > 1.0:
         return "outside_catalogue"
     if not chosen.causes or max(len(keys) for keys in alternatives.values()) >= TOO_MANY:

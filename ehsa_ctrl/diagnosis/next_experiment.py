@@ -1,7 +1,7 @@
-"""The next experiment: which input, within the plant's limits, best tells the candidates of a diagnosis apart.
+"""The next experiment: the input, within the plant's limits, that best separates the candidates of a diagnosis.
 
-A library of inputs is simulated with every candidate, with the load as it is and with a spring added or removed; the
-input whose nearest pair of candidates is furthest apart is proposed.
+A library of inputs is simulated with every candidate, with the present load and with a spring added or removed. The
+input with the largest minimum distance between two candidates is proposed.
 
 Source: discrimination between rival models (T-optimality), A. C. Atkinson, V. V. Fedorov, "The design of experiments
 for discriminating between two rival models", Biometrika 62(1), 1975; here over a library of inputs.
@@ -27,47 +27,50 @@ from ..plant.plant import Plant
 from .excitation_library import library_inputs
 from .hypothesis_model import HypothesisModel, Setting
 from .hypothesis_search import Hypotheses
-from .model_discrimination import FIRST, SPRING_STIFFNESS, CandidateModels, ExperimentTrial, Pair
+from .model_discrimination import FIRST_AMPLITUDE, SPRING_STIFFNESS, CandidateModels, ExperimentTrial, Pair
 from .model_selection import Selection
 from .refit import NominalParameters
 from .verdict_text import name_of
 
-#: Two candidates nearer than this, in standard deviations, are alike; further apart than this, one log tells them.
-LEAST, ENOUGH = 1.0, 5.0
+# The numbers below are engineering judgement.
+
+#: Distances in standard deviations: below the first, two candidates are indistinguishable; above the second, a single
+#: log separates them.
+MIN_DISTANCE, SURE_DISTANCE = 1.0, 5.0
 #: Shortest experiment [s].
 SHORTEST = 2.0
-#: Inputs are screened over at most this time [s]; this many are compared after a refit, and this many over the full
-#: time, out of this many that may turn out not to keep the limits for so long.
-SCREENING, PROJECTED, IN_FULL, ATTEMPTS = 6.0, 24, 2, 4
-#: Stiffness of the spring that may be added [N/m].
+#: Longest time of the screening [s]; number of inputs compared after a refit; number compared over the full time, and
+#: tried for this, because some exceed a limit later.
+SCREENING, N_COMPARED, N_FULL, N_ATTEMPTS = 6.0, 24, 2, 4
+#: Stiffness of the spring that may be added [N/m]: that of the shipped spring scenarios.
 SPRING = 50e3
-#: Changing the load is work: its distances count by this factor.
-EFFORT = 0.8
-#: Candidates among which an experiment has to decide.
-CANDIDATES = 4
-#: File of an input that is none of the command line's excitations, and folder of the log.
+#: Factor on the distances of an experiment that needs another load, which is more work.
+LOAD_CHANGE_FACTOR = 0.8
+#: Largest number of candidates to separate.
+N_CANDIDATES = 4
+#: File of an input that is no excitation of the command line, and folder of its log.
 FILE, FOLDER = "next_experiment.csv", "results/next"
 
-#: A trial and the distance of each pair (pairs,).
-Compared = tuple[ExperimentTrial, np.ndarray]
+#: A trial, and the distance of each pair of candidates (pairs,).
+ComparedTrial = tuple[ExperimentTrial, np.ndarray]
 
 
 @dataclass(frozen=True)
 class NextExperiment(Result):
-    """A proposed experiment and what to expect of it.
+    """A proposed experiment and its predicted result.
 
     Attributes
     ----------
     words: the experiment in one sentence.
-    command: the call of `ehsa-ctrl simulate` that runs it on the virtual bench; FILE in it is what `write` writes.
-    current: (N,) A, to be applied from rest, one value each sample_time [s]. amplitude: its peak [A].
-    centre: whether the slow loop around the rod has to be on as well.
-    load: keys of the load that have to be changed, with their new values; empty for the load as it is.
-    distance: pair of candidates -> their distance in standard deviations of noise and assumed model error; its square
-        is the deviance by which the wrong one will be worse.
-    now: the same in the present log; empty if none was given.
-    alike: pairs that no experiment of the library tells apart.
-    tried: words of every experiment that was compared over its full length -> distance of its nearest pair.
+    command: `ehsa-ctrl simulate` command that runs it on the virtual bench; FILE in it is written by `write`.
+    current: (N,) A, applied from rest, one value per sample_time [s]. amplitude: its peak [A].
+    centre: whether the slow loop that centres the rod is on.
+    load: load keys to change -> new values, SI units; empty for the present load.
+    distance: pair of candidates -> predicted distance in standard deviations of noise and assumed model error. Its
+        square is the expected difference of their deviances.
+    now: the same in the present log; empty without one.
+    alike: pairs that no experiment of the library separates.
+    tried: experiments compared over the full length, in words -> smallest distance of a pair.
     """
 
     words: str
@@ -84,11 +87,11 @@ class NextExperiment(Result):
 
     @property
     def worst(self) -> float:
-        """Distance of the nearest pair that can be told apart at all."""
+        """Smallest distance of the pairs that can be separated."""
         return min(d for pair, d in self.distance.items() if pair not in self.alike)
 
     def write(self, path: str | Path) -> Path:
-        """Write columns t, current as `ehsa-ctrl simulate --input` reads them, over a file of that name."""
+        """Write columns t, current for `ehsa-ctrl simulate --input`; an existing file is overwritten."""
         import pandas
 
         time = self.sample_time * np.arange(self.current.size)
@@ -96,7 +99,7 @@ class NextExperiment(Result):
         return write_text(path, table.to_csv(index=False))
 
     def command_in(self, folder: str | Path) -> str:
-        """The command where the input was written to FILE in a folder, and the log goes beside it."""
+        """The command with FILE, and the folder of the log, in a folder."""
         folder = Path(folder)
         places = {FILE: str(folder / FILE), FOLDER: str(folder / "next")}
         return shlex.join(places.get(word, word) for word in shlex.split(self.command))
@@ -120,48 +123,48 @@ def next_experiment(
     seed: int = 0,
     present: HypothesisModel | None = None,
 ) -> NextExperiment | None:
-    """The experiment that best tells candidates apart: the nearest two are furthest apart.
+    """The experiment that best separates the candidates: it maximises their smallest distance.
 
     Parameters
     ----------
-    plant: with every effect, see `with_every_effect`, and the present load.
-    hypotheses: name of a candidate -> its fitted values as for `HypothesisModel.run`; at least two.
-    noise: standard deviation of each measured channel's noise; a channel without one is not measured.
-    nominal: parameters that each candidate may still change, with their prior deviations.
+    plant: with every effect, see `with_every_effect`, and with the present load.
+    hypotheses: name of a candidate -> its fitted values, see `HypothesisModel.run`; at least two.
+    noise: measured channel -> standard deviation of its noise, SI units.
+    nominal: parameters that each candidate may refit, with their prior deviations.
     spring_possible: whether a spring may be added, or the present one removed.
-    seconds: length of the experiment; shorter where a candidate keeps the limits only for less time.
+    seconds: length of the experiment [s]; shorter if a candidate exceeds a limit later.
     seed: of random inputs.
-    present: model with the present log, to give the candidates' distances in it.
+    present: model with the present log, for the distances in it.
 
     Returns
     -------
-    None where no experiment of the library tells any two candidates apart: they are equivalent, or no input within the
+    None if no experiment of the library separates any two candidates: they are equivalent, or no input within the
     limits moves the plant.
 
     Raises
     ------
-    InputError: fewer than two candidates, or an experiment that is too short.
+    InputError: fewer than two candidates, or an experiment shorter than SHORTEST.
     """
     if len(hypotheses) < 2:
-        raise InputError(f"{len(hypotheses)} candidate(s); expected two or more to tell apart")
+        raise InputError(f"{len(hypotheses)} candidate(s); expected at least two to separate")
     if not SHORTEST <= seconds < inf:
         raise InputError(f"seconds = {seconds:g}; expected at least {SHORTEST:g} s")
     models = CandidateModels.of(plant, hypotheses, noise, nominal)
     time = plant.sample_time * np.arange(int(round(seconds / plant.sample_time)) + 1)
-    compared = _best(models, list(_screened(models, _loads(plant, spring_possible), time, seed)), time)
-    # Pairs that none of the best tells apart do not enter the choice.
+    compared = _compare_best(models, list(_screen(models, _loads(plant, spring_possible), time, seed)), time)
+    # Pairs that no experiment separates do not influence the choice.
     apart = np.array([d for _, d in compared]).reshape(len(compared), len(models.pairs))
-    alive = np.asarray((apart >= LEAST).any(axis=0))
-    if not alive.any():
+    separable = np.asarray((apart >= MIN_DISTANCE).any(axis=0))
+    if not separable.any():
         return None
-    trial, distances = max(compared, key=lambda t: _effort(t[0]) * float(t[1][alive].min()))
+    trial, distances = max(compared, key=lambda t: _load_factor(t[0]) * float(t[1][separable].min()))
     before = models.outputs(present, {}) if present is not None else None
     now = models.distances(before).tolist() if before is not None else []
     load = {word: models.with_load({}, trial.outputs.change).get(symbol) for word, symbol in LOAD_SYMBOLS.items()}
     distance = dict(zip(models.pairs, distances.tolist(), strict=True))
-    alike = tuple(pair for pair, apart in zip(models.pairs, alive.tolist(), strict=True) if not apart)
+    alike = tuple(pair for pair, apart in zip(models.pairs, separable.tolist(), strict=True) if not apart)
     return NextExperiment(
-        words=_words(trial, distance, dict(zip(models.pairs, now, strict=False)), alike),
+        words=_describe(trial, distance, dict(zip(models.pairs, now, strict=False)), alike),
         command=_command(plant, models, trial, seed),
         current=trial.input.current(trial.outputs.model.log.time, trial.amplitude),
         sample_time=plant.sample_time,
@@ -171,14 +174,14 @@ def next_experiment(
         distance=distance,
         now=dict(zip(models.pairs, now, strict=False)),
         alike=alike,
-        tried={_what(t): float(d[alive].min()) for t, d in compared},
+        tried={_describe_input(t): float(d[separable].min()) for t, d in compared},
     )
 
 
 def deciding_experiment(
     selection: Selection, hypotheses: Hypotheses, noise: Mapping[str, float]
 ) -> NextExperiment | None:
-    """The experiment that tells the chosen hypothesis from its alternatives; None where there is nothing to decide."""
+    """The experiment that separates the chosen hypothesis from its alternatives; None if there are none."""
     model = hypotheses.objective.model
     structure = model.plant.structure
     driven = structure.chambers is None or bool(structure.system.prescribed)
@@ -193,9 +196,9 @@ def deciding_experiment(
         and len(set(one.causes) - chosen) == 1
         and set(one.causes) - chosen <= others
     ]
-    candidates = [selection.chosen, *alternatives][:CANDIDATES]
+    candidates = [selection.chosen, *alternatives][:N_CANDIDATES]
     if len(candidates) < 2:
-        candidates = list(selection.ranked[:CANDIDATES])
+        candidates = list(selection.ranked[:N_CANDIDATES])
     settings = {" + ".join(name_of(key) for key in one.label) or "none": one.fit.values for one in candidates}
     if len(settings) < 2:
         return None
@@ -203,7 +206,7 @@ def deciding_experiment(
 
 
 def _loads(plant: Plant, spring_possible: bool) -> list[Setting]:
-    """Possible changes of the load: parameter -> by how much; -inf: removed."""
+    """Possible changes of the load: parameter -> change, -inf for a parameter that becomes zero."""
     if not spring_possible:
         return [{}]
     if plant[SPRING_STIFFNESS] == 0.0:
@@ -211,17 +214,17 @@ def _loads(plant: Plant, spring_possible: bool) -> list[Setting]:
     return [{}, {LOAD_SYMBOLS[word]: -inf for word in ("stiffness", "hardening", "preload")}]
 
 
-def _screened(
+def _screen(
     models: CandidateModels, loads: Sequence[Setting], time: np.ndarray, seed: int
 ) -> Iterator[ExperimentTrial]:
-    """Every input with every load, over a short time; with the slow loop too where the stroke is the limit."""
+    """Every input with every load over a short time; also with the centring loop if the stroke is the limit."""
     short = time[time <= SCREENING * (1.0 + 1e-9)]
     for change in loads:
         largest: dict[tuple[str, bool], tuple[float, str]] = {}
         for one in library_inputs(seed):
             for centre in (False, True):
                 if (one.words, centre) not in largest:
-                    begin = largest[one.words, False][0] if centre else FIRST
+                    begin = largest[one.words, False][0] if centre else FIRST_AMPLITUDE
                     largest[one.words, centre] = models.largest_amplitude(
                         one, change, short, centre=centre, begin=begin
                     )
@@ -234,64 +237,64 @@ def _screened(
                     break
 
 
-def _best(models: CandidateModels, trials: Sequence[ExperimentTrial], time: np.ndarray) -> list[Compared]:
-    """The best few with the distance of each pair (pairs,), over the whole time where the limits are kept that long."""
+def _compare_best(models: CandidateModels, trials: Sequence[ExperimentTrial], time: np.ndarray) -> list[ComparedTrial]:
+    """The best trials with their distances; over the full time if they keep the limits that long."""
     if not trials:
         return []
     most = np.array([trial.outputs.largest_distances for trial in trials])
-    alive = most.max(axis=0) >= LEAST
-    if not alive.any():
+    separable = most.max(axis=0) >= MIN_DISTANCE
+    if not separable.any():
         return []
-    bound = most[:, alive].min(axis=1) * np.array([_effort(trial) for trial in trials])
-    found: list[tuple[float, Compared]] = []
-    for i in np.argsort(-bound)[:PROJECTED]:
+    bound = most[:, separable].min(axis=1) * np.array([_load_factor(trial) for trial in trials])
+    found: list[tuple[float, ComparedTrial]] = []
+    for i in np.argsort(-bound)[:N_COMPARED]:
         # A refit never increases a distance.
-        if len(found) >= IN_FULL and bound[i] <= sorted(score for score, _ in found)[-IN_FULL]:
+        if len(found) >= N_FULL and bound[i] <= sorted(score for score, _ in found)[-N_FULL]:
             break
         apart = models.distances(trials[i].outputs)
-        found.append((_effort(trials[i]) * float(apart[alive].min()), (trials[i], apart)))
+        found.append((_load_factor(trials[i]) * float(apart[separable].min()), (trials[i], apart)))
     ordered = [compared for _, compared in sorted(found, key=lambda f: -f[0])]
-    full: list[Compared] = []
-    for trial, _ in ordered[:ATTEMPTS]:
+    full: list[ComparedTrial] = []
+    for trial, _ in ordered[:N_ATTEMPTS]:
         longer = models.trial(trial.input, trial.amplitude, trial.outputs.change, time, centre=trial.centre)
         if longer is not None:
             full.append((longer, models.distances(longer.outputs)))
-        if len(full) == IN_FULL:
+        if len(full) == N_FULL:
             break
     return full or ordered
 
 
-def _effort(trial: ExperimentTrial) -> float:
-    """The factor of a distance where experiments are compared."""
-    return EFFORT if trial.outputs.change else 1.0
+def _load_factor(trial: ExperimentTrial) -> float:
+    """The factor by which distances of a trial count in comparisons."""
+    return LOAD_CHANGE_FACTOR if trial.outputs.change else 1.0
 
 
-def _what(trial: ExperimentTrial) -> str:
-    """As "slow ramps through zero at 0.1 Hz of 1.2 A with a 50 kN/m spring"."""
+def _describe_input(trial: ExperimentTrial) -> str:
+    """For example "slow ramps through zero at 0.1 Hz of 1.2 A with a 50 kN/m spring"."""
     added = trial.outputs.change.get(SPRING_STIFFNESS, 0.0)
     load = f" with a {added / 1e3:g} kN/m spring" if added > 0.0 else " without the spring" if added else ""
-    loop = ", the slow loop around the rod on" if trial.centre else ""
+    loop = ", with the loop that centres the rod" if trial.centre else ""
     return f"{trial.input.words} {trial.amplitude:.3g} A{load}{loop}"
 
 
-def _words(
+def _describe(
     trial: ExperimentTrial, distance: Mapping[Pair, float], now: Mapping[Pair, float], alike: Sequence[Pair]
 ) -> str:
     pair = min((p for p in distance if p not in alike), key=lambda p: distance[p])
     before = f" ({now[pair]:.2g} in this log)" if pair in now else ""
     words = (
-        f"drive it for {trial.outputs.model.log.time[-1]:g} s with {_what(trial)}; {' and '.join(pair)} are then "
-        f"{distance[pair]:.2g} standard deviations apart{before}"
+        f"drive the rig for {trial.outputs.model.log.time[-1]:g} s with {_describe_input(trial)}; predicted distance "
+        f"of {' and '.join(pair)}: {distance[pair]:.2g} standard deviations{before}"
     )
-    if distance[pair] < ENOUGH:
-        words += f", and it takes about {ceil((ENOUGH / distance[pair]) ** 2)} such logs to be sure"
+    if distance[pair] < SURE_DISTANCE:
+        words += f", so that about {ceil((SURE_DISTANCE / distance[pair]) ** 2)} such logs are needed"
     if alike:
-        words += f"; {', '.join(' and '.join(p) for p in alike)} stay alike in every experiment that was tried"
+        words += f"; no experiment that was tried separates {', '.join(' and '.join(p) for p in alike)}"
     return words
 
 
 def _command(plant: Plant, models: CandidateModels, trial: ExperimentTrial, seed: int) -> str:
-    """The command for this experiment on the virtual bench, with the nominal plant."""
+    """The command that runs this experiment on the virtual bench with the nominal plant."""
     shipped = plant.path is None or (plant.name in plants.titles() and plants.find(plant.name) == plant.path)
     line = ["ehsa-ctrl", "simulate", plant.name if shipped else str(plant.path), "--model", plant.model]
     if trial.input.excitation is not None:

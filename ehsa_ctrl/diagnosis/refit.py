@@ -1,4 +1,8 @@
-"""Refits: free-run errors over a log, minimised over a hypothesis' numbers and all nominal parameters together."""
+"""Refits: effect parameters and all nominal parameters are fitted together to a log by free-run simulation.
+
+The cost is a -2 log-likelihood: a robust (Cauchy) loss of the residuals, scaled to their effective number, plus
+Gaussian priors on the nominal parameters.
+"""
 
 from __future__ import annotations
 
@@ -12,56 +16,63 @@ from ..core.errors import InputError
 from ..physics.effects import CandidateEffect, FreeNumber
 from ..plant.arrays import needed_to_simulate
 from .candidate_effects import wearing_parameters
-from .hypothesis_model import HypothesisModel, Setting, without_dry_friction
-from .signals import gap, largest, scored, signal_noise, slope
+from .hypothesis_model import HypothesisModel, Setting, lacks_dry_friction
+from .signals import gap, largest, scored_signals, signal_noise, slope
 
-#: One residual counts as this share of an independent one: errors of neighbouring samples are correlated where a model
-#: is slightly wrong.
+# The constants without another reason are engineering judgement.
+
+#: Effective share of independent residuals: errors of a slightly wrong model are correlated. At 125 residuals a second
+#: (every second sample at 250 Hz) this is one independent residual per 0.4 s.
 TEMPER = 0.02
-#: The prior deviation of a nominal parameter makes this share of the threshold; relative step of its derivative.
-SHARE, STEP = 0.3, 0.02
-#: Relative prior deviation of the parameters of a model without dry friction, which stand for the missing friction;
-#: and the prior below which a parameter is known by itself, such as a torque constant, and stands for nothing else.
-LUMPED, KNOWN = 0.3, 0.1
-#: A nominal parameter is too large by no more than this factor: the engine needs tiny steps for a rod without mass.
+#: One prior deviation of a nominal parameter makes a gap of this share of the threshold, so that an error which reaches
+#: the threshold, and is a cause, is beyond three deviations.
+PRIOR_SHARE = 0.3
+#: Relative step of derivatives by nominal parameters.
+STEP = 0.02
+#: Relative prior deviation for a model without dry friction: its fitted parameters compensate for the missing friction.
+LUMPED = 0.3
+#: Parameters with a smaller relative prior deviation, such as a torque constant, do not compensate for anything.
+WELL_KNOWN = 0.1
+#: A nominal parameter may be too large by at most this factor: the engine needs tiny steps for a rod without mass.
 LARGEST_ERROR = 5.0
-#: Residuals are weighted in blocks of this length [s]: a slip that a simulation misses spoils a block, not a sample.
+#: Length of the blocks in which residuals are weighted [s]: a slip that a simulation misses spoils many samples in a
+#: row.
 BLOCK = 0.1
-#: Cauchy's constant: a block counts fully up to about this mean square, in units of the typical one.
+#: Constant of Cauchy's loss, in units of the typical block: blocks beyond 2.5 standard deviations are weighted down.
 CAUCHY = 6.25
-#: A model is assumed to be no more accurate than this share of a signal's standard deviation.
+#: Assumed model error as a share of a signal's standard deviation, added to the noise in quadrature.
 MODEL_ERROR = 0.004
-#: A fit has converged when a step lowers the cost by less than this.
+#: A fit has converged when a step lowers the cost by less than this; it is small against `model_selection.MARGIN`.
 CONVERGED = 0.05
 
 
 @dataclass(frozen=True)
 class ResidualScale:
-    """What the errors of each channel are divided by, and its noise; a slope such as `rod_velocity` has its own."""
+    """Scale of the residuals of each channel or scored slope, and standard deviation of its noise, SI units."""
 
     scale: Mapping[str, float]
     noise: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, model: HypothesisModel, noise: Mapping[str, float]) -> ResidualScale:
-        """Noise and assumed model error of each channel of a model, in quadrature."""
-        log, scored_signals = model.log, model.plant.structure.system.scored
+        """Noise and assumed model error of each channel of a model, added in quadrature."""
+        log, of_system = model.log, model.plant.structure.system.scored
         signals = {channel: log[channel] for channel in model.channels}
-        signals |= scored(scored_signals, signals, log.sample_time)
-        sd = {**noise, **signal_noise(scored_signals, noise, log.sample_time)}
+        signals |= scored_signals(of_system, signals, log.sample_time)
+        sd = {**noise, **signal_noise(of_system, noise, log.sample_time)}
         scale = {name: float(np.hypot(sd[name], MODEL_ERROR * float(np.std(v)))) for name, v in signals.items()}
-        for one in scored_signals:
+        for one in of_system:
             if one.drift and one.channel in scale:
                 scale[one.channel] = float(np.hypot(scale[one.channel], one.drift))
         return cls(scale, {name: sd[name] for name in scale})
 
     @property
     def noise_squares(self) -> np.ndarray:
-        """Mean square of each channel's residuals (channels,) that noise alone makes."""
+        """(channels,) mean square of the residuals of noise alone."""
         return np.array([(self.noise[name] / scale) ** 2 for name, scale in self.scale.items()])
 
     def residual(self, model: HypothesisModel, simulated: Mapping[str, np.ndarray], first: int = 0) -> np.ndarray:
-        """Measured minus simulated of all channels in one vector, every second sample of each from `first` on."""
+        """Residuals (n,): measured minus simulated, scaled, every second sample from `first` on, channel by channel."""
         log, parts = model.log, []
         slopes = {one.name: one for one in model.plant.structure.system.scored if one.span}
         for channel, scale in self.scale.items():
@@ -76,7 +87,7 @@ class ResidualScale:
 
 @dataclass(frozen=True)
 class NominalParameters:
-    """Parameters that every hypothesis may change slightly: names, nominal values, prior standard deviations."""
+    """Parameters that every hypothesis refits under priors: names, nominal values, prior standard deviations."""
 
     names: tuple[str, ...]
     values: np.ndarray
@@ -86,13 +97,14 @@ class NominalParameters:
 def nominal_parameters(
     model: HypothesisModel, scale: ResidualScale, threshold: float, *, lumped: bool = False
 ) -> tuple[NominalParameters, dict[str, np.ndarray]]:
-    """Nominal parameters of a model, and the derivative of the residual (n,) by one prior deviation of each.
+    """Nominal parameters of a model, and the sensitivity of the residual (n,) to one prior deviation of each.
 
-    A parameter that alone changes a signal by the threshold is a cause. The prior deviation therefore changes it by
-    SHARE of the threshold, or is that of the parameter's kind if that is less.
+    The prior deviation of a parameter is the change that makes a gap of PRIOR_SHARE of the threshold, or the deviation
+    typical of its kind if that is smaller.
 
-    lumped: the model lacks so much that its parameters stand for more than their names say; their prior deviation is
-    LUMPED.
+    lumped: the model lacks dry friction, and its parameters compensate for it; their prior deviation is LUMPED.
+
+    Raises InputError if the nominal plant can't be simulated.
     """
     plant, dt = model.plant, model.log.sample_time
     prior = {kind.name: kind.prior for kind in plant.structure.equations.parameters if kind.prior is not None}
@@ -105,33 +117,33 @@ def nominal_parameters(
             "parameters and the current's unit and sign"
         )
     of_system = plant.structure.system.scored
-    signals, residual = scored(of_system, base, dt), scale.residual(model, base)
-    found, columns = {}, {}
+    signals, residual = scored_signals(of_system, base, dt), scale.residual(model, base)
+    found, sensitivities = {}, {}
     for name, run in zip(names, moved, strict=True):
         if run is None:
             continue
-        change = max(largest(gap(signals, scored(of_system, run, dt), dict.fromkeys(signals, 0.0))), 1e-9)
-        relative = min(prior[name], SHARE * threshold / change * STEP)
-        if lumped and prior[name] >= KNOWN:
+        change = max(largest(gap(signals, scored_signals(of_system, run, dt), dict.fromkeys(signals, 0.0))), 1e-9)
+        relative = min(prior[name], PRIOR_SHARE * threshold / change * STEP)
+        if lumped and prior[name] >= WELL_KNOWN:
             relative = LUMPED
         found[name] = relative * plant[name]
-        columns[name] = (scale.residual(model, run) - residual) * (relative / STEP)
+        sensitivities[name] = (scale.residual(model, run) - residual) * (relative / STEP)
     values = np.array([plant[name] for name in found])
-    return NominalParameters(tuple(found), values, np.array(list(found.values()))), columns
+    return NominalParameters(tuple(found), values, np.array(list(found.values()))), sensitivities
 
 
 @dataclass
 class RunCount:
-    """How many simulations were made."""
+    """Counts simulations."""
 
     total: int = 0
 
 
 @dataclass(frozen=True)
 class Objective:
-    """What a refit minimises: Cauchy's loss of the residuals' blocks, and the priors of the nominal parameters.
+    """What a refit minimises: Cauchy's loss of the residuals in blocks, plus the priors of the nominal parameters.
 
-    level: typical mean square of a block; blocks far above it count less.
+    level: typical mean square of a block; blocks far above it are weighted down.
     """
 
     model: HypothesisModel
@@ -142,11 +154,11 @@ class Objective:
 
     @property
     def block(self) -> int:
-        """Residuals of a channel in one block."""
+        """Number of residuals of a channel in a block."""
         return max(int(round(BLOCK / (2.0 * self.model.log.sample_time))), 1)
 
     def residuals(self, settings: Sequence[Setting]) -> list[np.ndarray | None]:
-        """Residuals (n,) of each setting; None where the run stopped."""
+        """Residuals (n,) of each setting; None if the run stopped."""
         self.count.total += len(settings)
         out: list[np.ndarray | None] = []
         for simulated in self.model.run(settings):
@@ -159,37 +171,40 @@ class Objective:
         return r.reshape(len(self.scale.scale), -1)
 
     def blocks(self, r: np.ndarray) -> np.ndarray:
-        """Mean squares (channels, blocks) of residuals (n,); a rest at the end that fills no block joins the last."""
+        """Mean squares (channels, blocks) of residuals (n,); an incomplete block at the end joins the last one."""
         parts = self.by_channel(r)
         edges = np.arange(0, max(parts.shape[1] - self.block + 1, 1), self.block)
         length = np.diff(np.append(edges, parts.shape[1]))
         return np.asarray(np.add.reduceat(parts**2, edges, axis=1) / length)
 
     def block_mean_squares(self, r: np.ndarray) -> np.ndarray:
-        """Mean squares (channels,) of the block means of residuals (n,), in which noise is small."""
+        """Mean squares (channels,) of the block means of residuals (n,): the low-frequency error."""
         parts = self.by_channel(r)
         count = max(parts.shape[1] // self.block, 1)
         means = parts[:, : count * self.block].reshape(len(parts), count, -1).mean(axis=2)
         return np.asarray(np.mean(means**2, axis=1))
 
     def loss(self, r: np.ndarray, weight: np.ndarray | float = 1.0) -> float:
-        """Sum of Cauchy's loss, each block as many squares as it has samples. weight: of each channel (channels, 1)."""
+        """Cauchy's loss of residuals (n,), summed over blocks and multiplied by their length.
+
+        weight: of each channel (channels, 1).
+        """
         c = CAUCHY * self.level
         return float(np.sum(weight * c * np.log1p(self.blocks(r) / c))) * self.block
 
     def weights(self, r: np.ndarray) -> np.ndarray:
-        """Root of the weight of each residual (n,) under Cauchy's loss."""
+        """Square root of the weight of each residual (n,) in iteratively reweighted least squares."""
         parts = self.by_channel(r)
         w = 1.0 / np.sqrt(1.0 + self.blocks(r) / (CAUCHY * self.level))
         each = np.minimum(np.arange(parts.shape[1]) // self.block, w.shape[1] - 1)
         return np.asarray(w[:, each].ravel())
 
     def typical_level(self, r: np.ndarray) -> float:
-        """Median of the blocks' mean squares over channels, at least one."""
+        """Median over blocks of the mean square over channels, at least one."""
         return max(float(np.median(self.blocks(r).mean(axis=0))), 1.0)
 
     def free_numbers(self, candidates: Sequence[CandidateEffect]) -> tuple[FreeNumber, ...]:
-        """All free numbers: the candidates' first, without a prior, then the nominal ones in prior deviations."""
+        """Free parameters: those of the candidates, without priors, then the nominal ones, scaled by their priors."""
         own = [free for candidate in candidates for free in candidate.free]
         names, wearing = {free.name for free in own}, wearing_parameters()
         rest = [
@@ -203,19 +218,19 @@ class Objective:
 def objective_of(
     model: HypothesisModel, noise: Mapping[str, float], threshold: float
 ) -> tuple[Objective, dict[str, np.ndarray]]:
-    """The objective on a model's log, and the derivatives of `nominal_parameters`."""
+    """The objective on a model's log, and the sensitivities of `nominal_parameters`."""
     scale = ResidualScale.of(model, noise)
-    lumped = without_dry_friction(model.plant)
-    nominal, columns = nominal_parameters(model, scale, threshold, lumped=lumped)
-    return Objective(model, scale, nominal), columns
+    lumped = lacks_dry_friction(model.plant)
+    nominal, sensitivities = nominal_parameters(model, scale, threshold, lumped=lumped)
+    return Objective(model, scale, nominal), sensitivities
 
 
 @dataclass(frozen=True)
 class HypothesisFit:
-    """A hypothesis at its best values.
+    """A hypothesis at its optimum.
 
-    values: all free numbers by name. cost: tempered loss with the priors. residual: (n,) at the end; jacobian: (n, k)
-    its derivatives by one scale of each of `free`, the candidates' first.
+    values: free parameters by name. cost: loss times TEMPER, plus priors. residual: (n,). jacobian: (n, k) derivatives
+    by one scale of each of `free`, which lists the candidates' parameters first.
     """
 
     candidates: tuple[CandidateEffect, ...]
@@ -226,8 +241,8 @@ class HypothesisFit:
     free: tuple[FreeNumber, ...] = ()
 
     @property
-    def own(self) -> int:
-        """How many of the free numbers are the candidates'."""
+    def n_effect(self) -> int:
+        """Number of free parameters of the candidate effects."""
         return sum(len(c.free) for c in self.candidates)
 
     @property
@@ -237,16 +252,16 @@ class HypothesisFit:
 
     @property
     def prior_cost(self) -> float:
-        """Sum of squares of the nominal parameters' changes, in prior deviations."""
-        return float(sum(((self.values[f.name] - f.nominal) / f.scale) ** 2 for f in self.free[self.own :]))
+        """Sum of squares of the changes of the nominal parameters, in prior deviations."""
+        return float(sum(((self.values[f.name] - f.nominal) / f.scale) ** 2 for f in self.free[self.n_effect :]))
 
-    def at_level_of(self, objective: Objective) -> HypothesisFit:
-        """The same fit with the cost of an objective that has another level."""
+    def with_level_of(self, objective: Objective) -> HypothesisFit:
+        """The same fit with its cost under an objective with another level."""
         return replace(self, cost=TEMPER * objective.loss(self.residual) + self.prior_cost)
 
 
 class _HypothesisProblem:
-    """The least-squares problem of one hypothesis: parameter vector x (k,), residuals, derivatives by one scale."""
+    """The least-squares problem of a hypothesis: parameter vector x (k,), residuals (n,), derivatives by one scale."""
 
     def __init__(self, objective: Objective, candidates: Sequence[CandidateEffect]) -> None:
         self.objective, self.free = objective, objective.free_numbers(candidates)
@@ -254,7 +269,7 @@ class _HypothesisProblem:
         self.nominal, self.scale, self.lower, self.upper = (
             np.array([getattr(f, field) for f in self.free]) for field in ("nominal", "scale", "lower", "upper")
         )
-        self.own = sum(len(c.free) for c in candidates)
+        self.n_effect = sum(len(c.free) for c in candidates)
 
     def setting(self, x: np.ndarray) -> dict[str, float]:
         return dict(zip(self.names, x.tolist(), strict=True))
@@ -263,17 +278,17 @@ class _HypothesisProblem:
         return self.objective.residuals([self.setting(x)])[0]
 
     def prior_residual(self, x: np.ndarray) -> np.ndarray:
-        return np.asarray((x[self.own :] - self.nominal[self.own :]) / self.scale[self.own :])
+        return np.asarray((x[self.n_effect :] - self.nominal[self.n_effect :]) / self.scale[self.n_effect :])
 
     def cost(self, r: np.ndarray, x: np.ndarray) -> float:
         p = self.prior_residual(x)
         return TEMPER * self.objective.loss(r) + float(p @ p)
 
     def differentiate(self, which: Sequence[int], x: np.ndarray, r: np.ndarray, J: np.ndarray) -> None:
-        """Fill columns of J by differences."""
+        """Fill these columns of J (n, k) by finite differences, with steps towards the interior of the bounds."""
         settings, steps = [], []
         for i in which:
-            h = 0.3 * self.scale[i] if i < self.own else min(0.3 * self.scale[i], STEP * abs(self.nominal[i]))
+            h = 0.3 * self.scale[i] if i < self.n_effect else min(0.3 * self.scale[i], STEP * abs(self.nominal[i]))
             h = -h if x[i] + h > self.upper[i] else h
             moved = x.copy()
             moved[i] += h
@@ -289,9 +304,9 @@ class _HypothesisProblem:
         weighted = J * w[:, None]
         G = TEMPER * (weighted.T @ weighted)
         g = TEMPER * (weighted.T @ (w * r))
-        prior = np.arange(self.own, len(self.free))
+        prior = np.arange(self.n_effect, len(self.free))
         G[prior, prior] += 1.0
-        g[self.own :] += self.prior_residual(x)
+        g[self.n_effect :] += self.prior_residual(x)
         return G, g
 
 
@@ -299,15 +314,19 @@ def refit(
     objective: Objective,
     candidates: Sequence[CandidateEffect],
     start: Setting,
-    known: Mapping[str, np.ndarray],
+    sensitivities: Mapping[str, np.ndarray],
     *,
     steps: int = 6,
-    fresh: int = 0,
+    renew_after: int = 0,
 ) -> HypothesisFit | None:
-    """Damped Gauss-Newton from `start`, with Broyden's correction of derivatives; None where the start can't be run.
+    """Damped Gauss-Newton from `start` with Broyden's update of the Jacobian; None if the start can't be simulated.
 
-    known: name -> (n,) derivative of the residual by one scale of that nominal parameter, near the start.
-    fresh: after so many steps all derivatives are taken anew (0: never).
+    sensitivities: nominal parameter -> (n,) derivative of the residual by its scale, near the start. renew_after:
+    number of steps after which the Jacobian is recomputed (0: only if a step fails).
+
+    Sources: K. Levenberg, "A method for the solution of certain non-linear problems in least squares", Quarterly of
+    Applied Mathematics 2 (1944); C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations",
+    Mathematics of Computation 19 (1965).
     """
     problem = _HypothesisProblem(objective, candidates)
     x = np.array([start.get(f.name, f.nominal) for f in problem.free])
@@ -317,15 +336,15 @@ def refit(
         return None
     r = first
     J = np.zeros((r.size, len(problem.free)))
-    missing = [i for i, name in enumerate(problem.names) if name not in known or i < problem.own]
+    missing = [i for i, name in enumerate(problem.names) if name not in sensitivities or i < problem.n_effect]
     for i, name in enumerate(problem.names):
         if i not in missing:
-            J[:, i] = known[name]
+            J[:, i] = sensitivities[name]
     problem.differentiate(missing, x, r, J)
     cost, damping, drop = problem.cost(r, x), 1e-3, np.inf
-    renewed = not fresh
+    renewed = not renew_after
     for step in range(steps):
-        if fresh and step == fresh and not renewed:
+        if renew_after and step == renew_after and not renewed:
             problem.differentiate(everything, x, r, J)
             renewed = True
         w = objective.weights(r)
@@ -350,7 +369,7 @@ def refit(
             G, g = problem.normal_equations(J, r, x, w)
             damping = max(10.0 * damping, 1e-2)
         if not gained and not renewed:
-            # Derivatives taken elsewhere may point in a wrong direction.
+            # The Jacobian may be too far off: it was computed at another point and updated.
             problem.differentiate(everything, x, r, J)
             renewed, damping = True, 1e-2
             continue
@@ -359,19 +378,19 @@ def refit(
     return HypothesisFit(tuple(candidates), problem.setting(x), cost, r, J, problem.free)
 
 
-def refit_nominal(objective: Objective, columns: Mapping[str, np.ndarray], loose: float = 1.0) -> Setting:
-    """Nominal parameters refitted alone, under priors that are wider by `loose`; empty where that fails.
+def refit_nominal(objective: Objective, sensitivities: Mapping[str, np.ndarray], prior_factor: float = 1.0) -> Setting:
+    """Fit the nominal parameters alone, with prior deviations times `prior_factor`; empty if that fails.
 
-    columns: of `objective_of`.
+    sensitivities: see `objective_of`.
     """
-    nominal = replace(objective.nominal, sd=objective.nominal.sd * loose)
-    scaled = {name: column * loose for name, column in columns.items()}
-    found = refit(Objective(objective.model, objective.scale, nominal), (), {}, scaled, steps=8, fresh=2)
+    nominal = replace(objective.nominal, sd=objective.nominal.sd * prior_factor)
+    scaled = {name: column * prior_factor for name, column in sensitivities.items()}
+    found = refit(Objective(objective.model, objective.scale, nominal), (), {}, scaled, steps=8, renew_after=2)
     return {} if found is None else found.values
 
 
 def _bounded_step(G: np.ndarray, g: np.ndarray, damping: float, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The step within bounds that minimises the damped quadratic, by its Cholesky factor."""
+    """The step within bounds, and within 20 scales, that minimises the damped quadratic model."""
     D = np.diag(np.maximum(np.diag(G), 1e-9))
     H = G + damping * D + 1e-10 * np.eye(len(G))
     L = np.linalg.cholesky(H)

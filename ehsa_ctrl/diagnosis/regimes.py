@@ -1,8 +1,8 @@
-"""Curves that an unknown input follows, found without a catalogue of effects, and the regimes that they show.
+"""The variables on which an unknown input depends, found without the catalogue of effects.
 
-Regressors are fitted to the unknown input, both averaged over short windows, on every second half of a second and
-validated on the others: state dependent parameter estimation with cross-validation (P. C. Young, "Recursive Estimation
-and Time-Series Analysis", Springer 2011) in its simplest form.
+Regressors and unknown input are averaged over short windows. Each curve is fitted on half of the intervals of 0.5 s and
+validated on the other half, and vice versa: state-dependent parameter estimation (P. C. Young, "Recursive Estimation
+and Time-Series Analysis", Springer 2011) in its simplest form, with cross-validation.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..plant.plant import Plant
 from .regressors import (
-    FITTED,
+    NONLINEAR,
     Regressors,
     drive_regressors,
     flow_regressors,
@@ -21,14 +21,20 @@ from .regressors import (
     shaft_angle,
     torque_regressors,
 )
-from .unknown_inputs import UNITS, BalanceSignals, filled
+from .unknown_inputs import UNITS, BalanceSignals, fill_nan
 
-#: Length of a window and stride to the next, in samples; intervals that are fitted or validated [s].
-WINDOW, STRIDE, BLOCK = 12, 3, 0.5
-#: Share of the variance that a curve has to explain for each of its numbers beyond the first.
-PRICE = 0.001
-#: Windows that a fit needs.
-LEAST_WINDOWS = 40
+# The numbers below are engineering judgement.
+
+#: Length of a window and stride to the next, in samples; length of the intervals for cross-validation [s].
+WINDOW, STRIDE, INTERVAL = 12, 3, 0.5
+#: Penalty on each parameter of a curve beyond the first, as a share of the unknown input's square.
+PENALTY = 0.001
+#: Smallest number of windows for a fit.
+MIN_WINDOWS = 40
+#: Ridge relative to the mean square of a regressor: bounds the coefficients of regressors that are hardly excited.
+RIDGE = 1e-3
+#: Highest order of a ripple that is tried, in periods per turn of the shaft.
+HIGHEST_ORDER = 24
 
 
 CurveKey = tuple[str, str, str]
@@ -36,10 +42,11 @@ CurveKey = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class Curve:
-    """An unknown input as a function of a variable: `values` (N - 1,) along `variable`.
+    """An unknown input as a function of a variable.
 
-    explained: share of the unknown input's square, validated. numbers: free ones. number: that of a nonlinear family.
-    sign: (N - 1,) with which the curve changes sign.
+    values: (N - 1,) fitted unknown input. explained: share of the unknown input's square that it explains, by
+    cross-validation, minus a penalty per parameter. numbers: of free parameters. family, against, unit, variable,
+    number, sign: see `Regressors`.
     """
 
     unknown_input: str
@@ -60,15 +67,15 @@ class Curve:
 
 
 class _Windows:
-    """Means of one unknown input over windows in which it is known, and the fold of each for validation."""
+    """Weighted means of an unknown input over windows in which it is known, and the fold of each window."""
 
     def __init__(self, values: np.ndarray, sample_time: float) -> None:
-        bump = np.sin(np.pi * (np.arange(WINDOW) + 0.5) / WINDOW) ** 2
-        self._weights = bump / bump.sum()
+        weights = np.sin(np.pi * (np.arange(WINDOW) + 0.5) / WINDOW) ** 2
+        self._weights = weights / weights.sum()
         self._usable = self._means(np.isfinite(values).astype(float)) > 1.0 - 1e-9
-        self.values = self._means(filled(values))[self._usable]
+        self.values = self._means(fill_nan(values))[self._usable]
         centre = STRIDE * np.arange(self._usable.size)[self._usable] * sample_time
-        self._fold = (centre // BLOCK).astype(int) % 2
+        self._fold = (centre // INTERVAL).astype(int) % 2
 
     def _means(self, values: np.ndarray) -> np.ndarray:
         return np.asarray(np.lib.stride_tricks.sliding_window_view(values, WINDOW)[::STRIDE] @ self._weights)
@@ -78,7 +85,7 @@ class _Windows:
         return np.column_stack([self._means(column)[self._usable] for column in columns.T])
 
     def fit(self, x: Regressors, unknown_input: str) -> Curve | None:
-        """The best curve of these regressors; None where too few windows are left."""
+        """The best curve with these regressors; None if there are too few windows."""
         X, y = self.of(x.columns), self.values
         if x.fixed:
             left = y - X[:, 0]
@@ -91,37 +98,37 @@ class _Windows:
                     return None
                 left[test] = y[test] - X[test] @ _ridge(X[train], y[train])
             values = x.columns @ _ridge(X, y)
-            # Outside the fitted windows a curve is bounded.
+            # Extrapolation beyond the fitted windows is bounded.
             low, high = np.quantile(y, [0.002, 0.998])
             values = np.clip(values, 1.3 * min(low, 0.0), 1.3 * max(high, 0.0))
         total = float(y @ y)
         explained = 1.0 - float(left @ left) / total if total > 0.0 else 0.0
-        explained -= PRICE * (X.shape[1] - 1)
+        explained -= PENALTY * (X.shape[1] - 1)
         return Curve(
             unknown_input, x.family, x.against, x.unit, x.variable, values, explained, X.shape[1], x.number, x.sign
         )
 
 
 def _ridge(X: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Least squares with a small ridge for columns that are hardly excited."""
+    """Least-squares coefficients (k,) of X (n, k) and y (n,), with a ridge."""
     size = np.sqrt(np.mean(X**2, axis=0)) + 1e-300
     G = (X / size).T @ (X / size) / len(y)
-    return np.asarray(np.linalg.solve(G + 1e-3 * np.eye(len(G)), (X / size).T @ y / len(y)) / size)
+    return np.asarray(np.linalg.solve(G + RIDGE * np.eye(len(G)), (X / size).T @ y / len(y)) / size)
 
 
 def curves_of(plant: Plant, signals: BalanceSignals, name: str, values: np.ndarray) -> list[Curve]:
-    """All curves of an unknown input (N - 1,), best explained first, the best of each family."""
+    """The best curve of each family and variable for an unknown input (N - 1,); that which explains most first."""
     windows = _Windows(values, signals.sample_time)
-    if windows.values.size < LEAST_WINDOWS:
+    if windows.values.size < MIN_WINDOWS:
         return []
     if name == "torque":
-        candidates = torque_regressors(plant, signals, _orders(windows, plant, signals))
+        candidates = torque_regressors(plant, signals, _ripple_orders(windows, plant, signals))
     elif name == "force":
         candidates = force_regressors(plant, signals)
     else:
-        candidates = flow_regressors(plant, signals, name, _orders(windows, plant, signals))
+        candidates = flow_regressors(plant, signals, name, _ripple_orders(windows, plant, signals))
     best = _best_of_each(candidates, windows, name, {})
-    for curve in [c for c in best.values() if c.family in FITTED and c.explained > 0.3]:
+    for curve in [c for c in best.values() if c.family in NONLINEAR and c.explained > 0.3]:
         finer = curve.number * np.array([0.8, 0.87, 0.94, 1.07, 1.14, 1.23])
         best = _best_of_each(drive_regressors(plant, signals, curve.family, finer), windows, name, best)
     return sorted(best.values(), key=lambda curve: -curve.explained)
@@ -137,11 +144,11 @@ def _best_of_each(
     return best
 
 
-def _orders(windows: _Windows, plant: Plant, signals: BalanceSignals, count: int = 2) -> tuple[float, ...]:
-    """Periods per turn of the shaft that dominate an unknown input."""
+def _ripple_orders(windows: _Windows, plant: Plant, signals: BalanceSignals, count: int = 2) -> tuple[float, ...]:
+    """The dominant orders of a ripple, in periods per turn of the shaft."""
     angle = shaft_angle(plant, signals)
     gains = []
-    for order in range(1, 25):
+    for order in range(1, HIGHEST_ORDER + 1):
         X = windows.of(np.column_stack([np.sin(order * angle), np.cos(order * angle)]))
         a = _ridge(X, windows.values)
         gains.append((float(np.sum((X @ a) ** 2)), float(order)))
@@ -150,13 +157,18 @@ def _orders(windows: _Windows, plant: Plant, signals: BalanceSignals, count: int
 
 @dataclass(frozen=True)
 class Regime:
-    """A curve that an unknown input follows.
+    """Dependence of an unknown input on a variable.
 
-    balance: "torque", "flow_1", "flow_2" or "force". against: the variable in words, unit its unit. bins (k,): where
-    on it. mean, sd (k,): the unknown input there, SI units of the balance; times the sign of the motion for a regime
-    "against the motion", times that of the variable that it goes "with". explained: share of its variance, validated on
-    data that was not fitted. gap_closed: share of the squared gap that this curve alone closes, nan where that was not
-    simulated. words: one line.
+    Attributes
+    ----------
+    balance: "torque", "flow_1", "flow_2" or "force".
+    against, unit: the variable, in words.
+    bins: (k,) mean of the variable in each bin.
+    mean, sd: (k,) mean and standard deviation of the unknown input in each bin, SI units. Multiplied by the sign of the
+        motion for a variable "against the motion", and by the sign of the other variable for one "with" it.
+    explained: share of the unknown input's square that the curve explains on data that was not fitted.
+    words: the dependence in one line.
+    gap_closed: share of the squared gap that this curve alone closes; nan if it was not simulated.
     """
 
     balance: str
@@ -174,7 +186,7 @@ class Regime:
 
 
 def regime_of(curve: Curve, values: np.ndarray, gap_closed: float = float("nan"), bins: int = 15) -> Regime:
-    """A curve with its bins: mean and standard deviation of the unknown input (N - 1,) along the variable."""
+    """The regime of a curve, with the unknown input (N - 1,) averaged in bins of the variable."""
     z = curve.variable
     if curve.sign is not None:
         values = values * curve.sign
@@ -192,11 +204,12 @@ def regime_of(curve: Curve, values: np.ndarray, gap_closed: float = float("nan")
     sd = np.array([float(np.std(values[row])) for row in rows])
     explained = float(np.clip(curve.explained, 0.0, 1.0))
     return Regime(
-        curve.unknown_input, curve.against, curve.unit, middle, mean, sd, explained, _words(curve), gap_closed
+        curve.unknown_input, curve.against, curve.unit, middle, mean, sd, explained, _describe(curve), gap_closed
     )
 
 
-def _words(curve: Curve) -> str:
+def _describe(curve: Curve) -> str:
+    """The curve in one line."""
     unit = UNITS[curve.unknown_input]
     name = {"torque": "torque error", "force": "force error"}.get(
         curve.unknown_input, f"error of the flow into chamber {curve.unknown_input[-1]}"
@@ -205,28 +218,28 @@ def _words(curve: Curve) -> str:
     plain = {
         "constant": f"{name} of {np.mean(curve.values):.3g} {unit}, constant",
         "sign": f"{name} of {size:.3g} {unit} with {curve.against}",
-        "late": f"as if the current came {1e3 * curve.number:.2g} ms late",
-        "lag": f"as if the current lagged with {1e3 * curve.number:.2g} ms",
-        "slope": f"as if the current changed by no more than {curve.number:.3g} A/s",
-        "dead band": f"as if the drive gave nothing within {curve.number:.2g} A",
+        "delay": f"like a delay of the current of {1e3 * curve.number:.2g} ms",
+        "lag": f"like a lag of the current with a time constant of {1e3 * curve.number:.2g} ms",
+        "rate limit": f"like a rate limit of the current of {curve.number:.3g} A/s",
+        "dead band": f"like a dead band of the drive of +-{curve.number:.2g} A",
     }
     if curve.family in plain:
         return plain[curve.family]
-    if curve.family in ("line", "rate", "gain"):
+    if curve.family in ("linear", "rate", "gain"):
         slope = float(curve.values @ curve.variable) / max(float(curve.variable @ curve.variable), 1e-300)
-        return f"{name} of {size:.3g} {unit} in proportion to {curve.against}, {slope:.3g} {unit} for 1 {curve.unit}"
+        return f"{name} of {size:.3g} {unit} proportional to {curve.against}, {slope:.3g} {unit} per {curve.unit}"
     if curve.family == "time":
-        return _in_time(curve, name, unit)
+        return _describe_in_time(curve, name, unit)
     if curve.family in ("signed position", "position"):
-        where = _only_where(curve)
+        where = _localised_range(curve)
         if where:
             side = ", against the motion" if curve.family == "signed position" else ""
             return f"{name} of up to {float(np.max(np.abs(curve.values))):.3g} {unit}{side}, {where}"
-    return f"{name} of {size:.3g} {unit} along {curve.against}"
+    return f"{name} of {size:.3g} {unit} that depends on {curve.against}"
 
 
-def _in_time(curve: Curve, name: str, unit: str) -> str:
-    """Constant from an instant on, or drifting."""
+def _describe_in_time(curve: Curve, name: str, unit: str) -> str:
+    """A function of time in one line: a step at an instant, or a drift."""
     y, n = curve.values, curve.values.size
     sums = np.cumsum(y)
     k = np.arange(n // 20, n - n // 20)
@@ -235,11 +248,11 @@ def _in_time(curve: Curve, name: str, unit: str) -> str:
     best = int(np.argmax(gain))
     if gain[best] > 0.8 * n * float(np.var(y)) and abs(before[best]) < 0.2 * abs(after[best]):
         return f"{name} of {after[best]:.3g} {unit} from {curve.variable[k[best]]:.1f} s on"
-    return f"{name} of {float(np.sqrt(np.mean(y**2))):.3g} {unit}, drifting in time"
+    return f"{name} of {float(np.sqrt(np.mean(y**2))):.3g} {unit} that drifts with time"
 
 
-def _only_where(curve: Curve) -> str:
-    """Where on its variable a curve is much larger than elsewhere; empty if that is nowhere or everywhere."""
+def _localised_range(curve: Curve) -> str:
+    """The range of positions in which a curve is much larger than elsewhere, in words; empty if there is none."""
     size = np.abs(curve.values)
     large = size > 0.5 * float(np.quantile(size, 0.995))
     if not 0.01 < float(np.mean(large)) < 0.3:

@@ -1,7 +1,8 @@
-"""Regressors of an unknown input: columns for each variable that it may follow.
+"""Regressors of an unknown input: candidate functions of the variables on which it may depend.
 
-Each variable gives columns: a constant, its sign, piecewise linear functions between quantiles; a drive gives the error
-of a delay, a lag, a rate limit or a dead band.
+A function of a variable is piecewise linear, as a sum of hat functions between quantiles. For the drive there are the
+errors that a delay, a lag, a rate limit or a dead band makes. The numbers of hat functions and the grids of delays and
+limits are engineering judgement: fine enough for a curve, coarse enough for a fit to some thousand samples.
 """
 
 from __future__ import annotations
@@ -14,13 +15,17 @@ from scipy.signal import lfilter
 
 from ..plant.plant import Plant
 from ..plant.system import Contact
-from .unknown_inputs import BalanceSignals, filled
+from .unknown_inputs import BalanceSignals, fill_nan
 
 
 @dataclass(frozen=True)
 class Regressors:
-    """Columns (N - 1, k) along a variable (N - 1,). fixed: added without a factor. sign: (N - 1,) with which all of
-    them change sign, so that their mean along the variable alone would vanish."""
+    """Regressors that describe one kind of dependence on a variable.
+
+    family: kind of function. against, unit: the variable, in words. variable: (N - 1,). columns: (N - 1, k). fixed: the
+    column has no free factor. number: the nonlinear parameter of a drive error, or the order of a ripple. sign: (N -
+    1,) sign of the motion, if the columns change sign with it; their mean over the variable would be zero without it.
+    """
 
     family: str
     against: str
@@ -33,7 +38,7 @@ class Regressors:
 
 
 def hats(z: np.ndarray, count: int) -> np.ndarray:
-    """(N, k) hat functions between quantiles of z; they sum to one."""
+    """(N, k) hat functions (linear B-splines) with knots at quantiles of z; they add up to one."""
     knots = np.unique(np.quantile(z, np.linspace(0.005, 0.995, count)))
     if knots.size < 2:
         return np.ones((z.size, 1))
@@ -41,12 +46,12 @@ def hats(z: np.ndarray, count: int) -> np.ndarray:
 
 
 def odd_hats(z: np.ndarray, sign: np.ndarray, count: int) -> np.ndarray:
-    """(N, k) hat functions of |z| with a sign: nothing that acts in one direction whatever the motion."""
+    """(N, k) hat functions of |z| times a sign, for a dependence that reverses with the motion."""
     return np.asarray(sign[:, None] * hats(np.abs(z), count))
 
 
-def split_hats(z: np.ndarray, sign: np.ndarray, count: int) -> np.ndarray:
-    """(N, k) hat functions for either sign (-1 to 1), with a jump between."""
+def two_sided_hats(z: np.ndarray, sign: np.ndarray, count: int) -> np.ndarray:
+    """(N, k) separate hat functions for each sign of the motion, with a jump between. sign: -1 to 1."""
     shares = np.clip(0.5 * (1.0 - sign), 0.0, 1.0), np.clip(0.5 * (1.0 + sign), 0.0, 1.0)
     parts = [share[:, None] * hats(np.where(share > 0.5, z, 0.0), count) for share in shares]
     return np.column_stack([part[:, np.any(part != 0.0, axis=0)] for part in parts])
@@ -60,8 +65,8 @@ def balance_contact(plant: Plant, balance: str) -> Contact:
 
 
 def _sure_sign(s: BalanceSignals, contact: Contact) -> np.ndarray:
-    """(N - 1,) direction where a contact clearly slides, interpolated between: noise has no direction."""
-    return filled(np.where(s.slides[contact.name], s[contact.direction], np.nan))[:-1]
+    """(N - 1,) sign of the motion where a contact slides with certainty, interpolated between."""
+    return fill_nan(np.where(s.slides[contact.name], s[contact.direction], np.nan))[:-1]
 
 
 def shows_pressures(plant: Plant, s: BalanceSignals) -> bool:
@@ -81,43 +86,43 @@ def shaft_angle(plant: Plant, s: BalanceSignals) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1])) * s.sample_time])[:-1]
 
 
-def late(current: np.ndarray, samples: float) -> np.ndarray:
-    """A held current that acts `samples` later, its mean over each sample."""
+def delay_current(current: np.ndarray, samples: float) -> np.ndarray:
+    """(N,) mean over each sample of a held current (N,) delayed by `samples`, which may be fractional."""
     whole = int(samples)
     part = samples - whole
     before = np.concatenate([np.full(whole + 1, current[0]), current])
     return (1.0 - part) * before[1 : current.size + 1] + part * before[: current.size]
 
 
-def lagging(current: np.ndarray, samples: float) -> np.ndarray:
-    """A held current through a first-order lag of so many samples, its mean over each sample."""
+def lag_current(current: np.ndarray, samples: float) -> np.ndarray:
+    """(N,) mean over each sample of a held current (N,) after a first-order lag with a time constant of `samples`."""
     a = np.exp(-1.0 / samples)
     now = lfilter([0.0, 1.0 - a], [1.0, -a], current - current[0]) + current[0]
     return np.asarray(current + (now - current) * samples * (1.0 - a))
 
 
-def limited(current: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """(N, k) a current that changes by no more than each of `steps` (k,) a sample, its mean over each sample."""
+def limit_rate(current: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """(N, k) mean over each sample of a current (N,) that changes by at most `steps` (k,) per sample."""
     out, now = np.empty((current.size, steps.size)), np.full(steps.size, current[0])
     for k, value in enumerate(current.tolist()):
         way = value - now
         moved = np.minimum(np.maximum(way, -steps), steps)
-        # It ramps to the value and stays there for the rest of the sample.
+        # It ramps to the value and holds it for the remainder of the sample.
         out[k] = now + moved * (1.0 - 0.5 * np.minimum(np.abs(way) / steps, 1.0))
         now = now + moved
     return out
 
 
-#: Families of a torque error that belong to the drive: one direction whatever the motion, or a late current.
-DRIVE = ("constant", "time", "late", "lag", "slope", "dead band", "current")
-#: Those that a torque constant or friction nearly follows too: they have to explain clearly more.
+#: Families of torque errors that are attributed to the drive: independent of the motion, or an error of the current.
+DRIVE_FAMILIES = ("constant", "time", "delay", "lag", "rate limit", "dead band", "current")
+#: Static functions of the current, which a wrong torque constant or friction can produce too.
 MEMORYLESS = ("dead band", "current")
-#: Those with a number in which the columns are not linear.
-FITTED = ("late", "lag", "slope", "dead band")
+#: Families with a nonlinear parameter.
+NONLINEAR = ("delay", "lag", "rate limit", "dead band")
 
 
 def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]) -> list[Regressors]:
-    """Regressors of an unknown torque; orders: periods per turn of a ripple."""
+    """Regressors of an unknown torque. orders: periods of a ripple per turn of the shaft."""
     held, dt, shaft = s[plant.structure.system.inputs[0]][:-1], s.sample_time, balance_contact(plant, "torque")
     omega, rate, time = (s[n][:-1] for n in (shaft.velocity, f"{shaft.velocity}_rate", "time"))
     sign, push, size = _sure_sign(s, shaft), np.sign(held), np.abs(held)
@@ -127,14 +132,19 @@ def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]
         Regressors("time", "time", "s", time, hats(time, 14)),
         Regressors("sign", f"the sign of {speed}", "", sign, sign[:, None]),
         Regressors("speed", speed, "rad/s", omega, odd_hats(omega, sign, 7)),
-        Regressors("line", speed, "rad/s", omega, omega[:, None]),
+        Regressors("linear", speed, "rad/s", omega, omega[:, None]),
         Regressors("rate", "the shaft's acceleration", "rad/s2", rate, rate[:, None]),
         Regressors("gain", current, "A", held, held[:, None]),
         Regressors("saturation", current, "A", held, np.column_stack([held, held * size, held**3])),
         Regressors("signed time", against, "s", time, sign[:, None] * hats(time, 8), sign=sign),
         Regressors("gain in time", "time, with the current", "s", time, held[:, None] * hats(time, 8), sign=push),
         Regressors(
-            "brake", f"the size of {current}, against the motion", "A", size, odd_hats(held, sign, 10), sign=sign
+            "brake",
+            f"the size of {current}, against the motion",
+            "A",
+            size,
+            odd_hats(held, sign, 10),
+            sign=sign,
         ),
         Regressors("current", current, "A", held, hats(held, 80)),
     ]
@@ -142,7 +152,7 @@ def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]
         dP, drop = pressure_difference(plant, s), "the pressure difference"
         loss = (sign * np.abs(dP))[:, None]
         found += [
-            Regressors("line", drop, "Pa", dP, dP[:, None]),
+            Regressors("linear", drop, "Pa", dP, dP[:, None]),
             Regressors("pressure", drop, "Pa", dP, odd_hats(dP, np.sign(dP), 7)),
             Regressors("loss", f"{drop}, against the motion", "Pa", np.abs(dP), loss, sign=sign),
         ]
@@ -150,9 +160,9 @@ def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]
     times = dt * np.array([0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15])
     top = float(np.max(size)) if np.any(held) else 1.0
     for family, numbers in {
-        "late": times,
+        "delay": times,
         "lag": times,
-        "slope": top / dt * np.array([0.005, 0.01, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.3]),
+        "rate limit": top / dt * np.array([0.005, 0.01, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.3]),
         "dead band": top * np.array([0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2]),
     }.items():
         found += drive_regressors(plant, s, family, numbers)
@@ -160,17 +170,17 @@ def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]
 
 
 def drive_regressors(plant: Plant, s: BalanceSignals, family: str, numbers: np.ndarray) -> list[Regressors]:
-    """Errors of a drive with a delay [s], a lag [s], a rate limit [A/s] or a dead band [A], for each number."""
+    """Torque errors of a drive with a delay [s], a lag [s], a rate limit [A/s] or a dead band [A], one per number."""
     system = plant.structure.system
     held, dt = s[system.inputs[0]][:-1], s.sample_time
     entry = system.entries.get("torque")
     gain = plant[entry.capacity[0]] if entry is not None and entry.capacity else 1.0
-    if family == "slope":
-        given = list(limited(held, numbers * dt).T)
+    if family == "rate limit":
+        given = list(limit_rate(held, numbers * dt).T)
     else:
         of: dict[str, Callable[[float], np.ndarray]] = {
-            "late": lambda number: late(held, number / dt),
-            "lag": lambda number: lagging(held, number / dt),
+            "delay": lambda number: delay_current(held, number / dt),
+            "lag": lambda number: lag_current(held, number / dt),
             "dead band": lambda number: np.asarray(held - np.clip(held, -number, number)),
         }
         given = [of[family](float(number)) for number in numbers]
@@ -190,12 +200,12 @@ def force_regressors(plant: Plant, s: BalanceSignals) -> list[Regressors]:
     found = [
         Regressors("constant", "time", "s", time, np.ones((x.size, 1))),
         Regressors("sign", f"the sign of {speed}", "", sign, sign[:, None]),
-        Regressors("sides", f"the sign of {speed}, not alike", "", sign, split_hats(np.zeros_like(sign), sign, 2)),
-        Regressors("speed", speed, "m/s", v, split_hats(v, sign, 6)),
-        Regressors("line", speed, "m/s", v, v[:, None]),
+        Regressors("sides", f"the sign of {speed}, asymmetric", "", sign, two_sided_hats(np.zeros_like(sign), sign, 2)),
+        Regressors("speed", speed, "m/s", v, two_sided_hats(v, sign, 6)),
+        Regressors("linear", speed, "m/s", v, v[:, None]),
         Regressors("rate", "the rod's acceleration", "m/s2", rate, rate[:, None]),
         Regressors("position", place, "m", x, hats(x, 12)),
-        Regressors("line", place, "m", x, x[:, None]),
+        Regressors("linear", place, "m", x, x[:, None]),
         Regressors("signed position", f"{place}, {against}", "m", x, sign[:, None] * hats(x, 20), sign=sign),
         Regressors("time", "time", "s", time, hats(time, 20)),
         Regressors("signed time", f"time, {against}", "s", time, sign[:, None] * hats(time, 14), sign=sign),
@@ -218,15 +228,15 @@ def flow_regressors(plant: Plant, s: BalanceSignals, name: str, orders: tuple[fl
     pumped, leak = omega * np.abs(dP), dP[:, None] * hats(time, 8)
     found = [
         Regressors("constant", "time", "s", time, np.ones((P.size, 1))),
-        Regressors("line", drop, "Pa", dP, dP[:, None]),
+        Regressors("linear", drop, "Pa", dP, dP[:, None]),
         Regressors("pressure", drop, "Pa", dP, hats(dP, 14)),
         Regressors("level", here, "Pa", P, hats(P, 14)),
         Regressors("speed", speed, "rad/s", omega, hats(omega, 13)),
-        Regressors("line", speed, "rad/s", omega, omega[:, None]),
+        Regressors("linear", speed, "rad/s", omega, omega[:, None]),
         Regressors("rate", f"the rate of {here}", "Pa/s", rate, rate[:, None]),
         Regressors("softness", f"{here}, times its rate", "Pa", P, rate[:, None] * hats(P, 6)),
         Regressors("volume", f"the rod's position, times the rate of {here}", "m", x, rate[:, None] * hats(x, 5)),
-        Regressors("line", "the rod's speed", "m/s", v, v[:, None]),
+        Regressors("linear", "the rod's speed", "m/s", v, v[:, None]),
         Regressors("time", "time", "s", time, hats(time, 14)),
         Regressors("pressure in time", f"time, with {drop}", "s", time, leak, sign=np.sign(dP)),
         Regressors("pumped", f"{speed} times the size of {drop}", "rad/s Pa", pumped, pumped[:, None]),

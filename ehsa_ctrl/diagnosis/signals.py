@@ -11,35 +11,37 @@ from ..plant.system import ScoredSignal
 
 
 def slope_samples(span: float, sample_time: float) -> int:
-    """The whole number of samples nearest to a span [s], at least one."""
+    """Number of samples nearest to a span [s], at least one."""
     return max(int(round(span / sample_time)), 1)
 
 
 def slope(values: np.ndarray, span: float, sample_time: float) -> np.ndarray:
-    """(x_k - x_(k-n)) / (n dt), (N,) or (..., N), with n dt nearest to span [s]; the first n samples are zero."""
+    """Slope (x_k - x_(k-n)) / (n dt) of (..., N) over n samples, n dt nearest to span [s]; zero for the first n."""
     n = slope_samples(span, sample_time)
     out = np.zeros_like(values)
     out[..., n:] = (values[..., n:] - values[..., :-n]) / (n * sample_time)
     return out
 
 
-def signal_of(signal: ScoredSignal, values: np.ndarray, sample_time: float) -> np.ndarray:
-    """A scored signal (N,) from the values (N,) of its channel."""
+def scored_signal(signal: ScoredSignal, values: np.ndarray, sample_time: float) -> np.ndarray:
+    """A scored signal (N,) from its channel (N,)."""
     return slope(values, signal.span, sample_time) if signal.span else values
 
 
-def scored(
+def scored_signals(
     signals: Sequence[ScoredSignal], channels: Mapping[str, np.ndarray], sample_time: float
 ) -> dict[str, np.ndarray]:
-    """Those of a system's scored signals that a log or a simulation has the channels of."""
-    return {one.name: signal_of(one, channels[one.channel], sample_time) for one in signals if one.channel in channels}
+    """Name -> scored signal (N,), for those whose channel the log or the simulation has."""
+    return {
+        one.name: scored_signal(one, channels[one.channel], sample_time) for one in signals if one.channel in channels
+    }
 
 
-def noise_of(log: Log) -> dict[str, float]:
-    """Standard deviation of each channel's noise, from fourth differences.
+def estimate_noise(log: Log) -> dict[str, float]:
+    """Channel -> standard deviation of its noise, SI units, from fourth differences.
 
-    These leave little of a signal that the plant can produce. The steps of a converter hide small noise at standstill,
-    so samples that equal their neighbours are left out.
+    Fourth differences remove nearly everything that the plant can produce. Samples equal to their neighbours are left
+    out: at standstill the quantisation of the converter hides the noise.
     """
     return {name: _noise(values) for name, values in log.channels.items()}
 
@@ -50,11 +52,12 @@ def _noise(values: np.ndarray) -> float:
     moving = np.abs(fourth[~still])
     if moving.size < 10:
         return 0.0
+    # Median of |e| of a normal e: 0.6745 sd; variance of a fourth difference of white noise: 1 + 16 + 36 + 16 + 1 = 70.
     return float(np.median(moving)) / 0.6745 / np.sqrt(70.0)
 
 
 def signal_noise(signals: Sequence[ScoredSignal], noise: Mapping[str, float], sample_time: float) -> dict[str, float]:
-    """Noise of the scored signals from that of the channels."""
+    """Name -> standard deviation of the noise of a scored signal, from that of its channel."""
     found = {}
     for one in signals:
         if one.channel in noise:
@@ -68,10 +71,10 @@ def signal_noise(signals: Sequence[ScoredSignal], noise: Mapping[str, float], sa
 def gap(
     measured: Mapping[str, np.ndarray], simulated: Mapping[str, np.ndarray], noise: Mapping[str, float]
 ) -> dict[str, float]:
-    """Gap of each scored signal, and `total`, their RMS.
+    """Gap of each scored signal, and `total`, the RMS of these gaps.
 
-    RMS of measured minus simulated with the noise subtracted in quadrature, over the standard deviation of the measured
-    signal. A constant signal has no gap. NaN in a simulation that stopped makes it infinite.
+    A gap is the RMS of measured minus simulated, with the noise subtracted in quadrature, divided by the standard
+    deviation of the measured signal. It is 0 for a constant signal and inf for a simulation with NaN, which stopped.
     """
     gaps = {}
     for name, values in measured.items():
@@ -90,5 +93,5 @@ def gap(
 
 
 def largest(gaps: Mapping[str, float]) -> float:
-    """The largest gap of a signal."""
+    """The largest gap of a single signal."""
     return max(value for name, value in gaps.items() if name != "total")

@@ -1,9 +1,8 @@
 """Unknown inputs: the residuals of the nominal plant's balances on a log.
 
-A balance is a sum that vanishes in the true plant. Evaluated with measured signals it leaves a torque, two flows and
-a force that the nominal plant does not contain: the unknown inputs of the discrepancy literature (which enter the
-equations, not the outputs). Over one sample the rate of a state is its difference, so that noise is not amplified for
-good: fed back into a simulation, it gives the measured noise again.
+A balance is a sum that is zero in the true plant. Evaluated with measured signals, it leaves a torque, two flows and a
+force that the nominal plant lacks. These unknown inputs enter the equations, not the outputs. The rate of a state over
+a sample is the difference quotient: fed back into a simulation, it integrates to the measured signal with its noise.
 """
 
 from __future__ import annotations
@@ -21,17 +20,23 @@ from ..plant.plant import Plant
 from ..plant.system import Balance, System
 from ..simulation.engine import simulate_batch
 
-#: Unknown inputs and their units; a torque and flows are positive where they drive, a force where it resists extension.
+#: Unknown inputs and their units. A positive torque or flow drives the motion, a positive force resists extension.
 UNITS = {"torque": "N m", "flow_1": "m3/s", "flow_2": "m3/s", "force": "N"}
-#: Samples of the cubics that give a slope and a direction, and standard deviations from which a direction is sure.
-SLOPE, DIRECTION, SURE = 7, 11, 4.0
+#: Samples of the local cubic fits (Savitzky-Golay) for rates and for the direction of motion. Engineering judgement:
+#: 28 and 44 ms at 250 Hz.
+SLOPE, DIRECTION = 7, 11
+#: A contact slides with certainty if its speed exceeds this many standard deviations of the noise.
+CERTAIN = 4.0
+#: Noise gain of the direction's fit, for the value (exactly 0.46) and for the slope times the sample time (0.25).
+VALUE_NOISE, SLOPE_NOISE = 0.45, 0.3
 
 
 @dataclass(frozen=True)
 class BalanceSignals:
-    """The signals of a log that balances need: sensors undone, speeds and rates as slopes of short cubics.
+    """The signals that the balances need, from a log with its sensor models inverted.
 
-    values: name -> (N,) states, `..._rate` of each, directions, current. slides: contact -> (N,) bool.
+    values: name -> (N,) states, their rates `NAME_rate`, directions of motion, inputs. slides: contact -> (N,) whether
+    it slides with certainty.
     """
 
     values: Mapping[str, np.ndarray]
@@ -45,30 +50,37 @@ class BalanceSignals:
         return self.values[name]
 
 
-def signals_of(
+def balance_signals(
     plant: Plant,
     log: Log,
     current: np.ndarray,
     noise: Mapping[str, float],
     start: np.ndarray | None = None,
-    outside: np.ndarray | None = None,
+    second_input: np.ndarray | None = None,
 ) -> BalanceSignals:
-    """States, rates and directions from a log; those that it does not show are absent.
+    """States, rates and directions of motion from a log; those that it does not show are absent.
 
-    current, outside: (N,) first and second input of the system; the second is zero by default. noise: channel ->
-    standard deviation. start: state (n,) of the free run that gives the states of effects and friction laws, which
-    have no sensor.
+    current, second_input: (N,) inputs of the system; the second is zero by default. noise: channel -> standard
+    deviation. start: (n,) initial state of a free run, which gives the states of effects and friction laws, because
+    these have no sensor.
     """
     system, dt = plant.structure.system, log.sample_time
     first_input, *others = system.inputs
-    acting = np.zeros(len(log)) if outside is None else outside
+    acting = np.zeros(len(log)) if second_input is None else second_input
     values = {first_input: current, **dict.fromkeys(others, acting), "time": log.time}
     states = plant.structure.equations.states
     inner = [state.name for state in states if state not in system.states]
     if inner:
         first = None if start is None else start[None, :]
         batch = simulate_batch(
-            plant, plant.vector[None, :], current, force=outside, hold=system.hold, start=first, sample_time=dt, jobs=1
+            plant,
+            plant.vector[None, :],
+            current,
+            force=second_input,
+            hold=system.hold,
+            start=first,
+            sample_time=dt,
+            jobs=1,
         )
         values |= {name: batch.states[0, :, plant.structure.equations.index(name)] for name in inner}
     sds = {}
@@ -91,11 +103,12 @@ def signals_of(
         if speed not in values:
             continue
         if speed in sds:
-            seen, sd = savgol_filter(values[speed], DIRECTION, 3), 0.45 * sds[speed]
+            smoothed, sd = savgol_filter(values[speed], DIRECTION, 3), VALUE_NOISE * sds[speed]
         else:
-            seen, sd = savgol_filter(values[position], DIRECTION, 3, deriv=1, delta=dt), 0.3 * sds[position] / dt
-        values[contact.direction] = np.sign(seen)
-        slides[contact.name] = np.abs(seen) > SURE * sd
+            smoothed = savgol_filter(values[position], DIRECTION, 3, deriv=1, delta=dt)
+            sd = SLOPE_NOISE * sds[position] / dt
+        values[contact.direction] = np.sign(smoothed)
+        slides[contact.name] = np.abs(smoothed) > CERTAIN * sd
     return BalanceSignals(values, slides, dt)
 
 
@@ -107,10 +120,10 @@ def _slope(values: np.ndarray, dt: float, order: int) -> np.ndarray:
 class UnknownInputs:
     """Unknown inputs of a plant on a log.
 
-    values: unknown input -> (N - 1,) mean over each sample, NaN where a contact sticks or its direction is not sure.
-    load: (N - 1,) what the load cell shows beyond the nominal load, None without one: the load's part of the force.
-    capacity: unknown input -> (N - 1,) what it is divided by where it enters a simulation, see `Entry`: V / beta of a
-    flow [m3/Pa], K_T of a torque; absent for 1.
+    values: unknown input -> (N - 1,) mean over each sample; NaN where a contact sticks or its direction is uncertain.
+    load: (N - 1,) measured minus nominal load force [N], None without a load cell: the part of the unknown force that
+    is due to the load. capacity: unknown input -> (N - 1,) divisor by which it enters a simulation, see `Entry`: V /
+    beta [m3/Pa] for a flow, K_T [N m/A] for a torque; absent for 1.
     """
 
     values: Mapping[str, np.ndarray]
@@ -119,14 +132,14 @@ class UnknownInputs:
 
 
 def unknown_inputs(plant: Plant, signals: BalanceSignals) -> UnknownInputs:
-    """Evaluate the balances sample by sample; those that need what was not measured are absent."""
+    """Evaluate the residuals of the balances; those that need a signal that was not measured are absent."""
     equations, system = plant.structure.equations, plant.structure.system
     dt, measured = signals.sample_time, signals.values
     wanted: dict[str, tuple[str, Balance]] = {}
     for balance, residuals in zip(system.balances, equations.residuals, strict=True):
         for name, residual in zip(balance.unknown_inputs, residuals, strict=True):
             asked = needs(equations, residual) - set(plant.parameters)
-            # The last balance counts: that with the nominal load, where a load cell allows another one.
+            # With a load cell there are two force balances; the last one, with the nominal load, counts.
             if name in (*UNITS, "load") and all(one.removesuffix("_rate") in measured for one in asked):
                 wanted[name] = residual, balance
     drive = system.inputs[0]
@@ -163,23 +176,23 @@ def unknown_inputs(plant: Plant, signals: BalanceSignals) -> UnknownInputs:
     return UnknownInputs(values, capacity, load)
 
 
-def unknown_inputs_of(system: System) -> tuple[str, ...]:
+def declared_unknown_inputs(system: System) -> tuple[str, ...]:
     """The unknown inputs of a system's balances, in the order of UNITS."""
     declared = {name for balance in system.balances for name in balance.unknown_inputs}
     return tuple(name for name in UNITS if name in declared)
 
 
-def filled(values: np.ndarray) -> np.ndarray:
-    """NaN replaced by linear interpolation, constant at the ends; zero where nothing is known."""
+def fill_nan(values: np.ndarray) -> np.ndarray:
+    """Replace NaN in (N,) by linear interpolation, constant at the ends; all zero if every value is NaN."""
     known = np.isfinite(values)
     index = np.arange(values.size)
     return np.interp(index, index[known], values[known]) if known.any() else np.zeros_like(values)
 
 
 def smooth(values: np.ndarray, samples: int) -> np.ndarray:
-    """Means (N,) weighted by a squared sine of so many samples, without NaN; NaN stays NaN."""
-    bump = np.sin(np.pi * (np.arange(samples) + 0.5) / samples) ** 2
+    """Moving average (N,) with a squared-sine window of `samples`; NaN is left out and stays NaN."""
+    window = np.sin(np.pi * (np.arange(samples) + 0.5) / samples) ** 2
     known = np.isfinite(values)
-    weight = np.convolve(known.astype(float), bump, "same")
-    total = np.convolve(np.where(known, values, 0.0), bump, "same")
+    weight = np.convolve(known.astype(float), window, "same")
+    total = np.convolve(np.where(known, values, 0.0), window, "same")
     return np.where(known, total / np.where(weight > 0.0, weight, 1.0), np.nan)

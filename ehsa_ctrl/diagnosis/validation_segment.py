@@ -1,4 +1,4 @@
-"""Segments of a log that are scored: the whole log, and the last third or a second log that no fit has seen."""
+"""Segments of a log: the whole log, and the data held out for validation (the last third, or a second log)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,20 @@ from ..identification.initial_state import RUN_IN, ZERO_SPEED, estimate_states, 
 from ..physics.effects import EFFECTS, Effect
 from ..plant.plant import Plant
 from .hypothesis_model import HypothesisModel, Setting
+from .signals import estimate_noise, scored_signals, signal_noise
 from .signals import gap as signal_gap
-from .signals import noise_of, scored, signal_noise
 
-#: The share of a log that is held out where there is no second log.
+#: Share of a log that is held out if there is no second log.
 HELD_OUT = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A segment of a log: a model that runs over it, the first sample that is scored, the channels' noise, its name."""
+    """A segment of a log.
+
+    model: runs over the segment. first: first sample that is scored; a run-in precedes it. noise: channel -> standard
+    deviation. name: for results.
+    """
 
     model: HypothesisModel
     first: int
@@ -29,10 +33,10 @@ class Segment:
     name: str
 
     def simulate(self, values: Setting) -> dict[str, np.ndarray] | None:
-        """Sensor readings over the whole segment; None where the run stopped.
+        """Channel -> sensor reading (N,) over the segment with its run-in; None if the run stopped.
 
-        The rod's position and the common level of the pressures integrate, so that an error of their first sample
-        stays. Where a run-in precedes the scored part, its mean error corrects the start.
+        Rod position and mean pressure integrate, so that an error of their initial values does not decay. Their mean
+        error over the run-in corrects the initial values.
         """
         model = self.model
         found = model.run([values])[0]
@@ -51,8 +55,8 @@ class Segment:
         return replace(model, start=start).run([values])[0] or found
 
     def scored(self, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The scored signals of channels, over the scored part."""
-        signals = scored(self.model.plant.structure.system.scored, channels, self.model.log.sample_time)
+        """Name -> scored signal over the scored part, from channels."""
+        signals = scored_signals(self.model.plant.structure.system.scored, channels, self.model.log.sample_time)
         return {name: values[self.first :] for name, values in signals.items()}
 
     def gap(self, values: Setting) -> dict[str, float]:
@@ -60,7 +64,7 @@ class Segment:
         return self.gap_of(self.simulate(values))
 
     def gap_of(self, simulated: Mapping[str, np.ndarray] | None) -> dict[str, float]:
-        """The gap of a run; infinite for one that stopped."""
+        """Gap of a run; inf for one that stopped."""
         log = self.model.log
         measured = self.scored({channel: log[channel] for channel in self.model.channels})
         if simulated is None:
@@ -73,62 +77,65 @@ class Segment:
 
 
 def gap(plant: Plant, log: Log) -> dict[str, float]:
-    """How far a log is from a free run of the plant, by signal.
+    """Gap between a log and a free run of the plant.
 
     Parameters
     ----------
-    plant: nominal, linear or nonlinear, with its load and its sensors.
-    log: drives the run with its current (its drive force for a carriage).
+    plant: linear or nonlinear, with its load and sensors.
+    log: its current drives the run (the drive force for a carriage).
 
     Returns
     -------
-    The system's scored signals (speed, p1, p2, rod_velocity for the EHSA), as far as the log has them: RMS of measured
-    minus simulated, the sensors' noise subtracted in quadrature, over the measured signal's standard deviation; inf
-    where the run stopped. total: the RMS of these.
+    Scored signal (speed, p1, p2, rod_velocity for the EHSA) -> RMS of measured minus simulated, with the noise
+    subtracted in quadrature, divided by the standard deviation of the measured signal; inf if the run stopped. Signals
+    that the log lacks are left out. "total" is the RMS of the others.
     """
-    return whole_log(plant, plant, prepare_replay(plant, log), noise_of(log)).gap({})
+    return whole_log(plant, plant, prepare_replay(plant, log), estimate_noise(log)).gap({})
 
 
 def replayed_effects(plant: Plant) -> tuple[Effect, ...]:
-    """Effects that the plant has and that a run applies along a measured signal."""
+    """Effects of the plant that a simulation applies along a measured signal."""
     found = (EFFECTS[name] for name in plant.structure.effects)
     return tuple(e for e in found if e.replay is not None and plant[e.parameters[0].name] != e.parameters[0].neutral)
 
 
-def prepare_replay(plant: Plant, log: Log, reference: Log | None = None, *, everything: bool = False) -> Log:
-    """The log with the channels that replayed effects follow: those of the plant, or of the whole catalogue."""
-    for effect in EFFECTS.values() if everything else replayed_effects(plant):
+def prepare_replay(plant: Plant, log: Log, reference: Log | None = None, *, all_effects: bool = False) -> Log:
+    """The log with the channels that replayed effects follow: the plant's, or with `all_effects` the catalogue's.
+
+    reference: log with which the channels are in phase.
+    """
+    for effect in EFFECTS.values() if all_effects else replayed_effects(plant):
         if effect.replay is not None:
             log = effect.replay.prepare(plant.values, log, reference)
     return log
 
 
 def whole_log(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, float]) -> Segment:
-    """A whole log from its own start: at rest where it starts so, else from its first samples.
+    """A whole log as a segment, from rest or from the state that its first samples show.
 
-    plant: nominal, gives the start. model_plant: what runs, see `with_every_effect`.
+    plant: nominal, for the initial state. model_plant: the plant that is simulated, see `with_every_effect`.
     """
     return Segment(HypothesisModel(model_plant, log, initial_state(plant, log)), 0, noise, log.name)
 
 
 def initial_state(plant: Plant, log: Log) -> dict[str, float] | None:
-    """State at the first sample of a log by name; None for a log that starts at rest."""
+    """State -> value at the first sample of a log; None if it starts at rest."""
     state = find_initial_state(plant, log, log.before).state
     names = [state.name for state in plant.structure.equations.states]
     return None if np.array_equal(state, plant.rest) else dict(zip(names, state.tolist(), strict=True))
 
 
 def last_third(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, float]) -> tuple[Log, Segment]:
-    """The part to fit, and the last third, started in the state that the second before it shows."""
+    """The log without its last third, and the last third as a segment, started from a state before it."""
     edge = int(round(len(log) * (1.0 - HELD_OUT)))
     name = f"the last third of {log.name if log.path else 'the log'}, from {log.time[edge]:g} s on"
     if _has_unmeasured_state(plant, log):
-        # A state without a sensor is known where the log starts, and from there on through the run alone.
+        # A state without a sensor is known only at the start of the log.
         return log.rows(0, edge), replace(whole_log(plant, model_plant, log, noise), first=edge, name=name)
     back = max(edge - max(int(round(RUN_IN / log.sample_time)), 1), 0)
     estimate = estimate_states(plant, log)
     names = [state.name for state in plant.structure.equations.states]
-    begin = _fastest(plant, estimate.values, estimate.sd, back, edge)
+    begin = _fastest_sample(plant, estimate.values, estimate.sd, back, edge)
     start = dict(zip(names, estimate.values[begin].tolist(), strict=True))
     for contact in plant.structure.system.contacts:
         column = plant.structure.equations.index(contact.velocity)
@@ -141,15 +148,15 @@ def last_third(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, f
 
 
 def _has_unmeasured_state(plant: Plant, log: Log) -> bool:
-    """Whether no channel shows a state of the system; a rod's speed is the slope of its position."""
+    """Whether a measurable state of the system has no channel in the log; a rod's speed follows from its position."""
     outputs = plant.structure.system.outputs
     seen = {state for channel, state in outputs.items() if channel in log.channels}
     seen |= {speed for speed, position in plant.structure.system.slopes.items() if position in seen}
     return any(state not in seen for state in outputs.values())
 
 
-def _fastest(plant: Plant, values: np.ndarray, sd: np.ndarray, back: int, edge: int) -> int:
-    """The sample near `back` at which every contact moves most clearly: a contact that sticks hides its past."""
+def _fastest_sample(plant: Plant, values: np.ndarray, sd: np.ndarray, back: int, edge: int) -> int:
+    """The sample near `back` at which all contacts move fastest: the state of a sticking contact is uncertain."""
     low, high = max(back - (edge - back) // 2, 0), back + (edge - back) // 2
     if high <= low:
         return back

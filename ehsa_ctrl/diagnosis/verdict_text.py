@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 def verdict_sentence(d: Diagnosis) -> str:
     """The verdict in one sentence.
 
-    Its gap is that of the held-out data, as in the table, or that of the whole log, which decides the verdict, where
-    the held-out data shows none.
+    It states the gap on held-out data, as the table does, or that over the whole log if the held-out data shows none.
+    The gap over the whole log decides between "no_gap" and the other verdicts.
     """
     shown = d.gap["nominal"]
     seen = d.verdict != "no_gap" and largest(shown) >= d.threshold
@@ -25,50 +25,49 @@ def verdict_sentence(d: Diagnosis) -> str:
     data = "on held-out data" if seen else "over the whole log"
     size = f"{100 * shown[worst]:.3g} % in {worst.replace('_', ' ')} {data}"
     if d.verdict == "no_gap":
-        return f"No gap that matters: the largest is {size}, below {100 * d.threshold:g} %."
+        return f"No relevant gap: the largest is {size}, below the threshold of {100 * d.threshold:g} %."
     names = " and ".join(cause.name for cause in d.effects[:3])
     if d.verdict == "effect":
         return f"The gap ({size}) comes from {names}{_closed(d, seen=seen)}."
     if d.verdict == "ambiguous":
         sets = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in d.effects)
-        return f"The gap ({size}) comes from {sets}{_closed(d, seen=seen)}; this log can't tell more."
+        return f"The gap ({size}) comes from {sets}{_closed(d, seen=seen)}; this log can't separate these alternatives."
     place = _place(d)
     if d.verdict == "outside_catalogue":
-        certain = f" Certain beside it: {names}." if d.effects else ""
-        return f"No effect of the catalogue explains the gap ({size}).{place}{certain}"
+        return f"No effect of the catalogue explains the gap ({size}).{place}"
     if not d.effects:
-        return f"The gap ({size}) has several contributions, none of which matters alone in this log.{place}"
-    return f"The log does not excite what would tell the causes of the gap ({size}) apart; candidates: {names}.{place}"
+        return f"The gap ({size}) is the sum of several errors, each below the threshold.{place}"
+    return f"The excitation of this log can't separate the possible causes of the gap ({size}): {names}.{place}"
 
 
 def _closed(d: Diagnosis, *, seen: bool) -> str:
-    """How much of the gap the named causes close; seen: whether the held-out data shows a gap."""
+    """How much of the gap the causes close. seen: whether the held-out data shows a gap."""
     if d.gap["nominal"]["total"] <= 0.0:
         return ""
     after = None if seen else d.whole_with_effects
     if after is not None:
         return (
-            f"; over the whole log it goes from {100 * largest(d.whole):.3g} to {100 * largest(after):.3g} %, while "
-            f"the held-out data shows no gap of {100 * d.threshold:g} % (another log, with --validate, would)"
+            f"; over the whole log it falls from {100 * largest(d.whole):.3g} to {100 * largest(after):.3g} %, but "
+            f"the held-out data has no gap of {100 * d.threshold:g} %: validate with another log (--validate)"
         )
     share = 1.0 - d.gap["with_effects"]["total"] / d.gap["nominal"]["total"]
     closes, where = "closes" if len(d.effects) == 1 else "close", "there" if seen else "on held-out data"
-    return f", which {closes} {100 * share:.0f} % of the gap of all signals {where}"
+    return f", which {closes} {100 * share:.0f} % of the total gap {where}"
 
 
 def _place(d: Diagnosis) -> str:
-    """Where the gap lies, or why the log does not show it."""
+    """The place of the gap, or why the log does not show it."""
     if not d.where:
         return ""
     place = d.where[0][0]
-    if d.location is not None and place in d.location.silent and not d.effects:
-        (why,) = d.location.untold or ("its channels do not show it",)
+    if d.location is not None and place in d.location.unobserved and not d.effects:
+        (why,) = d.location.untold or ("the channels of this log do not show it",)
         return f" Its place is unknown: {why}."
     return " It lies in a sensor." if place == "sensor" else f" It lies in the {place} balance."
 
 
 def nearest_sentence(d: Diagnosis) -> str:
-    """The nearest set of effects where none is the cause; empty where nothing halves the gap."""
+    """The most similar set of effects if none is the cause; empty if it closes less than half of the gap."""
     if d.verdict != "outside_catalogue" or not d.candidates:
         return ""
     best = d.candidates[0]
@@ -76,30 +75,30 @@ def nearest_sentence(d: Diagnosis) -> str:
     if not best.members or best.gap > 0.5 * before:
         return ""
     return (
-        f"nearest in the catalogue, but not the cause: {', '.join(best.members)}; together they take the largest gap "
-        f"on held-out data from {100 * before:.3g} to {100 * best.gap:.3g} %"
+        f"most similar effects, but not the cause: {', '.join(best.members)}; they reduce the largest gap on held-out "
+        f"data from {100 * before:.3g} to {100 * best.gap:.3g} %"
     )
 
 
 def advice(verdict: str, causes: Sequence[Cause], system: System) -> str | None:
-    """What to do where no experiment is proposed."""
+    """What to do if no experiment is proposed; None for a verdict that needs nothing."""
     if verdict == "outside_catalogue":
         return (
-            "inspect the balance in which the gap lies and the curve that was found there; a log with another load and "
-            "another temperature shows whether the curve stays"
+            "inspect the balance in which the gap lies and the curve found there; check with logs at another load and "
+            "temperature whether the curve stays the same"
         )
     if verdict not in ("ambiguous", "underdetermined"):
         return None
     if verdict == "ambiguous" and all(set(c.ambiguous_with) <= set(c.why_same) for c in causes):
-        return "no experiment with these sensors can tell them apart; measure the quantity itself"
+        return "no experiment with these sensors can separate these effects; measure the quantity directly"
     if system.prescribed:
         return (
-            "move the rod differently from this log, with another current: at one speed under several currents, and at "
-            "one current with several speeds; the library of inputs is for rods that the pump moves"
+            "vary rod speed and current independently: one speed at several currents, and one current at several "
+            "speeds; no input is proposed, because the library of inputs is for rods that the pump moves"
         )
-    return "no input of the library tells the candidates apart within the plant's limits; measure another quantity"
+    return "no input of the library separates the candidates within the plant's limits; measure another quantity"
 
 
 def name_of(key: tuple[str, str | None]) -> str:
-    """A cause by its id, with the channel of a sensor's."""
+    """Id of a cause, with the channel for a sensor error."""
     return key[0] if key[1] is None else f"{key[0]} ({key[1]})"

@@ -20,11 +20,16 @@ CLOSED_LOOP = (
 MAX_CURRENT_DEVIATION = 0.2
 
 
+def plant_title(word: str) -> str:
+    """Title of a plant of closed_loop.json, in which "believed" is the nominal plant."""
+    return f"{'nominal' if word == 'believed' else word} plant"
+
+
 def closed_loop_sentences(closed: Mapping[str, Any]) -> Iterator[Sentence]:
     """Whether the loop meets its limits, one sentence per plant."""
     for word, reasons in closed["failures"].items():
         words = "; ".join(reasons) if reasons else "limits met"
-        yield f"{closed['scenario']} with {closed['controller']} on the {word} plant: {words}.", not reasons
+        yield f"{closed['scenario']} with {closed['controller']} on the {plant_title(word)}: {words}.", not reasons
 
 
 def closed_loop_section(closed: Mapping[str, Any]) -> Section:
@@ -63,4 +68,4 @@ def closed_table(closed: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]
     for signal in gaps.get(words[0], ()):
         cells = [value_text(gaps[word][signal], 0.01, 3) for word in words]
         rows.append([f"gap in {signal.replace('_', ' ')}", *cells, "%"])
-    return [f"{word} plant" for word in words], rows
+    return [plant_title(word) for word in words], rows

@@ -27,7 +27,7 @@ import numpy as np
 import pandas as pd
 
 import ehsa_ctrl as e
-from ehsa_ctrl.diagnosis.signals import gap, noise_of, scored, signal_noise
+from ehsa_ctrl.diagnosis.signals import estimate_noise, gap, scored_signals, signal_noise
 from ehsa_ctrl.identification.plant_toml import sliding_linear
 from ehsa_ctrl.plant.motion_current import motion_current
 from ehsa_ctrl.report.figures import candidates_figure, shrinkage_figure, unknown_inputs_figure, where_figure
@@ -85,8 +85,8 @@ def gaps(plant, log):
     """Gap of each signal in free run, %."""
     run, dt = e.replay(plant, log), log.sample_time
     signals = plant.structure.system.scored
-    noise = signal_noise(signals, noise_of(log), dt)
-    found = gap(scored(signals, log.channels, dt), scored(signals, run.simulated, dt), noise)
+    noise = signal_noise(signals, estimate_noise(log), dt)
+    found = gap(scored_signals(signals, log.channels, dt), scored_signals(signals, run.simulated, dt), noise)
     return {signal: 100.0 * value for signal, value in found.items()}
 
 

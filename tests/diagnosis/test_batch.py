@@ -134,11 +134,11 @@ def test_rows_of_another_plant_are_not_mixed(plant, calls, files, tmp_path):
     file = tmp_path / "rows.jsonl"
     diagnose_many(plant, files[:1], file=file)
 
-    with pytest.raises(InputError, match="another plant or with another threshold"):
+    with pytest.raises(InputError, match="another plant or threshold"):
         diagnose_many(plant.set(K_T=1.3), files[:1], file=file)
-    with pytest.raises(InputError, match="another plant or with another threshold"):
+    with pytest.raises(InputError, match="another plant or threshold"):
         diagnose_many(plant, files[:1], threshold=0.1, file=file)
-    with pytest.raises(InputError, match="is no file of diagnoses"):
+    with pytest.raises(InputError, match="is not a file of diagnoses"):
         diagnose_many(plant, files[:1], file=files[1])
 
 

@@ -53,7 +53,7 @@ def test_what_both_logs_show_is_no_change(plant):
     assert "rod_friction" in {name for cause in found.before.effects for name in (cause.id, *cause.ambiguous_with)}
     assert [cause.id for cause in found.new] == ["internal_leakage"]
     assert found.new[0].parameters["K_L"].value == pytest.approx(leaking["K_L"], rel=0.1)
-    assert found.sentence.startswith("Between the logs changed: internal_leakage.")
+    assert found.sentence.startswith("Changed between the logs: internal_leakage.")
     assert found.to_dict()["before"]["verdict"] == found.before.verdict
 
 
@@ -66,7 +66,7 @@ def test_nothing_changed(plant):
     found = what_changed(nominal, record(rig, 1), record(rig, 2), jobs=1)
 
     assert found.before.verdict == found.after.verdict == "no_gap"
-    assert found.sentence.startswith("Nothing that matters changed")
+    assert found.sentence.startswith("No relevant change")
     assert found.rig.structure == nominal.structure
     assert abs(found.rig["J_M"] / rig["J_M"] - 1.0) < abs(nominal["J_M"] / rig["J_M"] - 1.0)
 
@@ -97,13 +97,11 @@ def test_what_is_said(plant):
     def said(first=explained, **second):
         return Change(first, diagnosis(plant, **second), plant, "it was so").sentence
 
-    assert said(verdict="no_gap", causes=()) == "Nothing that matters changed between the logs. Before, it was so."
-    assert said(causes=("backlash", "end_stop")).startswith("Between the logs changed: backlash and end_stop.")
+    assert said(verdict="no_gap", causes=()) == "No relevant change between the logs. Earlier log: it was so."
+    assert said(causes=("backlash", "end_stop")).startswith("Changed between the logs: backlash and end_stop.")
     unknown = {"verdict": "outside_catalogue", "causes": ()}
     assert said(**unknown).startswith("Something changed between the logs. No effect")
-    assert said(unexplained, **unknown).startswith(
-        "Whether anything changed can't be told: no cause was found for either"
-    )
+    assert said(unexplained, **unknown).startswith("A change can't be determined: no cause was found for either")
 
 
 @pytest.mark.slow
@@ -122,7 +120,7 @@ def test_bristles_that_were_found_stay(plant):
 
 def test_one_log_is_no_change(plant):
     same = replace(log(), path=Path("a.csv"))
-    with pytest.raises(InputError, match=r"a\.csv: is given as the log before and the one after"):
+    with pytest.raises(InputError, match=r"a\.csv: is given as both the earlier and the later log"):
         what_changed(plant, same, replace(same))
 
 

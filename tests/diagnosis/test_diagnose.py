@@ -9,7 +9,7 @@ import ehsa_ctrl
 from ehsa_ctrl import InputError, load_plant, read_plant_log
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
-from ehsa_ctrl.diagnosis.signals import gap, scored, signal_noise
+from ehsa_ctrl.diagnosis.signals import gap, scored_signals, signal_noise
 from ehsa_ctrl.identification.comparison import replay
 
 
@@ -90,9 +90,9 @@ def test_the_improved_plant_runs_as_the_diagnosis_says(shared_logs):
     found = ehsa_ctrl.diagnose(plant, log)
     run = replay(found.improved, log)
     signals, dt = plant.structure.system.scored, log.sample_time
-    measured, noise = scored(signals, log.channels, dt), signal_noise(signals, found.noise_sd, dt)
-    left = gap(measured, scored(signals, run.simulated, dt), noise)
-    free_run = gap(measured, scored(signals, found.simulated["with_effects"], dt), noise)
+    measured, noise = scored_signals(signals, log.channels, dt), signal_noise(signals, found.noise_sd, dt)
+    left = gap(measured, scored_signals(signals, run.simulated, dt), noise)
+    free_run = gap(measured, scored_signals(signals, found.simulated["with_effects"], dt), noise)
 
     assert found.improved.structure.effects == ("pump_torque_loss",)
     assert left["total"] < 0.4 * found.whole["total"]
@@ -143,9 +143,9 @@ def test_other_mistakes_are_sentences():
         ehsa_ctrl.diagnose(plant, short)
     with pytest.raises(InputError, match="threshold = 3; expected a share"):
         ehsa_ctrl.diagnose(plant, log, threshold=3.0)
-    with pytest.raises(InputError, match="has no drive_force"):
+    with pytest.raises(InputError, match="has no channel drive_force"):
         ehsa_ctrl.diagnose(load_plant("emps"), log)
-    with pytest.raises(InputError, match="has no current"):
+    with pytest.raises(InputError, match="has no channel current"):
         ehsa_ctrl.diagnose(plant, without)
 
 
@@ -165,5 +165,5 @@ def test_held_out_data_without_the_gap_is_said_to_be_so():
             )
         )  # fmt: skip
 
-    assert "over the whole log it goes from 11.9 to 0.4 %" in sentence(0.0016)
-    assert "closes 98 % of the gap of all signals there" in sentence(0.1)
+    assert "over the whole log it falls from 11.9 to 0.4 %" in sentence(0.0016)
+    assert "closes 98 % of the total gap there" in sentence(0.1)

@@ -6,9 +6,9 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
-from ehsa_ctrl.diagnosis.hypothesis_search import WORTH_GROWING, Hypotheses, Pool, Response, Screening, screen
+from ehsa_ctrl.diagnosis.hypothesis_search import MIN_GAIN, Hypotheses, Pool, Response, Screening, screen
 from ehsa_ctrl.diagnosis.refit import TEMPER, Objective, ResidualScale, nominal_parameters
-from ehsa_ctrl.diagnosis.signals import noise_of
+from ehsa_ctrl.diagnosis.signals import estimate_noise
 from ehsa_ctrl.physics.effects import CandidateEffect, Effect, FreeNumber
 
 
@@ -21,9 +21,9 @@ def screened():
     time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=8.0, seed=4)
     log, _ = ehsa_ctrl.record(rig, time, current, seed=5, centre=True)
     model = HypothesisModel(with_every_effect(plant), log)
-    scale = ResidualScale.of(model, noise_of(log))
-    nominal, columns = nominal_parameters(model, scale, 0.03)
-    hypotheses = Hypotheses.none_fitted(Objective(model, scale, nominal), candidate_effects(model), columns, Pool(2))
+    scale = ResidualScale.of(model, estimate_noise(log))
+    nominal, sensitivities = nominal_parameters(model, scale, 0.03)
+    hypotheses = Hypotheses.initial(Objective(model, scale, nominal), candidate_effects(model), sensitivities, Pool(2))
     return hypotheses, screen(hypotheses)
 
 
@@ -34,12 +34,12 @@ def test_wrong_numbers_of_the_plant_look_like_no_effect(screened):
     hypotheses, screening = screened
     r, own = hypotheses.residual, set(hypotheses.objective.nominal.names)
     others = [x for x in screening.responses if not own & set(x.candidate.names)]
-    columns = [c for x in others for c in x.columns.values() if c.any()]
-    naive = max(TEMPER * float(r @ column) ** 2 / float(column @ column) for column in columns)
+    sensitivities = [c for x in others for c in x.sensitivities.values() if c.any()]
+    naive = max(TEMPER * float(r @ column) ** 2 / float(column @ column) for column in sensitivities)
     projected = max(gain for gain, x, _ in screening.gains(hypotheses) if not own & set(x.candidate.names))
 
-    assert naive > 10.0 * WORTH_GROWING
-    assert projected < WORTH_GROWING
+    assert naive > 10.0 * MIN_GAIN
+    assert projected < MIN_GAIN
 
 
 @pytest.mark.slow

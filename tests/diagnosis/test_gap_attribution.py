@@ -9,8 +9,8 @@ import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.gap_attribution import attribute_gap
 from ehsa_ctrl.diagnosis.injection import simulate_injections
-from ehsa_ctrl.diagnosis.signals import noise_of
-from ehsa_ctrl.diagnosis.unknown_inputs import signals_of, unknown_inputs
+from ehsa_ctrl.diagnosis.signals import estimate_noise
+from ehsa_ctrl.diagnosis.unknown_inputs import balance_signals, unknown_inputs
 from ehsa_ctrl.plant.system import ScoredSignal
 from ehsa_ctrl.simulation.engine import simulate
 
@@ -40,7 +40,7 @@ def with_current(log, current):
 
 
 def found(plant, log):
-    return attribute_gap(plant, log, noise_of(log))
+    return attribute_gap(plant, log, estimate_noise(log))
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_unknown_inputs_of_the_true_plant_vanish(nominal):
     shown = {c: run[s] for c, s in nominal.structure.system.outputs.items()}
     log = Log(DT * np.arange(current.size), {**shown, "current": current})
 
-    w = unknown_inputs(nominal, signals_of(nominal, log, current, {})).values
+    w = unknown_inputs(nominal, balance_signals(nominal, log, current, {})).values
 
     leading = {
         "torque": nominal["K_T"] * current,

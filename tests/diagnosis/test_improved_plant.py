@@ -24,11 +24,11 @@ def test_typical_numbers_of_an_effect_are_not_identified(plant, tmp_path):
     for each in (better, again):
         assert each["P_open"] == -1e4 and each.parameters["P_open"].sd == 900.0
         assert each.parameters["P_open"].source == each.parameters["K_L"].source == "identified"
-        assert each.parameters["P_open"].note == "found by a diagnosis"
-        assert each.parameters["K_L"].note == "refitted with a diagnosis"
+        assert each.parameters["P_open"].note == "cause found by a diagnosis"
+        assert each.parameters["K_L"].note == "refitted by a diagnosis"
         for name in ("K_check", "P_lam"):
             assert each.parameters[name].source == "assumed" and each.parameters[name].sd is None
-            assert each.parameters[name].note == "typical of anti_cavitation, not fitted"
+            assert each.parameters[name].note == "typical value of anti_cavitation, not fitted"
             assert each[name] == next(p.typical for p in EFFECTS["anti_cavitation"].parameters if p.name == name)
     untouched = [name for name in plant.parameters if name != "K_L"]
     assert all(better.parameters[name] == plant.parameters[name] for name in untouched)

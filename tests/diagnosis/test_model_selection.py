@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import pytest
 
 from ehsa_ctrl.diagnosis.model_selection import Reference, select_model
-from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis, SlowError
+from ehsa_ctrl.diagnosis.scoring import LowFrequencyError, ScoredHypothesis
 
-NOTHING = (SlowError(), SlowError())
+NOTHING = (LowFrequencyError(), LowFrequencyError())
 GAPS = {"speed": 0.1, "total": 0.1}
 
 
@@ -80,10 +80,10 @@ def test_one_sign_alone_does_not_abstain(gap, chi):
 @pytest.mark.parametrize(
     ("slow", "word"),
     [
-        ((SlowError(0.1, 2.0), SlowError()), "outside_catalogue"),
-        ((SlowError(), SlowError(0.5, 3.0)), "outside_catalogue"),
-        ((SlowError(0.1, 0.3), SlowError(0.5, 0.5)), "effect"),
-        ((SlowError(0.02, 2.0), SlowError(0.1, 3.0)), "effect"),
+        ((LowFrequencyError(0.1, 2.0), LowFrequencyError()), "outside_catalogue"),
+        ((LowFrequencyError(), LowFrequencyError(0.5, 3.0)), "outside_catalogue"),
+        ((LowFrequencyError(0.1, 0.3), LowFrequencyError(0.5, 0.5)), "effect"),
+        ((LowFrequencyError(0.02, 2.0), LowFrequencyError(0.1, 3.0)), "effect"),
     ],
 )
 def test_a_relative_leaves_what_is_slow(slow, word):

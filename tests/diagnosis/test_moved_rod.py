@@ -12,8 +12,8 @@ from ehsa_ctrl.diagnosis.gap_attribution import attribute_gap
 from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
 from ehsa_ctrl.diagnosis.injection import simulate_injections
 from ehsa_ctrl.diagnosis.refit import ResidualScale, nominal_parameters
-from ehsa_ctrl.diagnosis.signals import noise_of
-from ehsa_ctrl.diagnosis.unknown_inputs import signals_of, unknown_inputs
+from ehsa_ctrl.diagnosis.signals import estimate_noise
+from ehsa_ctrl.diagnosis.unknown_inputs import balance_signals, unknown_inputs
 from ehsa_ctrl.diagnosis.validation_segment import whole_log
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "mbari_pto" / "friction_id.csv"
@@ -64,7 +64,7 @@ def test_unknown_inputs_of_the_true_plant_vanish(drained):
     """Without noise the balances of torque and flow close; the log's motion stands in them, not a motion of zero."""
     log = moved(drained, 20.0, noise=False)
 
-    signals = signals_of(drained, log, log["current"], {}, outside=log["velocity"])
+    signals = balance_signals(drained, log, log["current"], {}, second_input=log["velocity"])
     w = unknown_inputs(drained, signals).values
 
     assert set(w) == {"torque", "flow_1", "flow_2"}
@@ -88,7 +88,9 @@ def test_a_flow_that_is_put_in_does_what_the_valve_would_do(sealed):
     truth, nominal = run(leaky), run(plant)
     leak = (leaky["K_L"] - plant["K_L"]) * 0.5 * (truth["dP"][1:] + truth["dP"][:-1])
     softness = {name: np.full(399, plant["V"] / plant["beta"]) for name in ("flow_1", "flow_2")}
-    found = simulate_injections(plant, current, start, DT, [{"flow_1": -leak, "flow_2": leak}], softness, outside=v)[0]
+    found = simulate_injections(
+        plant, current, start, DT, [{"flow_1": -leak, "flow_2": leak}], softness, second_input=v
+    )[0]
 
     for channel, state in (("speed", "omega"), ("p1", "P_1"), ("p2", "P_2")):
         before = np.sqrt(np.mean((nominal[state] - truth[state]) ** 2))
@@ -99,10 +101,10 @@ def test_a_flow_that_is_put_in_does_what_the_valve_would_do(sealed):
 def test_what_the_motion_does_not_show_is_no_candidate(sealed):
     """Friction and mass of such a rod change no signal: neither candidates nor nominal parameters."""
     log = moved(sealed, 10.0)
-    model = whole_log(sealed, with_every_effect(sealed), log, noise_of(log)).model
+    model = whole_log(sealed, with_every_effect(sealed), log, estimate_noise(log)).model
 
     ids = {candidate.id for candidate in candidate_effects(model)}
-    nominal, _ = nominal_parameters(model, ResidualScale.of(model, noise_of(log)), 0.03)
+    nominal, _ = nominal_parameters(model, ResidualScale.of(model, estimate_noise(log)), 0.03)
 
     assert not ids & {"rod_friction", "rod_viscous_friction", "payload_mass", "load_dependent_friction", "presliding"}
     assert {"external_leakage", "motor_friction", "torque_constant", "relief_valve", "sensor_delay"} <= ids
@@ -112,7 +114,7 @@ def test_what_the_motion_does_not_show_is_no_candidate(sealed):
 def test_a_valve_that_the_plant_has_is_sought_where_pressures_are(sealed):
     """One with a nominal level above all measured pressures is searched at lower levels too."""
     log = moved(sealed, 10.0)
-    model = whole_log(sealed, with_every_effect(sealed), log, noise_of(log)).model
+    model = whole_log(sealed, with_every_effect(sealed), log, estimate_noise(log)).model
 
     starts = [s.starts for s in candidate_effects(model) if s.id == "relief_valve" and s.names == ("P_crack",)]
 
@@ -125,7 +127,7 @@ def test_a_log_without_the_motion_is_refused(sealed):
     log = moved(sealed, 10.0)
     still = ehsa_ctrl.Log(log.time, {name: values for name, values in log.channels.items() if name != "velocity"})
 
-    with pytest.raises(ehsa_ctrl.InputError, match="has no velocity, which drives the simulation"):
+    with pytest.raises(ehsa_ctrl.InputError, match="has no channel velocity, which drives the simulation"):
         ehsa_ctrl.diagnose(sealed, still)
 
 
@@ -157,7 +159,7 @@ def test_pressures_that_are_off_together_are_no_sensors(drained):
     """Air changes both by as many bar; the low side, which hardly moves, has a large gap, and no sensor did that."""
     log = moved(drained.set(air_fraction=0.02, n_air=1.2), 20.0)
 
-    assert attribute_gap(drained, log, noise_of(log)).place == "flow"
+    assert attribute_gap(drained, log, estimate_noise(log)).place == "flow"
 
 
 @pytest.mark.slow
@@ -196,9 +198,9 @@ def test_the_take_offs_record_lacks_a_drain(sealed):
     shifted = {n: v[late:] if n in ("current", "speed") else v[:-late] for n, v in log.channels.items()}
     log = ehsa_ctrl.Log(log.time[:-late], shifted, log.path)
 
-    where = attribute_gap(sealed, log, noise_of(log))
+    where = attribute_gap(sealed, log, estimate_noise(log))
 
     assert where.place == "flow" and dict(where.shares)["flow"] > 0.9
     full = with_every_effect(sealed)
-    before, after = (whole_log(p, p, log, noise_of(log)).gap({}) for p in (full, full.set(K_e=2.4e-13)))
+    before, after = (whole_log(p, p, log, estimate_noise(log)).gap({}) for p in (full, full.set(K_e=2.4e-13)))
     assert before["total"] > 1.0 and after["total"] < 0.3 * before["total"]

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import ehsa_ctrl as e
 from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
-from ehsa_ctrl.diagnosis.hypothesis_model import left_out_effects, with_every_effect
+from ehsa_ctrl.diagnosis.hypothesis_model import inapplicable_effects, with_every_effect
 from ehsa_ctrl.physics.effects import EFFECTS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "own-effect.md"
@@ -151,7 +151,7 @@ def test_an_argument_that_nothing_defines_is_an_error(project, plant):
 
     with pytest.raises(e.InputError, match=says):
         _ = plant.with_effects("misspelt").parameters
-    assert re.search(says, left_out_effects(plant)["misspelt"])
+    assert re.search(says, inapplicable_effects(plant)["misspelt"])
 
 
 def test_a_name_that_another_effect_has_is_an_error(project, plant):
@@ -177,4 +177,4 @@ def test_an_effect_with_a_state_is_found(project, plant):
 
     assert (neutral["x"] == base["x"]).all()
     assert felt["W_pump"][-1] > 100.0
-    assert not left_out_effects(plant)
+    assert not inapplicable_effects(plant)

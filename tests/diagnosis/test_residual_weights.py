@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ehsa_ctrl.diagnosis.scoring import MOST_WEIGHT, residual_weights
+from ehsa_ctrl.diagnosis.scoring import MAX_WEIGHT, residual_weights
 
 
 def test_correlated_residuals_count_less(rng):
@@ -17,4 +17,4 @@ def test_correlated_residuals_count_less(rng):
 
 def test_no_residual_counts_more_than_the_most(rng):
     """However small residuals are: no model is assumed to be exact."""
-    assert residual_weights(0.1 * rng.normal(size=(1, 5000)), 0.008)[0] == MOST_WEIGHT
+    assert residual_weights(0.1 * rng.normal(size=(1, 5000)), 0.008)[0] == MAX_WEIGHT

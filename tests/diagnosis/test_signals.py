@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.signals import gap, largest, noise_of, scored, signal_noise, slope
+from ehsa_ctrl.diagnosis.signals import estimate_noise, gap, largest, scored_signals, signal_noise, slope
 from ehsa_ctrl.plant.systems import SYSTEMS
 
 EHSA = SYSTEMS["ehsa"].scored
@@ -53,10 +53,10 @@ def test_noise_is_read_off_the_log(rng, step):
     x = np.where(time < 24.0, 0.0, 0.02 * np.sin(2.0 * (time - 24.0))) + rng.normal(0.0, 2e-5, time.size)
     log = Log(time, {"position": np.round(x / step) * step if step else x})
 
-    assert noise_of(log)["position"] == pytest.approx(2e-5, rel=0.1)
+    assert estimate_noise(log)["position"] == pytest.approx(2e-5, rel=0.1)
 
 
 def test_velocity_noise_follows_from_the_position():
     """Difference of two samples over 20 ms."""
     assert signal_noise(EHSA, {"position": 2e-5}, 0.004)["rod_velocity"] == pytest.approx(2e-5 * np.sqrt(2) / 0.02)
-    assert set(scored(EHSA, {"position": np.zeros(9), "p1": np.zeros(9)}, 0.004)) == {"rod_velocity", "p1"}
+    assert set(scored_signals(EHSA, {"position": np.zeros(9), "p1": np.zeros(9)}, 0.004)) == {"rod_velocity", "p1"}

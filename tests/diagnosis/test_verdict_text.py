@@ -29,14 +29,14 @@ def test_a_gap_in_the_headline_is_that_of_the_table(verdict):
     text = str(found(verdict, 0.147, 0.161))
 
     assert "14.7 % in p1 on held-out data" in text.splitlines()[0] and "16.1" not in text
-    assert "held out: the last third" in text and "gap there, %" in text
-    assert "where, over the whole log: flow 100 %" in text
+    assert "held-out data: the last third" in text and "gap there (%)" in text
+    assert "place of the gap, over the whole log: flow 100 %" in text
 
 
 def test_no_gap_is_said_of_the_whole_log():
     """That is what decides it; the held-out part may have less."""
     assert found("no_gap", 0.001, 0.021).sentence.startswith(
-        "No gap that matters: the largest is 2.1 % in speed over the whole log, below 3 %"
+        "No relevant gap: the largest is 2.1 % in speed over the whole log, below the threshold of 3 %"
     )
 
 
@@ -47,7 +47,7 @@ def test_a_gap_that_only_the_whole_log_has_is_said_to_be_its_own():
 
 def test_what_a_cause_closes_is_of_the_same_data():
     """All signals together, as in the column total."""
-    assert "which closes 90 % of the gap of all signals there." in found("effect", 0.2, 0.3, after=0.02).sentence
+    assert "which closes 90 % of the total gap there." in found("effect", 0.2, 0.3, after=0.02).sentence
 
 
 def test_a_parameter_that_the_plant_lacks_has_no_nominal_value():

@@ -58,7 +58,7 @@ def location(place="flow"):
         explained=0.9,
         over_time=tuple((float(t), 0.3, 0.03) for t in range(3)),
         sensor="p1 with bias 4e+04",
-        untold=("without force the load balance can't be told",),
+        untold=("without force the load balance can't be evaluated",),
     )
 
 

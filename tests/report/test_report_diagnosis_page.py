@@ -250,7 +250,7 @@ def test_what_it_means_for_the_loop_is_shown_where_it_was_asked(tmp_path):
     (tmp_path / "closed_loop.json").write_text(to_json(CLOSED))
     text = page_of(diagnosis("effect"), tmp_path)
     page = Page(text)
-    rows = page.table("metric", "believed plant", "improved plant")
+    rows = page.table("metric", "nominal plant", "improved plant")
 
     assert rows == [["RMSError", "1", "2", "mm"], ["gap in speed", "10", "1", "%"]]
     assert "MaxError 9 mm (at most 3 mm)" in text.split("<table")[0]
@@ -262,12 +262,12 @@ def test_what_changed_comes_before_the_rest(tmp_path):
     """The earlier log, how the plant was brought to it, and the values that this took."""
     before, after = diagnosis("no_gap"), diagnosis("effect")
     rig = before.plant.set(M=1.25 * before.plant["M"])
-    change = Change(before, after, rig, "the log had no gap that matters")
+    change = Change(before, after, rig, "it has no relevant gap")
     text = page_of(change.after, tmp_path, **change.to_dict())
     page = Page(text)
 
     assert page.table("name", "nominal", "then") == [["M", "16.52", "20.65", "kg"]]
-    assert "Between the logs changed: internal_leakage" in text.split("<h2")[0]
+    assert "Changed between the logs: internal_leakage" in text.split("<h2")[0]
     assert text.index('id="changed"') < text.index('id="signals"')
     assert page.wrong == [] and page.open == []
 

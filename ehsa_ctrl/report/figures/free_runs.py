@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from ...core.errors import InputError, choices
 from ...core.plotting import draw
 from ...diagnosis.diagnosis import Diagnosis
-from ...diagnosis.signals import scored
+from ...diagnosis.signals import scored_signals
 from ...identification.comparison import Comparison
 from ...identification.identification import Identification
 from ..outcome import after_model, after_words
@@ -250,7 +250,7 @@ def diagnosis_traces(diagnosis: Diagnosis) -> list[Trace]:
     found = []
 
     def read(channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        return {**channels, **scored(signals, channels, log.sample_time)}
+        return {**channels, **scored_signals(signals, channels, log.sample_time)}
 
     for name in names:
         lines = {"measured": read(log.channels)[name]}
