@@ -126,11 +126,11 @@ def test_the_verdict_comes_first(identified, fitting, failing):
 
     assert f": {good} of 6 (linear) and 4 of 4 (nonlinear) parameters well determined" in words
     assert (
-        f"In free run on steps.csv, held out, the worst fit, that of {worst}, went from "
+        f"In free run on steps.csv, held out, the worst fit, that of {worst}, changed from "
         f"{number(fitting.validation.fit_percent_before[worst])} % to {number(fitting.validation.fit_percent[worst])} %"
     ) in words
-    assert "No parameters make the simulation fit within the noise" in words
-    assert "Residuals are the sensors' noise" in words.replace("&#39;", "'")
+    assert "The simulation does not fit within the noise" in words
+    assert "The residuals are sensor noise" in words.replace("&#39;", "'")
 
 
 def test_the_table_of_parameters_is_that_of_the_result(identified, fitting):
@@ -161,7 +161,7 @@ def test_what_is_not_known_is_said(unsure, vague):
     assert rows["bias.position"][7] == "bias of the sensor of position"
     assert "2 of 4 parameters are well determined; not identifiable from this log: J_M; " in words
     assert "poorly determined: V_10." in words
-    assert "used to identify as none was held out" in words
+    assert "used to identify, as none was held out" in words
 
 
 def test_fits_stand_in_tables(identified, fitting, failing):
@@ -229,7 +229,7 @@ def test_a_verdict_is_bad_where_something_is(fitting, failing, vague, tmp_path):
     assert states == [False] * 4
     assert sentences_of(dataclasses.replace(fitting, interrupted=True), tmp_path)[1] is False
     assert "fell" in sentences_of(worse, tmp_path)[0][1]
-    assert sentences_of(early, tmp_path)[0][1].endswith("the simulation ended early: the rod left its stroke.")
+    assert sentences_of(early, tmp_path)[0][1].endswith("the simulation stopped early: the rod left its stroke.")
     assert sentences_of(dataclasses.replace(untested, no_simulation="the start is too far off"), tmp_path)[1] is False
 
 
@@ -266,7 +266,7 @@ def test_a_comparison_with_a_run_that_ended_says_why(fitting, tmp_path):
     ended = dataclasses.replace(run, stopped="the pressure fell.", fit_percent=dict.fromkeys(run.fit_percent, np.nan))
     text = compared_page([ended], tmp_path)
 
-    assert "ended early, no fit is given: the pressure fell." in top(text)
+    assert "no fit, as the free run stopped early: the pressure fell." in top(text)
     assert {row[1] for row in Page(text).table("channel", "nonlinear")} == {NOTHING}
     assert "It was used as recorded." in text
 

@@ -181,7 +181,7 @@ def test_a_flip_is_said_at_the_top_of_the_run_page(gentle, tmp_path):
     rows = Page(texts["flips"]).table("assumed", "value")
 
     top = texts["flips"].split("<table")[0]
-    assert "Limits are kept with the nominal values, but not kept at K_T = 1.6 N m/A." in top
+    assert "Limits are met at the nominal values but violated at K_T = 1.6 N m/A." in top
     assert "No verdict changes" in texts["fine"].split("<table")[0]
     assert rows[0][0] == "nominal" and rows[1][:2] == ["K_T", "0.87 N m/A"]
     assert rows[2][2] == "300" and rows[2][-1] == "✗ Overshoot 300 %"

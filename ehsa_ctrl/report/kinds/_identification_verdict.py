@@ -1,4 +1,4 @@
-"""The verdict on an identification in sentences, from its JSON."""
+"""The verdict on an identification as sentences, from its JSON."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 from ...core.text import join_words
 from ...identification.comparison import quality
+from ...identification.uncertainty import WELL
 from ...plant.file import label
 from ..page import Sentence
 from ..text import as_sentence, percent, quantity_in, value_text
@@ -14,12 +15,10 @@ from ._tables import FITS
 
 Model = Mapping[str, Any]
 
-#: Residuals this many times the sensor's noise served as weights: the model does not fit within the noise.
-OWN = 1.05
-#: A fit that is lower than before by more than so many points has fallen.
-FELL = 1.0
-#: An estimate that moves by more than this share over the range of an assumed parameter is no longer well determined.
-MATTERS = 0.1
+#: The model does not fit within the noise if a weight exceeds the sensor noise by this factor (engineering judgement).
+NOISE_FACTOR = 1.05
+#: A drop of a fit by more than this many percentage points is reported (engineering judgement).
+FIT_DROP = 1.0
 
 
 def determined(each: Model) -> int:
@@ -28,7 +27,7 @@ def determined(each: Model) -> int:
 
 def verdict(each: Model) -> Iterator[Sentence]:
     if each["interrupted"]:
-        yield "The search was interrupted: this is the best point so far, not the minimum.", False
+        yield "The search was interrupted: the values are the best so far, not the minimum of the cost.", False
     yield _parameters_sentence(each)
     for words in each.get("search_warnings", each["warnings"]):
         yield as_sentence(words), False
@@ -41,7 +40,7 @@ def verdict(each: Model) -> Iterator[Sentence]:
 
 
 def _parameters_sentence(each: Model) -> Sentence:
-    """How many parameters are determined, and which are not."""
+    """Number of well determined parameters, and the others by verdict."""
     parameters = each["parameters"]
     words = f"{determined(each)} of {len(parameters)} parameters are well determined"
     if each["method"] == "balances" and each["balances"] is not None:
@@ -57,67 +56,69 @@ def _parameters_sentence(each: Model) -> Sentence:
 
 
 def _fit_sentence(each: Model) -> Sentence:
-    """The worst channel's fit before and after, on held-out logs if there are any."""
+    """Fit of the worst channel before and after, on held-out logs if there are any."""
     fits = each["fit_percent"]
     use = "validate" if fits["validate"] else "train"
     runs = [run for run in each.get("runs", []) if run["use"] == use]
-    held_out = "held out" if use == "validate" else "used to identify as none was held out"
+    held_out = "held out" if use == "validate" else "used to identify, as none was held out"
     where = (
         f"In free run on {join_words(run['log'] for run in runs)}, {held_out}, " if runs else f"On logs {held_out}, "
     )
     ended = [run["stopped"] for run in runs if run["stopped"]]
     if ended:
-        return f"{where}the simulation ended early: {ended[0].rstrip('.')}.", False
+        return f"{where}the simulation stopped early: {ended[0].rstrip('.')}.", False
     known = {channel: fit for channel, fit in fits[use].items() if fit is not None}
     if not known:
-        return f"{where}no channel moved, so that there is no fit.", False
+        return f"{where}there is no fit, as all channels are constant.", False
     before = fits["before"][use]
     worst = min(known, key=lambda channel: known[channel])
-    came = "from a run that ended early" if before[worst] is None else f"from {value_text(before[worst])} %"
-    fell = [channel for channel, fit in known.items() if before[channel] is not None and fit < before[channel] - FELL]
-    lower = f"; the fit of {join_words(fell)} fell" if fell else ""
+    start = "from a run that stopped early" if before[worst] is None else f"from {value_text(before[worst])} %"
+    dropped = [
+        channel for channel, fit in known.items() if before[channel] is not None and fit < before[channel] - FIT_DROP
+    ]
+    lower = f"; the fit of {join_words(dropped)} decreased" if dropped else ""
     word = quality(known[worst])
-    reached = f"the worst fit, that of {worst}, went {came} to {value_text(known[worst])} % ({word}){lower}."
-    return f"{where}{reached}", False if fell else FITS[word]
+    change = f"the worst fit, that of {worst}, changed {start} to {value_text(known[worst])} % ({word}){lower}."
+    return f"{where}{change}", False if dropped else FITS[word]
 
 
 def weights(each: Model) -> dict[str, tuple[float, float]]:
-    """Channel -> standard deviation by which its residuals were weighted, and that of its sensor's noise."""
+    """Channel -> standard deviation by which its residuals were weighted, and that of its sensor noise."""
     cost = each["cost"] or {}
     return {name: (cost["noise_sd"][name], own) for name, own in cost.get("sensor_noise_sd", {}).items()}
 
 
 def _residual_sentence(each: Model) -> Sentence:
-    """Whether the residuals of the simulation are noise."""
+    """Whether the residuals of the simulation are white noise of the sensors' level."""
     cost = each["cost"]
     if cost is None:
         why = each["beside"]["without"].rstrip(".")
-        return f"Residuals of a simulation were not tested{f': {why}' if why else ''}.", False if why else None
+        return f"The residuals of a simulation were not tested{f': {why}' if why else ''}.", False if why else None
     tests = each["residual_tests"]
     failed = [test for test in tests if not test["passed"]]
     found = f"{len(failed)} of {len(tests)} residual tests fail"
-    larger = {name: sd / own for name, (sd, own) in weights(each).items() if sd > OWN * own}
+    larger = {name: sd / own for name, (sd, own) in weights(each).items() if sd > NOISE_FACTOR * own}
     if larger:
         worst = max(larger, key=lambda name: larger[name])
         return (
-            f"No parameters make the simulation fit within the noise: residuals are up to {value_text(larger[worst])} "
-            f"times the sensor's noise ({worst}), and {found}. True errors may be larger than the standard deviations.",
+            f"The simulation does not fit within the noise: residuals are up to {value_text(larger[worst])} times the "
+            f"sensor noise ({worst}), and {found}. True errors may exceed the standard deviations.",
             False,
         )
     if not cost["explained"]:
         return (
-            f"The residuals are more than noise: they have {value_text(cost['reduced'])} times its variance, and "
-            f"{found}. Standard deviations are scaled by the residuals.",
+            f"The residuals exceed the noise: they have {value_text(cost['reduced'])} times its variance, and {found}. "
+            "The standard deviations are scaled accordingly.",
             False,
         )
     if failed:
         test = max(failed, key=lambda test: test["largest"] or 0.0)
         return (
-            f"Residuals are as small as the sensors' noise, but {found}; the largest correlation is that of "
+            f"The residuals are as small as the sensor noise, but {found}; the largest correlation is that of "
             f"{test['channel']} with {test['against']}.",
             False,
         )
-    return "Residuals are the sensors' noise: no test shows anything that a better model could explain.", True
+    return "The residuals are sensor noise: no test finds structure that a better model could explain.", True
 
 
 def value_at_end(tried: Model, end: Model) -> str:
@@ -125,12 +126,12 @@ def value_at_end(tried: Model, end: Model) -> str:
 
 
 def range_sentence(each: Model, tried: Model) -> Sentence:
-    """What follows from the range of one assumed parameter, and whether the estimates hold over it."""
+    """Effect of the range of one assumed parameter, and whether the estimates hold over it."""
     name = label(tried["name"])
     possible = [end for end in tried["ends"] if not end["excluded"]]
     excluded = [value_at_end(tried, end) for end in tried["ends"] if end["excluded"]]
     if not possible:
-        return f"{name}: the log excludes both ends of its range; it can be estimated (--free).", None
+        return f"{name}: the log excludes both ends of its range, so it can be estimated (--free).", None
     moves = [
         (abs(end["parameters"][parameter] / p["value"] - 1.0) if p["value"] else 0.0, parameter, end)
         for end in possible
@@ -139,7 +140,7 @@ def range_sentence(each: Model, tried: Model) -> Sentence:
     ]
     if not moves:
         return f"{name}: the plant could not be simulated at the ends of its range.", False
-    size, moved, end = max(moves, key=lambda move: move[0])
-    against = f"; the log excludes {join_words(excluded)}" if excluded else ""
-    words = f"{label(moved)} moves by {value_text(100.0 * size, 1.0, 2)} %"
-    return f"{name}: at {value_at_end(tried, end)}, which the log allows, {words}{against}.", size < MATTERS
+    size, parameter, end = max(moves, key=lambda move: move[0])
+    remark = f"; the log excludes {join_words(excluded)}" if excluded else ""
+    words = f"{label(parameter)} changes by {value_text(100.0 * size, 1.0, 2)} %"
+    return f"{name}: at {value_at_end(tried, end)}, which the log allows, {words}{remark}.", size < WELL

@@ -1,4 +1,4 @@
-"""The page of an analysis: the linear model, its loops and their worst case over many plants."""
+"""The page of an analysis: the linear model, its control loops and their worst case over several plants."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..page import Kind, Page, Picture, Section, Sentence, Table
 from ..text import value_text
 from ._tables import MARGINS, loop_sentence, margins_table
 
-#: Output in the JSON -> its words, SI unit and the unit shown, as in the Bode plot.
+#: Output in the JSON -> its words, SI unit and display unit, as in the Bode plot.
 OUTPUTS = {
     "speed": ("speed", "rad/s", "rad/s"),
     "dP": ("pressure difference", "Pa", "bar"),
@@ -33,10 +33,10 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
                 f"loop{end}", f"Bode plot with {name}", "Thick bars: gain margin (top) and phase margin (middle).", True
             ),
             Picture(f"nyquist{end}", f"Nyquist plot with {name}", headed=True),
-            Picture(f"robustness{end}", f"{name} on many plants", headed=True),
+            Picture(f"robustness{end}", f"Robustness of {name}", headed=True),
         ]
         sections.append(Section(f"Loop with {name}", blocks))
-    tables = [*([margins_table("Margins, loop broken at the current", loops)] if loops else []), *_worst(robust)]
+    tables = [*([margins_table("Margins, loop opened at the current", loops)] if loops else []), *_worst(robust)]
     return Page(
         title=f"Analysis of {content['plant']}, {content['model']} model" + _with(loops),
         sentences=_sentences(content, loops, robust, reviews),
@@ -58,7 +58,7 @@ def _with(loops: list[Any]) -> str:
 
 def _sentences(content: Mapping[str, Any], loops: list[Any], robust: list[Any], reviews: list[Any]) -> list[Sentence]:
     modes = sorted({f"{f / 6.283185307:.3g}" for f in content["natural_frequencies"] if f}, key=float)
-    found: list[Sentence] = [(f"Modes at {join_words(modes)} Hz." if modes else "No mode but an integrator.", None)]
+    found: list[Sentence] = [(f"Modes at {join_words(modes)} Hz." if modes else "No mode except an integrator.", None)]
     for loop in loops:
         words = f"{loop['controller']}: {loop_sentence(loop)}"
         found.append((words, bool(loop["stable"])))
@@ -70,9 +70,9 @@ def _sentences(content: Mapping[str, Any], loops: list[Any], robust: list[Any], 
         )
         found.append((words, bool(each["stable"])))
     for review in reviews:
-        look = [each["test"] for each in review["findings"] if each["verdict"] != "good"]
+        doubtful = [each["test"] for each in review["findings"] if each["verdict"] != "good"]
         words = f"Review of {review['controller']}: {'passed' if review['passed'] else 'not passed'}"
-        found.append((f"{words}{', to look at: ' + ', '.join(look) if look else ''}.", bool(review["passed"])))
+        found.append((f"{words}{'; to check: ' + ', '.join(doubtful) if doubtful else ''}.", bool(review["passed"])))
     return found
 
 
@@ -93,16 +93,16 @@ def _model(content: Mapping[str, Any]) -> Iterator[Any]:
         words, si, usual = OUTPUTS[name]
         zeros = ", ".join(map(_complex, content["zeros"][name])) or "none"
         rows.append([words, "∞" if gain is None else value_text(gain, factor(usual, si)), f"{usual} per A", zeros])
-    yield Table("From the current", ["to", "DC gain", "unit", "zeros, rad/s"], rows)
+    yield Table("Transfer functions from the current", ["output", "DC gain", "unit", "zeros, rad/s"], rows)
 
 
 def _worst(robust: list[Any]) -> Iterator[Table]:
-    """The worst of each margin over many plants, with the median."""
+    """Worst case and median of each margin over several plants."""
     for each in robust:
         if not each["worst"]:
             continue
         yield Table(
-            f"{each['controller']}: the worst of each margin among {each['plants']} plants",
+            f"{each['controller']}: worst margins over {each['plants']} plants",
             ["margin", "worst", "median", "unit", "worst plant"],
             [
                 [MARGINS[name][0], value_text(worst["value"], MARGINS[name][2], 3),

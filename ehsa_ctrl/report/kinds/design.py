@@ -35,7 +35,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
                     Picture("step", "Reference step", "Linear model and controller, without friction.", True),
                     Picture("loop", "Open loop", "Thick bars: gain margin (top) and phase margin (middle).", True),
                     Picture("nyquist", "Nyquist plot", headed=True),
-                    margins_table("Margins, loop broken at the current", [loop]),
+                    margins_table("Margins, loop opened at the current", [loop]),
                 ],
                 "loop",
             )

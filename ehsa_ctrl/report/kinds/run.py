@@ -1,4 +1,4 @@
-"""The page of scenarios that were run: verdicts, then each scenario with its controllers, then the linear loops."""
+"""The page of scenario runs: verdicts, then each scenario with its controllers, then the linear loops."""
 
 from __future__ import annotations
 
@@ -42,33 +42,32 @@ from ._tables import loop_sentence, margins_table
 
 Run = Mapping[str, Any]
 
-#: Metrics in the table of all runs, where a run has them; the section of a scenario has all of them.
+#: Metrics in the table of all runs; the section of a scenario has all metrics.
 SHOWN = (
     "RiseTime", "SettlingTime", "Overshoot", "SteadyStateError", "MaxError", "RMSError", "Slips", "StickShare",
     "CurrentRMS",
 )  # fmt: skip
 VERDICTS = {"pass": "✓ passed", "fail": "✗ failed", "untested": "– untested"}
 STATES = {"pass": True, "fail": False, "untested": None}
-#: How the numbers came about.
 NOTE = (
-    "Each controller is designed on the identified linear model of its plant. The linear prediction is the controller "
-    "on that model; the check is the same controller on the nonlinear plant, with friction, load, sampling and sensor "
-    "noise. Limits apply to the nonlinear plant."
+    "Each controller is designed on the linear model of its plant. The linear prediction simulates the controller with "
+    "that model; the check simulates the same controller with the nonlinear plant, including friction, load, sampling "
+    "and sensor noise. Limits apply to the nonlinear plant."
 )
 
 
 def run_stems(runs: Sequence[Run]) -> list[str]:
-    """Names of the runs' figures without the ending, in their order."""
+    """File stems of the runs' figures, in the order of the runs."""
     return unique(_file_name(f"{run['scenario']}-{run['controller']}") for run in runs)
 
 
 def _file_name(name: str) -> str:
-    """A name that is one of a file: results in Python may be called anything."""
+    """A name without characters that are invalid in a file name; Python results may have any name."""
     return re.sub(r"[/\\\0]", "-", name)[:100]
 
 
 def loops_of(runs: Sequence[Run]) -> dict[str, Run]:
-    """Name of the figure of each linear loop -> the first run with it; runs with equal margins share one."""
+    """File stem of the figure of each linear loop -> first run with that loop; runs with equal margins share one."""
     first: dict[str, Run] = {}
     for run in runs:
         if run["margins"] is not None:
@@ -118,18 +117,18 @@ def _sentences(runs: Sequence[Run]) -> Iterator[Sentence]:
     for run in failed:
         yield f"{_name(run)} failed: {first_reasons(run['failures'])}.", False
     if not failed:
-        yield "Every scenario kept its limits on the nonlinear plant.", True
+        yield "Every scenario meets its limits on the nonlinear plant.", True
     tried = [run for run in runs if run.get("assumed_ranges")]
-    decided = [run for run in tried if any(each["flips"] for each in run["assumed_ranges"])]
-    for run in decided:
-        yield f"An assumed parameter decides the verdict of {_name(run)}. {range_sentence(run)[0]}", DOUBT
-    if tried and not decided:
-        yield "No verdict changes at either end of the range of an assumed parameter.", True
+    sensitive = [run for run in tried if any(each["flips"] for each in run["assumed_ranges"])]
+    for run in sensitive:
+        yield f"The verdict of {_name(run)} depends on an assumed parameter. {range_sentence(run)[0]}", DOUBT
+    if tried and not sensitive:
+        yield "No verdict changes when an assumed parameter is at either end of its range.", True
 
 
 def _summary(runs: Sequence[Run], keys: Sequence[str]) -> Table:
     columns = [name for name in SHOWN if any(metric_exists(run, name) for run in runs)]
-    head = ["scenario", "controller", "verdict", "limits\nkept", *(metric_heading(name) for name in columns)]
+    head = ["scenario", "controller", "verdict", "limits\nmet", *(metric_heading(name) for name in columns)]
     rows = [
         [
             Link(run["scenario"], key), run["controller"], VERDICTS[run["verdict"]],
@@ -138,11 +137,11 @@ def _summary(runs: Sequence[Run], keys: Sequence[str]) -> Table:
         ]
         for key, run in zip(keys, runs, strict=True)
     ]  # fmt: skip
-    return Table("On the nonlinear plant; –: did not happen, n/a: not defined for the reference", head, rows)
+    return Table("Nonlinear plant; –: did not happen, n/a: not defined for the reference", head, rows)
 
 
 def _scenario(group: Sequence[tuple[str, Run]], keys: Mapping[str, str], loops: Mapping[str, str]) -> Section:
-    """One scenario with all its controllers. keys: of sections by the stem of their figure; loops: of linear loops."""
+    """One scenario with all its controllers. keys, loops: section keys by figure stem and by linear loop."""
     runs = [run for _, run in group]
     first = runs[0]
     blocks: list[Any] = [Paragraph(first["why"]), Facts(list(_conditions(first)))]
@@ -153,7 +152,7 @@ def _scenario(group: Sequence[tuple[str, Run]], keys: Mapping[str, str], loops: 
             if any(metric_exists(run, name) for run in runs)
         ]
         head = ["metric", *(run["controller"] for run in runs), "unit"]
-        blocks.append(Table("Controllers side by side, on the nonlinear plant", head, rows))
+        blocks.append(Table("Comparison of the controllers on the nonlinear plant", head, rows))
     if not_defined := not_defined_sentence(runs):
         blocks.append(Paragraph(not_defined))
     for stem, run in group:
@@ -174,14 +173,12 @@ def _run(stem: str, run: Run, loops: Mapping[str, str]) -> Iterator[Any]:
         ]
         for each in run["limits"]
     ]
-    yield Table("Limits of the scenario, on the nonlinear plant", ["metric", "value", "bound", "kept"], limits)
+    yield Table("Limits of the scenario, on the nonlinear plant", ["metric", "value", "bound", "met"], limits)
     if not limits:
-        yield Paragraph("The scenario sets no limit.")
+        yield Paragraph("The scenario has no limits.")
     caption = "Grey bars: the rod of the nonlinear plant sticks. "
     caption += "Blue: an external force acts on the rod. " if (run.get("definition") or {}).get("disturbance") else ""
-    caption += (
-        "Dotted: the controller's current limit, where it was reached. " if run.get("current_limit_reached") else ""
-    )
+    caption += "Dotted: the controller's current limit, if reached. " if run.get("current_limit_reached") else ""
     yield Picture(stem, f"{_name(run)} over time", f"{caption}Pressures P₁ and P₂ are those of the nonlinear plant.")
     if run.get("assumed_ranges"):
         words, holds = range_sentence(run)
@@ -199,34 +196,37 @@ def _run(stem: str, run: Run, loops: Mapping[str, str]) -> Iterator[Any]:
     )  # fmt: skip
     expected = run["expected_trips"]
     if run["trips"]:
-        yield Paragraph("Limits of the plant that the nonlinear run exceeded:")
+        yield Paragraph("Plant limits exceeded by the nonlinear run:")
         yield Points(
             [
-                trip.get("sentence", trip["limit"]) + ("; the scenario expects it" if trip["limit"] in expected else "")
+                trip.get("sentence", trip["limit"]) + (", as expected" if trip["limit"] in expected else "")
                 for trip in run["trips"]
             ]
         )
     else:
-        yield Paragraph("The nonlinear run exceeded no limit of the plant.")
+        yield Paragraph("The nonlinear run exceeded no plant limit.")
     if run["linear_model_passed_limits"]:
         yield Paragraph(f"The linear prediction exceeded: {'; '.join(run['linear_model_passed_limits'])}.")
     if run["margins"] is not None:
         yield Paragraph(Link(f"Linear loop: {loop_sentence(run['margins'])}", loops[_loop_key(run)]))
     else:
-        yield Paragraph("The controller has no linear feedback and so no margins.")
+        yield Paragraph("The controller has no linear feedback, so no margins are defined.")
 
 
 def _loops(loops: Mapping[str, Run], keys: Mapping[str, str]) -> Iterator[Any]:
     if loops:
         yield Paragraph(
-            "Each controller with the linear model that it was designed on, loop broken at the current, with half a "
-            "sample of delay for the held current."
+            "Each controller with its linear design model, sampled exactly with a zero-order hold; the loop is opened "
+            "at the current."
         )
     for stem, run in loops.items():
         plant = f" on {run['plant']}" if run.get("plant") else ""
         stable = bool(run["margins"]["stable"])
         heading = f"{run['controller']}{plant}: {'stable' if stable else 'not stable'}"
-        caption = "Thick bars: gain margin (top) and phase margin (middle). Below: sensitivity S and its complement T."
+        caption = (
+            "Thick bars: gain margin (top) and phase margin (middle). Bottom: sensitivity S and complementary "
+            "sensitivity T."
+        )
         blocks = [
             *([Paragraph(run["controller_words"])] if run.get("controller_words") else []),
             margins_table("Margins", [run["margins"]]),
@@ -236,15 +236,15 @@ def _loops(loops: Mapping[str, Run], keys: Mapping[str, str]) -> Iterator[Any]:
 
 
 def _conditions(run: Run) -> Iterator[tuple[str, str]]:
-    """Plant and conditions of a scenario, whatever the controller."""
+    """Plant and conditions of a scenario, as facts."""
     definition = run.get("definition") or {}
     if run.get("plant"):
         yield "plant", f"{run['plant']}: {run['plant_title']}"
     scenario = {f"load.{key}": value for key, value in definition.get("load", {}).items()}
     scenario |= definition.get("settings", {})
-    yield "set in this scenario", _pairs(scenario) or "nothing"
+    yield "set by the scenario", _pairs(scenario) or "nothing"
     if run["settings"]:
-        yield "set for this run", _pairs(run["settings"])
+        yield "parameters set", _pairs(run["settings"])
     forces = [f"{quantity(each['force'], 'N')} {_during(each)}" for each in definition.get("disturbance", [])]
     yield "force on the rod", ", ".join(forces) or "none"
     yield "faults", ", ".join(_fault(fault) for fault in definition.get("fault", [])) or "none"
@@ -258,15 +258,15 @@ def _pairs(settings: Mapping[str, Any]) -> str:
 
 
 def _during(each: Mapping[str, Any]) -> str:
-    """When a force acts; a duration without end is null in JSON."""
+    """Time interval of a force; JSON has null for an infinite duration."""
     duration = each["duration"]
     lasting = " to the end" if duration in (None, float("inf")) else f" for {quantity(duration, 's')}"
     return f"from {quantity(each['start'], 's')}{lasting}"
 
 
 def _fault(fault: Mapping[str, Any]) -> str:
-    stuck = fault["kind"] in ("stuck", "lost")
-    words = f"{fault['channel']} {fault['kind']}" if stuck else f"drive limited to {quantity(fault['current'], 'A')}"
+    sensor = fault["kind"] in ("stuck", "lost")
+    words = f"{fault['channel']} {fault['kind']}" if sensor else f"drive limited to {quantity(fault['current'], 'A')}"
     duration = fault["duration"]
     lasting = "" if duration in (None, float("inf")) else f" for {quantity(1e3 * duration, 'ms')}"
     return f"{words} from {quantity(fault['start'], 's')}{lasting}"
