@@ -1,5 +1,4 @@
-"""A controller: the interface of a feedback law, and the law with supervision, trajectory, feedforward and friction
-compensation around it."""
+"""A controller: a feedback law with supervision, trajectory, feedforward and friction compensation around it."""
 
 from __future__ import annotations
 
@@ -30,15 +29,15 @@ class Law(Protocol):
     function: law(reference, measured, memory, settings, extra, hold) -> current. `reference` (3,) is the planned
         motion, `measured` (5,) the validated readings, in the orders of core.controller_interface; `extra` [A] is the
         current of feedforward and friction compensation; `hold` is 1.0 while integral action must pause, and -1.0 at
-        the start of a motion, where the integral of the last rest is to be reset (a law may ignore that). It returns
-        feedback + extra, limited to the drive's current, and uses the limited value in its anti-windup.
-        A plain function of a module, whose text is compiled and written as C. Vectors have indices and slices that
-        count from their beginning, but no length; it may call those in `uses` and sqrt, exp, log, sin, cos, tan, tanh,
-        atan and isfinite.
+        the start of a motion, when the law may reset its integral. It returns feedback + extra, limited to the drive's
+        current, and uses the limited value in its anti-windup. A module-level function whose source is compiled and
+        translated to C. Vectors have indices and slices that count from their beginning, but no length; it may call
+        those in `uses` and sqrt, exp, log, sin, cos, tan, tanh, atan and isfinite.
     uses: functions that `function` calls.
-    compiles: False for a law that only runs as plain Python (a solver inside); `function` may be any callable then.
-    reads: the channels that it requires.
-    traces: numbers of its memory to be recorded at each sample, name -> index.
+    compiles: False for a law that only runs as plain Python (with a solver inside); `function` may then be any
+        callable.
+    reads: channels that it requires.
+    traces: name -> index in memory of the numbers to record at each sample.
     """
 
     @property
@@ -65,7 +64,7 @@ class Law(Protocol):
         ...
 
     def linear(self) -> control.StateSpace:
-        """The law without limits: discrete, inputs [*REFERENCE, *MEASURED], output current."""
+        """The law without limits: discrete, inputs [*REFERENCE, *MEASURED], output current; see law_state_space."""
         ...
 
 
@@ -75,10 +74,10 @@ class SampledController(Result):
 
     Attributes
     ----------
-    name: for tables. kind: key of its kind.
+    name: for tables. kind: key of CONTROLLER_KINDS.
     sample_time: s. current_limit: A.
     law: the feedback law.
-    trajectory, feedforward, rest, dither: the other stages; None leaves one out.
+    trajectory, feedforward, rest, dither: the other stages; None switches one off.
     supervision: plausibility limits of the readings.
     """
 
@@ -106,7 +105,7 @@ class SampledController(Result):
 
     @cached_property
     def _settings(self) -> np.ndarray:
-        """Cached: a plain step needs them at every sample."""
+        """Cached, because plain Python needs them at every sample."""
         return np.concatenate(
             [
                 self.supervision.settings(self.sample_time, self.law.reads),
@@ -132,8 +131,8 @@ class SampledController(Result):
 
     def __str__(self) -> str:
         stages = [
-            word
-            for word, stage in (
+            name
+            for name, stage in (
                 ("trajectory", self.trajectory),
                 ("feed-forward", self.feedforward),
                 ("rest", self.rest),
@@ -141,5 +140,5 @@ class SampledController(Result):
             )
             if stage is not None
         ]
-        around = f", with {', '.join(stages)}" if stages else ""
-        return f"{self.name}: {self.law}, |current| <= {self.current_limit:g} A, every {self.sample_time:g} s{around}"
+        suffix = f", with {', '.join(stages)}" if stages else ""
+        return f"{self.name}: {self.law}, |current| <= {self.current_limit:g} A, every {self.sample_time:g} s{suffix}"

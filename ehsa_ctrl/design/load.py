@@ -18,12 +18,12 @@ from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 if TYPE_CHECKING:
     import control
 
-#: Keys of a definition that the controller takes over.
+#: Keys of a definition that become fields of the controller.
 SHARED = ("sample_time", "current_limit", "trajectory", "feedforward", "rest", "dither")
 
 
 def read_controller(path: Path, sample_time: float | None = None) -> tuple[ControllerKind, ControllerFile]:
-    """Read and validate a controller's TOML; sample_time [s] is the default where the file states none.
+    """Read and validate a controller's TOML; sample_time [s] applies if the file states none.
 
     Raises InputError with file and key.
     """
@@ -45,9 +45,9 @@ def load_controller(
     Parameters
     ----------
     system: linear model with the current as first input and an output x, e.g. `three_state(plant)`.
-    sample_time: s, the plant's, for a file without one; by default 4 ms.
+    sample_time: s, the plant's, for a file without one; 4 ms by default.
 
-    Raises InputError if the file is missing or wrong, or its design can't be reached.
+    Raises InputError for a missing or invalid file, and for an infeasible design.
     """
     path = controllers.find(name)
     kind, definition = read_controller(path, sample_time)
@@ -68,14 +68,14 @@ def build_controller(
             controller = SampledController(
                 name, kind.name, law=law, **{key: getattr(definition, key) for key in SHARED}
             )
-            computed = not np.isnan(controller.settings()).any()
+            finite = not np.isnan(controller.settings()).any()
     except InputError:
         raise
     except (ArithmeticError, ValueError, RuntimeWarning, np.linalg.LinAlgError):
-        computed = False
-    if not computed:
+        finite = False
+    if not finite:
         raise InputError(
-            "can't be designed, as its numbers are too large or too small to compute with; check the powers of ten of "
-            "its weights, gains, limits and times"
+            "the design overflows: a number is too large or too small; check the powers of ten of its weights, gains, "
+            "limits and times"
         )
     return controller

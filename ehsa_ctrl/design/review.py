@@ -1,7 +1,6 @@
-"""Design review before simulation: findings with verdict and remedy, as a table.
+"""Design review before simulation: stability, steady-state error, scaling, solver time and effects of friction.
 
-It makes the checks that MPC tools make of a design (stability, steady-state error, scaling, solver time), and those
-that friction adds.
+Each finding has a verdict and a suggested fix.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ class Review(Result):
         return tuple(sorted(bad, key=lambda finding: finding.verdict != "fault"))
 
     def __getitem__(self, test: str) -> ReviewFinding:
-        """The finding of a check by name. Raises InputError for a check that was not made."""
+        """A finding by the name of its check. Raises InputError for a check that the review lacks."""
         for finding in self.findings:
             if finding.test == test:
                 return finding
@@ -90,11 +89,11 @@ def review(
     Parameters
     ----------
     system: continuous, as three_state(plant) returns it. controller: with a linear law.
-    known: friction, noise and other facts; checks that need a missing one are left out.
-    robust: this controller's margins over other plants, see robust_margins; without it there is no worst-case check.
+    known: friction, noise and other facts; a check without its facts is left out.
+    robust: this controller's margins over many plants, for the worst-case check.
     lag: whole samples between a measurement and its current.
 
-    Raises InputError for margins of another controller, and as analyse_loop does.
+    Raises InputError for margins of another controller, and as `analyse_loop` does.
     """
     if robust is not None and robust.controller != controller.name:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The checks of a design review: model, linear loop, and what friction makes of it.
+"""The checks of a design review: model, linear loop, and effects of friction.
 
 A check is a generator from a ReviewContext to findings; it yields nothing where it does not apply.
 """
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..core.controller_interface import MEASURED
-from .analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response, unit_step
+from .analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response, spectral_radius, unit_step
 from .analysis.loop import LoopAnalysis
 from .analysis.sampled import hidden_modes, readings, scaled_matrices, state_scales
 
@@ -24,29 +24,30 @@ if TYPE_CHECKING:
 
 Verdict = Literal["good", "warning", "fault"]
 
-#: Limits on a loop: largest |S|, smallest disk margin, samples per period of the crossover.
-MS, DISK, SAMPLES = 1.6, 0.6, 10.0
-#: Largest share of the sample time for a solver, and of the current limit for noise.
-SOLVER_SHARE, NOISE_SHARE = 0.5, 0.02
-#: Largest ratio of state sizes that double precision and first-order solvers handle well.
-STATE_RATIO = 1e6
-#: Current limit over breakaway current: at the first the rod may never move, below the second hardly.
-MOVES, MOVES_WELL = 1.0, 1.5
-#: Error [m] whose breakaway time is reported, and for how many samples it is computed.
-ERROR, PATIENCE = 1e-4, 5000
-#: Two low frequencies, as shares of 1 / sample_time, between which the gain of an integrator falls by ten.
-SLOW = np.array([1e-6, 1e-5])
+# All thresholds are engineering judgement.
+#: Limits on a loop: largest |S|, smallest disk margin, least samples per period of the crossover.
+MAX_MS, MIN_DISK_MARGIN, MIN_SAMPLES = 1.6, 0.6, 10.0
+#: Largest solver time per sample time: half is left for everything else. Largest RMS noise per current limit.
+MAX_SOLVER_SHARE, MAX_NOISE_SHARE = 0.5, 0.02
+#: Largest ratio of state sizes: its square, in a quadratic cost, takes 12 of the 16 digits of a double.
+MAX_STATE_RATIO = 1e6
+#: Current limit over breakaway current: at 1 the rod may never move; below 1.5 little is left to accelerate it.
+NO_MOTION, LITTLE_MOTION = 1.0, 1.5
+#: Error [m] whose breakaway time is reported, and the longest such time [samples].
+STUCK_ERROR, LONGEST_WAIT = 1e-4, 5000
+#: Two low frequencies, as shares of 1 / sample_time, between which an integrator's gain falls by ten.
+LOW_FREQUENCIES = np.array([1e-6, 1e-5])
 
 
 @dataclass(frozen=True)
 class Known:
-    """Facts beside the linear model, in SI units; nan where unknown. `known_of` fills it from a plant.
+    """Facts beyond the linear model, in SI units; nan where unknown. `known_of` fills it from a plant.
 
-    static, coulomb: breakaway current [A], and current against Coulomb friction while sliding, unloaded.
+    static, coulomb: breakaway current [A], and current that balances Coulomb friction while sliding, unloaded.
     slip: smallest motion [m] that a current pulse can cause.
-    reach: m, largest |position| asked for, for the load's spring.
-    solver_time: s, longest solution of a sample.
-    noise: channel -> standard deviation of its sensor.
+    reach: m, largest |position| of the reference, for the force of the load's spring.
+    solver_time: s, longest time that the solver takes for a sample.
+    noise: channel -> standard deviation of its sensor noise.
     """
 
     static: float = nan
@@ -59,7 +60,7 @@ class Known:
 
 @dataclass(frozen=True)
 class ReviewFinding:
-    """Outcome of one check: result in words, verdict, and the remedy if it is not good."""
+    """Outcome of one check: result as text, verdict, and suggested fix unless the verdict is good."""
 
     test: str
     result: str
@@ -72,12 +73,12 @@ class ReviewContext:
 
     Attributes
     ----------
-    system, controller, known, loop, robust: as given to `review`, and the loop's analysis.
-    sample_time: s. law, closed: discrete systems, see analysis.closed_loop.
-    feedback: the law object, which may have a model and a horizon.
+    system, controller, known, robust: as for `review`. loop: the analysis of the loop.
+    sample_time: s. law, closed: discrete linear systems, see analysis.closed_loop.
+    feedback: the controller's law object; some have `model` and `horizon`.
     rests: whether the controller has a [rest], which holds the integral while the rod rests.
-    integrates: whether a lasting error makes the current grow without bound.
-    error_gain: A/m, largest current within five samples of an error that appears at rest.
+    integrates: whether a constant error makes the current grow without bound.
+    error_gain: A/m, largest current within five samples of a step of the error at rest.
     """
 
     def __init__(
@@ -95,20 +96,22 @@ class ReviewContext:
         self.feedback = getattr(controller, "law", controller)
         self.rests = getattr(controller, "rest", None) is not None
         self.current_limit = float(getattr(controller, "current_limit", inf))
-        slow = np.abs(discrete_response(self.law[0, 3 + MEASURED.index("position")], SLOW / self.sample_time)[:, 0, 0])
+        slow = np.abs(
+            discrete_response(self.law[0, 3 + MEASURED.index("position")], LOW_FREQUENCIES / self.sample_time)[:, 0, 0]
+        )
         self.integrates = bool(slow[0] > 3.0 * slow[1])
         self.error_gain = float(np.max(np.abs(self.current_of_error(5))))
 
     def current_of_error(self, samples: int) -> np.ndarray:
-        """Current (samples,) [A per metre of error] at standstill, from an error that appears at sample 0."""
+        """Current (samples,) [A/m] after a step of the error while friction holds the rod."""
         return unit_step(self.law, 0, [0], samples)[:, 0]
 
     def a(self, row: str, column: str) -> float:
-        """Entry of the model's A; nan where it has no such states."""
+        """Entry of the model's A by state names; nan if it lacks one of them."""
         return self._entry(self.system.A, row, list(self.system.state_labels), column)
 
     def b(self, row: str, column: str) -> float:
-        """Entry of the model's B; nan where it has no such state or input."""
+        """Entry of the model's B by state and input name; nan if it lacks one of them."""
         return self._entry(self.system.B, row, list(self.system.input_labels), column)
 
     def _entry(self, matrix: np.ndarray, row: str, columns: list[str], column: str) -> float:
@@ -117,7 +120,8 @@ class ReviewContext:
 
     @property
     def rise_time(self) -> float:
-        """s from 10 to 90 % of a reference step; nan if it is not reached."""
+        """Time [s] from 10 to 90 % of a reference step; nan if 90 % is not reached."""
+        # Five time constants of the slowest pole.
         decay = np.max(np.abs(self.loop.poles), initial=0.0)
         samples = int(min(max(5.0 / max(-np.log(max(decay, 1e-12)), 1e-4), 50), 20_000))
         step = unit_step(self.closed, INPUTS.index("r_position"), [OUTPUTS.index("position")], samples)[:, 0]
@@ -127,7 +131,7 @@ class ReviewContext:
 
     @property
     def stiffness(self) -> float:
-        """N/m of the load's spring in the model; nan where the model does not show it."""
+        """Load stiffness [N/m] in the model; nan if the model lacks the states."""
         return self.a("v", "x") / self.b("v", "F_D")
 
 
@@ -136,20 +140,20 @@ def _verdict(bad: bool, otherwise: Verdict = "warning") -> Verdict:
 
 
 def reachability(case: ReviewContext) -> Iterator[ReviewFinding]:
-    """Modes that the current does not control, or that the readings do not observe."""
+    """Modes that the current can't control or the readings can't observe."""
     a, b, c = scaled_matrices(case.system, state_scales(case.system))
     current, seen = b[:, [list(case.system.input_labels).index("current")]], readings(case.system) @ c
     for word, modes, fix in (
         ("controllable", hidden_modes(a, current), "design on a model without the mode, e.g. three_state"),
         ("observable", hidden_modes(a.T, seen.T), "add a sensor, or design on a model without the mode"),
     ):
-        words = ", ".join(f"{mode if mode.imag else mode.real:.3g} rad/s" for mode in modes)
+        listed = ", ".join(f"{mode if mode.imag else mode.real:.3g} rad/s" for mode in modes)
         verdict: Verdict = "good"
         if any(mode.real > 1e-9 for mode in modes):
             verdict = "fault"
         elif any(abs(mode.real) <= 1e-9 for mode in modes):
             verdict = "warning"
-        yield ReviewFinding(f"model {word}", f"not the modes {words}" if modes else "all modes", verdict, fix)
+        yield ReviewFinding(f"model {word}", f"not the modes {listed}" if modes else "all modes", verdict, fix)
 
 
 def stability(case: ReviewContext) -> Iterator[ReviewFinding]:
@@ -161,13 +165,12 @@ def stability(case: ReviewContext) -> Iterator[ReviewFinding]:
         _verdict(not case.loop.stable, "fault"),
         "lower the gains or the crossover; check the sign of the feedback",
     )
-    own = np.linalg.eigvals(case.law.A) if case.law.nstates else np.zeros(1)
-    inner = float(np.max(np.abs(own)))
+    inner = spectral_radius(case.law.A)
     yield ReviewFinding(
         "controller stable by itself",
         f"largest |pole| {inner:.5f}" + (" (integral action)" if abs(inner - 1.0) < 1e-9 else ""),
         _verdict(inner > 1.0 + 1e-9),
-        "an unstable law diverges while the current is limited: lower the crossover or detune the observer",
+        "an unstable law diverges while the current is limited: lower the crossover or slow the observer down",
     )
 
 
@@ -176,34 +179,34 @@ def stability_margins(case: ReviewContext) -> Iterator[ReviewFinding]:
     loop = case.loop
     if not loop.stable:
         return
-    fix = "lower the crossover or ask for more phase"
-    yield ReviewFinding("Ms", f"{loop.Ms:.3g}, required at most {MS:g}", _verdict(loop.Ms > MS), fix)
-    disk = f"{loop.disk_margin:.3g}, required at least {DISK:g}"
-    yield ReviewFinding("disk margin", disk, _verdict(loop.disk_margin < DISK), fix)
+    fix = "lower the crossover or specify a larger phase margin"
+    yield ReviewFinding("Ms", f"{loop.Ms:.3g}, required at most {MAX_MS:g}", _verdict(loop.Ms > MAX_MS), fix)
+    disk = f"{loop.disk_margin:.3g}, required at least {MIN_DISK_MARGIN:g}"
+    yield ReviewFinding("disk margin", disk, _verdict(loop.disk_margin < MIN_DISK_MARGIN), fix)
     samples = loop.delay_margin / case.sample_time
     yield ReviewFinding(
         "delay margin",
         f"{1e3 * loop.delay_margin:.3g} ms, {samples:.3g} samples",
         _verdict(samples < 2.0, "fault" if samples < 1.0 else "warning"),
-        "one sample of additional delay is common: lower the crossover or sample faster",
+        "a real loop often adds one sample of delay: lower the crossover or sample faster",
     )
     if loop.crossover > 0:
-        turn = 2 * np.pi / (loop.crossover * case.sample_time)
-        words = f"{turn:.3g} samples per period of the crossover"
-        yield ReviewFinding("sampling", words, _verdict(turn < SAMPLES), "sample faster")
+        per_period = 2 * np.pi / (loop.crossover * case.sample_time)
+        words = f"{per_period:.3g} samples per period of the crossover"
+        yield ReviewFinding("sampling", words, _verdict(per_period < MIN_SAMPLES), "sample faster")
 
 
 def worst_case(case: ReviewContext) -> Iterator[ReviewFinding]:
-    """Worst margins over other plants."""
+    """Worst margins over the plants of `robust_margins`."""
     robust = case.robust
     if robust is None:
         return
-    for word, key, value, bad in (
-        ("worst disk margin", "disk_margin", robust.disk_margin, robust.disk_margin < DISK),
-        ("worst Ms", "Ms", robust.Ms, not robust.Ms <= MS),
+    for name, key, value, bad in (
+        ("worst disk margin", "disk_margin", robust.disk_margin, robust.disk_margin < MIN_DISK_MARGIN),
+        ("worst Ms", "Ms", robust.Ms, not robust.Ms <= MAX_MS),
     ):
         yield ReviewFinding(
-            word,
+            name,
             f"{value:.3g} over {len(robust.loops)} plants, at {robust.worst[key].label}",
             _verdict(bad, "warning" if robust.stable else "fault"),
             "lower the crossover, or reduce the uncertainty of that parameter",
@@ -211,7 +214,7 @@ def worst_case(case: ReviewContext) -> Iterator[ReviewFinding]:
 
 
 def state_scaling(case: ReviewContext) -> Iterator[ReviewFinding]:
-    """Ratio of state sizes of the model that the law computes with."""
+    """Ratio of state magnitudes in the model that the law computes with."""
     from scipy.linalg import matrix_balance
 
     model = getattr(case.feedback, "model", None)
@@ -219,12 +222,12 @@ def state_scaling(case: ReviewContext) -> Iterator[ReviewFinding]:
     if model is not None:
         _, (scale, _) = matrix_balance(np.asarray(model.A), permute=False, separate=True)
     ratio = float(np.max(scale) / np.min(scale))
-    of = "the law's own model" if model is not None else "the plant's model, in SI units"
+    where = "the law's own model" if model is not None else "the plant's model, in SI units"
     computes = model is not None or hasattr(case.feedback, "horizon")
     yield ReviewFinding(
         "state scaling",
-        f"state magnitudes differ by {ratio:.1e} in {of}",
-        _verdict(computes and ratio > STATE_RATIO),
+        f"state magnitudes differ by {ratio:.1e} in {where}",
+        _verdict(computes and ratio > MAX_STATE_RATIO),
         "design in units that give states of similar magnitude (rad/s, bar, mm)",
     )
 
@@ -245,7 +248,7 @@ def steady_state_error(case: ReviewContext) -> Iterator[ReviewFinding]:
         "add integral action, an estimate of the disturbance, or a reference gain",
     )
     static = abs(case.loop.static_compliance)
-    words = f"{1e9 * static:.3g} um per kN of constant load" if static > 1e-15 else "none"
+    words = f"{1e9 * static:.3g} um per kN of constant load" if static > 1e-15 else "none"  # below: rounding
     if case.stiffness > 0:
         words += f", with a spring of {1e-3 * case.stiffness:.4g} kN/m"
     yield ReviewFinding(
@@ -254,7 +257,7 @@ def steady_state_error(case: ReviewContext) -> Iterator[ReviewFinding]:
 
 
 def leakage_creep(case: ReviewContext) -> Iterator[ReviewFinding]:
-    """Creep while friction holds the shaft: the load's oil leaks past the pump, v = -K_L dP / A with dP = F / A."""
+    """Creep under load while friction holds the shaft: oil leaks past the pump, v = -K_L dP / A with dP = F / A."""
     leak = case.a("dP", "dP") / case.a("dP", "v")
     area = -case.a("v", "dP") / case.b("v", "F_D")
     if not (isfinite(leak) and isfinite(area)) or area == 0.0:
@@ -280,15 +283,15 @@ def friction(case: ReviewContext) -> Iterator[ReviewFinding]:
     yield ReviewFinding(
         "breakaway",
         f"{words}, current limit {case.current_limit:.3g} A",
-        "fault" if case.current_limit <= MOVES * needed else _verdict(case.current_limit < MOVES_WELL * needed),
-        "raise current_limit, or reduce the stroke",
+        "fault" if case.current_limit <= NO_MOTION * needed else _verdict(case.current_limit < LITTLE_MOTION * needed),
+        "raise current_limit or reduce the stroke",
     )
     yield _stick_band(case)
     if case.integrates:
-        words = "Coulomb friction is not known"
+        words = "Coulomb friction is unknown"
         if isfinite(coulomb) and coulomb > 0:
             words = f"static friction is {100 * (static / coulomb - 1):.3g} % above Coulomb friction, "
-            words += "the integral is held at rest" if case.rests else "nothing holds the integral at rest"
+            words += "[rest] holds the integral" if case.rests else "the integral keeps winding up at rest"
         yield ReviewFinding(
             "limit cycle of the integral",
             words,
@@ -298,14 +301,16 @@ def friction(case: ReviewContext) -> Iterator[ReviewFinding]:
 
 
 def _stick_band(case: ReviewContext) -> ReviewFinding:
-    """Errors that friction holds: at once, and for how long."""
+    """Position errors at which static friction holds the rod, and how long an integral takes to overcome it."""
     band = case.known.static / case.error_gain if case.error_gain > 0 else inf
     words = f"errors up to {1e6 * band:.4g} um persist"
     if case.integrates:
-        current = np.abs(case.current_of_error(PATIENCE)) * ERROR
+        current = np.abs(case.current_of_error(LONGEST_WAIT)) * STUCK_ERROR
         late = np.flatnonzero(current >= case.known.static)
-        after = f"{late[0] * case.sample_time:.3g} s" if late.size else f"more than {PATIENCE * case.sample_time:g} s"
-        words += f" until the integral has wound up, an error of {1e6 * ERROR:g} um for {after}"
+        after = (
+            f"{late[0] * case.sample_time:.3g} s" if late.size else f"more than {LONGEST_WAIT * case.sample_time:g} s"
+        )
+        words += f" until the integral has wound up, an error of {1e6 * STUCK_ERROR:g} um for {after}"
     if isfinite(case.known.slip):
         words += f"; the smallest slip is {1e6 * case.known.slip:.3g} um"
     fix = "add [feedforward] of friction or a [rest] with a knocker"
@@ -313,27 +318,27 @@ def _stick_band(case: ReviewContext) -> ReviewFinding:
 
 
 def noise(case: ReviewContext) -> Iterator[ReviewFinding]:
-    """Current from sensor noise."""
+    """RMS current caused by sensor noise."""
     if not isfinite(case.loop.current_noise):
         return
     share = case.loop.current_noise / case.current_limit if isfinite(case.current_limit) else 0.0
     yield ReviewFinding(
         "noise in the current",
         f"{1e3 * case.loop.current_noise:.3g} mA rms" + (f", {100 * share:.2g} % of the limit" if share else ""),
-        _verdict(share > NOISE_SHARE),
-        "filter the derivative more, or give the observer a smaller process noise",
+        _verdict(share > MAX_NOISE_SHARE),
+        "filter the derivative more strongly, or give the observer less process noise",
     )
 
 
 def solver(case: ReviewContext) -> Iterator[ReviewFinding]:
-    """Solver time and horizon of a predictive law."""
+    """Solver time and prediction horizon of an MPC."""
     h = case.sample_time
     if isfinite(case.known.solver_time):
         share = case.known.solver_time / h
         yield ReviewFinding(
             "solver time",
             f"at most {1e3 * case.known.solver_time:.3g} ms of {1e3 * h:.3g} ms per sample",
-            _verdict(share > SOLVER_SHARE, "fault" if share > 1.0 else "warning"),
+            _verdict(share > MAX_SOLVER_SHARE, "fault" if share > 1.0 else "warning"),
             "shorten the horizon, choose a faster solver or set a deadline",
         )
     horizon = getattr(case.feedback, "horizon", None)
@@ -348,7 +353,7 @@ def solver(case: ReviewContext) -> Iterator[ReviewFinding]:
     )
 
 
-#: In the order in which they are shown.
+#: In the order of the report.
 CHECKS: tuple[Callable[[ReviewContext], Iterator[ReviewFinding]], ...] = (
     reachability, stability, stability_margins, worst_case, state_scaling, steady_state_error, leakage_creep,
     friction, noise, solver,

@@ -1,4 +1,4 @@
-"""Kinds of controllers, one a file. Adding a file adds the kind to TOML, lists, runs and tests."""
+"""Kinds of controllers, one per file. A new file adds its kind to TOML, lists, runs and tests."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""The controller-kind interface: the form of its TOML and its design function."""
+"""The interface of a controller kind: the form of its TOML and its design function."""
 
 from __future__ import annotations
 
@@ -22,15 +22,13 @@ class ControllerFile(Definition):
     title: str = Field(description="one line for lists and tables")
     note: str = Field(default="", description="remarks for the reader")
     sample_time: Second = Field(
-        default=0.004, ge=1e-6, lt=1, description="sample time of the loop; left out, that of the plant"
+        default=0.004, ge=1e-6, lt=1, description="sample time of the loop; by default that of the plant"
     )
-    current_limit: Ampere = Field(gt=0, description="largest current, in either direction")
-    trajectory: TrajectoryLimits | None = Field(default=None, description="motion planning; off where it is left out")
-    feedforward: Feedforward | None = Field(
-        default=None, description="model-based feedforward; off where it is left out"
-    )
-    rest: Rest | None = Field(default=None, description="deadband at rest; off where it is left out")
-    dither: Dither | None = Field(default=None, description="sine added to the current; off where it is left out")
+    current_limit: Ampere = Field(gt=0, description="largest magnitude of the current")
+    trajectory: TrajectoryLimits | None = Field(default=None, description="motion planning; off if left out")
+    feedforward: Feedforward | None = Field(default=None, description="model-based feedforward; off if left out")
+    rest: Rest | None = Field(default=None, description="deadband at rest; off if left out")
+    dither: Dither | None = Field(default=None, description="sine added to the current; off if left out")
 
     @model_validator(mode="after")
     def _check_dither(self) -> ControllerFile:

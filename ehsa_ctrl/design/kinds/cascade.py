@@ -3,8 +3,8 @@
     omega_r = (f v_r + k_x (r - x) + k_ix int (r - x) dt) / n,    limited to +-speed_limit
     u = k_w (omega_r - omega) + k_iw int (omega_r - omega) dt,    limited to +-current_limit
 
-n is the rod's travel per radian of the shaft, f the share of the velocity that is fed forward. The classic structure of
-servo drives (e.g. W. Leonhard, "Control of Electrical Drives", 3rd ed. 2001, chapter 7).
+n is the rod's travel per radian of the shaft, f the velocity feedforward factor. The usual structure of servo drives
+(e.g. W. Leonhard, "Control of Electrical Drives", 3rd ed. 2001, chapter 7).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class SpeedLoop(Definition):
     """[speed]: the inner loop, PI on the shaft's speed."""
 
     crossover: RadianPerSecond = Field(
-        description="gain crossover frequency of this loop alone; three to five times that of the position loop"
+        description="gain crossover frequency of this loop alone; usually three to five times that of the position loop"
     )
     phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
 
@@ -42,16 +42,16 @@ class PositionLoop(Definition):
 
     crossover: RadianPerSecond = Field(description="gain crossover frequency")
     phase_margin: PhaseMargin = Field(
-        default=float(np.radians(60.0)), description="least phase margin at the crossover"
+        default=float(np.radians(60.0)), description="smallest phase margin at the crossover"
     )
     integral_ratio: Annotated[float, Field(ge=0, lt=1)] = Field(
         default=0.0,
-        description="corner frequency of the integral action over the crossover; 0: no integral, the speed loop has "
-        "one",
+        description="corner frequency of the integral action over the crossover; 0 for none, as the speed loop "
+        "integrates",
     )
     speed_limit: RadianPerSecond = Field(gt=0, description="largest shaft speed reference")
     velocity_feedforward: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=1.0, description="share of the planned velocity that is fed forward"
+        default=1.0, description="fraction of the planned velocity that is fed forward"
     )
 
 
@@ -68,7 +68,7 @@ class CascadeFile(ControllerFile):
         if not 0 < self.position.crossover < self.speed.crossover < nyquist:
             raise ValueError(
                 f"crossovers {self.position.crossover:g} (position) and {self.speed.crossover:g} rad/s (speed): "
-                f"expected 0 < position < speed < {nyquist:.4g} rad/s, half the sampling's"
+                f"expected 0 < position < speed < {nyquist:.4g} rad/s, the Nyquist frequency"
             )
         return self
 
@@ -83,13 +83,13 @@ def cascade_law(
     """
     k_x, k_ix, per_metre, f, fastest, k_w, k_iw, limit, back, T_s = settings
     error = reference[0] - measured[3]
-    asked = per_metre * (f * reference[1] + k_x * error + memory[1])
-    memory[2] = min(max(asked, -fastest), fastest)
+    unlimited = per_metre * (f * reference[1] + k_x * error + memory[1])
+    memory[2] = min(max(unlimited, -fastest), fastest)
     wanted = k_w * (memory[2] - measured[0]) + memory[0] + extra
     current = min(max(wanted, -limit), limit)
     if hold == 0.0:
-        # Conditional integration of the outer loop while its speed reference, or the current, is limited.
-        if (asked - memory[2]) * error <= 0.0 and (wanted - current) * error <= 0.0:
+        # While speed reference or current is limited, the outer loop does not integrate further into the limit.
+        if (unlimited - memory[2]) * error <= 0.0 and (wanted - current) * error <= 0.0:
             memory[1] += T_s * k_ix * error
         memory[0] += T_s * (k_iw * (memory[2] - measured[0]) + back * (current - wanted))
     return current
@@ -102,7 +102,7 @@ class Cascade:
     Attributes
     ----------
     k_x [1/s], k_ix [1/s2]: position loop. k_w [A s/rad], k_iw [A/rad]: speed loop.
-    n: rod travel per radian of the shaft [m]. f: share of the velocity that is fed forward.
+    n: rod travel per radian of the shaft [m]. f: velocity feedforward factor.
     speed_limit: rad/s. current_limit: A. sample_time: s.
     """
 
@@ -122,7 +122,7 @@ class Cascade:
     traces = {"integral": 0, "speed_reference": 2}
 
     def settings(self) -> np.ndarray:
-        # Back-calculation at the rate of the speed loop's integral, at most within a sample.
+        # Back-calculation with the integral time of the speed loop, but no faster than one sample.
         back = min(self.k_iw / self.k_w, 1.0 / self.sample_time)
         outer = [self.k_x, self.k_ix, 1.0 / self.n, self.f, self.speed_limit]
         return np.array([*outer, self.k_w, self.k_iw, self.current_limit, back, self.sample_time])
@@ -143,10 +143,10 @@ class Cascade:
 def design_cascade(name: str, file: CascadeFile, system: control.StateSpace) -> Cascade:
     """Both loops for the linear model `system` (first input the current, outputs omega and x), exactly sampled.
 
-    Raises InputError for a margin that the loops can't have at these crossovers; it tells what they have.
+    Raises InputError for a model without omega, and for an infeasible phase margin, with the feasible one.
     """
     if "omega" not in system.output_labels:
-        raise InputError(f"the model {system.name} has no output omega; a cascade needs the shaft's speed")
+        raise InputError(f"the model {system.name} has no output omega; a cascade needs the shaft speed")
     T_s = file.sample_time
     plant = sampled_plant(system, T_s)
     k_w, k_iw = _speed_gains(file.speed, plant, T_s)
@@ -154,7 +154,7 @@ def design_cascade(name: str, file: CascadeFile, system: control.StateSpace) -> 
     z = np.exp(1j * w * T_s)
     at = discrete_response(plant, w)[0, :, 0]
     G_w, G_x = at[MEASURED.index("speed")], at[MEASURED.index("position")]
-    # Rod travel per radian at the outer crossover, with leakage and compression of the oil.
+    # Rod travel per radian at the outer crossover, leakage and compressibility included.
     n = float(abs((z - 1.0) / T_s * G_x / G_w))
     inner = k_w + k_iw * T_s / (z - 1.0)
     loop = (1.0 + file.position.integral_ratio * w * T_s / (z - 1.0)) / n * inner * G_x / (1.0 + inner * G_w)
@@ -163,7 +163,7 @@ def design_cascade(name: str, file: CascadeFile, system: control.StateSpace) -> 
     if margin < file.position.phase_margin:
         raise InputError(
             f"the position loop has a phase margin of {np.degrees(margin):.3g} deg at {w:.4g} rad/s, less than the "
-            f"{np.degrees(file.position.phase_margin):.3g} deg asked for; lower its crossover or integral_ratio, "
+            f"specified {np.degrees(file.position.phase_margin):.3g} deg; lower its crossover or integral_ratio, "
             "or make the speed loop faster"
         )
     k_x = float(1.0 / abs(loop))
@@ -180,20 +180,20 @@ def design_cascade(name: str, file: CascadeFile, system: control.StateSpace) -> 
     )
 
 
-def _speed_gains(asked: SpeedLoop, plant: control.StateSpace, sample_time: float) -> tuple[float, float]:
-    """k_w, k_iw of the inner PI with the required crossover and phase margin."""
-    z = np.exp(1j * np.array([asked.crossover * sample_time]))
-    G = discrete_response(plant, asked.crossover)[0, MEASURED.index("speed"), 0]
-    needed = -np.exp(1j * asked.phase_margin) / G
+def _speed_gains(specified: SpeedLoop, plant: control.StateSpace, sample_time: float) -> tuple[float, float]:
+    """k_w, k_iw of the inner PI for the specified crossover and phase margin."""
+    z = np.exp(1j * np.array([specified.crossover * sample_time]))
+    G = discrete_response(plant, specified.crossover)[0, MEASURED.index("speed"), 0]
+    needed = -np.exp(1j * specified.phase_margin) / G
     integral = Gains(0.0, 1.0).response(z, sample_time)[0]
     k_i = float(needed.imag / integral.imag)
     k_p = float(needed.real - k_i * integral.real)
     if k_p <= 0 or k_i < 0:
         most = np.degrees(np.angle(-G))
         raise InputError(
-            f"a phase margin of {np.degrees(asked.phase_margin):.3g} deg at {asked.crossover:.4g} rad/s can't be had "
-            f"in the speed loop, which has {most:.3g} deg there without integral action; "
-            + ("lower the crossover or the margin" if k_i < 0 else "ask for a larger margin")
+            f"a phase margin of {np.degrees(specified.phase_margin):.3g} deg at {specified.crossover:.4g} rad/s is "
+            f"infeasible in the speed loop, which has {most:.3g} deg there without integral action; "
+            + ("lower the crossover or the margin" if k_i < 0 else "specify a larger margin")
         )
     return k_p, k_i
 

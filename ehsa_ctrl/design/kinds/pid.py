@@ -1,4 +1,4 @@
-"""Position PID: the controller kind, its gains in three forms, classic design, feedback law.
+"""Position PID: controller kind, gains in three forms, design by crossover and phase margin, feedback law.
 
     parallel   C = k_p + k_i / s + k_d s / (1 + T_f s)
     standard   C = K (1 + 1 / (T_i s) + T_d s / (1 + T_f s))
@@ -8,7 +8,7 @@ The law is the parallel form with setpoint weights and anti-windup,
 
     u = k_p (b r - y) + k_i int (r - y) dt + k_d s / (1 + T_f s) (c r - y),    limited to +-current_limit
 
-After K. J. Astrom, T. Hagglund, "Advanced PID Control", ISA 2006 (forms, filter, weights, anti-windup).
+Forms, filter, weights and anti-windup follow K. J. Astrom, T. Hagglund, "Advanced PID Control", ISA 2006.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ if TYPE_CHECKING:
     import control
 
 
-def _below_half_turn(margin: float) -> float:
+def _check_phase_margin(margin: float) -> float:
     if not 0 < margin < np.pi:
         raise ValueError(f"{np.degrees(margin):.4g} deg; expected a phase margin between 0 and 180 deg")
     return margin
 
 
 AmperePerMetre = Annotated[float, In("A/m")]
-PhaseMargin = Annotated[Radian, AfterValidator(_below_half_turn)]
+PhaseMargin = Annotated[Radian, AfterValidator(_check_phase_margin)]
 Weight = Annotated[float, Field(ge=0, le=1)]
 
-#: Keys that each form has beside T_f.
+#: Keys of each form, besides T_f.
 FORMS = {"parallel": ("k_p", "k_i", "k_d"), "standard": ("K", "T_i", "T_d"), "series": ("K", "T_i", "T_d")}
 
 
@@ -60,18 +60,18 @@ class Gains:
         )
 
     def response(self, z: Any, sample_time: float) -> Any:
-        """Frequency response C(z) of the sampled law at the points z of the unit circle.
+        """Frequency response C(z) [A/m] of the sampled law at points z (n,) of the unit circle.
 
         Forward differences for the integral, backward differences for the derivative: the filter stays stable and well
         damped for any ratio of T_f and sample time.
         """
         integral = self.k_i * sample_time / (z - 1.0) if self.k_i else 0.0 * z
-        slope = self.k_d * (z - 1.0) / ((self.T_f + sample_time) * z - self.T_f) if self.k_d else 0.0
-        return self.k_p + integral + slope
+        derivative = self.k_d * (z - 1.0) / ((self.T_f + sample_time) * z - self.T_f) if self.k_d else 0.0
+        return self.k_p + integral + derivative
 
 
 class PidGains(Definition):
-    """[gains]: given gains instead of a design, all of them positive; terms that are left out are zero."""
+    """[gains]: gains instead of a design, none negative; terms that are left out are zero."""
 
     form: Literal["parallel", "standard", "series"] = Field(
         default="parallel", description="parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d"
@@ -86,18 +86,18 @@ class PidGains(Definition):
 
     @model_validator(mode="after")
     def _check_form(self) -> PidGains:
-        own = FORMS[self.form]
+        keys = FORMS[self.form]
         given = [name for name in ("k_p", "k_i", "k_d", "K", "T_i", "T_d") if getattr(self, name) is not None]
-        foreign = [name for name in given if name not in own]
+        foreign = [name for name in given if name not in keys]
         if foreign or not given:
             got = f"got {', '.join(foreign)}" if foreign else "got none of them"
-            raise ValueError(f"form = {self.form!r} has the keys {', '.join(own)} and T_f; {got}")
+            raise ValueError(f"form = {self.form!r} has the keys {', '.join(keys)} and T_f; {got}")
         for name in [*given, "T_f"]:
             value = getattr(self, name)
             if not 0 <= value < np.inf or (name == "T_i" and value == 0):
                 raise ValueError(
                     f"{name} = {value:g}; expected {'more than' if name == 'T_i' else 'at least'} 0: a positive "
-                    "current extends the rod, so that gains of the other sign drive it away from its target"
+                    "current extends the rod, so that a negative gain drives it away from its target"
                 )
         return self
 
@@ -109,18 +109,17 @@ class PidGains(Definition):
         T_i = inf if self.T_i is None else self.T_i
         if self.form == "standard":
             return Gains(K, K / T_i, K * T_d, T_f)
-        share = 1.0 / T_i
-        return Gains(K * (1.0 + T_d * share), K * share, K * T_d * (1.0 - T_f * share), T_f)
+        return Gains(K * (1.0 + T_d / T_i), K / T_i, K * T_d * (1.0 - T_f / T_i), T_f)
 
 
 class PidDesign(Definition):
-    """[design]: classic loop shaping of the loop, broken at the current."""
+    """[design]: crossover and phase margin of the loop, broken at the current."""
 
     crossover: RadianPerSecond = Field(description="gain crossover frequency")
     phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
     integral_ratio: Annotated[float, Field(ge=0, lt=1)] = Field(
         default=0.1,
-        description="corner frequency of the integral action over the crossover; small values cost little phase",
+        description="corner frequency of the integral action over the crossover; 0.1 costs some 6 deg of phase",
     )
     filter_ratio: Annotated[float, Field(gt=1, le=1e6)] = Field(
         default=10.0, description="corner frequency of the derivative filter over the crossover"
@@ -128,12 +127,12 @@ class PidDesign(Definition):
 
 
 def classic_gains(design: PidDesign, system: control.StateSpace, sample_time: float) -> Gains:
-    """Solve C(z) G(z) = -exp(i margin) at the crossover for k_p and k_d, with k_i = ratio crossover k_p.
+    """Solve C(z) G(z) = -exp(i margin) at the crossover for k_p and k_d, with k_i = integral_ratio crossover k_p.
 
-    Exact for the sampled loop: the plant with its hold, the law as difference equation.
+    Exact for the sampled loop: the plant with zero-order hold, the law as a difference equation.
 
-    Raises InputError for a crossover beyond the Nyquist frequency, and for a margin that no PID with this filter and
-    integral reaches there.
+    Raises InputError for a crossover beyond the Nyquist frequency, and for a margin that no PID with these ratios
+    reaches.
     """
     w = design.crossover
     if not 0 < w < np.pi / sample_time:
@@ -168,31 +167,31 @@ class PidLoopFile(ControllerFile):
     derivative_reference_weight: Weight = Field(default=0.0, description="c, setpoint weight of the derivative part")
     anti_windup: Literal["back_calculation", "conditional", "none"] = Field(
         default="back_calculation",
-        description="back_calculation resets the integral with the time constant tracking_time while the current is "
-        "limited; conditional stops integrating into the limit; none",
+        description="back_calculation discharges the integral with the time constant tracking_time while the current "
+        "is limited; conditional stops integrating further into the limit; none",
     )
     tracking_time: Second | None = Field(
         default=None,
-        description="time constant of back_calculation; left out, sqrt(T_i T_d), or T_i without a derivative",
+        description="time constant of back_calculation; by default sqrt(T_i T_d), or T_i without a derivative",
     )
 
     @model_validator(mode="after")
     def _check_tracking_time(self) -> PidLoopFile:
         if self.tracking_time is not None:
             if self.anti_windup != "back_calculation":
-                raise ValueError(f"tracking_time belongs to back_calculation, anti_windup is {self.anti_windup!r}")
+                raise ValueError(f"tracking_time needs anti_windup = 'back_calculation'; got {self.anti_windup!r}")
             if not self.sample_time <= self.tracking_time < np.inf:
                 raise ValueError(
-                    f"tracking_time = {self.tracking_time:g} s is shorter than sample_time = {self.sample_time:g} s"
+                    f"tracking_time = {self.tracking_time:g} s; expected at least sample_time = {self.sample_time:g} s"
                 )
         return self
 
     def law(self, gains: Gains) -> Pid:
-        """The law with these gains. Raises InputError for a weight that would leave the rod short of its target."""
+        """The law with these gains. Raises InputError for a setpoint weight without integral action."""
         if gains.k_i == 0.0 and self.reference_weight != 1.0:
             raise InputError(
                 f"reference_weight = {self.reference_weight:g} without integral action would leave the rod short "
-                "of its target; give integral action or leave the weight at 1"
+                "of its target; add integral action or keep the weight at 1"
             )
         return Pid(
             gains,
@@ -205,7 +204,7 @@ class PidLoopFile(ControllerFile):
         )
 
     def _tracking(self, gains: Gains) -> float:
-        """Time constant of back-calculation: sqrt(T_i T_d) with a derivative, T_i without one."""
+        """Time constant of back-calculation [s]; inf for none."""
         if self.anti_windup != "back_calculation" or gains.k_i == 0.0:
             return float("inf")
         if self.tracking_time is not None:
@@ -216,7 +215,7 @@ class PidLoopFile(ControllerFile):
 
 
 class PidFile(PidLoopFile):
-    """A PID's TOML: one of [design] (crossover and phase margin), [tuning] (optimised), [gains] (given)."""
+    """A PID's TOML, with one of [design], [tuning] and [gains]."""
 
     kind: Literal["pid"] = Field(description="type of feedback law")
     design: PidDesign | None = Field(
@@ -234,7 +233,7 @@ class PidFile(PidLoopFile):
         given = [name for name in ("design", "tuning", "gains") if getattr(self, name) is not None]
         if len(given) != 1:
             raise ValueError(
-                "give one of the tables [design], [tuning] and [gains]; got " + (" and ".join(given) or "none")
+                "expected one of the tables [design], [tuning] and [gains]; got " + (" and ".join(given) or "none")
             )
         return self
 
@@ -245,13 +244,13 @@ def pid_law(
     """One sample of the law above.
 
     settings: k_p, k_i, k_d, T_f, b, c, current_limit, back-calculation rate [1/s], 1 for conditional integration,
-    sample time. memory: integral part [A], filtered derivative part [A], c r - y of the last sample, whether there was
-    one, integral part at the end of the last motion [A].
+    sample time. memory: integral part [A], filtered derivative part [A], c r - y of the last sample, 1 after the first
+    sample, integral part at the end of the last motion [A].
     """
     k_p, k_i, k_d, T_f, b, c, limit, back, conditional, T_s = settings
     r, y = reference[0], measured[3]
     if memory[3] == 0.0:
-        # Bumpless start: as if the loop had been at rest at y, so that the weight b makes no step where r = y.
+        # Bumpless start: the loop begins at rest at y, so that the weight b causes no step if r = y.
         memory[0] = k_p * (1.0 - b) * y if k_i != 0.0 else 0.0
         memory[2] = c * r - y
         memory[3] = 1.0
@@ -281,8 +280,8 @@ class Pid:
     gains: parallel form.
     b, c: setpoint weights of the proportional and the derivative part.
     current_limit: A. sample_time: s.
-    T_t: time constant of back-calculation while the current is limited [s]; inf: none.
-    conditional: no integration further into the limit while the current is limited.
+    T_t: time constant of back-calculation [s]; inf for none.
+    conditional: whether integration further into the limit stops while the current is limited.
     """
 
     gains: Gains
@@ -314,10 +313,10 @@ class Pid:
 
 
 def designed_gains(file: Any, system: control.StateSpace) -> Gains:
-    """Gains by [design] or [tuning] of a PidLoopFile. Raises InputError if this model can't reach them."""
+    """Gains by [design] or [tuning] of a PidLoopFile. Raises InputError if that is infeasible for this model."""
     if file.design is not None:
         return classic_gains(file.design, system, file.sample_time)
-    # Imported late: the tuner analyses loops with the law of this module.
+    # Imported here, because the tuner imports this module for its loop analysis.
     from ..tuning.tune import tune_once
 
     weights = file.reference_weight, file.derivative_reference_weight
@@ -327,7 +326,7 @@ def designed_gains(file: Any, system: control.StateSpace) -> Gains:
 def design_pid(name: str, file: PidFile, system: control.StateSpace) -> Pid:
     """A PID for the linear model `system` (first input the current, an output x).
 
-    Raises InputError for a [design] or [tuning] that this model can't reach; it tells the nearest values.
+    Raises InputError for a [design] or [tuning] that is infeasible for this model, with the nearest values.
     """
     return file.law(file.gains.parallel() if file.gains is not None else designed_gains(file, system))
 

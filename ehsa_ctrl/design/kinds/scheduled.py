@@ -1,8 +1,8 @@
-"""Scheduled PID: the controller kind whose gains follow position, pressure level or load along a table.
+"""Scheduled PID: the controller kind whose gains depend on position, pressure level or load through a table.
 
-Gains are interpolated between the rows of the table and constant beyond its ends. A change of gains makes no step in
-the current: the integral takes over the change of the proportional part (gain scheduling as in K. J. Astrom,
-B. Wittenmark, "Adaptive Control", 2nd ed. 1995, chapter 9).
+Gains are interpolated linearly between the rows of the table and constant beyond its ends. A change of gains causes no
+step of the current, because the integral absorbs the change of the proportional part (K. J. Astrom, B. Wittenmark,
+"Adaptive Control", 2nd ed. 1995, chapter 9).
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from .pid import Gains, Pid, PidDesign, PidGains, PidLoopFile, designed_gains, p
 if TYPE_CHECKING:
     import control
 
-#: Scheduling variable -> its code in the settings, SI unit, channels that it is read from.
+#: Scheduling variable -> its code in the settings, SI unit, channels that measure it.
 VARIABLES: dict[str, tuple[int, str, tuple[str, ...]]] = {
     "position": (0, "m", ("position",)),
     "level": (1, "Pa", ("p1", "p2")),
     "load": (2, "N", ("force",)),
 }
-#: States whose rates the oil's stiffness scales.
+#: States whose rates are proportional to the bulk modulus.
 PRESSURES = ("dP", "P_1", "P_2")
 
 
 class SchedulePoint(Definition):
-    """[[schedule.points]]: a value of the variable, with either the gains or the linear model's changes there."""
+    """[[schedule.points]]: a value of the variable, with either gains or changes of the linear model."""
 
     at: str = Field(description='value of the scheduling variable with its unit ("5 bar")')
     gains: PidGains | None = Field(default=None, description="gains at this point, instead of a design")
@@ -47,7 +47,7 @@ class SchedulePoint(Definition):
     @model_validator(mode="after")
     def _check_gains_or_model(self) -> SchedulePoint:
         if self.gains is not None and (self.stiffness, self.mass, self.bulk_modulus) != (0.0, 0.0, 1.0):
-            raise ValueError("a point has either gains or changes of the model (stiffness, mass, bulk_modulus)")
+            raise ValueError("a point has either gains or changes of the model (stiffness, mass ...); got both")
         return self
 
     def model(self, system: control.StateSpace) -> control.StateSpace:
@@ -63,7 +63,7 @@ class Schedule(Definition):
     )
     filter_time: Second = Field(default=0.05, ge=0, description="time constant of the variable's low-pass filter")
     nominal: str | None = Field(
-        default=None, description="value of the variable at which margins are evaluated; left out, the middle point"
+        default=None, description="value of the variable at which margins are evaluated; by default the middle point"
     )
     points: Annotated[tuple[SchedulePoint, ...], Field(min_length=2), Array] = Field(
         description="two or more, in ascending order"
@@ -73,11 +73,12 @@ class Schedule(Definition):
     def _check_points(self) -> Schedule:
         values = self.values()
         if not np.all(np.diff(values) > 0):
-            raise ValueError(f"the points' values {', '.join(f'{v:g}' for v in values)} must rise from one to the next")
+            raise ValueError(f"the points' values {', '.join(f'{v:g}' for v in values)} must be in ascending order")
         self.value(self.nominal or self.points[0].at)
         return self
 
     def value(self, text: str) -> float:
+        """A value of the variable in its SI unit."""
         try:
             return parse(text, VARIABLES[self.variable][1])
         except InputError as error:
@@ -88,15 +89,15 @@ class Schedule(Definition):
 
 
 class ScheduledFile(PidLoopFile):
-    """A scheduled PID's TOML: the [schedule], and [design] or [tuning] for points that have no gains of their own."""
+    """A scheduled PID's TOML: a [schedule], and [design] or [tuning] for its points without gains."""
 
     kind: Literal["scheduled_pid"] = Field(description="type of feedback law")
     schedule: Schedule = Field(description="gain schedule")
     design: PidDesign | None = Field(
-        default=None, description="crossover and phase margin; this or [tuning] where points have no gains of their own"
+        default=None, description="crossover and phase margin; this or [tuning] for points without gains"
     )
     tuning: Tuning | None = Field(
-        default=None, description="optimised gains; this or [design] where points have no gains of their own"
+        default=None, description="optimised gains; this or [design] for points without gains"
     )
 
     @model_validator(mode="after")
@@ -105,9 +106,9 @@ class ScheduledFile(PidLoopFile):
         needed = any(point.gains is None for point in self.schedule.points)
         if methods != int(needed):
             raise ValueError(
-                "points without gains need one table, [design] or [tuning]"
+                "points without gains need one table, either [design] or [tuning]"
                 if needed
-                else "every point has gains; leave [design] and [tuning] out"
+                else "every point has gains; remove [design] and [tuning]"
             )
         return self
 
@@ -155,7 +156,7 @@ class ScheduledPid:
     ----------
     variable: a key of VARIABLES. filter_time: of the variable [s].
     points: ascending values of the variable (n,), n >= 2. pids: the law at each.
-    nominal: value of the variable at which `linear` is taken.
+    nominal: value of the variable for `linear`.
     """
 
     variable: str
@@ -209,7 +210,7 @@ class ScheduledPid:
 def design_scheduled(name: str, file: ScheduledFile, system: control.StateSpace) -> ScheduledPid:
     """A PID at each point, for the linear model at that operating point.
 
-    Raises InputError for a point whose [design] or [tuning] can't be reached; it tells which.
+    Raises InputError for an infeasible [design] or [tuning], with the point.
     """
     schedule, values = file.schedule, file.schedule.values()
     pids = []
@@ -226,9 +227,9 @@ def design_scheduled(name: str, file: ScheduledFile, system: control.StateSpace)
 def operating_point(
     system: control.StateSpace, *, stiffness: float = 0.0, mass: float = 0.0, bulk_modulus: float = 1.0
 ) -> control.StateSpace:
-    """The model with a load that is stiffer by `stiffness` [N/m] and heavier by `mass` [kg], and with softer oil.
+    """The model with `stiffness` [N/m] and `mass` [kg] added to the load, and another bulk modulus.
 
-    The model itself says how a force acts (its input F_D), so that no plant is needed.
+    The column of input F_D tells how a force acts on the rod, so that no plant is needed.
 
     Parameters
     ----------

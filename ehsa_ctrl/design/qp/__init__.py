@@ -1,4 +1,4 @@
-"""Solvers of quadratic programs, one a file. Adding a file adds the solver to every MPC."""
+"""Solvers of quadratic programmes, one per file. A new file adds its solver to every MPC."""
 
 import sys
 
