@@ -329,7 +329,7 @@ def test_a_fixed_gain_falls_short_where_the_oil_softens_and_the_schedule_does_no
         ({"schedule": {"variable": "position", "points": ROWS[::-1]}}, "must be in ascending order"),
         ({"schedule": {"variable": "level", "points": ROWS}}, "does not fit"),
         ({"schedule": {"variable": "position", "points": ROWS}, "tuning": {}}, "every point has gains"),
-        ({"schedule": {"variable": "position", "points": [{"at": "0 m"}, ROWS[1]]}}, r"one table, \[design\] or"),
+        ({"schedule": {"variable": "position", "points": [{"at": "0 m"}, ROWS[1]]}}, r"one table, either \[design\] or"),
     ],
 )
 def test_a_wrong_schedule_is_one_sentence(content, sentence):

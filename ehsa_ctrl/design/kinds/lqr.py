@@ -1,4 +1,4 @@
-"""LQR and LQI: the controller kind with state feedback on a Kalman filter, offset-free by default."""
+"""LQR and LQI: the controller kind with state feedback from a Kalman filter, offset-free by default."""
 
 from __future__ import annotations
 
@@ -19,18 +19,16 @@ if TYPE_CHECKING:
 
 
 class Weights(Definition):
-    """[weights]: deviations that cost equally much; a smaller one is stricter."""
+    """[weights]: deviations that cost the same; a smaller deviation weighs more."""
 
     position: Metre = Field(gt=0, description="position error of the rod")
     current: Ampere = Field(default=1.0, gt=0, description="current beyond that of the planned motion")
-    speed: RadianPerSecond | None = Field(
-        default=None, gt=0, description="shaft speed error; left out, it has no weight"
-    )
+    speed: RadianPerSecond | None = Field(default=None, gt=0, description="shaft speed error; no weight if left out")
     pressure: Pascal | None = Field(
-        default=None, gt=0, description="error of the pressure difference; left out, it has no weight"
+        default=None, gt=0, description="error of the pressure difference; no weight if left out"
     )
     current_rate: AmperePerSecond | None = Field(
-        default=None, gt=0, description="rate of change of the current; left out, it has no weight"
+        default=None, gt=0, description="rate of change of the current; no weight if left out"
     )
     integral: Annotated[float, In("m s")] | None = Field(
         default=None, gt=0, description='integral of the position error, only with offset_free = "integral"'
@@ -42,8 +40,8 @@ class StateFeedbackFile(ControllerFile):
 
     offset_free: Literal["disturbance", "integral", "none"] = Field(
         default="disturbance",
-        description='"disturbance" estimates friction, load and leakage and compensates them; "integral" integrates '
-        'the position error; "none" accepts the steady-state error under load',
+        description='"disturbance" estimates and compensates friction, load and leakage; "integral" integrates the '
+        'position error; "none" accepts a steady-state error under load',
     )
     weights: Weights = Field(description="weights of the cost function")
     observer: Observer = Field(default=Observer(), description="noise levels of the Kalman filter")
@@ -51,24 +49,24 @@ class StateFeedbackFile(ControllerFile):
     @model_validator(mode="after")
     def _check_weights(self) -> StateFeedbackFile:
         if (self.weights.integral is not None) != (self.offset_free == "integral"):
-            raise ValueError('[weights] integral and offset_free = "integral" belong together; give both or neither')
-        own = self.feedforward
-        if own is not None and (own.inertia, own.viscous, own.stiffness, own.preload, own.load) != (0.0,) * 5:
+            raise ValueError('[weights] integral needs offset_free = "integral" and vice versa; give both or neither')
+        f = self.feedforward
+        if f is not None and (f.inertia, f.viscous, f.stiffness, f.preload, f.load) != (0.0,) * 5:
             raise ValueError(
-                "[feedforward] of a state feedback holds friction alone (coulomb, static, stribeck): the current for "
-                "the rest comes from its linear model and its estimate of the load"
+                "[feedforward] of a state feedback may contain friction only (coulomb, static, stribeck): its linear "
+                "model and its load estimate give the rest of the current"
             )
         return self
 
 
 class LqrFile(StateFeedbackFile):
-    """An LQR's TOML: the keys of every state feedback, no more."""
+    """An LQR's TOML: the keys of every state feedback."""
 
     kind: Literal["lqr"] = Field(description="type of feedback law")
 
 
 def cost_of(model: DesignModel, weights: Weights) -> Cost:
-    """The quadratic cost with these deviations (Bryson's rule)."""
+    """The quadratic cost with these deviations, by Bryson's rule (see `weight_matrix`)."""
     deviations = {"position": weights.position, "speed": weights.speed, "pressure": weights.pressure}
     step = None if weights.current_rate is None else weights.current_rate * model.sample_time
     return Cost(
@@ -80,15 +78,15 @@ def cost_of(model: DesignModel, weights: Weights) -> Cost:
 
 
 def design_state_feedback(name: str, file: StateFeedbackFile, system: control.StateSpace) -> StateFeedback:
-    """State feedback for a linear model, limited in current only.
+    """State feedback for a linear model, with a limit on the current only.
 
-    Raises InputError for a model that can't be stabilised or observed, or a sample time that does not fit it.
+    Raises InputError for a model that is not stabilisable and detectable, and for a sample time that aliases a mode.
     """
     model = design_model(system, file.sample_time)
     if file.offset_free != "disturbance":
         model = model.without_disturbance
     regulator = design_regulator(model, cost_of(model, file.weights))
-    # Twice as fast as the integral itself acts: its gain over that of the position is its rate.
+    # Back-calculation twice as fast as the integral itself, whose rate is its gain over that of the position.
     per_metre = float(model.row("position") @ regulator.K) / float(model.row("position") @ model.row("position"))
     tracking = 0.5 * per_metre / abs(regulator.integral) if regulator.integral else 1.0
     return StateFeedback(
@@ -102,5 +100,5 @@ def design_state_feedback(name: str, file: StateFeedbackFile, system: control.St
 
 
 kind = ControllerKind(
-    "lqr", "state feedback on a Kalman filter, LQR or LQI, offset-free", LqrFile, design_state_feedback
+    "lqr", "state feedback from a Kalman filter, LQR or LQI, offset-free", LqrFile, design_state_feedback
 )

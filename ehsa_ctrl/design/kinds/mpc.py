@@ -1,4 +1,4 @@
-"""MPC: the controller kind with the regulator's problem under limits, solved each sample."""
+"""MPC: the controller kind that solves the LQR problem under limits in each sample."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 
 class SolverOptions(Definition):
-    """[solver]: which one, and its limits per sample."""
+    """[solver]: the QP solver and its limits per sample."""
 
     name: str = Field(default="daqp", description="daqp or osqp")
     iteration_limit: Annotated[int, Field(ge=1)] = Field(
-        default=200, description="iterations per sample, in those of an active-set method"
+        default=200, description="largest number of iterations per sample, counted as those of an active-set method"
     )
     deadline: Second | None = Field(
         default=None,
-        description="time limit per sample; left out, the solver runs to the end and runs are reproducible",
+        description="time limit per sample; left out, the solver finishes and runs are reproducible",
     )
 
     @field_validator("name")
@@ -44,7 +44,7 @@ class MpcFile(StateFeedbackFile):
 
     kind: Literal["mpc"] = Field(description="type of feedback law")
     horizon: Annotated[int, Field(ge=2, le=500)] = Field(
-        default=20, description="prediction horizon in samples; long enough for the hydraulic mode to decay"
+        default=20, description="prediction horizon in samples; should cover the decay of the hydraulic mode"
     )
     limits: Limits = Field(default=Limits(), description="constraints on speed, pressure, stroke and current rate")
     solver: SolverOptions = Field(default=SolverOptions(), description="solver of the quadratic programme")
@@ -53,7 +53,7 @@ class MpcFile(StateFeedbackFile):
     @classmethod
     def _check_offset_free(cls, word: str) -> str:
         if word == "integral":
-            raise ValueError('offset_free = "integral" is for kind = "lqr"; an MPC estimates disturbances')
+            raise ValueError('offset_free = "integral" is for kind = "lqr"; an MPC takes "disturbance" or "none"')
         return word
 
     @model_validator(mode="after")
@@ -68,7 +68,7 @@ class MpcFile(StateFeedbackFile):
 def design_mpc(name: str, file: MpcFile, system: control.StateSpace) -> Mpc:
     """An MPC for a linear model.
 
-    Raises InputError as an LQR does, and for limits that forbid the planned motion of [trajectory].
+    Raises InputError as `design_state_feedback` does, and for limits below what the planned motion needs.
     """
     feedback = design_state_feedback(name, file, system)
     problem = MpcProblem(
@@ -81,12 +81,12 @@ def design_mpc(name: str, file: MpcFile, system: control.StateSpace) -> Mpc:
         limits=file.limits,
     )
     if file.trajectory is not None:
-        _require_room(feedback, file.limits, file.current_limit, file.trajectory.speed)
+        _require_feasible_speed(feedback, file.limits, file.current_limit, file.trajectory.speed)
     return Mpc(feedback, problem, file.solver.name, file.solver.iteration_limit, file.solver.deadline)
 
 
-def _require_room(feedback: StateFeedback, limits: Limits, current_limit: float, speed: float) -> None:
-    """Require that the model can follow the planned speed within the limits."""
+def _require_feasible_speed(feedback: StateFeedback, limits: Limits, current_limit: float, speed: float) -> None:
+    """Require that the model can follow the speed [m/s] of [trajectory] within the limits."""
     needs = {signal: abs(feedback.model.row(signal) @ feedback.target.Pi[:, 1]) * speed for signal in limits.soft}
     for signal, limit in limits.soft.items():
         if signal != "position" and needs[signal] > limit:

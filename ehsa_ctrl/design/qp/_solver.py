@@ -2,8 +2,8 @@
 
     minimise 1/2 x' H x + f' x    subject to    lower <= (x, A x) <= upper
 
-H and A are constant, f and the bounds change from sample to sample. A solver keeps no solution: the caller passes the
-last one as the start of the next, so that a run does not depend on earlier runs.
+H and A are constant; f and the bounds change from sample to sample. A solver stores no solution: the caller passes the
+last one as warm start, so that a run does not depend on earlier runs.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
-#: Status of a solution; LIMIT is that of iterations or time.
+#: Status of a solution; LIMIT: out of iterations or time.
 SOLVED, INFEASIBLE, LIMIT, FAILED = 0, 1, 2, 3
-#: A bound of this size means no bound.
+#: A bound of this magnitude means no bound.
 NO_BOUND = 1e30
 
 
@@ -28,7 +28,7 @@ class QpSolution:
     ----------
     status: SOLVED, INFEASIBLE, LIMIT or FAILED; x and y are valid only if SOLVED.
     x: (n,). y: (n + m,) multipliers, above 0 at an upper bound and below 0 at a lower one.
-    iterations: the solver's own count.
+    iterations: as the solver counts them.
     """
 
     status: int
@@ -41,8 +41,7 @@ class QpSolver(Protocol):
     """A solver for given H and A."""
 
     def solve(self, f: np.ndarray, lower: np.ndarray, upper: np.ndarray, x: np.ndarray, y: np.ndarray) -> QpSolution:
-        """Solve for these f (n,) and bounds (n + m,), starting from x (n,) and y (n + m,) of a similar problem, or
-        from zeros."""
+        """Solve for f (n,) and bounds (n + m,); warm start x (n,), y (n + m,) from a similar problem, or zeros."""
         ...
 
 
@@ -54,7 +53,7 @@ class QpKind:
     ----------
     name: `[solver] name` in a controller's TOML.
     summary: one line.
-    exact: whether its solution is exact up to rounding, not up to a tolerance of its iteration.
+    exact: whether its solution is exact up to rounding rather than up to a tolerance.
     make: (H (n, n), A (m, n), largest number of iterations, time limit [s] or None) -> a solver.
     """
 

@@ -1,4 +1,4 @@
-"""DAQP: a dual active-set method, exact, warm-started from the constraints that were active.
+"""DAQP: a dual active-set method, exact, warm-started from the active constraints of the last solution.
 
 D. Arnstrom, A. Bemporad, D. Axehill, "A dual active-set solver for embedded quadratic programming using recursive LDL'
 updates", IEEE Trans. Automatic Control 67(8), 2022.
@@ -15,7 +15,7 @@ from ._solver import FAILED, INFEASIBLE, LIMIT, SOLVED, QpKind, QpSolution
 
 #: DAQP's flags of a constraint in the initial working set: active, at its lower bound.
 ACTIVE, LOWER = 1, 2
-#: Its exit flags; any other is a failure.
+#: DAQP's exit flags -> status; any other is a failure.
 FLAGS = {1: SOLVED, -1: INFEASIBLE, -4: LIMIT, -7: LIMIT}
 
 
@@ -30,14 +30,14 @@ class Daqp:
         bounds = np.ones(n + A.shape[0])
         self._model: Any = daqp.Model()
         self._model.setup(*self._data, bounds, -bounds, np.zeros(bounds.size, dtype=np.int32))
-        # Constraints are scaled to lengths of 1; its default of 1e-6 would be visible in the currents.
+        # DAQP scales constraint rows to length 1; its default tolerance of 1e-6 would be visible in the currents.
         self._working = np.zeros(bounds.size, dtype=np.int32)
         self._model.settings = {"primal_tol": 1e-9, "iter_limit": iteration_limit, "time_limit": time_limit or 0.0}
 
     def solve(self, f: np.ndarray, lower: np.ndarray, upper: np.ndarray, x: np.ndarray, y: np.ndarray) -> QpSolution:
         if not isfinite(f.sum()):
             return QpSolution(FAILED, x, y, 0)
-        # With crossed bounds the update is rejected, and the solver would solve the last problem again.
+        # DAQP rejects an update with crossed bounds, and would then solve the last problem again.
         if not (lower <= upper).all():
             return QpSolution(INFEASIBLE, x, y, 0)
         self._working[:] = 0

@@ -13,12 +13,12 @@ import numpy as np
 
 from ._solver import FAILED, INFEASIBLE, LIMIT, SOLVED, QpKind, QpSolution
 
-#: Tolerance of its residuals. With its default of 1e-3, currents of an MPC were wrong by tenths of their limit.
+#: Tolerance of the residuals. With OSQP's default of 1e-3, currents of an MPC were wrong by tenths of their limit.
 TOLERANCE = 1e-6
-#: Its iterations are cheap: this many count as one of an active-set method in a limit of iterations.
+#: OSQP's iterations are cheap: iteration_limit counts this many as one of an active-set method. Engineering judgement.
 ITERATIONS = 50
-#: Its words for a status.
-WORDS = {
+#: OSQP's texts for a status.
+STATUS_TEXTS = {
     "solved": SOLVED,
     "primal infeasible": INFEASIBLE,
     "maximum iterations reached": LIMIT,
@@ -27,7 +27,7 @@ WORDS = {
 
 
 def osqp_workspace(H: np.ndarray, rows: np.ndarray, iteration_limit: int, **options: Any) -> Any:
-    """OSQP's object for 1/2 x' H x + f' x with bounds on `rows` x. options: its settings, by its own names."""
+    """OSQP's solver for 1/2 x' H x + f' x with bounds on `rows` x. options: settings by OSQP's names."""
     import osqp
     from scipy import sparse
 
@@ -65,7 +65,7 @@ class Osqp:
         self._problem.update(q=f, l=lower, u=upper)
         self._problem.warm_start(x=x, y=y)
         result = self._problem.solve(raise_error=False)
-        return QpSolution(WORDS.get(str(result.info.status), FAILED), result.x, result.y, int(result.info.iter))
+        return QpSolution(STATUS_TEXTS.get(str(result.info.status), FAILED), result.x, result.y, int(result.info.iter))
 
 
-solver = QpKind("osqp", "operator splitting, as exact as its tolerance, warm-started", False, Osqp)
+solver = QpKind("osqp", "operator splitting, accurate to its tolerance, warm-started", False, Osqp)

@@ -1,4 +1,4 @@
-"""The pipeline around a control law, compiled by numba; the stages once for all laws.
+"""The pipeline around a control law, compiled by numba; the stages are compiled once for all laws.
 
 In compiled functions a vector is a pointer (core/pointers.py): with arrays, whose slices count references, a law takes
 four times as long to compile and a closed loop 1.5 times as long to run (docs/theory/engine.md, "Cold start").
@@ -39,11 +39,11 @@ OFFSETS = "\n".join(
 def compiled_pipeline(law: Callable[..., float], uses: tuple[Callable[..., Any], ...]) -> Callable[..., float]:
     """The pipeline around a law, compiled: float64(reference, measured, memory, settings).
 
-    The first call ever compiles (about a second), later ones load the result.
+    The first call on a machine compiles (about a second); later ones load the result from a cache.
     """
     text = [IMPORTS, OFFSETS, f"from {_stages().__name__} import run_stages"]
     text += [pointer_function(function) for function in (*uses, law)]
-    # numba does not cache a function with a function as argument; a global name it does.
+    # numba caches no function with a function as argument, but one that uses a global function.
     text.append(f"law = {law.__name__}")
     text.append(f'@njit(inline="always")\n{pointer_text(_pipeline.pipeline, without="law")}')
     text.append(
@@ -66,20 +66,20 @@ def _stages() -> ModuleType:
 
 
 def pointer_function(function: Callable[..., Any]) -> str:
-    """Text of a function for numba, with pointers for vectors."""
+    """Source of a function for numba, with pointers for vectors."""
     return f'@njit(error_model="numpy")\n{pointer_text(function)}'
 
 
 def pointer_text(function: Callable[..., Any], without: str = "") -> str:
-    """`source_text` with pointers for vectors. Raises InputError for what a pointer can't do."""
+    """`source_text` with pointers for vectors. Raises InputError for a slice that a pointer lacks."""
     tree = _Pointers(function).visit(ast.parse(source_text(function, without)))
     return ast.unparse(ast.fix_missing_locations(tree))
 
 
 def source_text(function: Callable[..., Any], without: str = "") -> str:
-    """Source of a function for the compiled module: without annotations, docstring and the argument `without`.
+    """Source of a function for the compiled module, without annotations and the argument `without`.
 
-    Comments and docstrings are left out so that rewording them keeps the compiled file.
+    It has no comments and docstrings, so that rewording them does not compile it anew.
     """
     tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     assert isinstance(tree, ast.FunctionDef)
@@ -93,8 +93,8 @@ def source_text(function: Callable[..., Any], without: str = "") -> str:
 
 
 class _Pointers(ast.NodeTransformer):
-    """Rewrites slices of vectors, which pointers do not have: a slice as the address of its first element, an
-    assignment to a slice as a copy of memory, several targets for a vector as its elements."""
+    """Rewrites what pointers lack: a slice becomes the address of its first element, an assignment to a slice a copy of
+    memory, unpacking a vector one of its elements."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function

@@ -3,8 +3,8 @@
     I = load F + inertia a + viscous v + stiffness x + preload
         + sign(v) (coulomb + (static - coulomb) exp(-|v| / stribeck))
 
-in amperes, for the planned motion: free of noise, and without effect on stability. The coefficients are those of the
-model divided by the torque constant (paper, (8) to (10)); plant/motion_current.py computes them for a plant.
+in amperes. The planned motion has no noise, and feeding it forward does not affect stability. The coefficients are the
+model's divided by the torque constant (paper, (8) to (10)); plant/motion_current.py computes them for a plant.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings:
     """Current [A] for planned position, speed and acceleration (3,) and the measured force [N].
 
     settings: inertia [A s2/m], viscous [A s/m], stiffness [A/m], preload, coulomb, static [A], stribeck [m/s], load
-    [A/N], coefficient of the force filter. memory: filtered force [N], whether there was a sample.
+    [A/N], coefficient of the force filter. memory: filtered force [N], 1 after the first sample.
     """
     inertia, viscous, stiffness, preload, coulomb, static, stribeck, load, decay = settings
     if memory[1] == 0.0:
@@ -51,15 +51,15 @@ class Feedforward(Definition):
     coulomb: Ampere = Field(default=0.0, ge=0, description="current against Coulomb friction during motion")
     static: Ampere | None = Field(
         default=None,
-        description="current against friction at the start of a motion, at least `coulomb`; left out, `coulomb`",
+        description="current against friction at the start of a motion, at least `coulomb`, the default",
     )
     stribeck: Annotated[float, In("m/s")] = Field(
         default=0.01, gt=0, description="velocity over which the friction current falls from static to coulomb"
     )
     load: Annotated[float, In("A/N")] = Field(
         default=0.0,
-        description="current per measured load force, filtered with force_time. This is feedback: with a "
-        "position-dependent load it changes the stability margins",
+        description="current per measured load force, filtered with force_time. This is feedback: if the load depends "
+        "on position, it changes the stability margins",
     )
     force_time: Second = Field(default=0.01, ge=0, description="time constant of the force filter")
 

@@ -1,7 +1,7 @@
 """One sample of a controller: supervision, trajectory, friction compensation, feedforward, feedback law.
 
-`pipeline` runs plain or compiled (compiled.py). Each stage has its slice of one memory and one settings vector; a stage
-that is left out has neutral settings.
+`pipeline` runs in Python or compiled (compiled.py). Each stage has its slice of one memory and one settings vector;
+neutral settings switch a stage off.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .rest import decide_hold, knock, rest
 from .supervision import supervise
 from .trajectory import plan
 
-#: First index of each stage's memory and settings, and of the law's; the compiled text has them as numbers.
+#: First index of the memory and settings of each stage and of the law; the compiled text contains them as numbers.
 M_PLAN = _supervision.MEMORY
 M_FEED = M_PLAN + _trajectory.MEMORY
 M_REST = M_FEED + _feedforward.MEMORY
@@ -30,7 +30,7 @@ S_FEED = S_PLAN + _trajectory.SETTINGS
 S_REST = S_FEED + _feedforward.SETTINGS
 S_LAW = S_REST + _rest.SETTINGS
 
-#: Traces of every controller beside those of the law.
+#: Traces of every controller, in addition to those of its law.
 TRACES = {
     "status": 0,
     "planned_position": M_PLAN,
@@ -55,7 +55,7 @@ def run_stages(reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, 
     return extra + memory[M_REST + 1]
 
 
-#: Functions of the stages, each after those that it calls, for the compiler and the export to C.
+#: Functions of the stages, each after those that it calls, for compilation and the export to C.
 STAGES: tuple[Callable[..., Any], ...] = (supervise, plan, feedforward, knock, decide_hold, rest, run_stages)
 
 

@@ -1,16 +1,16 @@
 """Friction compensation at rest: deadband, knocker and dither.
 
-A PID on a plant with static friction above Coulomb friction has a limit cycle, whatever its gains (B. Armstrong, B.
-Amin, "PID control in the presence of static friction", Automatica 32(5), 1996): its integral winds up until the rod
-breaks away, and the slip that follows exceeds the error that caused it. After a planned motion has ended,
+A PID on a plant whose static friction exceeds Coulomb friction has a limit cycle, whatever its gains (B. Armstrong,
+B. Amin, "PID control in the presence of static friction", Automatica 32(5), 1996): its integral winds up until the rod
+breaks away, and the slip that follows exceeds the error that caused it. After the end of a planned motion act
 
 - a deadband: while the rod rests within a band around the target, the integral pauses and the law gets the averaged
   readings from the beginning of the rest, so that its current is constant and noise can't make the shaft creep;
-- a knocker: outside the band, short pulses towards the target with increasing height until the rod slips; the current
-  returns at once, so that the slip stays near the smallest possible one (after T. Hagglund, "A friction compensator for
+- a knocker: outside the band, short pulses of increasing height towards the target until the rod slips. Each pulse ends
+  at once, so that the slip stays near the smallest possible one (after T. Hagglund, "A friction compensator for
   pneumatic control valves", J. Process Control 12, 2002, whose pulses replace the integral's slow ramp).
 
-Dither, a fast sine against sticking, acts all the time.
+Dither, a fast sine, acts all the time.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def rest(planned: np.ndarray, readings: np.ndarray, memory: np.ndarray, settings
 
 
 def decide_hold(planned: np.ndarray, readings: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
-    """Next memory[0] of `rest`; updates the filters, the averages and the knocker."""
+    """The next memory[0] of `rest`; updates filters, averages and pulses."""
     band, release, rest_speed, decay = settings[0], settings[1], settings[2], settings[3]
     growth, largest, width, patience, forget = settings[5], settings[6], settings[7], settings[11], settings[12]
     if band == 0.0:
@@ -70,7 +70,7 @@ def decide_hold(planned: np.ndarray, readings: np.ndarray, memory: np.ndarray, s
         memory[14 + i] = decay * memory[14 + i] + (1.0 - decay) * readings[i]
     memory[4] += 1.0
     if memory[4] <= patience or abs(memory[3]) >= rest_speed:
-        # The rod moves: the next pulse may be lower.
+        # The rod moves, so that a lower pulse may do next time.
         memory[5], memory[6] = max(memory[5] - 2.0 * growth, 0.0), width
         return 0.0
     if abs(memory[2]) <= (release if memory[0] > 0.0 and memory[5] == 0.0 else band):
@@ -78,13 +78,13 @@ def decide_hold(planned: np.ndarray, readings: np.ndarray, memory: np.ndarray, s
         return 1.0
     if largest == 0.0:
         return 0.0
-    # Outside the band, with a knocker: the pulses replace the integral.
+    # Outside the band the pulses replace the integral.
     knock(memory, settings)
     return 1.0
 
 
 def knock(memory: np.ndarray, settings: np.ndarray) -> None:
-    """One sample of the knocker: adds its pulse to the additional current memory[1] of `rest`."""
+    """One sample of the knocker: adds its pulse to memory[1] of `rest`, the additional current [A]."""
     first, growth, largest, width, period = settings[4], settings[5], settings[6], settings[7], settings[8]
     direction = 1.0 if memory[2] > 0.0 else -1.0
     if memory[5] < first or direction != memory[8]:
@@ -98,7 +98,7 @@ def knock(memory: np.ndarray, settings: np.ndarray) -> None:
 
 
 class Knocker(Definition):
-    """[rest.knocker]: short pulses towards the target until a rod that rests outside the band slips."""
+    """[rest.knocker]: short pulses that move a rod at rest outside the band towards its target."""
 
     first: Ampere = Field(gt=0, description="height of the first pulse")
     growth: Ampere = Field(gt=0, description="increase from pulse to pulse")
@@ -116,18 +116,18 @@ class Knocker(Definition):
 class Rest(Definition):
     """[rest]: deadband for a rod that friction holds near its target."""
 
-    band: Metre = Field(gt=0, description="position error within which a resting rod is left alone")
+    band: Metre = Field(gt=0, description="position error within which a rod at rest is not corrected")
     release: Metre | None = Field(
-        default=None, description="position error at which control resumes; left out, 1.5 times the band"
+        default=None, description="position error at which control resumes; by default 1.5 times the band"
     )
     speed: RadianPerSecond = Field(default=1.2, gt=0, description="shaft speed below which the rod counts as at rest")
     filter_time: Second = Field(default=0.02, ge=0, description="time constant of the filter on error and speed")
     patience: Second = Field(default=0.06, ge=0, description="waiting time after the end of the planned motion")
     forget: bool = Field(
         default=False,
-        description="reset the integral at the start of the next motion to its value at the end of the last one",
+        description="at the start of a motion, reset the integral to its value at the end of the last motion",
     )
-    knocker: Knocker | None = Field(default=None, description="pulses that move a rod stuck outside the band")
+    knocker: Knocker | None = Field(default=None, description="pulses that move a rod at rest outside the band")
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Rest:

@@ -1,8 +1,7 @@
 """Supervision of the sensors.
 
-A lost reading (not a number) is replaced by the last good one for a limited time. A longer loss, a reading out of
-range,
-or a position inconsistent with the speed stops the loop: from then on the current is zero. Zero is the safe output,
+The last valid reading replaces a lost one (not a number) for a limited time. A longer loss, a reading out of range, or
+a position inconsistent with the speed stops the loop: from then on the current is zero. Zero is the safe output,
 because friction then locks the actuator.
 """
 
@@ -16,7 +15,7 @@ import numpy as np
 from ...core.controller_interface import MEASURED
 
 #: Trace `status` of a controller.
-STATUS = {0.0: "sound", 1.0: "a lost reading is replaced by the last good one", 2.0: "stopped: the current is zero"}
+STATUS = {0.0: "all readings valid", 1.0: "the last valid reading replaces a lost one", 2.0: "stopped: zero current"}
 #: Sizes of memory and settings of `supervise`.
 MEMORY, SETTINGS = 14, 13
 
@@ -24,9 +23,9 @@ MEMORY, SETTINGS = 14, 13
 def supervise(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
     """One sample: writes the validated readings to memory[1:6] and returns the status (see STATUS).
 
-    settings: samples a reading may be lost; largest |position| and |speed|; least and largest pressure; largest
-    discrepancy of position and speed [m]; rod travel per shaft angle [m/rad]; decay of the discrepancy per sample;
-    sample time; and for speed, p1, p2, position whether a loss counts.
+    settings: samples for which a reading may be lost; largest |position| and |speed|; least and largest pressure;
+    largest discrepancy of position and speed [m]; rod travel per shaft angle [m/rad]; decay of the discrepancy per
+    sample; sample time; for speed, p1, p2, position 1 if a loss counts.
     memory: status, validated readings (5), samples lost (5), discrepancy [m], last position and speed.
     """
     lost_allowed, x_max, omega_max, p_min, p_max, max_discrepancy, travel, decay, T_s = settings[:9]
@@ -46,8 +45,8 @@ def supervise(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) ->
         status = 2.0
     if min(memory[2], memory[3]) < p_min or max(memory[2], memory[3]) > p_max:
         status = 2.0
-    # Difference of the measured travel and that of the shaft speed, with slow decay so that leakage and compression of
-    # the oil don't accumulate.
+    # Measured travel minus that of the shaft speed, with a slow decay, so that leakage and compressibility don't
+    # accumulate.
     if memory[0] >= 0.0:
         memory[11] = decay * memory[11] + (x - memory[12]) - 0.5 * travel * T_s * (omega + memory[13])
     if abs(memory[11]) > max_discrepancy:
@@ -59,16 +58,16 @@ def supervise(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) ->
 
 @dataclass(frozen=True)
 class Supervision:
-    """Plausibility limits of a controller; the defaults only detect lost readings.
+    """Plausibility limits of the readings; by default only lost readings are detected.
 
     Attributes
     ----------
-    lost: s, how long a reading may be lost before the loop stops.
-    position, speed: largest size [m], [rad/s].
+    lost: s, for which a reading may be lost before the loop stops.
+    position, speed: largest magnitude [m], [rad/s].
     pressure_min, pressure_max: Pa.
-    contradiction: m, largest discrepancy of the rod's travel and that of the shaft's speed.
+    contradiction: m, largest discrepancy of the rod travel and the integrated shaft speed.
     travel: m/rad, rod travel per shaft angle D / A; needed for `contradiction`.
-    memory_time: s, time constant of the discrepancy's decay.
+    memory_time: s, time constant with which the discrepancy decays.
     """
 
     lost: float = 0.04

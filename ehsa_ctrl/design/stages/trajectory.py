@@ -1,10 +1,9 @@
 """Trajectory planning: the fastest motion to a target within limits of speed and acceleration.
 
-A step of the reference makes a loop wind up and overshoot. The planned motion is one that the actuator can follow; its
-speed and acceleration are fed forward. A reference that is smooth enough passes unchanged. Time-optimal for a double
-integrator: full acceleration towards the curve v^2 = 2 a |distance| from which full braking just stops at the target
-(L. S. Pontryagin's example; e.g. A. E. Bryson, Y.-C. Ho, "Applied Optimal Control", section 3.9), here in whole
-samples.
+A step of the reference makes a loop wind up and overshoot. The actuator can follow the planned motion instead, whose
+speed and acceleration are fed forward. A reference within the limits passes unchanged. The plan is time-optimal for a
+double integrator: full acceleration towards the curve v^2 = 2 a |distance|, from which full braking just stops at the
+target (e.g. A. E. Bryson, Y.-C. Ho, "Applied Optimal Control", section 3.9), here in whole samples.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ MEMORY, SETTINGS = 5, 4
 
 
 def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: np.ndarray) -> None:
-    """One sample: memory[0:3] becomes the planned position, speed and acceleration.
+    """One sample of the plan: memory[0:3] becomes planned position [m], speed [m/s] and acceleration [m/s2].
 
-    position: measured, the start of the first motion.
+    position: measured position [m], where the first motion starts.
     settings: largest speed [m/s] (0: the reference passes unchanged), largest acceleration [m/s2], least duration of a
     motion [s], sample time.
     memory: planned position, speed, acceleration; acceleration limit of the present motion (0 before the first sample);
@@ -41,11 +40,11 @@ def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: n
     if r_v != 0.0:
         memory[3] = a_top
     elif abs(r - memory[4]) > 0.25 * a_top * T_s * T_s and least > 0.0:
-        # The target jumped: a short stroke takes the least duration, s = a t^2 / 4 from rest to rest.
+        # The target jumped: a short stroke takes the least duration, with s = a t^2 / 4 from rest to rest.
         memory[3] = min(a_top, max(4.0 * abs(r - x) / (least * least), 0.1 * a_top))
     memory[4] = r
     a_max = memory[3]
-    # Remaining distance if the speed became the target's within this sample.
+    # Remaining distance if this sample brought the speed to that of the target.
     gap = r - x - 0.5 * T_s * (v + r_v)
     if abs(gap) <= 0.25 * a_max * T_s * T_s and abs(r_v - v) <= a_max * T_s:
         memory[3] = a_top
@@ -62,15 +61,15 @@ def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: n
 
 
 class TrajectoryLimits(Definition):
-    """[trajectory]: limits of the motion that replaces a jump of the target."""
+    """[trajectory]: limits of the planned motion that replaces a jump of the target."""
 
     speed: Annotated[float, In("m/s")] = Field(gt=0, description="largest rod velocity")
     acceleration: Annotated[float, In("m/s2")] = Field(gt=0, description="largest rod acceleration")
     duration: Second = Field(
         default=0.0,
         ge=0,
-        description="shortest duration of a motion from rest to rest; short strokes use less acceleration, at least "
-        "a tenth of the largest",
+        description="shortest duration of a motion from rest to rest; a short stroke uses less acceleration, but at "
+        "least a tenth of the limit",
     )
 
 

@@ -1,6 +1,6 @@
-"""The stationary Kalman filter on the measured speed, pressure difference and position.
+"""The stationary Kalman filter for measured speed, pressure difference and position.
 
-States and disturbances z = (x, d) together: the states are driven by white noise of the current, each disturbance is a
+It estimates states and disturbances z = (x, d). White noise on the current drives the states, and each disturbance is a
 random walk. White noise at the input also recovers the margins of state feedback that an observer loses (J. C. Doyle,
 G. Stein, "Robustness with observers", IEEE Trans. Automatic Control 24(4), 1979).
 """
@@ -25,12 +25,12 @@ class Observer(Definition):
 
     speed: RadianPerSecond = Field(default=0.5, gt=0, description="noise of the speed sensor")
     pressure: Pascal = Field(default=15e3, gt=0, description="noise of the pressure sensors")
-    # 20 um of noise, and the converter's steps of 10 um.
+    # 20 um of noise and 10 um of quantisation: sqrt(20^2 + 10^2 / 12).
     position: Metre = Field(default=20.2e-6, gt=0, description="noise of the position sensor")
     current: Ampere = Field(
-        default=0.1, gt=0, description="white process noise of the motor current; larger trusts the model less"
+        default=0.1, gt=0, description="white process noise of the motor current; a larger one trusts the model less"
     )
-    friction: Ampere = Field(default=0.3, gt=0, description="random walk of the friction disturbance in one second")
+    friction: Ampere = Field(default=0.3, gt=0, description="random walk of the friction current in one second")
     load: Newton = Field(default=100.0, gt=0, description="random walk of the load force in one second")
     leak: RadianPerSecond = Field(default=1.0, gt=0, description="random walk of the leakage disturbance in one second")
 
@@ -60,19 +60,19 @@ class Kalman:
 
     @property
     def poles(self) -> np.ndarray:
-        """Poles of the prediction error, in z."""
+        """Poles (n + d,) of the prediction error, in z."""
         return np.linalg.eigvals(self.A - self.A @ self.gain @ self.C)
 
     def start(self, still: tuple[int, ...] = ()) -> np.ndarray:
-        """Matrix (n + d, m) from the first measurement to an initial estimate at rest without current.
+        """Matrix (n + d, m) from the first measurement to the initial estimate, at rest without current.
 
-        With as many disturbances as measurements the estimate reproduces the measurement and is in equilibrium: a law
-        that compensates these disturbances asks for no current at the target position.
+        With as many disturbances as measurements the estimate reproduces the measurement and is in equilibrium, so that
+        a law that compensates them needs no current at the target position.
 
-        still: rows of y that are taken as zero, such as a speed that is only noise at the start.
+        still: rows of y taken as zero, such as a speed that is only noise at the start.
         """
         n = self.states
-        # Without disturbances no equilibrium explains a pressure: the states reproduce the measurement only.
+        # Without disturbances no equilibrium has a pressure: the states only reproduce the measurement.
         rest = (self.A - np.eye(len(self.A)))[:n] if n < len(self.A) else np.zeros((0, n))
         both = np.vstack([rest, self.C])
         size = np.max(np.abs(both), axis=1)
@@ -82,7 +82,7 @@ class Kalman:
 
 
 def design_kalman(model: DesignModel, noise: Observer) -> Kalman:
-    """The filter for a design model and noise levels, through python-control's `dlqe`.
+    """The filter for a design model and noise levels, by python-control's `dlqe`.
 
     Raises InputError if the measurements can't distinguish the disturbances.
     """
@@ -94,14 +94,14 @@ def design_kalman(model: DesignModel, noise: Observer) -> Kalman:
     c = np.hstack([model.C, np.zeros((model.C.shape[0], d))])
     if not full_rank(np.vstack([a - np.eye(n + d), c])):
         raise InputError(
-            f"the measurements {', '.join(model.signals)} can't tell the disturbances "
-            f"{', '.join(model.disturbances)} apart"
+            f"the measurements {', '.join(model.signals)} can't distinguish the disturbances "
+            f"{', '.join(model.disturbances)}"
         )
     walks = np.array([getattr(noise, name) for name in model.disturbances]) / model.disturbance_scale
     Q = noise.current**2 * np.outer(b, b) + np.diag(np.r_[np.zeros(n), model.sample_time * walks**2])
     sd = {"speed": noise.speed, "pressure": np.sqrt(2.0) * noise.pressure, "position": noise.position}
     R = np.diag([sd[name] ** 2 for name in model.signals])
-    # In units of standard deviations: variances of metres and pascals in one equation lose digits.
+    # Measurements in units of their standard deviation: variances in m2 and Pa2 in one equation lose digits.
     unit = np.sqrt(np.diag(R))
     _, covariance, _ = control.dlqe(a, np.eye(n + d), c / unit[:, None], Q, np.eye(unit.size))
     covariance = 0.5 * (covariance + covariance.T)

@@ -2,9 +2,9 @@
 
     x+ = A x + B u + E d,    d+ = d,    y = C x
 
-d are constant disturbances that an observer estimates: a current at the motor (friction, a wrong torque constant), a
-force on the rod (the load) and a lost speed of the pump (leakage). With as many disturbances as measurements, a law
-that compensates their estimates has no steady-state error (U. Maeder, F. Borrelli, M. Morari, "Linear offset-free model
+d are constant disturbances that an observer estimates: a current at the motor (friction, torque constant error), a
+force on the rod (load) and a loss of pump speed (leakage). With as many disturbances as measurements, a law that
+compensates their estimates has no steady-state error (U. Maeder, F. Borrelli, M. Morari, "Linear offset-free model
 predictive control", Automatica 45(10), 2009).
 """
 
@@ -22,7 +22,7 @@ from ..analysis.sampled import readings, scaled_matrices, state_scales
 if TYPE_CHECKING:
     import control
 
-#: SI value of a force of 1, so that all disturbances are of similar size.
+#: SI value of a scaled force of 1, so that all disturbances have a similar magnitude.
 FORCE_SCALE = 1e3
 #: Measured signals in the order of y, each a combination of channels.
 SIGNALS: dict[str, dict[str, float]] = {
@@ -38,9 +38,9 @@ class DesignModel:
 
     Attributes
     ----------
-    A (n, n), B (n,), E (n, d), C (m, n): see above; E's columns per `disturbance_scale` [A, N, rad/s].
+    A (n, n), B (n,), E (n, d), C (m, n): see above; a disturbance of 1 is `disturbance_scale` [A, N, rad/s].
     scale: (n,) SI value of a state of 1.
-    states, signals, disturbances: names; signals are those of SIGNALS that the model has.
+    states, signals, disturbances: names; signals are those of SIGNALS that the model's outputs give.
     disturbance_scale: (d,) SI value of a disturbance of 1.
     pick: (m, 5) from the channels MEASURED to y.
     sample_time: s.
@@ -66,7 +66,7 @@ class DesignModel:
 
     @property
     def without_disturbance(self) -> DesignModel:
-        """The same model without disturbances: for a law with an integral, or without offset-free action."""
+        """The same model without disturbances, for an LQI or a law with steady-state error."""
         return replace(self, E=self.E[:, :0], disturbances=(), disturbance_scale=self.disturbance_scale[:0])
 
 
@@ -78,19 +78,19 @@ def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool
     system: continuous; input current, optionally F_D; outputs x, optionally omega and dP (or P_1, P_2).
     scaled: False leaves the states in SI units (for comparison).
 
-    Raises InputError for a sample time at which a mode is aliased, and for a model that is in discrete time, has no
-    current or no position, or can't be stabilised by the current or observed by the measurements.
+    Raises InputError for a sample time that aliases a mode, and for a model that is in discrete time, lacks current or
+    position, or is not stabilisable by the current and detectable from the measurements.
     """
     from scipy.signal import cont2discrete
 
     if not system.isctime() or "current" not in system.input_labels:
-        raise InputError(f"the model {system.name} is no continuous model with an input current; linearise the plant")
+        raise InputError(f"the model {system.name} must be continuous and have the input current; linearise the plant")
     modes = system.poles()
     fastest = float(np.max(np.abs(modes.imag)))
     if not 0 < sample_time < np.inf or fastest >= np.pi / sample_time:
         raise InputError(
-            f"sample_time = {sample_time:g} s does not fit: the model has a mode at {fastest:.4g} rad/s, so that at "
-            f"most {np.pi / max(fastest, 1e-9):.3g} s can tell it from a slower one"
+            f"sample_time = {sample_time:g} s does not fit: the model has a mode at {fastest:.4g} rad/s, so that "
+            f"sampling needs at most {np.pi / max(fastest, 1e-9):.3g} s not to alias it"
         )
     labels = list(system.state_labels)
     scale = state_scales(system) if scaled else np.ones(len(labels))
@@ -99,15 +99,15 @@ def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool
     pick = np.array([[parts.get(channel, 0.0) for channel in MEASURED] for parts in SIGNALS.values()])
     there = np.any(pick @ c != 0.0, axis=1)
     signals = tuple(name for name, seen in zip(SIGNALS, there, strict=True) if seen)
-    columns, sizes = {"friction": b[:, 0]}, {"friction": 1.0}
+    columns, units = {"friction": b[:, 0]}, {"friction": 1.0}
     if "F_D" in system.input_labels:
         columns["load"] = inputs[:, system.input_labels.index("F_D")] * FORCE_SCALE
-        sizes["load"] = FORCE_SCALE
+        units["load"] = FORCE_SCALE
     if {"omega", "dP"} <= set(labels):
         pump = np.zeros(len(labels))
         pump[labels.index("dP")] = -a[labels.index("dP"), labels.index("omega")] / scale[labels.index("omega")]
-        columns["leak"], sizes["leak"] = pump, 1.0
-    # More of them than measurements would not be observable.
+        columns["leak"], units["leak"] = pump, 1.0
+    # More disturbances than measurements would not be observable.
     disturbances = tuple(columns)[: len(signals)]
     e = np.column_stack([columns[name] for name in disturbances])
     transition, held, *_ = cont2discrete((a, np.hstack([b, e]), np.eye(len(labels)), 0.0), sample_time)
@@ -121,15 +121,15 @@ def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool
         states=tuple(labels),
         signals=signals,
         disturbances=disturbances,
-        disturbance_scale=np.array([sizes[name] for name in disturbances]),
+        disturbance_scale=np.array([units[name] for name in disturbances]),
         pick=pick[there],
         sample_time=sample_time,
     )
 
 
 def full_rank(matrix: np.ndarray) -> bool:
-    """Whether a matrix has full rank, after equilibration of its rows and columns, which differ in units (D. Ruiz,
-    "A scaling algorithm to equilibrate both rows and columns norms in matrices", 2001)."""
+    """Whether a matrix has full rank, after equilibration of rows and columns in different units (D. Ruiz, "A scaling
+    algorithm to equilibrate both rows and columns norms in matrices", 2001)."""
     balanced = np.abs(matrix).astype(float)
     rows, columns = np.ones((matrix.shape[0], 1)), np.ones((1, matrix.shape[1]))
     for _ in range(10):

@@ -1,11 +1,10 @@
-"""The feedback law of an MPC: the quadratic programme of each sample, and a current for samples without a solution.
+"""The feedback law of an MPC: the quadratic programme of each sample, and a fallback for samples without a solution.
 
-Estimate and target are those of the state feedback. Without an active limit the current is the LQR's. A sample without
-a
-solution in time is bridged: the first one by the next current of the last plan, further ones by the LQR's current, both
-within the limits of current and rate.
+Estimate and target are those of the state feedback. Without an active limit the current is the LQR's. The first sample
+without a solution in time takes the next current of the last plan, further ones the LQR's current, both within the
+limits of current and rate.
 
-`Mpc` runs in Python around a solver; `mpc_law` is the same sample as text for the export to C.
+`Mpc` runs in Python around a solver; `mpc_law` is the same sample for the export to C.
 """
 
 from __future__ import annotations
@@ -26,11 +25,11 @@ from .state_feedback import StateFeedback, estimate, predict, regulator_current,
 if TYPE_CHECKING:
     import control
 
-#: Trace `solver_status`: origin of the current.
+#: Trace `solver_status`: where the current comes from.
 STATUS = {
     0.0: "solved",
-    1.0: "solved; a soft limit is passed",
-    2.0: "no solution: the next current of the plan before",
+    1.0: "solved; a soft limit is violated",
+    2.0: "no solution: the next current of the last plan",
     3.0: "no solution: the regulator's current within the limits",
 }
 #: Trace `solver_reason`: how the solver ended.
@@ -39,9 +38,9 @@ REASON = {
     1.0: "infeasible",
     2.0: "the limit of iterations or time is reached",
     3.0: "the solver failed",
-    4.0: "solved too late",
+    4.0: "solved after the deadline",
 }
-#: Relative violation from which a soft limit counts as violated; the exact solver leaves 1e-9.
+#: Relative violation above which a soft limit counts as violated; the tolerance of the exact solver is 1e-9.
 VIOLATED = 1e-6
 #: Places in the MPC's part of the memory: traces, then the last current and the age of the plan, then the plan.
 _STATUS, _REASON, _ITERATIONS, _TIME, _VIOLATION, _LAST, _AGE, _PLAN = range(8)
@@ -96,7 +95,7 @@ def pose_problem(
 
 
 def apply_plan(reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, target: float) -> float:
-    """Current of a sample after the solver: of the new plan, else bridged within the limits of current and rate.
+    """Current [A] of a sample after the solver: from the new plan, or the fallback within limits of current and rate.
 
     memory, settings: as in `pose_problem`; the trace of the reason is 0 for a new plan. target: Gamma w [A].
     """
@@ -111,7 +110,7 @@ def apply_plan(reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, 
         own[_VIOLATION], own[_STATUS], own[_AGE] = violation, 1.0 if violation > VIOLATED else 0.0, 0.0
         wanted = own[_PLAN] + target
     else:
-        # No warm start from an iterate that is no solution.
+        # An unsolved iterate is no warm start.
         for i in range(bounds):
             own[_PLAN + unknowns + i] = 0.0
         own[_VIOLATION] = 0.0
@@ -124,10 +123,10 @@ def apply_plan(reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, 
             wanted = regulator_current(reference[0], reference[1], reference[2], memory, feedback)
         if not isfinite(wanted):
             wanted = -extra
-        bridged = min(max(wanted + extra, -limit), limit)
+        fallback = min(max(wanted + extra, -limit), limit)
         if change > 0.0:
-            bridged = min(max(bridged, own[_LAST] - change), own[_LAST] + change)
-        wanted = bridged - extra
+            fallback = min(max(fallback, own[_LAST] - change), own[_LAST] + change)
+        wanted = fallback - extra
     current = min(max(wanted + extra, -limit), limit)
     own[_LAST] = current
     predict(current - extra, target, memory, feedback)
@@ -142,7 +141,7 @@ SAMPLE_FUNCTIONS = (
 
 @cache
 def _compiled() -> Any:
-    """Functions that run each sample beside the solver, compiled; the first compilation takes about 3 s."""
+    """SAMPLE_FUNCTIONS compiled; the first compilation takes about 3 s."""
     from ...core.compiled import load_compiled
     from ..stages.compiled import IMPORTS, source_text
 
@@ -162,8 +161,8 @@ class Mpc:
     feedback: the law without limits: model, target, observer and regulator.
     problem: the quadratic programme. solver: a key of QP_SOLVERS.
     iteration_limit: of the solver, per sample.
-    deadline: s, after which a solution is too late; None waits for it. With one, a run depends on the machine.
-    external: a solver of this problem in place of the named one.
+    deadline: s, after which a solution is discarded; None waits for it. With one, a run depends on the machine.
+    external: a solver of this problem that replaces the named one.
     """
 
     feedback: StateFeedback
@@ -208,7 +207,7 @@ class Mpc:
 
     @cached_property
     def _behind(self) -> int:
-        """Length of the feedback's memory, with which an MPC's begins."""
+        """Length of the feedback's memory, which precedes the MPC's own."""
         return int(self.feedback.initial_memory().size)
 
     @property
@@ -253,7 +252,7 @@ class Mpc:
         return self.settings_with(self.matrices)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the solver's workspace, which can't be pickled; another process makes its own."""
+        """Without the solver's workspace, which can't be pickled; another process creates its own."""
         return {name: value for name, value in self.__dict__.items() if name != "qp"}
 
     def settings(self) -> np.ndarray:
@@ -316,10 +315,11 @@ class Mpc:
 def solve_qp(
     f: np.ndarray, lower: np.ndarray, upper: np.ndarray, x: np.ndarray, y: np.ndarray, iterations: np.ndarray
 ) -> float:
-    """Placeholder of the generated solver: x and y are the start and, if it returns 0, the solution; otherwise it
-    returns a key of REASON. iterations[0]: their number.
+    """Stands for the generated solver, which exists in C only.
+
+    x, y: start and, if it returns 0, solution; any other result is a key of REASON. iterations[0]: their number.
     """
-    raise NotImplementedError("the solver is written in C")
+    raise NotImplementedError("this solver exists only as C code")
 
 
 def mpc_law(

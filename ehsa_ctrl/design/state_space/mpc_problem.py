@@ -8,12 +8,11 @@ Over the horizon i = 0 ... N - 1, with xi and mu as in regulator.py,
                 |speed|, |pressure difference|, |position| <= (1 + s) their limits at i = 1 ... N,  s >= 0,
 
 where u_i = mu_i + Gamma w_i and x_i = xi_i + Pi w_i along the planned motion of `motion_ahead`. The limits of the
-current
-are hard: they are always feasible, because the last current keeps them. The others may be infeasible (a rod that
-already is too fast) and are soft, with one slack s per limit, relative to it, for the whole horizon. The terminal cost
-is the regulator's cost-to-go: without an active limit the first current is that of the LQR.
+current are hard: they are always feasible, because the last current satisfies them. The others may be infeasible (a rod
+that is already too fast) and are soft, with one slack s per limit, relative to it, for the whole horizon. The terminal
+cost is the regulator's cost-to-go: without an active limit the first current is that of the LQR.
 
-The states are eliminated (condensing): theta = (mu_0 ... mu_(N-1), s ...).
+Condensing eliminates the states: theta = (mu_0 ... mu_(N-1), s ...).
 """
 
 from __future__ import annotations
@@ -30,14 +29,14 @@ from .kalman import Pascal
 from .model import DesignModel
 from .regulator import MOTION, Cost, Regulator, Target
 
-#: Position error [m] that scales the penalty of soft limits, about a full stroke. The penalty must outweigh what
-#: violating a limit would gain, else a feasible limit is violated.
-FAR = 0.1
+#: Position error [m] that scales the penalty of soft limits, about a full stroke: the penalty must exceed the cost that
+#: a violation saves, or the optimum violates a feasible limit.
+LARGE_ERROR = 0.1
 AmperePerSecond = Annotated[float, In("A/s")]
 
 
 class Limits(Definition):
-    """[limits] beside current_limit; a limit that is left out does not apply."""
+    """[limits] in addition to current_limit; a limit that is left out does not apply."""
 
     current_rate: AmperePerSecond | None = Field(
         default=None, gt=0, description="rate of change of the current; a hard limit"
@@ -51,14 +50,12 @@ class Limits(Definition):
     pressure: Pascal | None = Field(
         default=None, gt=0, description="pressure difference p1 - p2; a soft limit as speed"
     )
-    stroke: Metre | None = Field(
-        default=None, gt=0, description="rod position, to either side of 0; a soft limit as speed"
-    )
+    stroke: Metre | None = Field(default=None, gt=0, description="magnitude of the rod position; a soft limit as speed")
     penalty: Annotated[float, In("1")] = Field(default=10.0, gt=0, description="weight of soft limits, see speed")
 
     @property
     def soft(self) -> dict[str, float]:
-        """Signal of the design model -> its limit."""
+        """Signal of the design model -> its soft limit [rad/s, Pa, m]."""
         pairs = ("speed", self.speed), ("pressure", self.pressure), ("position", self.stroke)
         return {signal: limit for signal, limit in pairs if limit is not None}
 
@@ -66,8 +63,8 @@ class Limits(Definition):
 def motion_ahead(reference: np.ndarray, sample_time: float, horizon: int, motion: np.ndarray) -> None:
     """Extrapolate a planned motion over the horizon: motion (3 (N + 1),) of position, velocity, acceleration.
 
-    A law knows the plan of the present sample alone. Braking goes on to standstill; otherwise the speed stays, because
-    an acceleration that went on would soon exceed the speed limit, which the plan keeps.
+    A law knows only the present sample of the plan. Braking continues to standstill. Otherwise the speed is constant,
+    because the plan stops accelerating at its speed limit.
     """
     x, v, a = reference[0], reference[1], reference[2]
     motion[0], motion[1], motion[2] = x, v, a
@@ -88,7 +85,7 @@ class MpcProblem:
     Attributes
     ----------
     model, target, cost, regulator: of the law without limits.
-    horizon: N. current_limit: A. limits: the others.
+    horizon: N. current_limit: A. limits: all others.
     """
 
     model: DesignModel
@@ -101,19 +98,18 @@ class MpcProblem:
 
     def __post_init__(self) -> None:
         for signal in self.limits.soft:
-            self.model.row(signal)  # raises InputError for a limit on a signal that the model lacks
+            self.model.row(signal)  # raises InputError for a signal that the model lacks
 
     @property
     def penalty(self) -> float:
         """Cost of exceeding a soft limit by its own size."""
         c = self.model.row("position")
-        far = c * (FAR / (c @ c))
-        return float(self.limits.penalty * far @ self.regulator.P[: c.size, : c.size] @ far)
+        error = c * (LARGE_ERROR / (c @ c))
+        return float(self.limits.penalty * error @ self.regulator.P[: c.size, : c.size] @ error)
 
     @property
     def parameters(self) -> int:
-        """Number of parameters p: states and disturbances (scaled), the motion ahead (row by row), mu_before, extra and
-        the last current."""
+        """Length of p: scaled states and disturbances, planned motion (row by row), mu_before, extra, last current."""
         return self.model.A.shape[0] + self.model.E.shape[1] + MOTION * (self.horizon + 1) + 3
 
 
@@ -137,7 +133,7 @@ class Condensed:
 
 
 def condense(problem: MpcProblem) -> Condensed:
-    """Eliminate the states: the unknowns are the currents and the slacks."""
+    """Eliminate the states; the unknowns are currents and slacks."""
     model, target, regulator, N = problem.model, problem.target, problem.regulator, problem.horizon
     n, d = model.E.shape
     soft, k = problem.limits.soft, problem.parameters

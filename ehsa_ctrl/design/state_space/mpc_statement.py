@@ -1,6 +1,6 @@
-"""The quadratic programme of an MPC in cvxpy, with the states as unknowns: the reference for the condensed one.
+"""The quadratic programme of an MPC in cvxpy, with the states as unknowns: a reference for the condensed problem.
 
-Some hundred times too slow for the loop, it verifies solutions with any solver of cvxpy.
+Far too slow for the loop; it verifies solutions with any solver of cvxpy.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .regulator import MOTION
 
 
 class MpcStatement:
-    """An MPC's problem for cvxpy, with parameters that change from sample to sample."""
+    """An MPC's problem in cvxpy, with parameters that change from sample to sample."""
 
     def __init__(self, problem: MpcProblem) -> None:
         self.problem = problem
@@ -69,6 +69,6 @@ class MpcStatement:
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:
-    """Symmetric and clearly above zero, so that it has a root."""
+    """The symmetric part, made positive definite for its Cholesky factor."""
     both = 0.5 * (matrix + matrix.T)
     return both + 1e-14 * np.trace(both) * np.eye(len(both))

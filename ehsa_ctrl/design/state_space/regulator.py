@@ -1,19 +1,19 @@
 """The target of states and current for a reference, and the linear quadratic regulator of the error from it.
 
-Target. The reference (position, velocity, acceleration) and the disturbances d are outputs of w+ = S w with constant
-acceleration and disturbances. Then x = Pi w, u = Gamma w with
+Target. w = (position, velocity, acceleration, d) obeys w+ = S w with constant acceleration and disturbances d. Then
+x = Pi w, u = Gamma w with
 
     A Pi + B Gamma + [0 E] = Pi S,    c Pi = [1 0 0 0 ...]
 
-follow it without lag and steady-state error; these are the regulator equations (B. A. Francis, W. M. Wonham, "The
-internal model principle of control theory", Automatica 12(5), 1976).
+follow the reference without lag and steady-state error; these are the regulator equations (B. A. Francis,
+W. M. Wonham, "The internal model principle of control theory", Automatica 12(5), 1976).
 
 Regulator. The error xi = x - Pi w, mu = u - Gamma w obeys xi+ = A xi + B mu, and the cost
 
     sum  xi' Q xi + R mu^2 + R_rate (mu - mu_before)^2 + Q_integral q^2,    q+ = q - T c xi
 
-has the law mu = -K xi - K_before mu_before - K_integral q. R_rate smooths the current; the integral of the position
-error replaces estimated disturbances in a law without them.
+gives the law mu = -K xi - K_before mu_before - K_integral q. R_rate smooths the current; the integral q replaces the
+estimated disturbances in an LQI.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class Cost:
 
     Attributes
     ----------
-    Q: (n, n), symmetric and at least zero, on the states of the design model.
+    Q: (n, n), positive semidefinite, on the states of the design model.
     R: 1/A2, greater than 0. R_rate: 1/A2, on the change of the current from sample to sample.
-    Q_integral: 1/(m s)2 on the integral of the position's error; 0 for none.
+    Q_integral: 1/(m s)2 on the integral of the position error; 0 for none.
     """
 
     Q: np.ndarray
@@ -47,16 +47,16 @@ class Cost:
     Q_integral: float = 0.0
 
     def require(self, model: DesignModel) -> None:
-        """Raises InputError for weights that don't fit the model."""
+        """Raises InputError for weights of the wrong shape or sign."""
         n = model.A.shape[0]
         if np.shape(self.Q) != (n, n):
             raise InputError(
-                f"the weight Q has the shape {np.shape(self.Q)}; expected ({n}, {n}), one row a state of "
+                f"the weight Q has the shape {np.shape(self.Q)}; expected ({n}, {n}), one row per state of "
                 f"{', '.join(model.states)}"
             )
         sizes = np.linalg.eigvalsh(0.5 * (self.Q + np.transpose(self.Q)))
         if not np.allclose(self.Q, np.transpose(self.Q)) or np.min(sizes) < -1e-9 * max(np.max(sizes), 1e-300):
-            raise InputError("the weight Q must be symmetric and must not reward any error")
+            raise InputError("the weight Q must be symmetric and positive semidefinite")
         if not (0 < self.R < np.inf and 0 <= self.R_rate < np.inf and 0 <= self.Q_integral < np.inf):
             raise InputError(
                 f"weights R = {self.R:g}, R_rate = {self.R_rate:g}, Q_integral = {self.Q_integral:g}; expected R > 0 "
@@ -73,7 +73,7 @@ def weight_matrix(model: DesignModel, deviations: dict[str, float]) -> np.ndarra
 
 @dataclass(frozen=True)
 class Regulator:
-    """Gains of the regulator with the problem that they solve.
+    """Gains of the regulator, and the problem that they solve.
 
     Attributes
     ----------
@@ -94,15 +94,15 @@ class Regulator:
 
     @property
     def poles(self) -> np.ndarray:
-        """Poles of the closed loop with known states, in z; one at 0 belongs to mu_before."""
+        """Poles (N,) of the closed loop with known states, in z; one at 0 belongs to mu_before."""
         gains = np.r_[self.K, self.before, [self.integral] * (len(self.A) - len(self.K) - 1)]
         return np.linalg.eigvals(self.A - np.outer(self.B, gains))
 
 
 def design_regulator(model: DesignModel, cost: Cost) -> Regulator:
-    """The regulator for a design model and its cost, through python-control's `dlqr`.
+    """The regulator for a design model and a cost, by python-control's `dlqr`.
 
-    Raises InputError for weights of the wrong shape or sign, or without effect on a mode that does not decay.
+    Raises InputError for weights of the wrong shape or sign, and for weights that leave a mode undamped.
     """
     import control
 
@@ -119,18 +119,18 @@ def design_regulator(model: DesignModel, cost: Cost) -> Regulator:
         gains, P, poles = control.dlqr(a, b[:, None], Q, np.array([[R]]), cross[:, None])
     except (np.linalg.LinAlgError, control.ControlArgument) as error:
         raise InputError(
-            f"these weights give no regulator ({error}): a mode that does not decay needs a weight; "
+            f"these weights give no regulator ({error}): every mode that does not decay needs a weight; "
             "give [weights] position"
         ) from None
     if np.max(np.abs(poles)) >= 1.0:
-        raise InputError("these weights give a loop that is not stable: give [weights] position")
+        raise InputError("these weights give an unstable loop: give [weights] position")
     K = np.asarray(gains)[0]
     return Regulator(K[:n], float(K[n]), float(K[n + 1]) if whole > n + 1 else 0.0, P, a, b, Q, cross, R)
 
 
 @dataclass(frozen=True)
 class Target:
-    """Pi (n, 3 + d), Gamma (3 + d,) and S (3 + d, 3 + d), see above."""
+    """Solution Pi (n, 3 + d), Gamma (3 + d,) of the regulator equations above, and S (3 + d, 3 + d)."""
 
     Pi: np.ndarray
     Gamma: np.ndarray
@@ -140,7 +140,7 @@ class Target:
 def solve_target(model: DesignModel) -> Target:
     """Solve the regulator equations of a design model for its position.
 
-    Raises InputError for a plant whose position can't be held or moved steadily by the current (a zero at z = 1).
+    Raises InputError for a plant with a zero at z = 1, whose position the current can't hold or move steadily.
     """
     n, d, T = model.A.shape[0], model.E.shape[1], model.sample_time
     c = model.row("position")
@@ -159,7 +159,7 @@ def solve_target(model: DesignModel) -> Target:
     right = np.concatenate([-driven.T.ravel(), wanted.ravel()])
     if not full_rank(both):
         raise InputError("the current can't hold or move the position steadily: the plant has a zero at z = 1")
-    # Positions in m beside states of size 1: rows of equal size keep the digits.
+    # Equations in m and in scaled states differ in size; equal rows keep the digits.
     rows = np.max(np.abs(both), axis=1)
     solution = np.linalg.solve(both / rows[:, None], right / rows)
     return Target(solution[: n * k].reshape(k, n).T, solution[n * k :], S)

@@ -4,9 +4,8 @@ Each sample corrects the estimate z = (x, d) by the measurement, then
 
     u = Gamma w - K (x - Pi w) - K_before mu_before - K_integral q,    w = (planned motion, d),
 
-and the prediction for the next sample uses the current after limitation. The additional current of feedforward and
-friction compensation (`extra`) is subtracted first: it balances friction, which is not in the linear model, and would
-be predicted as motion.
+and the prediction for the next sample uses the limited current without `extra`, the current of feedforward and friction
+compensation: that balances friction, which the linear model lacks, so that the model would predict motion from it.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ HEAD, STATE = 18, 4
 
 
 def estimate(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, hold: float) -> None:
-    """Correct the prediction by the measurement; memory and settings as in `state_feedback`."""
+    """Correct the prediction in memory by the readings (5,); memory and settings as in `state_feedback`."""
     n, m, free = int(settings[0]), int(settings[1]), int(settings[2])
     c, g, pick, start = int(settings[10]), int(settings[11]), int(settings[16]), int(settings[17])
     predicted, z = 4, 4 + n
@@ -46,7 +45,7 @@ def estimate(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, hol
             if settings[pick + 5 * j + i] != 0.0:
                 innovation += settings[pick + 5 * j + i] * measured[i]
         if not isfinite(innovation):
-            continue  # a lost reading corrects nothing; nan would stay in the estimate for ever
+            continue  # a lost reading: nan would stay in the estimate for ever
         if first:
             for i in range(n):
                 memory[z + i] += settings[start + i * m + j] * innovation
@@ -59,7 +58,7 @@ def estimate(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, hol
     if first:
         memory[0] = 1.0
         y = measured[3] if isfinite(measured[3]) else 0.0
-        # The rod is at rest and needs no current yet: the integral starts with the negative of what the gains ask for.
+        # At rest no current is needed yet: the integral starts where it cancels the current of the gains.
         memory[2] = -target_current(y, 0.0, 0.0, memory, settings)
         if settings[6] != 0.0:
             memory[1] = regulator_current(y, 0.0, 0.0, memory, settings) / settings[6]
@@ -79,7 +78,7 @@ def target_current(
 def regulator_current(
     position: float, velocity: float, acceleration: float, memory: np.ndarray, settings: np.ndarray
 ) -> float:
-    """u of the law above, without limits [A]."""
+    """Current u [A] of the law above, without limits."""
     n, k_z, k_r = int(settings[0]), int(settings[12]), int(settings[13])
     current = settings[k_r] * position + settings[k_r + 1] * velocity + settings[k_r + 2] * acceleration
     for i in range(n):
@@ -87,15 +86,15 @@ def regulator_current(
     return current - settings[5] * memory[2] - settings[6] * memory[1]
 
 
-def predict(used: float, known: float, memory: np.ndarray, settings: np.ndarray) -> None:
-    """Predict the next sample from the model's current [A]; `known` is its target's."""
+def predict(used: float, target: float, memory: np.ndarray, settings: np.ndarray) -> None:
+    """Predict the next sample from the current `used` [A] of the model; `target` is Gamma w [A]."""
     n, a, b = int(settings[0]), int(settings[8]), int(settings[9])
-    memory[2], memory[3] = used - known, used
+    memory[2], memory[3] = used - target, used
     for i in range(n):
-        moved = settings[b + i] * used
+        predicted = settings[b + i] * used
         for k in range(n):
-            moved += settings[a + i * n + k] * memory[4 + n + k]
-        memory[4 + i] = moved
+            predicted += settings[a + i * n + k] * memory[4 + n + k]
+        memory[4 + i] = predicted
 
 
 def state_feedback(
@@ -103,21 +102,21 @@ def state_feedback(
 ) -> float:
     """One sample of the law above.
 
-    settings: sizes of z, of y and of x in z; current limit, sample time, K_before, K_integral, share of a saturation
+    settings: sizes of z, of y and of x in z; current limit, sample time, K_before, K_integral, fraction of a saturation
     that back-calculation removes from the integral per sample; first indices of A, B, C, gain, K_z, K_r, F_z, F_r,
     pick and start, then these matrices (see `StateFeedback.matrices`).
-    memory: whether there was a sample, q, mu_before, the feedback's current, z predicted (n), z (n).
+    memory: 1 after the first sample, q, mu_before, the feedback's current, predicted z (n), z (n).
     """
     limit, T_s, integral, share = settings[3], settings[4], settings[6], settings[7]
     estimate(measured, memory, settings, hold)
-    known = target_current(reference[0], reference[1], reference[2], memory, settings)
+    target = target_current(reference[0], reference[1], reference[2], memory, settings)
     wanted = regulator_current(reference[0], reference[1], reference[2], memory, settings)
-    given = min(max(wanted + extra, -limit), limit)
-    used = given - extra
+    current = min(max(wanted + extra, -limit), limit)
+    used = current - extra
     if integral != 0.0 and hold == 0.0 and isfinite(measured[3]):
         memory[1] += T_s * (reference[0] - measured[3]) - share * (used - wanted) / integral
-    predict(used, known, memory, settings)
-    return given
+    predict(used, target, memory, settings)
+    return current
 
 
 @dataclass(frozen=True)
@@ -126,9 +125,9 @@ class StateFeedback:
 
     Attributes
     ----------
-    model, target, kalman, regulator: the parts of the design.
+    model, target, kalman, regulator: results of the design steps.
     current_limit: A.
-    tracking_time: s, time constant of the integral's back-calculation (LQI).
+    tracking_time: s, time constant of back-calculation of an LQI's integral.
     """
 
     model: DesignModel
