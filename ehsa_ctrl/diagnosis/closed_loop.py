@@ -13,8 +13,6 @@ from ..core.controller_interface import MEASURED
 from ..core.errors import InputError
 from ..core.result import as_dict
 from ..plant.file import label, symbol_of
-from ..scenario.metrics import METRICS
-from ..scenario.result import failures_of
 from .signals import gap, scored_signals, signal_noise
 
 if TYPE_CHECKING:
@@ -51,6 +49,7 @@ class LoopComparison:
     failures: plant -> exceeded limits of scenario and plant, in sentences.
     replay: the closed-loop gap, if the log was recorded under this loop.
     loops: plant -> simulation.
+    units: metric -> SI unit.
     """
 
     scenario: str
@@ -59,6 +58,7 @@ class LoopComparison:
     failures: Mapping[str, tuple[str, ...]]
     replay: LoopReplay | None = None
     loops: Mapping[str, ClosedLoop] = field(default_factory=dict, repr=False)
+    units: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Content of closed_loop.json, SI units."""
@@ -66,8 +66,8 @@ class LoopComparison:
         return as_dict(
             self, "scenario controller failures", plants=list(self.metrics),
             metrics={
-                name: {**{word: values[name] for word, values in self.metrics.items()}, "unit": METRICS[name].unit}
-                for name in METRICS
+                name: {**{word: values[name] for word, values in self.metrics.items()}, "unit": unit}
+                for name, unit in self.units.items()
             },
             passed={word: not reasons for word, reasons in self.failures.items()},
             replay=replay and as_dict(replay, "gap seconds", current_not_of_this_loop=replay.current_difference),
@@ -111,18 +111,15 @@ def compare_loops(
         kept = {name: value for name, value in settings.items() if found.improved[name] == found.plant[name]}
         plants[words[1]] = found.improved.set(**kept)
     loops = {word: case.simulate(plant) for word, plant in plants.items()}
-    metrics = {word: case.metrics(loop) for word, loop in loops.items()}
-    expected = case.scenario.definition.expect_trips
-    failures = {
-        word: failures_of(case.check_limits(metrics[word]), loop.trajectory, expected) for word, loop in loops.items()
-    }
+    evaluated = {word: case.evaluate(loop, every_metric=True) for word, loop in loops.items()}
     return LoopComparison(
         case.scenario.name,
         case.controller.name,
-        metrics,
-        failures,
+        {word: one.metrics for word, one in evaluated.items()},
+        {word: one.failures for word, one in evaluated.items()},
         _replay(case, plants, found) if replay else None,
         loops,
+        case.metric_units,
     )
 
 

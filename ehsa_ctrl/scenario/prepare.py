@@ -24,7 +24,7 @@ from ..simulation.sensors import Sensors
 from .baseline_file import baseline_files, read_baseline
 from .definition import Scenario, load_scenario
 from .disturbances import faults_of
-from .metrics import loop_metrics
+from .metrics import METRICS, loop_metrics
 from .plant_data import check_controller_limits
 from .result import LimitCheck, failures_of
 from .uncertainty import uncertainty_of
@@ -103,12 +103,17 @@ class PreparedScenario:
             shortest=wanted is None or bool({"ShortestTime", "SettlingRatio"} & {*wanted}),
         )
 
-    def evaluate(self, loop: ClosedLoop) -> Evaluation:
-        """Metrics, limits and failures of a run; slow metrics only if the scenario limits one of them."""
+    def evaluate(self, loop: ClosedLoop, *, every_metric: bool = False) -> Evaluation:
+        """Metrics, limits and failures of a run; slow metrics only with `every_metric` or where one is limited."""
         definition = self.scenario.definition
-        metrics = self.metrics(loop, wanted=tuple(definition.limits))
+        metrics = self.metrics(loop, wanted=None if every_metric else tuple(definition.limits))
         checks = self.check_limits(metrics)
         return Evaluation(metrics, checks, failures_of(checks, loop.trajectory, definition.expect_trips))
+
+    @property
+    def metric_units(self) -> dict[str, str]:
+        """Name -> SI unit of every metric."""
+        return {name: metric.unit for name, metric in METRICS.items()}
 
     def check_limits(self, metrics: Mapping[str, float]) -> tuple[LimitCheck, ...]:
         """Check metrics [SI units] against the scenario's limits."""
