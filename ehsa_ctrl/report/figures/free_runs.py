@@ -22,7 +22,7 @@ from ...identification.identification import Identification
 from ..outcome import after_model, after_words
 from ..signals import Shown, Signal, liveliest, shown, signal_shown
 from ..style import BLACK, BLUE, GREY, ROLES
-from ..text import number, percent
+from ..text import percent
 from . import _panels as panel
 from ._layout import LEGEND_LINE, header_legend, share_x, sheet
 
@@ -214,12 +214,12 @@ def identification_figure(identification: Identification, index: int = 0) -> Fig
         runs = {"measured": after.log[name], "before": before.simulated.get(name), "after": after.simulated.get(name)}
         lines = {role: np.asarray(values) for role, values in runs.items() if values is not None}
         fits = [
-            f"{word} –" if math.isnan(fit) else f"{word} {number(fit).replace('-', '−')} %"
+            f"{word} –" if math.isnan(fit) else f"{word} {fit:.1f} %".replace("-", "−")
             for word, fit in (("before", before.fit_percent[name]), ("after", after.fit_percent[name]))
         ]
         traces.append(Trace(name, shown(name), lines, "\n".join(["fit", *fits])))
     title = f"{plant.name} ({plant.model}) and {log.name}, {'held out' if held_out else 'used to identify'}"
-    return _whole_and_detail(title, log.time, traces, liveliest(log, drives[0]), {}, detail="most lively second")
+    return _whole_and_detail(title, log.time, traces, liveliest(log, drives[0]), {}, detail="detail")
 
 
 @draw.register

@@ -56,11 +56,12 @@ def loop_sentence(loop: Mapping[str, Any]) -> str:
 def fit_table(caption: str, columns: Mapping[str, Mapping[str, float | None]]) -> Table:
     """Fits in percent: one row per channel, one column per run."""
     channels = dict.fromkeys(channel for fits in columns.values() for channel in fits)
-    rows = [[channel, *map(_fit, (fits.get(channel) for fits in columns.values()))] for channel in channels]
+    rows = [[channel, *map(fit_text, (fits.get(channel) for fits in columns.values()))] for channel in channels]
     return Table(caption, ["channel", *columns], rows)
 
 
-def _fit(percent: float | None) -> str:
+def fit_text(percent: float | None) -> str:
+    """A fit in percent to a tenth; differences below that mean nothing."""
     return NOTHING if percent is None else f"{percent:.1f}"
 
 

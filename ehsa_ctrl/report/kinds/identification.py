@@ -13,7 +13,7 @@ from ..page import Kind, Page, Paragraph, Picture, Points, Section, Table, mark
 from ..signals import shown
 from ..text import NOTHING, percent, uncertain, unit, value_text
 from ._identification_verdict import determined, range_sentence, value_at_end, verdict, weights
-from ._tables import findings_section, fit_table, plant_name, settings_of
+from ._tables import findings_section, fit_table, fit_text, plant_name, settings_of
 
 Model = Mapping[str, Any]
 
@@ -160,7 +160,7 @@ def _parameter(name: str, p: Model) -> list[str]:
 def _run(run: Model) -> list[str]:
     known = {channel: fit for channel, fit in run["fit_percent"].items() if fit is not None}
     worst = min(known, key=lambda channel: known[channel], default="")
-    fit = f"{value_text(known[worst])} % ({worst})" if worst else NOTHING
+    fit = f"{fit_text(known[worst])} % ({worst})" if worst else NOTHING
     story = f"starts {run['start']}" + (f"; {run['stopped']}" if run["stopped"] else "")
     return [run["log"], "used" if run["use"] == "train" else "held out", fit, story]
 
