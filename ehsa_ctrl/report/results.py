@@ -62,7 +62,8 @@ class StoredResult:
     @cached_property
     def provenance(self) -> Section:
         """Section with facts, assumed parameters, input files, versions and the command."""
-        head = ["plant", "name", "value", "range", "note"]
+        several = len({row["plant"] for row in self.assumed}) > 1
+        head = [*(["plant"] if several else []), "name", "value", "range", "note"]
         rows = [[label(row[key]) if key == "name" else row[key] for key in head] for row in self.assumed]
         files = [f"{digits} {name}" for name, digits in self.rests_on.get("files", {}).items()]
         command = self.rests_on.get("command")

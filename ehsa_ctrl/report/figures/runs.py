@@ -16,6 +16,7 @@ from ...scenario.baseline import SIGNALS as RECORDED
 from ...scenario.result import ScenarioResult
 from ...simulation.closed_loop import ClosedLoop
 from ...simulation.trajectory import Trajectory
+from ..closed_loop import plant_title
 from ..signals import SIGNALS
 from ..style import GREY, PRESSURES, PURPLE, ROLES, SKY
 from . import _panels as panel
@@ -175,10 +176,10 @@ def closed_figure(loops: Mapping[str, ClosedLoop], title: str) -> Figure:
         lines: list[Artist] = [panel.draw(places["x"], time, reference, ROLES["reference"] | HELD)]
         rows = {}
         for role, (word, loop) in zip(("before", "after"), loops.items(), strict=False):
-            look = ROLES[role] | {"label": f"{word} plant"}
+            look = ROLES[role] | {"label": plant_title(word)}
             lines.append(_loop(places, loop, look, ()))
             stuck = panel.phases(loop.trajectory.time, loop.trajectory.sticks("rod"))
-            rows[f"{word}: sticks"] = (stuck, look["color"])
+            rows[f"{plant_title(word)}: rod sticks"] = (stuck, look["color"])
         axes["strip"].set_xlim(time[0], time[-1])
         for name, ax in places.items():
             panel.set_range(ax, SIGNALS[name])
