@@ -211,7 +211,7 @@ def test_the_end_has_the_provenance(identified, fitting):
     page = Page(identified)
     words = "".join(page.words)
 
-    assert {row[1] for row in page.table("plant", "name", "value")} >= {"K_T"}
+    assert {row[0] for row in page.table("name", "value", "range")} >= {"K_T"}
     assert "steps.csv" in words and WARNING.sentence in words
     assert f"{fitting.starts[0][0]}: {number(fitting.starts[0][1])}" in words
     assert fitting.provenance["numpy"] in words

@@ -164,14 +164,14 @@ def test_trips_are_told_apart_by_what_was_expected(page, harsh):
 
 def test_the_end_has_the_provenance(page, gentle):
     """Assumed parameters with value, unit and note; settings of the runs and versions."""
-    rows = {row[1]: row for row in page.table("plant", "name", "value")}
+    rows = {row[0]: row for row in page.table("name", "value", "range")}
     runs = page.table("scenario", "controller", "sample time\nms")
     assumed = {label(name) for name, p in gentle.plant.parameters.items() if p.source == "assumed"}
     words = "".join(page.words)
 
     assert assumed <= set(rows) and "K_T" in assumed
-    assert rows["K_T"][2:4] == ["1.2 N m/A", "0.87 to 1.6 N m/A"]
-    assert rows["K_T"][4] == gentle.plant.parameters["K_T"].note
+    assert rows["K_T"][1:3] == ["1.2 N m/A", "0.87 to 1.6 N m/A"]
+    assert rows["K_T"][3] == gentle.plant.parameters["K_T"].note
     assert runs[0] == ["gentle", "pid_position", "4", "7", "on", "0", "1e-6"]
     assert gentle.nonlinear.trajectory.provenance["numpy"] in words
 

@@ -91,11 +91,11 @@ def test_a_result_alone_is_a_page(tree, name):
     path = write_result_page(folder, name)
     again = write_result_page(folder, name).read_bytes()
     page = Page(path.read_text(encoding="utf-8"))
-    rows = {row[1]: row for row in page.table("plant", "name", "value")}
+    rows = {row[0]: row for row in page.table("name", "value", "range")}
 
     assert path.name == kinds()[name].page and path.read_bytes() == again
     assert page.wrong == [] and page.open == []
-    assert rows["K_T"][3] == "0.87 to 1.6 N m/A"
+    assert rows["K_T"][2] == "0.87 to 1.6 N m/A"
     assert "ehsa-ctrl <do> it" in "".join(page.words)
 
 
