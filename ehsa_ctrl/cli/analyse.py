@@ -1,4 +1,4 @@
-"""`ehsa-ctrl analyse`: the linear model and its loops through python-control, and the worst case of many plants."""
+"""`ehsa-ctrl analyse`: the linear model and its loops, through python-control, and the worst case over many plants."""
 
 from __future__ import annotations
 
@@ -24,44 +24,45 @@ def command(
         str | None,
         typer.Option(
             metavar="A[,B]",
-            help="Show the margins of the loop with these controllers.",
+            help="Controllers (names or files) whose loops are analysed.",
             autocompletion=several_controllers,
         ),
     ] = None,
     model: Annotated[
         str,
         typer.Option(
-            help="linear: the identified linear set; nonlinear: linearised while sliding.", autocompletion=models
+            help="linear: the plant's linear set; nonlinear: its nonlinear set, linearised during sliding.",
+            autocompletion=models,
         ),
     ] = "linear",
     position: Annotated[
-        str, typer.Option(help="Rod position of the operating point, m (nonlinear); several: each is tried.")
+        str, typer.Option(help="Rod positions of the operating points, m; for --model nonlinear, e.g. '0,50 mm'.")
     ] = "0",
     velocity: Annotated[
-        str, typer.Option(help="Rod speed of the operating point, m/s (nonlinear); several: each is tried.")
+        str, typer.Option(help="Rod velocities of the operating points, m/s; for --model nonlinear.")
     ] = "0.05",
     stiffness: Annotated[
-        str, typer.Option(help="Springs to try the loop with, e.g. '0,50 kN/m,100 kN/m'; N/m without a unit.")
+        str, typer.Option(help="Load stiffnesses to check the loop with, N/m, e.g. '0,50 kN/m,100 kN/m'.")
     ] = "",
-    mass: Annotated[str, typer.Option(help="Masses of the load to try the loop with, e.g. '0,100 kg'.")] = "",
+    mass: Annotated[str, typer.Option(help="Load masses to check the loop with, kg, e.g. '0,100 kg'.")] = "",
     draws: Annotated[int, typer.Option(min=0, help="Number of plants drawn from the parameters' uncertainty.")] = 0,
     covariance: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="identification.json whose covariance the draws have.")
+        Path | None, typer.Option(metavar="FILE", help="Draw from the covariance of this identification.json.")
     ] = None,
     spread: Annotated[
-        float, typer.Option(min=0, help="Relative sd of identified parameters for which none is known.")
+        float, typer.Option(min=0, help="Relative sd of identified parameters whose file states none.")
     ] = 0.05,
     assumed: Annotated[
-        bool, typer.Option("--assumed", help="Draw assumed parameters as well, uniformly between their bounds.")
+        bool, typer.Option("--assumed", help="Also draw assumed parameters, uniformly between their bounds.")
     ] = False,
     lag: Annotated[int, typer.Option(min=0, help="Samples of delay between measurement and current.")] = 0,
-    review: Annotated[bool, typer.Option("--review", help="Review each design, friction included.")] = False,
+    review: Annotated[bool, typer.Option("--review", help="Review each design, including friction.")] = False,
     seed: Annotated[int, typer.Option(help="Seed of the draws.")] = 0,
     settings: Settings = [],
 ) -> None:
-    """Poles, zeros, damping, DC gains and Bode figure of the plant's linear model; margins with a controller.
+    """Compute poles, zeros, damping, DC gains and Bode figure of the plant's linear model; margins of its loops.
 
-    With --draws or several conditions, also the worst margins among all of these plants, and which plant it is.
+    With --draws or several operating conditions, also find the plant with the worst margins.
 
     Examples: ehsa-ctrl analyse ehsa · ehsa-ctrl analyse ehsa --controller pid_position --out results/loop ·
     ehsa-ctrl analyse ehsa --controller pid_position,lqr_position --draws 200 --stiffness '0,50 kN/m,100 kN/m' --review
@@ -87,9 +88,12 @@ def command(
     )
     many = bool(draws) or len(at) > 1 or bool(stiffness or mass)
     if (many or review or lag) and not names:
-        raise InputError("draws, conditions, --lag and --review are about a loop; give its --controller")
+        raise InputError(
+            "--draws, --stiffness, --mass, --lag, --review and several operating points analyse a loop; name its "
+            "controller with --controller"
+        )
     if covariance is not None and not draws:
-        raise InputError("--covariance is what plants are drawn from; say how many with --draws")
+        raise InputError("--covariance is for drawing plants; give their number with --draws")
     ends = [f"-{Path(name).stem}" for name in names] if len(names) > 1 else [""] * len(names)
     figures = ["bode", *(f"{word}{end}" for word in ("loop", "nyquist") for end in ends)]
     output.check("analyse", "analysis.json", "report.html", figures=figures)
@@ -159,7 +163,7 @@ def _quantities(option: str, text: str, unit: str) -> list[float]:
 
 
 def _known(name: str, plant: Plant, settings: dict[str, str]) -> Known:
-    """Friction and noise for a review, from the nonlinear set where the file has one."""
+    """Friction and noise for a review, from the nonlinear set if the file has one."""
     from ..plant.load import load_plant, models_of
     from ..scenario.plant_data import known_of
 

@@ -1,4 +1,4 @@
-"""`ehsa-ctrl check`: validate every definition that can be found."""
+"""`ehsa-ctrl check`: validate plants, controllers and scenarios."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ def command(
     plant: Annotated[
         str | None,
         typer.Option(
-            help="Plant on whose linear model controllers are designed, and whose limits they must keep; else ehsa's "
-            "model.",
+            help="Plant for whose linear model and limits controllers are checked; by default ehsa's linear model.",
             autocompletion=plants,
         ),
     ] = None,

@@ -1,4 +1,4 @@
-"""`ehsa-ctrl compare`: a measured log beside the simulation that it drives."""
+"""`ehsa-ctrl compare`: a measured log against the simulation driven by its input."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def command(
     preparation: LogOptions,
     output: OutputOptions,
     model: Annotated[
-        str, typer.Option(help="linear, nonlinear or both (what the plant has).", autocompletion=models_or_both)
+        str, typer.Option(help="linear, nonlinear or both (those that the plant has).", autocompletion=models_or_both)
     ] = "both",
     settings: Settings = [],
 ) -> None:
-    """Overlay a log and the free run that its drive gives, and say how well they fit; no diagnosis.
+    """Overlay a log with a free-run simulation driven by its input, and compute the fit; no diagnosis.
 
     Examples: ehsa-ctrl compare log.csv --plant ehsa · ehsa-ctrl compare log.csv --plant my/rig.toml --model nonlinear
     --set load.stiffness=50e3 --from 2 --to 12 --zero p1,p2 --out results/compare
@@ -57,7 +57,7 @@ def command(
         raise SimulationError("; ".join(run.stopped for run in replays))
     for run in replays:
         if run.stopped:
-            warn(f"{run.plant.model} model: {run.stopped}; no fit is given")
+            warn(f"{run.plant.model} model: {run.stopped}; no fit is computed")
     missing = missing_information(read.raw, last)
     result: dict[str, Any] = {
         **comparison_dict(replays),
@@ -78,7 +78,7 @@ def command(
         save_all(comparison_figures(replays), draft)
 
     def print_result() -> None:
-        print(f"{last.name} beside {log.name}: {len(ready)} samples from {ready.time[0]:g} to {ready.time[-1]:g} s")
+        print(f"{last.name} against {log.name}: {len(ready)} samples from {ready.time[0]:g} to {ready.time[-1]:g} s")
         for step in steps:
             if step.kind != "read":
                 print(f"  {step}")
@@ -94,7 +94,7 @@ def command(
 
 
 def _time_series(replays: list[Comparison]) -> pandas.DataFrame:
-    """Measured channels, and a column for each simulated channel of each model, as position_linear."""
+    """Measured channels, and one column per simulated channel and model, e.g. position_linear."""
     first = replays[0].plant.model
     frame = replays[0].to_pandas().rename(columns=lambda name: name.replace("_simulated", f"_{first}"))
     for run in replays[1:]:

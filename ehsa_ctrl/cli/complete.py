@@ -1,6 +1,6 @@
-"""Shell completion: names of definitions, symbols of a plant, words of options.
+"""Shell completion: names of definitions, symbols of a plant, values of options.
 
-Nothing heavy is imported: names come from file names, titles and symbols from the TOML alone.
+Imports little, to answer fast: names come from file names, titles and symbols from the TOML files.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ LISTED = ("plants", "controllers", "kinds", "scenarios", "effects", "friction")
 
 
 def _definitions(kind: str) -> Callable[[str], Offer]:
-    """Names with their titles; TOML files where a path is begun."""
+    """Complete names, with titles; TOML files if a path is typed."""
 
     def offer(incomplete: str) -> Offer:
         from ..core.catalogue import Catalogue
@@ -32,7 +32,7 @@ def _definitions(kind: str) -> Callable[[str], Offer]:
 
 
 def _kinds(catalogue: str, *keys: str) -> Callable[[str], list[str]]:
-    """Values of a key in the definitions of a catalogue."""
+    """Complete the values that a key has in the definitions of a catalogue."""
 
     def offer(incomplete: str) -> list[str]:
         from ..core.catalogue import Catalogue
@@ -65,14 +65,14 @@ excitations = _words("noise", "steps", "sine", "ramp", "chirp", "multisine")
 
 
 def several_controllers(incomplete: str) -> Offer:
-    """Complete the last name of A,B,C; those before it are not offered again."""
+    """Complete the last name of A,B,C, without those before it."""
     *before, last = incomplete.split(",")
     start = "".join(f"{name}," for name in before)
     return [(f"{start}{name}", words) for name, words in controllers(last) if name not in before]
 
 
 def files(incomplete: str, *endings: str) -> Offer:
-    """Files of these endings and folders, below what is typed."""
+    """Folders, and files with these endings, that begin as typed."""
     folder = Path(incomplete if incomplete.endswith("/") else Path(incomplete).parent)
     start = incomplete[: incomplete.rfind("/") + 1]
     try:
@@ -94,7 +94,7 @@ def _read(path: Path) -> Mapping[str, Any]:
 
 
 def symbols(ctx: typer.Context, incomplete: str) -> Offer:
-    """Complete KEY= of --set: symbols and loads of the plant on the command line, with their values."""
+    """Complete KEY= of --set: parameters and loads of the plant on the command line, with their values."""
     if "=" in incomplete:
         return []
     return [(f"{name}=", words) for name, words in _symbols(ctx).items() if name.startswith(incomplete)]
@@ -129,7 +129,7 @@ def _symbols(ctx: typer.Context) -> dict[str, str]:
 
 
 def _plant(ctx: typer.Context) -> str:
-    """The plant on the command line; ehsa without one."""
+    """The plant on the command line, by default ehsa."""
     given = ctx.params.get("plant")
     if given is None and any(p.name == "plant" and p.param_type_name == "argument" for p in ctx.command.params):
         given = next(iter(ctx.args), None)

@@ -1,4 +1,4 @@
-"""Commented TOML of plants, controllers and scenarios for `ehsa-ctrl new`: a definition in its shipped template."""
+"""Commented TOML files for `ehsa-ctrl new`: an existing plant, controller or scenario filled into its template."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from ..simulation.limits import NAMES
 from .template import HOW, KeyLine, comment, fill, form_template, sections, template, to_toml
 
 QUANTITIES = 'Quantities are texts with any unit that converts ("20 mm", "50 kN/m"); the SI unit is in brackets.'
-#: Ends of the names of a model's tables.
+#: Tables of a model: [linear], [linear.parameters], [linear.estimation].
 PARTS = ("", ".parameters", ".estimation")
-#: Example of a limit in the metric's display unit; generous, so that it seldom fails a run.
+#: Example of a limit in the metric's display unit. Engineering judgement: generous, so that few runs exceed it.
 EXAMPLE_LIMITS = {"ms": "2000", "mm": "5", "%": "30", "A": "3", "J": "500"}
 
 
@@ -43,7 +43,7 @@ def plant_commands(base: str, name: str) -> list[str]:
 
 
 def plant_toml(base: str, name: str) -> str:
-    """The plant `base` in the template, as a file of another name. Raises InputError as load_plant does."""
+    """Template filled with the plant `base`, for a file NAME.toml. Raises InputError as load_plant does."""
     path = plants.find(base)
     models = {word: load_plant(path, model=word) for word in models_of(path)}
     channels = next(iter(models.values())).structure.system.channels
@@ -51,7 +51,7 @@ def plant_toml(base: str, name: str) -> str:
     start, end = text.index("# Sensor of the channel"), text.index("# Columns of the rig's")
     sensors = (text[start:end].replace("CHANNEL", word).replace("UNIT", CHANNEL_UNITS[word]) for word in channels)
     given = _titled(path, name)
-    # The comments describe the examples; columns that the plant sets have none.
+    # The template's comments describe its example columns, not those of the plant.
     columns = re.sub("  # .*", "", text[end:]) if "log" in given else text[end:]
     text = text[:start] + "".join(sensors) + columns
     log = {row.key for part in sections(text) if part.name == "log" for row in part.rows if isinstance(row, KeyLine)}
@@ -79,7 +79,7 @@ def plant_toml(base: str, name: str) -> str:
 
 
 def _effect_rows(plant: Plant) -> list[KeyLine | str]:
-    """Parameters of the effects that the plant does not have, switched off, with their typical values."""
+    """Parameters of the effects that the plant does not have: commented out, with their typical values."""
     rows: list[KeyLine | str] = [
         *comment("Parameters of effects that `effects` switches on by name, with their defaults:")
     ]
@@ -103,11 +103,11 @@ def controller_commands(name: str, plant: str | None = None) -> list[str]:
 
 
 def controller_toml(base: str, name: str, *, plant: str | None = None) -> str:
-    """The controller `base` in the template of its kind, as a file of another name.
+    """Template filled with the controller `base`, for a file NAME.toml.
 
-    plant: whose limits, sample time and scales the numbers of a shipped controller and the examples get.
+    plant: plant to whose limits, sample time and scales a shipped controller and the examples are rescaled.
 
-    Raises InputError: no such controller or plant, or one that is wrong.
+    Raises InputError for an unknown or invalid controller or plant.
     """
     path = controllers.find(base)
     kind, _ = read_controller(path)
@@ -150,14 +150,14 @@ def reference_kinds() -> list[str]:
 
 
 def scenario_of_kind(kind: str) -> str:
-    """The simplest shipped scenario with this kind of reference. Raises InputError where there is none."""
+    """Shortest shipped scenario with this kind of reference. Raises InputError if there is none."""
     if kind not in reference_kinds():
         raise InputError(f"--kind {kind!r}: no such kind of reference; {choices(kind, reference_kinds())}")
     found = {name: read_toml(path) for name, path in shipped("scenarios").items()}
     names = [name for name in found if found[name].get("reference", {}).get("kind") == kind]
     if not names:
         raise InputError(f"there is no scenario with kind = {kind!r} to start from; name one with --from")
-    # steps_spring is the example of the documentation.
+    # steps_spring comes first: the documentation uses it.
     return min(names, key=lambda name: (name != "steps_spring", len(str(found[name]))))
 
 
@@ -171,9 +171,9 @@ def scenario_commands(name: str) -> list[str]:
 
 
 def scenario_toml(base: str, name: str, *, plant: str | None = None, controller: str | None = None) -> str:
-    """The scenario `base` in the template, as a file of another name, with another plant or controller if given.
+    """Template filled with the scenario `base`, for a file NAME.toml, with another plant or controller if given.
 
-    Raises InputError: no such scenario, plant or controller, or one that is wrong.
+    Raises InputError for an unknown or invalid scenario, plant or controller.
     """
     begun = load_scenario(base)
     assert begun.path is not None
@@ -213,12 +213,12 @@ def scenario_toml(base: str, name: str, *, plant: str | None = None, controller:
 def _titled(path: Path, name: str) -> Any:
     """A definition as tomlkit parses it, with another title."""
     given = tomlkit.parse(path.read_text(encoding="utf-8"))
-    given["title"] = f"{name}, begun as {path.stem}"
+    given["title"] = f"{name}, started from {path.stem}"
     return given
 
 
 def _rescale(given: Any, plant: str | None, *, shipped_base: bool, keys: Iterable[str] = ()) -> Any:
-    """Rescale a shipped definition's numbers to a plant, in place; returns the function that rescales an example."""
+    """Rescale a shipped definition to a plant, in place; return the function that rescales a template's example."""
     if plant is None:
         return lambda key, value: value
     to_plant = rescaling_to(plant)
@@ -231,7 +231,7 @@ def _rescale(given: Any, plant: str | None, *, shipped_base: bool, keys: Iterabl
                 place = place.setdefault(table, {})
             place[last] = value
             place.item(last).trivia.comment = ""
-        # Its remarks are about the numbers of the shipped plant.
+        # The note is about the numbers of the shipped plant.
         given.pop("note", None)
     return to_plant.scale
 

@@ -18,37 +18,42 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FigureOptions:
-    """Figures that the designed loop must reach."""
+class SpecificationOptions:
+    """What the designed loop must reach."""
 
     bandwidth: Annotated[
-        str, typer.Option(help="'30 rad/s': crossover of a pid or cascade, else bandwidth from reference to position.")
+        str,
+        typer.Option(
+            help="Crossover of a pid or cascade, otherwise bandwidth from reference to position, e.g. '30 rad/s'."
+        ),
     ] = ""
-    phase_margin: Annotated[str, typer.Option(help="'60 deg'; makes a pid a classic design.")] = ""
-    Ms: Annotated[str, typer.Option("--Ms", help="Largest sensitivity |S|, 1.5.")] = ""
-    Mt: Annotated[str, typer.Option("--Mt", help="Largest complementary sensitivity |T|, 1.3.")] = ""
-    disk_margin: Annotated[str, typer.Option(help="Least disk margin, 0.7.")] = ""
-    noise_gain: Annotated[str, typer.Option(help="Most current per position noise, '8000 A/m'.")] = ""
+    phase_margin: Annotated[
+        str, typer.Option(help="Phase margin, e.g. '60 deg'; a pid is then loop-shaped instead of optimised.")
+    ] = ""
+    Ms: Annotated[str, typer.Option("--Ms", help="Largest sensitivity |S|, e.g. 1.5.")] = ""
+    Mt: Annotated[str, typer.Option("--Mt", help="Largest complementary sensitivity |T|, e.g. 1.3.")] = ""
+    disk_margin: Annotated[str, typer.Option(help="Least disk margin, e.g. 0.7.")] = ""
+    noise_gain: Annotated[str, typer.Option(help="Largest current noise per position noise, e.g. '8000 A/m'.")] = ""
 
 
 @dataclass(frozen=True)
 class KeyOptions:
-    """Keys of the TOML, by options."""
+    """Keys of the controller's TOML."""
 
     weight: Annotated[
-        list[str], typer.Option(metavar="KEY=VALUE", help="Of \\[weights]: position='0.5 mm'. Repeatable.")
+        list[str], typer.Option(metavar="KEY=VALUE", help="Key of \\[weights]: position='0.5 mm'. Repeatable.")
     ] = field(default_factory=list)
     limit: Annotated[
-        list[str], typer.Option(metavar="KEY=VALUE", help="Of \\[limits]: pressure='150 bar'. Repeatable.")
+        list[str], typer.Option(metavar="KEY=VALUE", help="Key of \\[limits]: pressure='150 bar'. Repeatable.")
     ] = field(default_factory=list)
     spec: Annotated[
         list[str], typer.Option(metavar="KEY=VALUE", help="Any key of the TOML: tuning.minimise=IE. Repeatable.")
     ] = field(default_factory=list)
-    current_limit: Annotated[str, typer.Option(help="Largest current, '6 A'.")] = ""
-    sample_time: Annotated[str, typer.Option(help="Sample time of the loop, '4 ms'.")] = ""
+    current_limit: Annotated[str, typer.Option(help="Largest current, e.g. '6 A'.")] = ""
+    sample_time: Annotated[str, typer.Option(help="Sample time of the loop, e.g. '4 ms'.")] = ""
 
     def dotted(self) -> dict[str, str]:
-        """Dotted key -> text. Raises InputError as `read_pairs`."""
+        """Dotted key -> text. Raises InputError as `read_pairs` does."""
         found = {f"weights.{key}": text for key, text in read_pairs(self.weight, "--weight").items()}
         found |= {f"limits.{key}": text for key, text in read_pairs(self.limit, "--limit").items()}
         found |= read_pairs(self.spec, "--spec")
@@ -60,30 +65,33 @@ def command(
     kind: Annotated[
         str,
         typer.Option(
-            help="pid, cascade, scheduled_pid, lqr, mpc: what `kind` may be in a TOML.", autocompletion=controller_kinds
+            help="Kind of controller: pid, cascade, scheduled_pid, lqr or mpc.", autocompletion=controller_kinds
         ),
     ],
-    figure_options: FigureOptions,
+    specification: SpecificationOptions,
     key_options: KeyOptions,
     output: OutputOptions,
     file: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE.toml", help="The controller; printed without it.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE.toml", help="File for the controller; by default it is printed."),
     ] = None,
-    title: Annotated[str, typer.Option(help="What the controller is for.")] = "",
+    title: Annotated[str, typer.Option(help="Title of the controller.")] = "",
     base: Annotated[
         str | None,
         typer.Option(
-            metavar="C", help="Controller whose other keys it takes; else a shipped one.", autocompletion=controllers
+            metavar="C",
+            help="Controller to take all other keys from; by default a shipped one of this kind.",
+            autocompletion=controllers,
         ),
     ] = None,
     freeze: Annotated[
-        bool, typer.Option("--freeze", help="Write a pid's gains instead of the specification they were designed from.")
+        bool, typer.Option("--freeze", help="Write a pid's gains instead of their specification.")
     ] = False,
     settings: Settings = [],
 ) -> None:
-    """Design a controller on the plant's linear model and write its TOML, with what it reached as comments.
+    """Design a controller on the plant's linear model and write its TOML, with its margins as comments.
 
-    The file holds the specification: it is designed again on the model of each plant that it is used with.
+    The TOML holds the specification: each plant that uses it gets a design on its own linear model.
 
     Examples: ehsa-ctrl design ehsa --kind pid --Ms 1.5 --noise-gain '8000 A/m' -o mine.toml --out results/mine ·
     ehsa-ctrl design ehsa --kind pid --bandwidth '35 rad/s' --phase-margin '60 deg' -o classic.toml ·
@@ -105,7 +113,7 @@ def command(
     output.check("design", "design.json", "report.html", figures=["loop", "nyquist", "step"])
     chosen, begun = starting_definition(kind, base)
     content = read_toml(begun)
-    figures = {word: text for word, text in vars(figure_options).items() if text}
+    figures = {word: text for word, text in vars(specification).items() if text}
     asked = key_options.dotted()
     content["title"] = title or f"{kind} designed for {plant}"
     content.pop("note", None)
@@ -115,12 +123,12 @@ def command(
     own: dict[str, Any] = {}
     defaults: dict[str, str] = {}
     unscaled: list[str] = []
-    # The numbers of a shipped controller are for the shipped EHSA; the plant of a user's own is not known.
+    # The numbers of a shipped controller are for the shipped EHSA; which plant a user's controller is for is unknown.
     if is_shipped("controllers", begun):
         rescaling = rescaling_to(plant, pairs)
         own, unscaled = rescaling.changes(content, definition_keys(chosen.file)), rescaling.unknown(content)
         content = with_values(content, chosen, {key: str(value) for key, value in own.items()})
-        # A [tuning] that the options add has a default of its own.
+        # If the options add a [tuning], the default of its noise_gain is for the shipped EHSA too.
         tuning = with_values(content, chosen, {**split_figures(chosen, figures)[0], **asked}).get("tuning", {})
         usual = f"{Tuning().noise_gain:g} A/m"
         if tuning and "noise_gain" not in tuning and rescaling.scale("tuning.noise_gain", usual) != usual:
@@ -132,9 +140,9 @@ def command(
     comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'default specification'}."]
     if own:
         scaled = ", ".join(f"{key} {value}" for key, value in own.items() if key not in asked)
-        comments.append(f"Begun as {begun.stem}, whose numbers are for the shipped EHSA; for this plant: {scaled}.")
+        comments.append(f"Started from {begun.stem}, a controller of the shipped EHSA; for this plant: {scaled}.")
     if unscaled:
-        comments.append(f"As in {begun.stem}, because {plant} does not state their scale: {', '.join(unscaled)}.")
+        comments.append(f"As in {begun.stem}, because {plant} gives no scale for them: {', '.join(unscaled)}.")
     text = (_with_gains(found) if freeze else found).toml([*comments, "On its linear model:"])
     result: dict[str, Any] = {
         "plant": plant,
@@ -172,13 +180,13 @@ def command(
 
 
 def _with_gains(found: ControllerDesign) -> ControllerDesign:
-    """The design with its gains in the file. Raises InputError for a law that has none to write."""
+    """The design with its gains in the file. Raises InputError for a controller that is not a pid."""
     from ..design.kinds.pid import Pid
     from ..design.specification import ALTERNATIVES
 
     law = found.controller.law
     if not isinstance(law, Pid):
-        raise InputError(f"--freeze is for kind = 'pid', which has gains to write; this is {found.controller.kind!r}")
+        raise InputError(f"--freeze is for kind = 'pid', but this kind is {found.controller.kind!r}; leave it out")
     content = {key: item for key, item in found.content.items() if key not in ALTERNATIVES}
     units = {"k_p": "A/m", "k_i": "A/(m s)", "k_d": "A s/m", "T_f": "s"}
     content["gains"] = {key: f"{getattr(law.gains, key):.9g} {unit}" for key, unit in units.items()}

@@ -1,4 +1,4 @@
-"""`ehsa-ctrl diagnose`: where a log and the simulation differ, which effect causes it, how far the gap shrinks."""
+"""`ehsa-ctrl diagnose`: where log and simulation differ, which effect causes it, how much of the gap it closes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..plant.plant import Plant
     from ..scenario.prepare import PreparedScenario
 
-#: Figures that a diagnosis has or may have.
+#: All figures that a diagnosis can have.
 FIGURES = ("signals", "where", "unknown_inputs", "candidates", "shrinkage")
 
 
@@ -33,44 +33,47 @@ class SingleLogOptions:
     """Options for the diagnosis of one log."""
 
     validate: Annotated[
-        Path | None, typer.Option(help="A second log to hold out; by default the last third of the log.")
+        Path | None, typer.Option(help="Second log, for validation; by default the last third of the log is held out.")
     ] = None
     before: Annotated[
-        Path | None, typer.Option(help="An earlier log of the same rig: find what changed since then.")
+        Path | None, typer.Option(help="Earlier log of the same rig, to find what has changed since.")
     ] = None
     scenario: Annotated[
         str | None,
-        typer.Option(help="Run this scenario on the nominal and on the improved plant.", autocompletion=scenarios),
+        typer.Option(help="Scenario to run on the nominal and on the improved plant.", autocompletion=scenarios),
     ] = None
     controller: Annotated[
         str | None, typer.Option(help="Controller instead of the scenario's own.", autocompletion=controllers)
     ] = None
     replay: Annotated[
-        bool, typer.Option("--replay", help="The log was recorded under that loop: compute the closed-loop gap.")
+        bool, typer.Option("--replay", help="The log was recorded in that closed loop: compute the closed-loop gap.")
     ] = False
 
     def check(self, logs: int, preparation: LogOptions) -> None:
-        """Raises InputError for options that do not go together."""
+        """Raises InputError for options that exclude each other."""
         for word in ("validate", "before", "scenario"):
             if getattr(self, word) is not None and logs > 1:
-                raise InputError(f"--{word} goes with one log, not with {logs}; diagnose them one by one")
+                raise InputError(f"--{word} is for a single log, but {logs} are given; diagnose them one by one")
         if self.validate is not None and self.before is not None:
-            raise InputError("--validate and --before don't go together: the last third of each log is held out")
+            raise InputError(
+                "--validate and --before exclude each other, because --before holds out the last third of each log; "
+                "leave one out"
+            )
         for option, given in (("--replay", self.replay), ("--controller", self.controller is not None)):
             if given and self.scenario is None:
                 raise InputError(f"{option} needs a scenario; name it with --scenario")
         if self.replay and (preparation.start is not None or preparation.stop is not None):
             raise InputError(
-                "--replay compares the log with the scenario from its first second; leave --from and --to out"
+                "--replay compares the whole log with the scenario from its beginning; leave out --from and --to"
             )
 
 
 @dataclass(frozen=True)
 class DiagnosisOutcome:
-    """The diagnosis of a log with all that its files show.
+    """The diagnosis of a log, and what else goes into its files.
 
-    change: where an earlier log was given. closed: where a scenario was given. steps: preparation of the logs, as JSON.
-    files: the logs.
+    steps: preparation of the logs, as JSON. files: the logs. change: None unless an earlier log was given.
+    closed: None unless a scenario was given.
     """
 
     found: Diagnosis
@@ -103,17 +106,21 @@ def command(
         "nonlinear"
     ),
     settings: Settings = [],
-    threshold: Annotated[float, typer.Option(help="Smallest gap of a signal that matters.")] = 0.03,
-    jobs: Annotated[int | None, typer.Option(help="Cores or workers to use; all by default.")] = None,
+    threshold: Annotated[
+        float, typer.Option(help="Smallest relevant gap of a signal, relative to its standard deviation.")
+    ] = 0.03,
+    jobs: Annotated[int | None, typer.Option(help="Number of cores to use; all by default.")] = None,
     backend: Annotated[str, typer.Option(help="For several logs: loky (processes) or threading.")] = "loky",
-    unchecked: Annotated[bool, typer.Option("--unchecked", help="Go on with a log that looks plainly wrong.")] = False,
+    unchecked: Annotated[
+        bool, typer.Option("--unchecked", help="Diagnose the log even if the checks find an error in it.")
+    ] = False,
 ) -> None:
-    """Find where the gap between a log and the nominal plant lies, which effect causes it, and how far it shrinks.
+    """Find where log and nominal plant differ, which effect causes the gap, and how much of it that effect closes.
 
-    Several logs get a folder each and a summary; after an interruption the same call continues.
+    Several logs get a folder each and a summary; after an interruption, the same command continues.
 
-    --from and --to are for the log, or each of several; a log of --validate or --before is used whole. A channel whose
-    zero or delay is corrected beforehand can't be found to have a wrong one.
+    --from and --to apply to each log that is diagnosed; logs of --validate and --before are used whole. --zero and
+    --align remove the offset or delay of a channel, so that the diagnosis can't find it.
 
     Examples: ehsa-ctrl diagnose log.csv --plant ehsa --out results/diagnosis · ehsa-ctrl diagnose log.csv --plant
     my/rig.toml --validate other.csv --set load.stiffness=50e3 --threshold 0.05 · ehsa-ctrl diagnose logs/*.csv --plant
@@ -143,7 +150,7 @@ def command(
     )
     outcome = _diagnose(nominal, logs[0], single, how, threshold=threshold, jobs=jobs, check=not unchecked)
     found, out = outcome.found, output.out
-    improved = _improved(out, found) if out is not None else None
+    improved = _improved_path(out, found) if out is not None else None
 
     def print_result() -> None:
         for sentence in preparation_sentences(outcome.steps, reading=False):
@@ -160,15 +167,15 @@ def command(
     if output.as_json:
         return
     if improved and found.plant.model == "nonlinear" and "linear" in models_of(improved):
-        print("  its linear parameters are unchanged; `identify --linear sliding` with this plant derives new ones")
+        print("  its linear parameters are unchanged; derive new ones with `identify --linear sliding` and this plant")
     for line in next_lines(found.experiment, out):
         print(line)
 
 
-def _improved(out: Path, found: Diagnosis) -> Path | None:
-    """File of the corrected plant; None where there is none, or none that could be written."""
-    there = found.improved is not None and found.plant.path is not None
-    return out / f"{found.plant.name}_improved.toml" if there else None
+def _improved_path(out: Path, found: Diagnosis) -> Path | None:
+    """File of the corrected plant; None without one, and for a plant that does not come from a file."""
+    exists = found.improved is not None and found.plant.path is not None
+    return out / f"{found.plant.name}_improved.toml" if exists else None
 
 
 def _diagnose(
@@ -200,7 +207,7 @@ def _diagnose(
     measured = read(log, how)
     second = read(single.validate, whole(how)) if single.validate is not None else None
     earlier = read(single.before, whole(how)) if single.before is not None else None
-    # Mistakes in the scenario are reported before the long work.
+    # Prepared now, so that an error in the scenario is reported before the long computation.
     case = prepare_case(single.scenario, single.controller, nominal) if single.scenario is not None else None
     if case is not None and single.replay:
         check_replay(case, nominal, measured)
@@ -237,11 +244,11 @@ def prepare_case(scenario: str, controller: str | None, plant: Plant) -> Prepare
     named = load_plant(plants.find(loaded.definition.plant, beside=loaded.path))
     if named.structure.system_name != plant.structure.system_name:
         raise InputError(
-            f"scenario {loaded.name} is for {named.name} ({named.structure.system_name}), the log of {plant.name} "
-            f"({plant.structure.system_name}); give a scenario of that system"
+            f"scenario {loaded.name} is for {named.name} ({named.structure.system_name}), but the log is of "
+            f"{plant.name} ({plant.structure.system_name}); give a scenario for {plant.structure.system_name}"
         )
     if named.path is not None and plant.path is not None and named.path.resolve() != plant.path.resolve():
-        warn(f"scenario {loaded.name} names plant {named.path}; here it is run on {plant.path}")
+        warn(f"scenario {loaded.name} names plant {named.path}, but runs on {plant.path} here")
     return prepare(loaded, controller=controller, plant=plant.path)
 
 
@@ -276,7 +283,7 @@ def _print_closed(closed: LoopComparison) -> None:
 
 
 def file_names(plant: Plant, *, before: bool = False, closed: bool = False) -> list[str]:
-    """Files that a diagnosis has or may have beside its figures, the main one first."""
+    """All files that a diagnosis can have besides its figures, the main one first."""
     from ..diagnosis.next_experiment import FILE
     from ..report.kinds.diagnosis import KIND
 
@@ -294,12 +301,12 @@ def next_lines(experiment: NextExperiment | None, out: Path | None) -> list[str]
     if out is not None:
         return [f"next experiment: {out / FILE}; on the virtual bench", f"  {experiment.command_in(out)}"]
     if FILE in experiment.command:
-        return [f"say --out DIR to have the next experiment's current as {FILE}"]
+        return [f"add --out DIR to write the next experiment's current to {FILE}"]
     return ["next experiment on the virtual bench", f"  {experiment.command}"]
 
 
 def write_files(out: Path, outcome: DiagnosisOutcome) -> None:
-    """The improved plant, tables of causes and signals, and figures."""
+    """Write the improved plant, tables of causes and signals, and figures."""
     from ..diagnosis.next_experiment import FILE
     from ..identification.plant_toml import write_plant
     from ..report.figures import closed_figure, save
@@ -312,7 +319,7 @@ def write_files(out: Path, outcome: DiagnosisOutcome) -> None:
     if change is not None:
         (out / "before.json").write_text(to_json(change.before.to_dict()) + "\n")
         write_plant(out / f"{change.rig.name}_before.toml", change.rig)
-    improved = _improved(out, found)
+    improved = _improved_path(out, found)
     if improved is not None and found.improved is not None:
         write_plant(improved, found.improved)
     signals_table(found).to_csv(out / "signals.csv", index=False, float_format="%.7g")

@@ -32,13 +32,13 @@ def diagnose_batch(
     backend: str,
     check: bool,
 ) -> None:
-    """Diagnose the logs, write OUT/NAME for each as it is done and OUT/summary.csv and .json at the end, print a table.
+    """Diagnose the logs: OUT/NAME for each as it is done, OUT/summary.csv and .json at the end, and a printed table.
 
-    A log that can't be read is a row with its error; one that can't be prepared as asked ends the command before any
-    work.
+    A log that can't be read gets a row with its error. A log that can't be prepared as the options ask ends the
+    command before the first diagnosis.
 
-    Raises InputError: a log given twice, an output folder of other diagnoses, a log that can't be prepared so. Exits
-    2 if no log could be diagnosed.
+    Raises InputError: a log given twice, an output folder with other diagnoses, a log that can't be prepared. Exits
+    with 2 if no log could be diagnosed.
     """
     from ..core.parallel import parallel_backend
     from ..core.result_folder import ResultFolder
@@ -53,7 +53,7 @@ def diagnose_batch(
         raise InputError(f"{twice}: is given twice; give it once")
     out, anew = output.out, output.force
     folders = dict(zip(map(str, logs), folder_names(logs), strict=True))
-    # The summary of the logs so far is replaced as they are continued.
+    # Continuing an interrupted batch replaces its summary.
     output = replace(output, force=True)
     output.check("diagnose_batch", "summary.json", "summary.csv", "report.html")
     record = out / "diagnoses.jsonl" if out is not None else None
@@ -84,7 +84,7 @@ def diagnose_batch(
         files=lambda draft: batch.to_pandas().to_csv(draft / "summary.csv", float_format="%.7g"),
     )  # fmt: skip
     if batch.interrupted:
-        kept = f"what was done is kept in {out}, and the same call goes on from there" if out is not None else ""
+        kept = f"finished logs are kept in {out}; the same command continues with the others" if out is not None else ""
         raise KeyboardInterrupt(kept)
     if len(batch.failed) == len(batch.rows):
         raise typer.Exit(2)
@@ -93,7 +93,7 @@ def diagnose_batch(
 def _prepare(
     nominal: Plant, logs: Sequence[Path], how: Preparation
 ) -> tuple[list[Path | Log], dict[str, list[dict[str, Any]]]]:
-    """The prepared logs and the preparation of each; a log that can't be read stays a path."""
+    """The prepared logs, and the preparation steps of each; a log that can't be read stays a path."""
     from .inputs import prepare, read_raw
 
     ready: list[Path | Log] = []
@@ -135,7 +135,7 @@ def _print(batch: LogBatch, out: Path | None) -> None:
         table.add_row(name, row.verdict, " or ".join(row.set), row.place, *numbers, after, f"{row.seconds:.0f}")
     console = Console(highlight=False)
     console.print(table)
-    console.print("gap, after: of all signals, on held-out data, of the nominal plant and with the causes")
+    console.print("gap, after: total gap on held-out data, of the nominal plant and with the causes added")
     for row in batch.failed:
         console.print(Text(row.error, "red"))
     words = ", ".join(f"{count} {word}" for word, count in batch.counts.items())

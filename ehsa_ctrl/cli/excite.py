@@ -1,4 +1,4 @@
-"""`ehsa-ctrl excite`: an input that makes a plant's free parameters identifiable."""
+"""`ehsa-ctrl excite`: design an input that makes a plant's free parameters identifiable."""
 
 from __future__ import annotations
 
@@ -19,33 +19,38 @@ if TYPE_CHECKING:
 def command(
     plant: PlantArgument,
     output: OutputOptions,
-    kind: Annotated[str, typer.Option(help="best, noise, multisine, steps, sine, chirp or ramp.")] = "best",
+    kind: Annotated[str, typer.Option(help="Input: best, noise, multisine, steps, sine, chirp or ramp.")] = "best",
     duration: Annotated[float, typer.Option(metavar="S", help="Length of the experiment.")] = 20.0,
     model: Model = "nonlinear",
     settings: Settings = [],
     free: Annotated[
         str,
         typer.Option(
-            metavar="K_T,beta", help="Parameters to identify as well; also bias.p1.", autocompletion=several_symbols
+            metavar="K_T,beta",
+            help="Further parameters to identify; also sensor errors: bias.p1.",
+            autocompletion=several_symbols,
         ),
     ] = "",
     fix: Annotated[
-        str, typer.Option(metavar="M", help="Parameters not to identify.", autocompletion=several_symbols)
+        str, typer.Option(metavar="M", help="Parameters to keep fixed.", autocompletion=several_symbols)
     ] = "",
     amplitude: Annotated[
-        float | None, typer.Option(metavar="A", help="Largest current; by default what the limits allow.")
+        float | None, typer.Option(metavar="A", help="Largest current; by default as large as the limits allow.")
     ] = None,
-    criterion: Annotated[str, typer.Option(help="worst (relative sd of a parameter) or D (volume).")] = "worst",
-    margin: Annotated[float, typer.Option(metavar="SHARE", help="Share of each limit that is left unused.")] = 0.15,
+    criterion: Annotated[
+        str,
+        typer.Option(help="Minimise the largest relative sd (worst) or the volume of the confidence region (D)."),
+    ] = "worst",
+    margin: Annotated[float, typer.Option(metavar="SHARE", help="Share of each limit to keep in reserve.")] = 0.15,
     spread: Annotated[
         float, typer.Option(metavar="SHARE", help="Relative parameter errors for which the limits must still hold.")
     ] = 0.3,
     rehearsals: Annotated[
-        int, typer.Option(help="Logs of the virtual bench that check the predicted standard deviations.", min=0)
+        int, typer.Option(help="Number of simulated logs that check the predicted standard deviations.", min=0)
     ] = 6,
     seed: Annotated[int, typer.Option(help="Seed of noise and parameter draws.", min=0)] = 0,
 ) -> None:
-    """Propose a current within the plant's limits, and predict the standard deviations that its log will give.
+    """Design a current within the plant's limits, and predict the parameters' standard deviations from its log.
 
     Examples: ehsa-ctrl excite ehsa --out results/excite · ehsa-ctrl excite ehsa --kind noise --duration 40 ·
     ehsa-ctrl excite my/rig.toml --set load.stiffness=50e3 --free K_T --fix M --margin 0.3 --out results/excite
@@ -83,12 +88,12 @@ def command(
     def print_result() -> None:
         print(found)
         if output.out is None:
-            print("say --out DIR to have the current as a file")
+            print("add --out DIR to write the current to a file")
 
     for name, trades in found.undetermined.items():
         warn(
             f"{name} is not determined by this input"
-            + (f"; it trades places with {', '.join(trades)}: --fix one of them" if trades else "")
+            + (f"; it trades off against {', '.join(trades)}: --fix one of them" if trades else "")
         )
     if found.check is not None and not found.check.passed:
         warn(str(found.check))
@@ -97,7 +102,7 @@ def command(
 
 
 def next_commands(found: ExperimentDesign, plant: str, settings: dict[str, str], out: Path | None) -> list[str]:
-    """The next commands: the virtual bench with this current, then identification from its log."""
+    """The next commands: simulate with this current, then identify from that log."""
     folder = out or Path("results/excite")
     set_options = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
     model = ["--model", found.plant.model]

@@ -25,10 +25,10 @@ def command(
     as_json: Json = False,
     force: Force = False,
 ) -> None:
-    """Write a controller as C99: the functions that were simulated, its settings, a test vector and its test.
+    """Write a controller as C99: the functions that the simulation runs, settings, a test vector and its test.
 
     The controller is designed on the plant's linear model; the test vector is a run on the nonlinear plant with noise,
-    a force pulse and lost readings. `make -C DIR test` compiles and replays it.
+    a force pulse and lost readings. `make -C DIR test` compiles the code and replays it.
 
     Examples: ehsa-ctrl export pid_position --out deploy/pid · ehsa-ctrl export mpc_position --plant my/rig.toml
     --set K_T=1.1 --out deploy/mpc

@@ -23,12 +23,12 @@ def command(
     """Write a plant as an FMU (FMI 2.0, co-simulation) for Simulink, Modelica tools, FMPy and the like.
 
     Inputs are current (A) and F_D (N, external force on the rod), outputs speed, p1, p2, velocity, position, force
-    and whether shaft and rod stick: true signals, no sensors. Each parameter of the plant can be set before the run.
-    The tool's steps may have any length; inputs are held over each, and sticking is exact inside.
+    and whether shaft and rod stick: true signals, without sensors. Each parameter of the plant can be set before the
+    run. Communication steps may have any length; inputs are held over each, and sticking is exact within it.
 
-    The plant's files and its engine's equations are inside, Python is not: where the FMU runs there must be Python with
-    ehsa_ctrl, on 64-bit Windows or Linux. On Linux start a tool that is not Python with LD_PRELOAD=libpython3.X.so.
-    Writing it needs pythonfmu, which comes with the extra `fmu` of ehsa_ctrl.
+    The FMU contains the plant and its equations, but not Python: the machine that runs it needs Python with ehsa_ctrl,
+    on 64-bit Windows or Linux. On Linux, start a tool not written in Python with LD_PRELOAD=libpython3.X.so.
+    Writing an FMU needs pythonfmu, from the extra `fmu` of ehsa_ctrl.
 
     Examples: ehsa-ctrl fmu ehsa --out rig.fmu · ehsa-ctrl fmu my/rig.toml --set load.stiffness=50e3 --out deploy
     """
@@ -43,7 +43,7 @@ def command(
     if out.suffix == ".fmu":
         export_fmu(loaded, out, force=force)
     else:
-        # The user names the folder, not the file: in it only our own is replaced.
+        # The user names only the folder: --force replaces nothing in it but an earlier FMU of this command.
         path = out / f"{loaded.name}.fmu"
         with ResultFolder(out, "fmu", force).check(path.name).draft() as draft:
             export_fmu(loaded, draft / path.name)

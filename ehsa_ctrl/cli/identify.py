@@ -1,4 +1,4 @@
-"""`ehsa-ctrl identify`: from logs to a plant with identified parameters."""
+"""`ehsa-ctrl identify`: estimate a plant's parameters from logs."""
 
 from __future__ import annotations
 
@@ -23,15 +23,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FitOptions:
-    """What is estimated, and how."""
+    """Estimated parameters and method."""
 
     free: Annotated[
         str,
         typer.Option(
-            metavar="K_T,beta", help="Estimate these too; also bias.p1, delay.speed.", autocompletion=several_symbols
+            metavar="K_T,beta",
+            help="Further parameters to estimate; also sensor errors: bias.p1, delay.speed.",
+            autocompletion=several_symbols,
         ),
     ] = ""
-    fix: Annotated[str, typer.Option(metavar="M", help="Keep these fixed.", autocompletion=several_symbols)] = ""
+    fix: Annotated[str, typer.Option(metavar="M", help="Parameters to keep fixed.", autocompletion=several_symbols)] = (
+        ""
+    )
     bounds: Annotated[
         list[str],
         typer.Option(
@@ -43,7 +47,7 @@ class FitOptions:
         typer.Option(
             "--prior",
             metavar="KEY[=SD]",
-            help="Prior of a parameter with this sd (or the file's). Repeatable.",
+            help="Prior of a parameter with this sd, by default the file's. Repeatable.",
             autocompletion=symbols,
         ),
     ] = field(default_factory=list)
@@ -55,12 +59,12 @@ class FitOptions:
     ] = None
     starts: Annotated[
         int,
-        typer.Option(help="Largest number of starting points; a few more follow near the best if no two agree.", min=1),
+        typer.Option(help="Largest number of starting points; a few more near the best if no two agree.", min=1),
     ] = 6
     seed: Annotated[int, typer.Option(help="Seed of the random starting points.", min=0)] = 0
 
     def arguments(self, plant: Plant) -> dict[str, Any]:
-        """Keyword arguments of `identify`. Raises InputError for bounds and priors that can't be read."""
+        """Keyword arguments of `identify`. Raises InputError for malformed bounds and priors."""
         from ..identification.parameters import read_quantity
 
         bounds = {}
@@ -84,7 +88,9 @@ def command(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Measured logs: CSV, Parquet or MAT.")],
     plant: Annotated[
         str,
-        typer.Option("--plant", help="Name of a plant, or the path of its TOML: start values.", autocompletion=plants),
+        typer.Option(
+            "--plant", help="Plant with the start values: its name, or the path of its TOML.", autocompletion=plants
+        ),
     ],
     fit: FitOptions,
     preparation: LogOptions,
@@ -95,18 +101,23 @@ def command(
     ] = [],
     settings: Settings = [],
     linear: Annotated[
-        str, typer.Option(help="Linear set in the written plant: keep, or sliding (derived from the nonlinear one).")
+        str, typer.Option(help="Linear set of the written plant: keep, or sliding (derived from the nonlinear set).")
     ] = "keep",
     profiles: Annotated[
         str,
-        typer.Option("--profile", metavar="KEYS", help="Profile these parameters too.", autocompletion=several_symbols),
+        typer.Option(
+            "--profile",
+            metavar="KEYS",
+            help="Parameters whose cost profile and 95 % interval are computed.",
+            autocompletion=several_symbols,
+        ),
     ] = "",
     assumed: Annotated[
         bool,
         typer.Option(
             "--assumed",
-            help="Fit again with each assumed parameter at both ends of its plausible range: how far the others move. "
-            "Takes about as long as the identification.",
+            help="Fit again with each assumed parameter at both ends of its plausible range, to see how far the "
+            "estimates move. Takes about as long as the identification.",
         ),
     ] = False,
 ) -> None:
@@ -123,17 +134,20 @@ def command(
     from .progress import compiling, watching
 
     pairs = read_pairs(settings)
-    # A plant with one model has that one, whatever the default is.
+    # For a plant with only a linear model, the default "nonlinear" means that one.
     only_linear = model == "nonlinear" and models_of(plant) == ("linear",)
     models = load_models(plant, "linear" if only_linear else model, pairs)
     check_word("--linear", linear, "keep", "sliding")
     if linear == "sliding" and model != "nonlinear":
-        raise InputError(f"--linear sliding derives the linear set from the nonlinear one; it does not go with {model}")
+        raise InputError(
+            f"--linear sliding derives the linear set from the nonlinear one; use --model nonlinear, not {model}"
+        )
     if fit.method is not None:
         check_word("--method", fit.method, "simulation", "balances")
-    shared = {path.resolve() for path in validate} & {path.resolve() for path in logs}
+    used = {path.resolve() for path in logs}
+    shared = [path for path in validate if path.resolve() in used]
     if shared and preparation.start is None and preparation.stop is None:
-        raise InputError(f"{validate[0]}: is used for the estimate and to validate it; give another log")
+        raise InputError(f"{shared[0]}: is used for both estimation and validation; give --validate another log")
     plant_file = f"{models[-1].name}_identified.toml"
     ends = [f"-{each.model}" for each in models] if len(models) > 1 else [""]
     output.check(
@@ -194,7 +208,7 @@ def command(
         for sentence in {sentence for each in found for sentence in each.warnings}:
             warn(sentence)
     if any(identification.interrupted for identification in found):
-        warn("interrupted: what is written is the best so far")
+        warn("interrupted: the result is the best fit so far")
         raise typer.Exit(130)
 
 
@@ -209,7 +223,7 @@ def _identify(
     *,
     notes: bool,
 ) -> tuple[Identification, dict[str, Any]]:
-    """Identify one model; the identification and its JSON."""
+    """Identify one model; returns the identification and its JSON content."""
     from ..identification.identify import identify
     from ..identification.plant_log import missing_information
     from ..identification.refits import profile

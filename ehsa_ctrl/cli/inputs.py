@@ -1,4 +1,4 @@
-"""Plants and logs as commands read them: with --set, --model and the preparation of logs, and with remarks printed."""
+"""Read the plants and logs that commands get: --set, --model, preparation of logs, notes and warnings."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from ..identification.preparation import Preparation, Step
     from ..plant.plant import Plant
 
-#: Sample intervals that differ by this share are uneven.
+#: Range of the sample intervals over their median above which sampling counts as uneven; as in Preparation.
 UNEVEN = 1e-3
 
 
 def load_model(plant: str, model: str, settings: Mapping[str, str]) -> Plant:
-    """One model of a plant with --set; warns of implausible values. Raises InputError as load_plant does."""
+    """Load one model of a plant with --set; warn of implausible values. Raises InputError as load_plant does."""
     check_word("--model", model, "linear", "nonlinear")
     loaded = load_plant(plant, model=model, settings=settings)  # type: ignore[arg-type]
     warn_implausible([loaded])
@@ -35,9 +35,9 @@ def load_model(plant: str, model: str, settings: Mapping[str, str]) -> Plant:
 
 
 def load_models(plant: str, model: str, settings: Mapping[str, str]) -> list[Plant]:
-    """The models asked for; with "both", a setting applies to those models that have the parameter.
+    """Load one model or both; with "both", a setting applies to those models that have the parameter.
 
-    Raises InputError as load_plant does, and for a setting that no model knows.
+    Raises InputError as load_plant does, and for a setting that no model has.
     """
     check_word("--model", model, "linear", "nonlinear", "both")
     if model != "both":
@@ -56,7 +56,7 @@ def load_models(plant: str, model: str, settings: Mapping[str, str]) -> list[Pla
 
 @dataclass(frozen=True)
 class LogWithSteps:
-    """A log as read, as used, and the steps between."""
+    """A log as read (`raw`) and as prepared (`log`), with the preparation steps."""
 
     raw: Log
     log: Log
@@ -67,7 +67,7 @@ class LogWithSteps:
         return [{"log": str(self.raw.path), **step.to_dict()} for step in self.steps]
 
     def diagnosis_step_dicts(self) -> list[dict[str, Any]]:
-        """`step_dicts` with a caution about resampling, which is printed as a warning too."""
+        """`step_dicts` with a caution about resampling, which is also printed as a warning."""
         caution = self._caution()
         if not caution:
             return self.step_dicts()
@@ -75,7 +75,7 @@ class LogWithSteps:
         return [*self.step_dicts(), {"log": str(self.raw.path), "kind": "caution", "words": caution}]
 
     def _caution(self) -> str:
-        """Size of the gap that resampling makes, in a sentence; empty where it did nothing."""
+        """Warning about the gap that resampling causes; empty if the log was not resampled."""
         rates = [step.figures["rate"] / step.figures["rate_before"] for step in self.steps if step.kind == "resample"]
         steps = np.diff(self.raw.time)
         uneven = float(np.ptp(steps)) > UNEVEN * float(np.median(steps))
@@ -83,23 +83,26 @@ class LogWithSteps:
             return ""
         size = "3 to 10 % where the drive changes at every sample" if uneven else "1 to 5 %"
         return (
-            f"{self.raw.path}: resampling makes a gap of its own, of about {size}, because it blurs the drive's steps "
-            "and colours the sensors' noise; disregard a cause of that size, or set --threshold above it"
+            f"{self.raw.path}: resampling alone causes a gap of about {size}, because it smooths the steps of the "
+            "current and colours the sensor noise; ignore a cause of that size, or set --threshold above it"
         )
 
 
 def read_prepared(path: Path, plant: Plant, how: Preparation, *, notes: bool = True) -> LogWithSteps:
-    """Read and prepare one log; `notes` prints the assumptions made in reading it.
+    """Read and prepare one log. notes: print the assumptions made in reading it.
 
     Raises InputError as `read_plant_log` and `Preparation.apply` do.
     """
     if str(path) in CHANNELS and not path.exists():
-        raise InputError(f"{path}: no such log; channels are separated by commas without blanks, as in --zero p1,p2")
+        raise InputError(f"{path}: no such log; separate channels by commas without blanks, as in --zero p1,p2")
     return prepare(read_raw(path, plant, how), plant, how, notes=notes)
 
 
 def read_raw(path: Path, plant: Plant, how: Preparation) -> Log:
-    """Read a log; where it is faulty as a whole, only the rows between --from and --to. Raises as `read_plant_log`."""
+    """Read a log; if the whole log is faulty, only the rows between --from and --to.
+
+    Raises InputError as `read_plant_log` does.
+    """
     uniform = how.resample is None
     try:
         return read_plant_log(path, plant, uniform=uniform)
@@ -110,7 +113,7 @@ def read_raw(path: Path, plant: Plant, how: Preparation) -> Log:
 
 
 def prepare(raw: Log, plant: Plant, how: Preparation, *, notes: bool = True) -> LogWithSteps:
-    """Prepare a log that was read; as `read_prepared`."""
+    """Prepare a log read by `read_raw`. Raises InputError as `Preparation.apply` does."""
     if notes:
         print_notes(raw)
     ready, steps = how.apply(raw, plant)
@@ -118,7 +121,7 @@ def prepare(raw: Log, plant: Plant, how: Preparation, *, notes: bool = True) -> 
 
 
 def whole(how: Preparation) -> Preparation:
-    """The preparation without --from and --to, for a log that these do not refer to."""
+    """The preparation without --from and --to, for a validation or earlier log, which is used whole."""
     return replace(how, from_=None, to=None)
 
 
@@ -129,7 +132,7 @@ def print_notes(log: Log) -> None:
 
 
 def preparation_sentences(steps: Iterable[Mapping[str, Any]], *, reading: bool = True) -> list[str]:
-    """The preparation of each log in words; without `reading` only what standard error did not have."""
+    """Sentences on the preparation of each log. reading: include those that were printed on standard error."""
     steps = list(steps)
     lines = []
     for name, step in zip(unique_names([step["log"] for step in steps]), steps, strict=True):

@@ -1,6 +1,6 @@
-"""Entry point of `ehsa-ctrl`: the commands, and the conversion of errors to sentences and exit statuses.
+"""Entry point of `ehsa-ctrl`: the commands, and the mapping of errors to messages and exit statuses.
 
-Commands import inside their functions, so that `--help` is fast.
+Commands import inside their functions, so that `--help` starts fast.
 """
 
 from __future__ import annotations
@@ -34,26 +34,27 @@ from . import (
 )
 from .options import expand_groups
 from .output import say
-from .progress import naming_own_code
+from .progress import reporting_user_code
 
 EPILOG = """\
-Exit status: 0 done; 1 ran, but a scenario's limit failed; 2 the input was wrong, said in one sentence; 130 interrupted.
+Exit status: 0 done; 1 ran, but a scenario's limit or baseline failed; 2 wrong input, explained on standard error;
+130 interrupted.
 
 Start with: ehsa-ctrl run
 """
 
 
 class Interrupted(Exception):  # noqa: N818 - Ctrl-C, not an error
-    """Ctrl-C; the message says what is kept."""
+    """Ctrl-C; the message tells which results are kept."""
 
 
 class Commands(TyperGroup):
-    """The group of commands: Ctrl-C becomes Interrupted, where typer would exit with 130 and no message."""
+    """The group of commands. It turns Ctrl-C into Interrupted: typer would exit with 130 and no message."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         for word in args:
             if any("\ud800" <= character <= "\udfff" for character in word):
-                raise InputError(f"{word!r}: is no text in UTF-8, as arguments have to be; rename the file")
+                raise InputError(f"{word!r}: is not valid UTF-8, which arguments must be; rename the file")
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
@@ -61,7 +62,7 @@ class Commands(TyperGroup):
             # File names may be in any encoding.
             sys.stdout.reconfigure(errors="backslashreplace")
         try:
-            with naming_own_code():
+            with reporting_user_code():
                 return super().invoke(ctx)
         except KeyboardInterrupt as stopped:
             raise Interrupted(str(stopped)) from None
@@ -87,13 +88,13 @@ app.add_typer(new.app, name="new")
 
 
 def main() -> None:
-    """Run the command line and exit: 0, 1 or 2 as the epilog says."""
-    # Many small matrices: threads in the linear algebra only slow them down.
+    """Run the command line and exit with a status of the epilog."""
+    # The matrices are small: threads of the linear algebra only slow them down.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    _open_closed()
+    _reopen_closed_streams()
     if len(sys.argv) == 1:
         sys.argv.append("--help")
-    unwritten: OSError | None = None
+    failure: OSError | None = None
     try:
         status = app(prog_name="ehsa-ctrl", standalone_mode=False)
     except EhsaError as error:
@@ -104,8 +105,9 @@ def main() -> None:
         command = context.command_path if context is not None else "ehsa-ctrl"
         sentence = " ".join(error.format_message().split()).rstrip(".")
         if not sentence:
-            # A group without a command has printed its help.
-            sentence = "say which: " + ", ".join(getattr(getattr(context, "command", None), "commands", ()))
+            # typer has no message for a group without a command: it prints the help.
+            commands = ", ".join(getattr(getattr(context, "command", None), "commands", ()))
+            sentence = f"missing command, one of: {commands}"
         say(f"{sentence}; see {command} --help", who=f"{command}:")
         status = 2
     except MemoryError as error:
@@ -118,7 +120,7 @@ def main() -> None:
     except BrokenPipeError:
         status = 0
     except OSError as error:
-        unwritten, status = error, 2
+        failure, status = error, 2
     except SystemExit as stopped:
         # rich exits with 1 on a closed pipe; here 1 means a limit that failed.
         status = stopped.code if isinstance(stopped.code, int) and stopped.code != 1 else 0
@@ -130,15 +132,15 @@ def main() -> None:
         if isinstance(error, BrokenPipeError):
             status = 0
         else:
-            unwritten, status = unwritten or error, 2
-    if unwritten is not None:
-        what = f"{unwritten.filename}: can't be read or" if unwritten.filename else "the output can't be"
-        say(f"{what} written ({unwritten.strerror or unwritten})")
+            failure, status = failure or error, 2
+    if failure is not None:
+        what = f"{failure.filename}: can't be read or" if failure.filename else "the output can't be"
+        say(f"{what} written ({failure.strerror or failure})")
     sys.exit(status or 0)
 
 
-def _open_closed() -> None:
-    """Redirect a closed stream (`>&-`) to the null device, so that no result file gets its descriptor."""
+def _reopen_closed_streams() -> None:
+    """Redirect a closed stream (`>&-`) to the null device, so that no result file gets its file descriptor."""
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("r" if name == "stdin" else "w"))  # noqa: SIM115 - until the end

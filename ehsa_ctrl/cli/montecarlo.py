@@ -14,7 +14,9 @@ from .output import OutputOptions, provenance
 
 
 def command(
-    scenario: Annotated[str, typer.Argument(help="Name or TOML file.", autocompletion=scenarios)],
+    scenario: Annotated[
+        str, typer.Argument(help="Name of a scenario, or the path of its TOML.", autocompletion=scenarios)
+    ],
     run: RunOptions,
     runs: Annotated[int, typer.Option(help="Number of runs for each controller.", min=1)] = 1000,
     seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 0,
@@ -22,21 +24,23 @@ def command(
         Path | None, typer.Option(metavar="FILE", help="Draw from the covariance of this identification.json.")
     ] = None,
     require: Annotated[
-        float | None, typer.Option(metavar="P", help="Exit 1 unless the probability is at least P, with --confidence.")
+        float | None,
+        typer.Option(metavar="P", help="Exit with 1 unless the interval of the pass probability begins at P or more."),
     ] = None,
-    confidence: Annotated[float, typer.Option(help="Confidence level of the probability's interval.")] = 0.95,
+    confidence: Annotated[float, typer.Option(help="Confidence level of that interval.")] = 0.95,
     jobs: Annotated[int, typer.Option(help="Cores or workers to use; -1 for all.")] = 1,
     backend: Annotated[
         str | None, typer.Option(help="threading or loky (processes); by default what suits the controller.")
     ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; runs in it are continued.")] = Path(
-        "results/montecarlo"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of the result; runs in it are continued.")
+    ] = Path("results/montecarlo"),
     as_json: Json = False,
     force: Annotated[bool, typer.Option("--force", help="Start again instead of continuing.")] = False,
 ) -> None:
-    """Draw uncertain parameters, load and noise, run the scenario on each draw: pass probability with its interval,
-    and the parameter with the most influence. After an interruption the same call continues.
+    """Run a scenario on draws of uncertain parameters, load and noise: pass probability, most influential parameter.
+
+    After an interruption, the same command continues.
 
     Examples: ehsa-ctrl montecarlo spread_steps --jobs -1 · ehsa-ctrl montecarlo spread_steps --runs 5000
     --controller pid_position,my/pid.toml --require 0.95 · ehsa-ctrl montecarlo spread_steps --set load.stiffness=80e3
@@ -52,7 +56,7 @@ def command(
         raise InputError(f"--require {require:g}: expected a probability, 0 to 1")
     pairs, chosen = read_pairs(run.settings), run.controllers()
     stems = [Path(scenario).stem + (f"-{Path(name).stem}" if name else "") for name in chosen]
-    # The files of the runs so far are replaced as the runs continue; figures of other campaigns stay.
+    # Continuing replaces the files of the earlier runs; figures of other campaigns in the folder stay.
     output = OutputOptions(as_json, out, force=True)
     output.check("montecarlo", "montecarlo.json", "report.html", figures=stems, keep=True)
     found = []
@@ -87,13 +91,13 @@ def command(
 
     output.deliver("montecarlo", "montecarlo.json", summary, lambda: None, files=write_files, keep=True)
     if any(result.interrupted for result in found):
-        raise KeyboardInterrupt(f"the runs that were done are kept in {out}, and the same call goes on from them")
+        raise KeyboardInterrupt(f"finished runs are kept in {out}; the same command continues with the others")
     if require is not None and any(result.interval(confidence)[0] < require for result in found):
         raise typer.Exit(1)
 
 
 def requirement_sentence(low: float, required: float, confidence: float) -> str:
-    """Whether the runs show the required probability: the lower end of its interval counts."""
-    shown = "shown" if low >= required else "NOT SHOWN"
-    asked = f"at least {required:g} with {100 * confidence:g} % confidence"
-    return f"demanded: {asked}: {shown}, the interval begins at {low:.3g}"
+    """Whether the lower end of the probability's interval reaches the required probability."""
+    met = "met" if low >= required else "NOT MET"
+    demand = f"at least {required:g} with {100 * confidence:g} % confidence"
+    return f"required: {demand}: {met}, the interval begins at {low:.3g}"

@@ -27,7 +27,7 @@ app = typer.Typer(
 
 Name = Annotated[
     str | None,
-    typer.Argument(metavar="[NAME]", help="Name of the file, without ending; by default my_ and the name of its base."),
+    typer.Argument(metavar="[NAME]", help="Name of the file without .toml; by default my_ and the name of its base."),
 ]
 
 
@@ -64,9 +64,7 @@ def controller(
     ] = None,
     plant: Annotated[
         str | None,
-        typer.Option(
-            help="Plant whose limits, sample time and scales it gets; by default ehsa.", autocompletion=plants
-        ),
+        typer.Option(help="Plant that gives limits, sample time and scales; by default ehsa.", autocompletion=plants),
     ] = None,
     as_json: Json = False,
     force: Force = False,
@@ -105,10 +103,11 @@ def scenario(
         typer.Option("--from", metavar="SCENARIO", help="Scenario to start from.", autocompletion=scenarios),
     ] = None,
     plant: Annotated[
-        str | None, typer.Option(help="Its plant; by default that of the base.", autocompletion=plants)
+        str | None, typer.Option(help="Plant of the scenario; by default that of the base.", autocompletion=plants)
     ] = None,
     controller: Annotated[
-        str | None, typer.Option(help="Its controller; by default that of the base.", autocompletion=controllers)
+        str | None,
+        typer.Option(help="Controller of the scenario; by default that of the base.", autocompletion=controllers),
     ] = None,
     as_json: Json = False,
     force: Force = False,
@@ -127,7 +126,9 @@ def scenario(
     if kind is not None and base is not None:
         found = load_scenario(base).definition.reference.kind
         if found != kind:
-            raise InputError(f"--kind {kind}: {base} has a reference of the kind {found!r}; give one of both")
+            raise InputError(
+                f"--kind {kind}: the reference of {base} is of the kind {found!r}; give either --kind or --from"
+            )
     chosen = base or scenario_of_kind(kind or "steps")
     stem = _stem(name, catalogue, kind or chosen)
     for known, given in ((known_plants, plant), (known_controllers, controller)):
@@ -143,11 +144,12 @@ def scenario(
 
 
 def _stem(name: str | None, catalogue: Catalogue, base: str) -> str:
-    """The file's name. Raises InputError for one that is a path or could not be given to a command."""
+    """Name of the file. Raises InputError for a path, and for a name that commands could not take."""
     stem = f"my_{Path(base).stem}" if name is None else name.removesuffix(".toml")
     if not re.fullmatch(r"\w[\w-]*", stem):
         raise InputError(
-            f"{name!r} is no name; give letters, digits, _ and -, without a folder: it is written to {catalogue.kind}/"
+            f"{name!r} is not a valid name; use letters, digits, _ and -, and no folder: the file goes to "
+            f"{catalogue.kind}/"
         )
     return stem
 
@@ -177,7 +179,7 @@ def _write(
                 shutil.copyfile(source, draft)
     write_text(path, content)
     if shadowed:
-        warn(f"{stem} is also the name of a shipped {catalogue.kind[:-1]}, which is no longer found from this folder")
+        warn(f"in this folder, {stem} now hides the shipped {catalogue.kind[:-1]} of the same name")
     if as_json:
         files = [str(path), *(str(target) for _, target in beside)]
         print(to_json({"written": files, "from": base, "next": following}))

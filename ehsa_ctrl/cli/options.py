@@ -1,4 +1,4 @@
-"""Options that several commands share: their types, groups of them, and how their values are read."""
+"""Options that several commands share: types, groups of options, and parsing of their values."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
-        help="Use another value in this run: K_T=1.1, load.stiffness=50e3, M='20 kg'. Repeatable.",
+        help="Override a value for this run: K_T=1.1, load.stiffness=50e3, M='20 kg'. Repeatable.",
         autocompletion=symbols,
     ),
 ]
@@ -35,11 +35,11 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write the result's files to this folder.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace a result that is already in the folder.")]
 
-#: What an option does with the channels that it names, for values that are not names alone.
-ZEROED = "each is shifted to its value at rest (P_0, x_0), and --rest 0:0.5 says where that rest is"
-ALIGNED = "each is moved by its delay against the simulation"
+#: What --zero and --align do with a channel, for the message about a value that is not a list of channels.
+ZEROED = "it shifts each channel to its value at rest (P_0, x_0); --rest 0:0.5 gives the time of that rest"
+ALIGNED = "it shifts each channel in time by its delay against the simulation"
 
-#: Example of a pair, by option.
+#: Example of a KEY=VALUE pair, by option.
 EXAMPLES = {
     "--set": "K_T=1.1",
     "--weight": "position='1 mm'",
@@ -50,17 +50,19 @@ EXAMPLES = {
 
 @dataclass(frozen=True)
 class LogOptions:
-    """How logs are cut and prepared."""
+    """Segment and preparation of the logs."""
 
     start: Annotated[float | None, typer.Option("--from", metavar="S", help="First second to use.")] = None
     stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last second to use.")] = None
-    zero: Annotated[str, typer.Option(metavar="p1,p2", help="Set these channels' zero from the rest.")] = ""
-    rest: Annotated[str, typer.Option(metavar="S:S", help="That rest, e.g. 0:0.5; else it is looked for.")] = ""
+    zero: Annotated[str, typer.Option(metavar="p1,p2", help="Correct the offset of these channels at rest.")] = ""
+    rest: Annotated[
+        str, typer.Option(metavar="S:S", help="Time of that rest, 0:0.5; by default before the first motion.")
+    ] = ""
     resample: Annotated[float | None, typer.Option(metavar="HZ", help="Resample the logs to this rate.")] = None
-    align: Annotated[str, typer.Option(metavar="CHANNELS", help="Move these channels by their delay.")] = ""
+    align: Annotated[str, typer.Option(metavar="CHANNELS", help="Correct the delay of these channels.")] = ""
 
     def preparation(self) -> Preparation:
-        """Raises InputError for a rest that is not two times and for what can't be a channel."""
+        """Raises InputError for a rest that is not two times, and for text that is not a list of channels."""
         from ..identification.preparation import Preparation
 
         channels = _channels(self.zero, "--zero", ZEROED), _channels(self.align, "--align", ALIGNED)
@@ -69,19 +71,23 @@ class LogOptions:
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Which controllers, plant and design model a scenario is run with."""
+    """Controllers, plant and design model that replace those of a scenario."""
 
     controller: Annotated[
         str | None,
-        typer.Option(help="Run these instead, names or files separated by commas.", autocompletion=several_controllers),
+        typer.Option(
+            metavar="A[,B]",
+            help="Controllers (names or files) instead of the scenario's.",
+            autocompletion=several_controllers,
+        ),
     ] = None
     plant: Annotated[
-        str | None, typer.Option(help="Check on this plant instead of the scenario's.", autocompletion=plants)
+        str | None, typer.Option(help="Plant to check on, instead of the scenario's.", autocompletion=plants)
     ] = None
     design: Annotated[
         str | None,
         typer.Option(
-            help="Design on this plant's linear set; by default on that of the plant checked.", autocompletion=plants
+            help="Plant whose linear model the design uses; by default the plant checked on.", autocompletion=plants
         ),
     ] = None
     settings: Annotated[
@@ -89,9 +95,8 @@ class RunOptions:
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Use another value of the plant that is checked on, in this run: K_T=1.1, load.stiffness=50e3. "
-            "A load acts in the linear prediction too; the design stays on the linear set as its file has it. "
-            "Repeatable.",
+            help="Override a value of the plant checked on, for this run: K_T=1.1, load.stiffness=50e3. "
+            "The linear prediction includes a load; the design model stays as in its file. Repeatable.",
             autocompletion=symbols,
         ),
     ] = field(default_factory=list)
@@ -101,12 +106,15 @@ class RunOptions:
         if self.controller is None:
             return [None]
         if not (names := split_names(self.controller)):
-            raise InputError(f"--controller {self.controller!r}: names no controller")
+            raise InputError(
+                f"--controller {self.controller!r}: names no controller; expected names or files separated by commas, "
+                "as in --controller pid_position,my/pid.toml"
+            )
         return list(names)
 
 
 def expand_groups(command: Callable[..., None]) -> Callable[..., None]:
-    """The command for typer, with an option for each field of a parameter that is a dataclass of defaults."""
+    """Replace each parameter of a command that is a dataclass by one typer option for each of its fields."""
     parameters: list[inspect.Parameter] = []
     groups: dict[str, Any] = {}
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
@@ -145,8 +153,8 @@ def _channels(text: str, option: str, does: str) -> tuple[str, ...]:
     for name in found:
         if not re.fullmatch(r"[A-Za-z]\w*", name):
             raise InputError(
-                f"{option} {text!r}: {name!r} is no name of a channel; expected names separated by commas and nothing "
-                f"else, as in {option} p1,p2: {does}"
+                f"{option} {text!r}: {name!r} is not a channel name; expected names separated by commas, as in "
+                f"{option} p1,p2: {does}"
             )
     return found
 
@@ -159,11 +167,11 @@ def _read_rest(text: str) -> tuple[float, float] | None:
     try:
         return float(first), float(last)
     except ValueError:
-        raise InputError(f"--rest {text!r}: expected two times in seconds, as 0:0.5") from None
+        raise InputError(f"--rest {text!r}: expected two times in seconds, as in --rest 0:0.5") from None
 
 
 def read_pairs(settings: list[str], option: str = "--set") -> dict[str, str]:
-    """Turn ["K_T=1.1"] into {"K_T": "1.1"}. Raises InputError for text without '=' and for a key given twice."""
+    """Turn ["K_T=1.1"] into {"K_T": "1.1"}. Raises InputError for a text without '=' and for a repeated key."""
     pairs: dict[str, str] = {}
     for text in settings:
         key, equals, value = text.partition("=")
@@ -177,7 +185,7 @@ def read_pairs(settings: list[str], option: str = "--set") -> dict[str, str]:
 
 
 def check_word(option: str, value: str, *words: str) -> None:
-    """Raise InputError for a value of an option that is not one of these words."""
+    """Raise InputError if the value of an option is not one of these words."""
     if value not in words:
         listed = f"{', '.join(words[:-1])} or {words[-1]}" if len(words) > 2 else " or ".join(words)
         raise InputError(f"{option} {value!r}: expected {listed}")

@@ -1,4 +1,4 @@
-"""Where a command's result goes: files in a folder, JSON or text on standard output, remarks on standard error."""
+"""Output of a command: files in a folder, JSON or text on standard output, messages on standard error."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class OutputOptions:
     force: Force = False
 
     def check(self, command: str, *names: str, figures: Iterable[str] = (), keep: bool = False) -> None:
-        """Refuse before the work a folder that can't take the result.
+        """Check, before any computation, that the folder can take the result.
 
-        names: its files, the main one first. figures: names of its figures. keep: as of ResultFolder.
+        names: files of the result, the main one first. figures: names of its figures. keep: as in ResultFolder.
 
-        Raises InputError as ResultFolder.check.
+        Raises InputError as ResultFolder.check does.
         """
         from ..core.result_folder import ResultFolder
 
@@ -53,11 +53,13 @@ class OutputOptions:
 
         Parameters
         ----------
-        command: owner of the files in the folder. file: name of the JSON file.
-        result: content of --json, and of the file unless that is `stored`.
-        text: prints the result for a person. then: follows "written to DIR"; None where `text` has printed that.
-        files: writes the other files into the folder it is given, before the JSON and the page made from both.
-        keep: as of ResultFolder.
+        command: owner of the files in the folder.
+        file: name of the JSON file.
+        result: content of --json, and of the file unless `stored` is given.
+        text: prints the result as text.
+        then: text after "written to DIR"; None if `text` prints that line itself.
+        files: writes the other files into the folder it gets, before the JSON file and the page are written.
+        keep: as in ResultFolder.
         """
         from ..core.result_folder import ResultFolder
 
@@ -84,30 +86,30 @@ def provenance(plants: Iterable[Plant], files: Iterable[str | Path | None] = ())
 
 
 def assumed_names(plant: Plant) -> list[str]:
-    """Parameters whose value is only assumed."""
+    """Parameters with the source "assumed"."""
     return [name for name, p in plant.parameters.items() if p.source == "assumed"]
 
 
 def command_line() -> str:
-    """The call as it can be repeated in a shell."""
+    """The command line, quoted for a shell."""
     return shlex.join(["ehsa-ctrl", *sys.argv[1:]])
 
 
 def warn_implausible(plants: Iterable[Plant]) -> None:
-    """Warn of values outside the plausible range of a plant's file."""
+    """Warn of values outside the bounds in a plant's file."""
     for sentence in dict.fromkeys(sentence for plant in plants for sentence in plant.implausible):
         warn(sentence)
 
 
 def say(sentence: str, *, who: str = "ehsa-ctrl:") -> None:
-    """Print an error on standard error, in one line whatever it quotes."""
-    # Where standard error can't be written to, the exit status has to do.
+    """Print a message on standard error, in one line even if it quotes several."""
+    # If standard error is closed or full, the exit status alone reports the error.
     with suppress(OSError):
         print(who, " ".join(sentence.splitlines()), file=sys.stderr, flush=True)
 
 
 def note(sentence: str) -> None:
-    """Print a probably correct assumption on standard error."""
+    """Print an assumption on standard error, e.g. one made in reading a log."""
     say(sentence, who="ehsa-ctrl: note:")
 
 

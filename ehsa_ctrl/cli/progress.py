@@ -1,4 +1,4 @@
-"""Progress on standard error, where that is a terminal."""
+"""Progress on standard error, if that is a terminal."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class _Note(logging.Handler):
 
 @contextmanager
 def _progress(*columns: Any) -> Iterator[Callable[..., None] | None]:
-    """Update function of a progress line on standard error; None where that is no terminal."""
+    """Update function of a progress line on standard error; None if that is no terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -46,7 +46,7 @@ def _progress(*columns: Any) -> Iterator[Callable[..., None] | None]:
 
 @contextmanager
 def watching() -> Iterator[Callable[[Any], None] | None]:
-    """A line with the state of a fit: stage, step, cost."""
+    """Update function of a line with the state of a fit: stage, step, cost."""
     from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
     with _progress(SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()) as update:
@@ -55,7 +55,7 @@ def watching() -> Iterator[Callable[[Any], None] | None]:
 
 @contextmanager
 def counting() -> Iterator[Callable[[str, int, int], None] | None]:
-    """A bar, one stage after the other."""
+    """Update function of a progress bar: (stage, done, total)."""
     with _progress() as update:
         yield update and (lambda stage, done, total: update(description=stage, completed=done, total=total))
 
@@ -76,16 +76,16 @@ def _shown(name: str, handler: logging.Handler) -> Iterator[None]:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Report on standard error when an engine must be compiled first; Ctrl-C reports that the work is not kept."""
+    """Report the compilation of an engine on standard error; give Ctrl-C a message that the work is lost."""
     with _shown("ehsa_ctrl.core.compiled", _Notice()):
         try:
             yield
         except KeyboardInterrupt as stopped:
-            raise KeyboardInterrupt(str(stopped) or "what was begun is not kept") from None
+            raise KeyboardInterrupt(str(stopped) or "the unfinished work is not kept") from None
 
 
 @contextmanager
-def naming_own_code() -> Iterator[None]:
-    """Report on standard error which effects, friction laws and systems of a user's project are executed."""
+def reporting_user_code() -> Iterator[None]:
+    """Report on standard error the effects, friction laws and systems that are loaded from a user's project."""
     with _shown("ehsa_ctrl.core.registry", _Note()):
         yield

@@ -19,9 +19,9 @@ def command(
     as_json: Json = False,
     force: Force = False,
 ) -> None:
-    """Build one self-contained page, overview.html, of all results in a folder and the folders in it.
+    """Build one self-contained page, overview.html, from all results in a folder and its subfolders.
 
-    It is made of the JSON files and figures that are there; nothing is computed again.
+    It uses the JSON files and figures that are there; nothing is recomputed.
 
     Examples: ehsa-ctrl report results · ehsa-ctrl report demo --force · ehsa-ctrl report results --out to_send
     """
@@ -32,7 +32,7 @@ def command(
     results, wrong = results_in(folder, place)
     result = ResultFolder(place, "report", force).check(FILE)
     for sentence in wrong:
-        warn(f"left out: {sentence}")
+        warn(f"skipped: {sentence}")
     with result.draft() as draft:
         write_overview(results, draft, folder.resolve().name)
     page = place / FILE
@@ -51,6 +51,6 @@ def command(
         print(to_json({"page": page, "results": stated, "left_out": wrong}))
         return
     for each in results:
-        mark = "FAIL" if each.failed else "look" if each.doubtful else "ok  "
+        mark = "FAIL " if each.failed else "check" if each.doubtful else "ok   "
         print(f"{mark}  {each.folder / each.kind.name}: {each.page.title}")
     print(f"written to {page}")

@@ -1,4 +1,4 @@
-"""`ehsa-ctrl run`: design, check on the nonlinear plant, limits and baselines of scenarios."""
+"""`ehsa-ctrl run`: design for the scenarios, check on the nonlinear plant against limits and baselines."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from ..core.result_folder import ResultFolder
     from ..scenario.result import ScenarioResult
 
-#: End of the name of a figure of an old baseline.
+#: Suffix of the figure that compares a run with the baseline it is about to replace.
 OLD = "-old-baseline"
-#: How a verdict is printed.
+#: Verdict -> (word, style) on the terminal.
 VERDICTS = {"pass": ("passed", "bold green"), "fail": ("FAILED", "bold red"), "untested": ("untested", "bold yellow")}
 
 
@@ -31,34 +31,34 @@ def command(
     run: RunOptions,
     scenarios: Annotated[
         list[str] | None,
-        typer.Argument(help="Names or TOML files; by default all of them.", autocompletion=scenario_names),
+        typer.Argument(help="Names or TOML files; by default all scenarios.", autocompletion=scenario_names),
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Processes to use.", min=1)] = 1,
+    jobs: Annotated[int, typer.Option(help="Number of parallel processes.", min=1)] = 1,
     out: Annotated[
         Path | None,
         typer.Option(
             "--out",
             metavar="DIR",
-            help="Folder for results.json, report.html, time series and figures; by default results, or results-2 and "
-            "so on where there is a result already.",
+            help="Folder for results.json, report.html, time series and figures; by default the first of results, "
+            "results-2 ... that holds no result.",
         ),
     ] = None,
     as_json: Json = False,
     force: Force = False,
     update_baselines: Annotated[
-        bool, typer.Option("--update-baselines", help="Record runs that have no baseline or have left it.")
+        bool, typer.Option("--update-baselines", help="Record a new baseline for runs that have none or deviate.")
     ] = False,
-    reason: Annotated[str, typer.Option(help="Why the baselines change; asked for on a terminal.")] = "",
+    reason: Annotated[str, typer.Option(help="Why the baselines change; a terminal prompts for it.")] = "",
     assumed: Annotated[
         bool | None,
         typer.Option(
             "--assumed/--no-assumed",
-            help="Also run with each assumed parameter at both ends of its plausible range, for the page. By default "
-            "where that is quick: with a compiled controller.",
+            help="Also run with each assumed parameter at both ends of its plausible range, for report.html. By "
+            "default only with a compiled controller, which makes it quick.",
         ),
     ] = None,
 ) -> None:
-    """Design on the identified linear model, check on the nonlinear plant against the scenario's limits and baseline.
+    """Design on the linear model, check on the nonlinear plant against the scenario's limits and baseline.
 
     Examples: ehsa-ctrl run · ehsa-ctrl run steps_spring --out results/steps ·
     ehsa-ctrl run my/scenario.toml --controller pid_position,my/pid.toml · ehsa-ctrl run --plant results/rig.toml ·
@@ -70,10 +70,10 @@ def command(
 
     if update_baselines and (run.plant or run.design or run.settings):
         raise InputError(
-            "--update-baselines records the scenario's own plant; leave --plant and --design out, and --set"
+            "--update-baselines records runs of the scenario's own plant; leave out --plant, --design and --set"
         )
     if update_baselines and not reason.strip() and not sys.stdin.isatty():
-        raise InputError("--update-baselines changes what counts as right: say why with --reason TEXT")
+        raise InputError("--update-baselines replaces the runs that later ones must match; say why with --reason TEXT")
     pairs = read_pairs(run.settings)
     names = scenarios or _all(catalogue.folders)
     chosen = run.controllers()
@@ -83,7 +83,7 @@ def command(
         words = [Path(name).stem for name in given]
         twice = [word for word in words if words.count(word) > 1]
         if twice:
-            raise InputError(f"{kind} {twice[0]!r} is given twice; files of the result are named by it")
+            raise InputError(f"{kind} {twice[0]!r} is given twice, and result files are named after it; give it once")
     out = out or _next_results(force)
     todo = [(name, other) for name in names for other in chosen]
     stems = [_names_of(*pair) for pair in todo]
@@ -100,7 +100,7 @@ def command(
         with compiling():
             results = list(_run_all(todo, jobs, options))
     except KeyboardInterrupt:
-        raise KeyboardInterrupt("results are written when all scenarios are done; nothing is kept") from None
+        raise KeyboardInterrupt("nothing is kept: results are written when all scenarios are done") from None
     warn_implausible(result.plant for result in results)
     if update_baselines:
         results = _update(results, reason, out, quiet=as_json)
@@ -125,15 +125,15 @@ def command(
 
 
 def _all(folders: tuple[Path, ...]) -> list[str]:
-    """Every scenario of the user's own folder if there is one, else of the shipped one."""
+    """Names of all scenarios in the user's folder if there is one, else of the shipped ones."""
     names = sorted(path.stem for path in folders[0].glob("*.toml"))
     if not names:
-        raise InputError(f"{folders[0]}: holds no scenario; add a TOML file or name one")
+        raise InputError(f"{folders[0]}: contains no scenario; add a TOML file, or name a scenario")
     return names
 
 
 def _names_of(scenario: str, controller: str | None) -> tuple[str, str]:
-    """Names of scenario and controller before the run."""
+    """Names of scenario and controller, known before the run."""
     from ..scenario.definition import load_scenario
 
     loaded = load_scenario(scenario)
@@ -150,7 +150,7 @@ def _run_one(name: str, controller: str | None, options: Mapping[str, Any]) -> S
 
 
 def _run_all(todo: list[tuple[str, str | None]], jobs: int, options: Mapping[str, Any]) -> Iterator[ScenarioResult]:
-    """Run every pair of scenario and controller, with a bar on standard error where that is a terminal."""
+    """Run each pair of scenario and controller, with a progress bar on standard error if that is a terminal."""
     from joblib import Parallel, delayed
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -177,19 +177,19 @@ def _next_results(force: bool) -> Path:
 
 
 def _stem(result: ScenarioResult) -> str:
-    """File name of a run without its ending."""
+    """Name of a run's files, without ending."""
     return f"{result.scenario.name}-{result.controller.name}"
 
 
 def _old_baselines(out: Path) -> ResultFolder:
-    """Place of the figures of baselines that are about to change, which are written before the result."""
+    """Folder for the figures of baselines that are about to change; they are written before the result."""
     from ..core.result_folder import ResultFolder
 
     return ResultFolder(out, "baselines", force=True, keep=True)
 
 
 def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: bool) -> list[ScenarioResult]:
-    """Print the changes, ask for a reason unless there is one, and record the new baselines."""
+    """Print the changes, prompt for a reason unless one is given, and record the new baselines."""
     from ..report.figures import save
     from ..scenario.baseline_file import baseline_changes, update_baseline
 
@@ -208,13 +208,13 @@ def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: boo
     return [update_baseline(result, reason)[0] for result in results]
 
 
-def _write_files(results: list[ScenarioResult], stated: list[dict[str, Any]], folder: Path) -> list[str]:
-    """Time series and figures; returns the names of all files. stated: the results as the JSON has them."""
+def _write_files(results: list[ScenarioResult], described: list[dict[str, Any]], folder: Path) -> list[str]:
+    """Write time series and figures; return the names of all files. described: `to_dict` of the results."""
     from ..report.result_figures import run_figures, save_all
 
     for result in results:
         result.time_series().to_csv(folder / f"{_stem(result)}.csv", index=False, float_format="%.9g")
-    save_all(run_figures(results, stated), folder)
+    save_all(run_figures(results, described), folder)
     return ["report.html", *sorted(path.name for path in folder.iterdir())]
 
 
@@ -246,7 +246,7 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
 
 
 def _summary(results: list[ScenarioResult]) -> Table:
-    """All runs with their verdicts, one per line."""
+    """Table of all runs with their verdicts."""
     from rich.text import Text
 
     from ..scenario.result import first_reasons
@@ -259,7 +259,7 @@ def _summary(results: list[ScenarioResult]) -> Table:
 
 
 def _metrics(results: list[ScenarioResult]) -> Table:
-    """Of one controller the linear prediction, the nonlinear outcome and their gap; of several the outcomes."""
+    """Table of metrics. One controller: linear prediction, nonlinear result, gap. Several: their nonlinear results."""
     from ..report.closed_loop import CLOSED_LOOP
 
     frames = [result.table() for result in results]
@@ -277,7 +277,7 @@ def _metrics(results: list[ScenarioResult]) -> Table:
 
 
 def _table(*headings: str, right: int = 0) -> Table:
-    """A table without lines; the first column is followed by `right` columns of numbers."""
+    """A table without rules; `right` columns of numbers follow the first one."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)

@@ -19,10 +19,11 @@ def command(
         Path, typer.Option("--out", metavar="DIR", help="Folder for log.csv, simulation.json, report.html and figure.")
     ],
     input_file: Annotated[
-        Path | None, typer.Option("--input", metavar="CSV", help="Current to apply: columns t, current.")
+        Path | None, typer.Option("--input", metavar="CSV", help="Current to apply: columns t (s), current (A).")
     ] = None,
     excitation: Annotated[
-        str | None, typer.Option(help="noise, steps, sine, ramp, chirp or multisine.", autocompletion=excitations)
+        str | None,
+        typer.Option(help="Current: noise, steps, sine, ramp, chirp or multisine.", autocompletion=excitations),
     ] = None,
     amplitude: Annotated[float, typer.Option(help="Amplitude of the excitation, A.")] = 1.5,
     duration: Annotated[float, typer.Option(help="Duration of the excitation, s.")] = 10.0,
@@ -34,7 +35,7 @@ def command(
     as_json: Json = False,
     force: Force = False,
 ) -> None:
-    """Drive the plant with a current, from rest, and log it as a bench would.
+    """Drive the plant from rest with a current, and write the log that a test bench would record.
 
     Examples: ehsa-ctrl simulate ehsa --excitation steps --out results/steps ·
     ehsa-ctrl simulate ehsa --input current.csv --set load.stiffness=50e3 --out results/loaded
@@ -88,13 +89,13 @@ def command(
     def print_result() -> None:
         print(run.summary())
         for exceedance in run.exceeded:
-            warn(f"limit passed: {exceedance}")
+            warn(f"limit exceeded: {exceedance}")
         if run.stopped:
             warn(f"the log ends early: {run.stopped}")
         if abs(run.pressure_level_drift) > 1e5:
             warn(
-                f"the pressure level has moved by {run.pressure_level_drift / 1e5:.2g} bar: (12) conserves volume, not "
-                "mass (see the effect mass_conserving)"
+                f"the mean pressure drifted by {run.pressure_level_drift / 1e5:.2g} bar: model (12) conserves volume, "
+                "not mass (see the effect mass_conserving)"
             )
 
     output.deliver("simulate", "simulation.json", result, print_result, files=write_files)

@@ -62,7 +62,7 @@ class TableLines:
 
 
 def template(*names: str) -> str:
-    """Text of shipped templates, one after the other; empty where there is none of the first name."""
+    """Text of shipped templates, one after the other; empty if the first does not exist."""
     files = [FOLDER / f"{name}.toml" for name in names]
     return "".join(file.read_text(encoding="utf-8") for file in files) if files[0].exists() else ""
 
@@ -110,7 +110,7 @@ def _form_example(part: Mapping[str, Any], default: Any, unit: str) -> str:
 
 
 def sections(text: str) -> list[TableLines]:
-    """The tables of a template, the keys above the first table as one without a header."""
+    """The tables of a template; the keys above the first table are a table without a header."""
     found = [TableLines([], "", [])]
     for line in text.splitlines():
         rows = found[-1].rows
@@ -132,9 +132,9 @@ def fill(
     without: Collection[str] = (),
     example: Callable[[str, Any], Any] = lambda key, value: value,
 ) -> str:
-    """A template with the values of a definition.
+    """Fill a template with the values of a definition.
 
-    given: the definition as tomlkit parsed it, which keeps the notation of its numbers and its comments behind values.
+    given: the definition as tomlkit parsed it, which keeps the notation of numbers and the comments behind values.
     more: table -> further rows, for tables whose keys depend on the plant.
     without: dotted keys and tables of the template that do not apply.
     example: (dotted key, example in the template) -> example for a key that is switched off.
@@ -185,7 +185,7 @@ def _tables(given: Any, name: str) -> Iterator[Any]:
 
 
 def _line(start: str, value: str, meaning: str, note: str = "") -> list[str]:
-    """A key with its meaning, behind it where there is room; a comment of the definition stays behind the value."""
+    """Lines of a key. Its meaning stands behind the value if it fits and the definition has no comment there."""
     text = f"{start} = {value}"
     if note or "\n" in text or len(text) + len(meaning) + 4 > WIDTH:
         above = comment(f"{start.lstrip('#')}: {meaning}") if meaning else []
@@ -194,7 +194,7 @@ def _line(start: str, value: str, meaning: str, note: str = "") -> list[str]:
 
 
 def _entries(table: Any, prefix: str, names: Collection[str]) -> dict[str, Any]:
-    """Key -> item of a table without those tables within that the template lists; of others dotted keys."""
+    """Key -> item of a table. Leaves out inner tables that the template lists, and flattens others to dotted keys."""
     import tomlkit
     from tomlkit.items import InlineTable
 

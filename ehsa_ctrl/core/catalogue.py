@@ -1,6 +1,6 @@
 """The catalogues of definitions: plants, controllers and scenarios, one TOML file each.
 
-The folders `plants/`, `controllers/` and `scenarios/` of the working directory come before those of the package.
+The folders `plants/`, `controllers/` and `scenarios/` of the working directory take precedence over the package's.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def shipped_folder(kind: str) -> Path:
-    """The package's folder: inside the wheel, or beside the package in a checkout."""
+    """Folder of the shipped definitions: inside the wheel, or beside the package in a checkout."""
     inside = _PACKAGE / "catalogue" / kind
     return inside if inside.is_dir() else _PACKAGE.parent / kind
 
 
 def shipped(kind: str) -> dict[str, Path]:
-    """Name -> file of the package's definitions, without the user's own."""
+    """Name -> file of the shipped definitions."""
     return {path.stem: path for path in sorted(shipped_folder(kind).glob("*.toml"))}
 
 
 def is_shipped(kind: str, path: Path) -> bool:
-    """Whether this is a file of the package."""
+    """Whether this is a shipped definition."""
     return path.resolve() in {file.resolve() for file in shipped(kind).values()}
 
 
 @dataclass(frozen=True)
 class Catalogue(Mapping[str, Path]):
-    """Definitions of one kind: a mapping from name to file, with names as attributes for tab completion."""
+    """Definitions of one kind: a mapping from name to file. Names are also attributes, for tab completion."""
 
     kind: str
 
@@ -89,11 +89,10 @@ class Catalogue(Mapping[str, Path]):
 
         Parameters
         ----------
-        beside: the TOML file that refers to this one. A path is then relative to its folder first, and a name is
-            looked up in the project of that file first, so that a project's files find each other from any working
-            directory.
+        beside: the TOML file that refers to this definition. A path is tried relative to its folder first, and a name
+            in its project first, so that the files of a project find each other from any working directory.
 
-        Raises InputError, with the nearest name, if there is none.
+        Raises InputError, with the closest name, if there is none.
         """
         text = str(name)
         if text.endswith(".toml") or "/" in text or "\\" in text:

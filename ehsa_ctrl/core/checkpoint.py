@@ -1,4 +1,4 @@
-"""Checkpoints: results of a long computation in a file, one line each, so that an interrupted one can continue."""
+"""Checkpoints: a file with one line per result, from which an interrupted computation continues."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 @dataclass
 class Checkpoint(Generic[T]):
-    """An open checkpoint file. path: None writes nothing. results: those of earlier runs."""
+    """An open checkpoint file. path: None to write nothing. results: those of earlier runs."""
 
     path: Path | None
     results: list[T] = field(default_factory=list)
@@ -36,8 +36,8 @@ class Checkpoint(Generic[T]):
                 file.write(text)
         except OSError as error:
             raise InputError(
-                f"{self.path}: can't be written ({error.strerror}); what was done is kept, and the same call goes on "
-                "from there"
+                f"{self.path}: can't be written ({error.strerror}); finished results are kept, and the same command "
+                "continues with the others"
             ) from None
 
 
@@ -52,23 +52,23 @@ def open_checkpoint(
     other: str,
     wrong: str,
 ) -> Checkpoint[T]:
-    """Continue a checkpoint file, or begin it with the first results; its first line is {key: mark}.
+    """Open a checkpoint file to continue it, or a new one that the first results create.
 
-    A last line that an interrupt cut off is removed.
+    The first line of the file is {key: mark}. A last line that an interrupt truncated is removed.
 
     Parameters
     ----------
     mark: identifies the computation; only results with the same mark share a file.
     parse: from a line to a result; raises ValueError, LookupError, TypeError or ArithmeticError for an invalid line.
-    anew: begin again; a file of this kind is replaced with the first result, any other file never.
-    none, other, wrong: end of the message for a file that is no checkpoint, for one with another mark, and for an
+    anew: start again; the first result replaces an earlier checkpoint, but never a file of another kind.
+    none, other, wrong: end of the message for a file that is not a checkpoint, for one with another mark, and for an
         invalid line.
 
     Raises InputError with one of these messages, or for a file that can't be read or written.
     """
-    begun = json.dumps({key: mark}) + "\n"
+    first = json.dumps({key: mark}) + "\n"
     if path is None or not path.exists():
-        return Checkpoint(path, [], begun)
+        return Checkpoint(path, [], first)
     try:
         head, *lines = path.read_text(encoding="utf-8").split("\n")
         found = parse_json(head)[key]
@@ -77,7 +77,7 @@ def open_checkpoint(
     except (ValueError, LookupError, TypeError, ArithmeticError):
         raise InputError(f"{path}: {none}") from None
     if anew:
-        return Checkpoint(path, [], begun)
+        return Checkpoint(path, [], first)
     if found != mark:
         raise InputError(f"{path}: {other}")
     results, whole = [], [head]
@@ -88,7 +88,7 @@ def open_checkpoint(
             results.append(parse(line))
         except (ValueError, LookupError, TypeError, ArithmeticError):
             if number <= len(lines):
-                raise InputError(f"{path}: line {number} {wrong}; mend or delete it") from None
+                raise InputError(f"{path}: line {number} {wrong}; correct or delete it") from None
             continue
         whole.append(line)
     if [*whole, ""] != [head, *lines]:

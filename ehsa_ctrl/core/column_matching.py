@@ -1,5 +1,7 @@
-"""Match the columns of a table to channels: by the plant's [log] table and the file's row of units; where columns are
-left over, suggest [log] lines from their names. A suggestion is shown to the user and never applied.
+"""Match the columns of a log to channels.
+
+The plant's [log] table and the file's row of units decide. For columns that are left over, [log] lines are suggested
+from their names; a suggestion is only shown to the user, never applied.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from .unit import factor, names_angle
 if TYPE_CHECKING:
     from .table import LogTable
 
-#: A scale in [log] may include a calibration: it agrees with a unit within this factor.
+#: A scale in [log] agrees with the file's unit within this factor. Engineering judgement: it may include a calibration
+#: factor, and the units of one quantity that logs use differ by more than 2.
 AGREES = 2.0
 
 #: Channel -> usual column names, in lower case, without blanks and punctuation.
@@ -43,10 +46,10 @@ NAMES = {
 
 
 def find_channels(table: LogTable, mapped: Mapping[str, Column]) -> dict[str, Column]:
-    """Channel -> column of this file, for the channels that it has."""
+    """Channel -> column of this file, for the channels that it has. Raises InputError for an unknown channel."""
     for channel in mapped:
         if channel not in CHANNELS:
-            raise InputError(f"[log] {channel}: is no channel; {choices(channel, CHANNELS)}")
+            raise InputError(f"[log] {channel}: is not a channel; {choices(channel, CHANNELS)}")
     names = table.names
     own_format = not any(at.column in names for at in mapped.values())
     places = {}
@@ -58,9 +61,9 @@ def find_channels(table: LogTable, mapped: Mapping[str, Column]) -> dict[str, Co
 
 
 def channel_scale(path: Path | str, channel: str, at: Column, table: LogTable) -> float:
-    """SI units per unit of the column: by the mapping, else by the file's row of units.
+    """SI units per unit of the column: from the mapping, or else from the file's row of units.
 
-    Raises InputError for a unit that does not fit the channel, and where mapping and unit contradict each other.
+    Raises InputError for a unit that does not fit the channel, and for a mapping that contradicts the unit.
     """
     unit = table.units.get(at.column, "")
     if not unit:
@@ -70,7 +73,7 @@ def channel_scale(path: Path | str, channel: str, at: Column, table: LogTable) -
     where = f"{path}: row {table.units_row} gives column {at.column!r} the unit {unit!r}"
     if own is None and at.scale == 1.0:
         raise InputError(
-            f"{where}, which is not known as one of {channel}; write "
+            f"{where}, which is not a known unit of {channel}; write "
             f'{channel} = {{ column = "{at.column}", scale = ... '
             f"}} ({si} per unit of the column) under [log] in the plant's TOML, or begin the row with #"
         )
@@ -80,14 +83,14 @@ def channel_scale(path: Path | str, channel: str, at: Column, table: LogTable) -
         return own
     if not 1.0 / AGREES < abs(at.scale) / own < AGREES:
         raise InputError(
-            f"{where}, which is {own:.7g} {si}, and the plant's [log] scales {channel} by {at.scale:.7g}; write "
+            f"{where}, which is {own:.7g} {si}, but the plant's [log] scales {channel} by {at.scale:.7g}; write "
             f"scale = {math.copysign(own, at.scale):.7g} there, or begin the row with # if the unit is wrong"
         )
     return at.scale
 
 
 def suggest_mapping(table: LogTable, places: Mapping[str, Column], wanted: Sequence[str]) -> str:
-    """Lines of [log] that would map unused columns to wanted channels that are missing."""
+    """Suggested [log] lines that map unused columns to missing wanted channels; empty for none."""
     missing = {channel: CHANNELS[channel].unit for channel in wanted if channel not in places and channel in CHANNELS}
     used = {at.column for at in places.values()}
     free = [name for name in table.names if name and name not in used]
@@ -98,21 +101,21 @@ def suggest_mapping(table: LogTable, places: Mapping[str, Column], wanted: Seque
 
 
 class ColumnMatch(NamedTuple):
-    """A column, the unit in its name (empty without one), and SI units per unit of the column."""
+    """A column, the unit in its name (empty if none), and SI units per unit of the column."""
 
     column: str
     unit: str
     scale: float
 
     def line(self, channel: str) -> str:
-        """The line of a plant's [log]."""
+        """Line of this mapping in a plant's [log]."""
         column = self.column.replace("\\", "\\\\").replace('"', '\\"')
         scale = f", scale = {self.scale:.7g}" if self.scale != 1.0 else ""
         return f'{channel} = {{ column = "{column}"{scale} }}'
 
 
 def match_columns(columns: Iterable[str], channels: Mapping[str, str]) -> dict[str, ColumnMatch]:
-    """For each channel (name -> SI unit) the column whose name and unit fit it, if there is exactly one."""
+    """For each channel (name -> SI unit) the column whose name and unit fit, if exactly one does."""
     found: dict[str, list[ColumnMatch]] = {}
     for column in columns:
         for channel, si in channels.items():
@@ -125,7 +128,7 @@ def match_columns(columns: Iterable[str], channels: Mapping[str, str]) -> dict[s
 
 
 def _fit(column: str, channel: str, si: str) -> ColumnMatch | None:
-    """The column as this channel, its name split into name and unit; None where they don't fit."""
+    """Match of a column to a channel; None if its name or unit does not fit."""
     for name, unit in _split_name(column):
         if re.sub(r"[^a-z0-9]", "", name.lower()) not in (*NAMES.get(channel, ()), channel.replace("_", "")):
             continue
@@ -138,7 +141,7 @@ def _fit(column: str, channel: str, si: str) -> ColumnMatch | None:
 
 
 def _split_name(column: str) -> list[tuple[str, str]]:
-    """Possible splits of a column's name into name and unit: "I [A]", "n_rpm", "p1 / bar"."""
+    """Possible splits of a column's name, such as "I [A]", "n_rpm" or "p1 / bar", into name and unit."""
     inside = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*", column)
     if inside:
         return [(inside[1], inside[2].strip())]
@@ -147,7 +150,7 @@ def _split_name(column: str) -> list[tuple[str, str]]:
 
 
 def unit_scale(unit: str, si: str) -> float | None:
-    """`si` units in one `unit`; None where it is unknown, does not fit, or may mean turns or radians, as 1/min."""
+    """Size of one `unit` in `si`; None if it is unknown, does not fit, or may mean turns or radians, as 1/min."""
     try:
         scale = factor(unit, si)
     except InputError:

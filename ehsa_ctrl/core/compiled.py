@@ -1,9 +1,9 @@
-"""Compiled functions with a cache of their machine code on disk.
+"""Compile functions and cache their machine code on disk.
 
-numba's own cache identifies a function by its one source file, so that an edit of a function in another file goes
-unnoticed, and it runs any file that it finds. Here the hash of all source that is compiled, with the versions of the
-compilers, names a file, and the file begins with the SHA-256 of its content. Files are written aside and moved into
-place. A damaged file is deleted and compiled again. The digest detects damage; the permissions of the folder protect
+numba's own cache identifies a function by its own source file only, so it misses edits of functions in other files,
+and it runs any file that it finds. Here the name of a cache file contains the hash of all compiled source and of the
+compilers' versions, and the file begins with the SHA-256 of its content. Files are written under another name and then
+renamed. A damaged file is deleted and compiled again. The digest detects damage; the permissions of the folder protect
 against other users.
 """
 
@@ -28,19 +28,19 @@ from typing import Any
 
 log = logging.getLogger(__name__)
 
-#: Names of modules made from text.
+#: Prefix of the names of modules made from generated source.
 PREFIX = "ehsa_ctrl_compiled_"
 #: Bytes of the digest at the beginning of a file.
 DIGEST = hashlib.sha256().digest_size
-#: Longest wait for another process that compiles [s].
+#: Longest wait for another process that compiles [s]. Engineering judgement: ten times what a busy machine takes.
 LOCK_TIMEOUT = 600.0
 
 
 def cache_folder() -> Path | None:
-    """Folder of the cache: EHSA_CTRL_CACHE, else the user's cache folder, else a private temporary folder, else None.
+    """Folder of the cache: EHSA_CTRL_CACHE or else the user's cache folder, then a private temporary folder, then None.
 
     A folder must belong to the user, must not be a link and must not be writable by others. A missing one is created
-    with private access. A warning gives the reason once where a folder is not used.
+    with private access. If a folder can't be used, a warning gives the reason once.
     """
     import platformdirs
 
@@ -58,7 +58,7 @@ def cache_folder() -> Path | None:
 
 
 def _refusal(folder: Path) -> str:
-    """Why compiled code can't be kept in a folder; empty where it can."""
+    """Reason why a folder can't hold compiled code; empty if it can."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = folder.lstat()
@@ -68,11 +68,11 @@ def _refusal(folder: Path) -> str:
             if found.st_uid != os.geteuid():
                 return "belongs to another user, who could change what is run"
             if found.st_mode & 0o022:
-                return f"others may write to it, so could change what is run; chmod go-w '{folder}'"
-        # Permissions say too little: of a read-only disk, of a file system that takes no files, to root nothing at all.
+                return f"is writable by other users, who could change what is run; chmod go-w '{folder}'"
+        # Permissions alone do not tell: the disk may be read-only or full, and to root they mean nothing.
         tempfile.TemporaryFile(dir=folder).close()
     except FileExistsError:
-        return "is no folder"
+        return "is not a folder"
     except OSError as error:
         return f"can't be used ({error.strerror})"
     return ""
@@ -93,7 +93,7 @@ def _key(text: str) -> str:
 
 @contextmanager
 def compile_once(key: str, title: str) -> Iterator[None]:
-    """Lock under which one of several processes compiles while the others wait, then load; logs the start.
+    """Lock that lets one of several processes compile while the others wait and then load; logs the start.
 
     Without the lock each process would compile, which is slow but correct.
     """
@@ -111,18 +111,18 @@ def compile_once(key: str, title: str) -> Iterator[None]:
 
 @cache
 def load_compiled(text: str, title: str) -> ModuleType:
-    """The module with this text, whose functions carry `cached_njit`. `title` is for the log alone.
+    """The module with this source, whose functions carry `cached_njit`. title: for the logged message.
 
-    The first call ever for a text compiles what has a signature; later starts load the result.
+    The first call for a source compiles the functions that have a signature; later processes load the result.
     """
     key = _key(text)
     name = f"{PREFIX}{key}"
     file = f"<{name}>"
-    # Where tracebacks, numba and `cached_njit` look for the source of a function.
+    # Tracebacks, numba and `cached_njit` look here for the source of a function.
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
     with compile_once(key, title):
         module = ModuleType(name)
-        # numba looks the module up by its name while it compiles; unregistered, it would compile everything twice.
+        # While compiling, numba looks up the module by its name; without this entry it would compile everything twice.
         sys.modules[name] = module
         try:
             exec(compile(text, file, "exec"), vars(module))
@@ -134,10 +134,10 @@ def load_compiled(text: str, title: str) -> ModuleType:
 
 @cache
 def load_functions(text: str) -> Mapping[str, int]:
-    """Compile a text for LLVM; returns the address of each function that it defines, internal ones apart.
+    """Compile LLVM assembly; returns the address of each function that it defines, except internal ones.
 
-    The first call ever for a text compiles, which takes some tenths of a second; later starts load the result. The
-    names get the hash of the text, since names are shared by all that numba compiles in a process.
+    The first call for a text compiles, which takes some tenths of a second; later processes load the result. The hash
+    of the text is added to the names, because all code that numba compiles in a process shares one name space.
     """
     from llvmlite.binding import parse_assembly
     from numba.core.compiler_lock import global_compiler_lock
@@ -160,15 +160,16 @@ def load_functions(text: str) -> Mapping[str, int]:
         return {name: library.get_pointer_to_function(f"{name}_{key}") for name in names}
 
 
-#: Libraries whose functions are called by address; they live as long as the process.
+#: Libraries whose functions are called by address, kept so that they live as long as the process.
 _loaded: list[Any] = []
 
 
 def cached_njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """numba.njit with these options and the cache of this module.
+    """Decorator: numba.njit with these options and the cache of this module.
 
-    signature: at most one; it is compiled, or loaded, at once. Without it each combination of types is at its first
-    call. The function must depend on nothing but its module's text and other functions of this kind.
+    signature: at most one; the function is compiled or loaded for it at once. Without it, this happens at the first
+    call with each combination of types. The function may depend only on its module's source and on other functions
+    with this decorator.
     """
     import numba
 
@@ -177,7 +178,7 @@ def cached_njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]
         if dispatcher is function:  # by NUMBA_DISABLE_JIT
             return function
         dispatcher._cache = _Cache(function)
-        # What `load_compiled` compiles has its lock and its message already.
+        # `load_compiled` already holds the lock and has logged a message.
         own_lock = not function.__module__.startswith(PREFIX)
         for each in signature:
             with compile_once(dispatcher._cache.stem, f"the {function.__name__}") if own_lock else nullcontext():
@@ -189,7 +190,7 @@ def cached_njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]
 
 
 class _Cache:
-    """Cache of one function with the interface that numba's dispatcher expects."""
+    """Cache of one function, with the interface that numba's dispatcher expects."""
 
     cache_path = None
 
@@ -198,7 +199,7 @@ class _Cache:
         self.stem = f"{_key(text)}-{function.__name__}-{function.__code__.co_firstlineno}" if text else ""
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """The compiled function, None where it is to be compiled."""
+        """The compiled function; None if it is not in the cache."""
         from numba.core.compiler import CompileResult
 
         target.refresh()
@@ -206,16 +207,16 @@ class _Cache:
         return place.load(lambda parts: CompileResult._rebuild(target, *parts))
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Store a compiled function; a failure is logged once and has no other consequence."""
+        """Store a compiled function; a failure is only logged, once."""
         if not compiled.library.has_dynamic_globals:
             _CacheFile(self.stem, compiled.target_context.codegen(), signature).save(compiled._reduce())
 
     def flush(self) -> None:
-        """Required by numba; file names contain the hash of the source, so no file is ever out of date."""
+        """Required by numba. Does nothing: file names contain the hash of the source, so no file is out of date."""
 
 
 def _sources(function: Callable[..., Any], found: dict[str, str] | None = None) -> dict[str, str]:
-    """Texts of the function's file and of those whose compiled functions this file uses, by path."""
+    """Path -> source of the function's file and of all files whose compiled functions it uses."""
     found = {} if found is None else found
     file = function.__code__.co_filename
     if file not in found:
@@ -228,7 +229,7 @@ def _sources(function: Callable[..., Any], found: dict[str, str] | None = None) 
 
 
 class _CacheFile:
-    """File of the machine code of one function signature, or one text, for this processor."""
+    """Cache file with the machine code of one function signature, or one LLVM text, for this processor."""
 
     def __init__(self, stem: str, codegen: Any, signature: Any = None) -> None:
         self.key = stem, signature, codegen.magic_tuple()
@@ -237,7 +238,7 @@ class _CacheFile:
         self.file = None if folder is None else folder / f"{stem}-{digits}.code"
 
     def load(self, rebuild: Callable[[Any], Any]) -> Any:
-        """Content after `rebuild`; None without a file or with a damaged one."""
+        """Content of the file after `rebuild`; None if the file is missing or damaged."""
         if self.file is None or not self.file.exists():
             return None
         try:
@@ -249,14 +250,14 @@ class _CacheFile:
                 raise ValueError("another function")
             return rebuild(parts)
         except Exception as error:
-            # Any defect of a file is repaired by compiling again.
+            # Whatever is wrong with a file, compiling again repairs it.
             log.warning("%s: can't be loaded (%s); compiling again", self.file, error)
             with suppress(OSError):
                 self.file.unlink()
             return None
 
     def save(self, parts: Any) -> None:
-        """Write the file as a whole or not at all."""
+        """Write the file atomically."""
         from numba.core.serialize import dumps
 
         if self.file is None:

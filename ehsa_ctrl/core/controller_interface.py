@@ -17,16 +17,16 @@ INPUTS = (*(f"reference_{name}" for name in REFERENCE), *MEASURED)
 
 @runtime_checkable
 class Controller(Protocol):
-    """A sampled controller: from a reference row and measured values to the motor's current.
+    """A sampled controller: computes the motor current from the reference and the measurements of each sample.
 
     Attributes
     ----------
-    name: for tables.
-    sample_time: s, the period for which it was designed.
+    name: name in tables and files.
+    sample_time: the sample time that it is designed for [s].
     compiled: the step as a numba-compiled function with the signature
         float64(float64[::1], float64[::1], float64[::1], float64[::1]), arguments as in `step` and the settings last;
-        None if it has only the plain step.
-    traces: entries of its memory that are recorded at each sample, name -> index.
+        None if it has only a step in Python.
+    traces: name -> index of the entries of its memory that are recorded at each sample.
     """
 
     @property
@@ -50,5 +50,8 @@ class Controller(Protocol):
         ...
 
     def step(self, reference: np.ndarray, measured: np.ndarray, memory: np.ndarray) -> float:
-        """Current [A] for this sample, from `reference` (3,), `measured` (5,) and the controller's memory."""
+        """Current [A] of this sample.
+
+        reference: (3,) as in REFERENCE. measured: (5,) as in MEASURED. memory: (m,), updated in place.
+        """
         ...

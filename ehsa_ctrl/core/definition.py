@@ -1,4 +1,4 @@
-"""Validation of TOML files; every mistake is one sentence with file and key."""
+"""Validate TOML files; each error is one sentence with file and key."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from .unit import parse
 
 
 class Definition(BaseModel):
-    """Base of all TOML forms: unknown keys are mistakes, values are frozen.
+    """Base of all definitions in TOML: unknown keys are errors, instances are frozen.
 
-    Nothing is converted: true is no 1, "1" no 1, and a number is finite unless its field says otherwise.
+    Types are strict: neither true nor "1" is accepted for 1. Numbers are finite unless the field is Unlimited.
     """
 
     model_config = ConfigDict(
@@ -24,7 +24,8 @@ class Definition(BaseModel):
     )
 
 
-#: Largest magnitude in SI units, its inverse the smallest: beyond them squares overflow or vanish.
+#: Largest magnitude in SI units; its inverse is the smallest. Engineering judgement: no quantity of this field comes
+#: near them, and squares and cubes neither overflow nor underflow.
 LARGEST = 1e30
 
 
@@ -44,13 +45,13 @@ class In:
                 except InputError as error:
                     raise ValueError(str(error)) from None
             elif isinstance(value, bool) or not isinstance(value, int | float):
-                raise ValueError(f"{shown(value)} is no quantity; write it as in '3 {self.unit}'")
+                raise ValueError(f"{shown(value)} is not a quantity; write it as in '3 {self.unit}'")
             elif self.unit not in ("1", "fraction"):
                 raise ValueError(f"{shown(value)} has no unit; write it as in '{shown(value)} {self.unit}'")
             else:
                 number = value
             if number != 0 and not 1.0 / LARGEST <= abs(number) <= LARGEST:
-                raise ValueError(f"{shown(value)} is beyond any meaning; expected 0, or {1 / LARGEST:g} to {LARGEST:g}")
+                raise ValueError(f"{shown(value)} is out of range; expected 0, or {1 / LARGEST:g} to {LARGEST:g}")
             return float(number)
 
         # The bounds of a Field (gt, ge, lt, le) apply to the converted number.
@@ -60,9 +61,9 @@ class In:
         return {"type": "string", "unit": self.unit}
 
 
-#: Pairs and the like, which TOML writes as an array.
+#: Tuples: TOML only has arrays, which strict validation would reject for a tuple.
 Array = Strict(False)
-#: A number that may be infinite, where that means never.
+#: A number that may be infinite, e.g. a limit that is never reached.
 Unlimited = Annotated[float, AllowInfNan(True)]
 
 Metre = Annotated[float, In("m")]
@@ -80,30 +81,33 @@ def _whole(value: Any) -> Any:
     return value
 
 
-#: Of a form; a Literal alone would take true for 1.
+#: Version of a definition's format. Literal alone would accept true for 1.
 Schema = Annotated[Literal[1], BeforeValidator(_whole)]
 
 D = TypeVar("D", bound=Definition)
 
 
 def read_definition(path: Path, kind: type[D]) -> D:
-    """Read and validate one definition. Raises InputError with file, key, what was got and what was expected."""
+    """Read and validate one definition. Raises InputError with file, key, value found and value expected."""
     return validate(read_toml(path), kind, str(path))
 
 
 def validate(content: dict[str, Any], kind: type[D], where: str, context: dict[str, Any] | None = None) -> D:
-    """Validate parsed TOML; `where` is the file's name for messages, `context` is passed to the validators."""
+    """Validate parsed TOML.
+
+    where: name of the file, for messages. context: passed to the validators. Raises InputError as `read_definition`.
+    """
     try:
         return kind.model_validate(content, context=context)
     except ValidationError as error:
         raise InputError(f"{where}: {_sentence(error, kind)}") from None
 
 
-#: Expected types of pydantic's errors, in terms of TOML.
+#: Type of a pydantic error -> the expected type, in terms of TOML.
 EXPECTED = {
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "a table"),
     **dict.fromkeys(("list_type", "tuple_type"), "an array"),
-    "string_type": "a text",
+    "string_type": "a string",
     "float_type": "a number",
     "int_type": "a whole number",
     "bool_type": "true or false",
@@ -112,20 +116,20 @@ EXPECTED = {
 
 
 def _got(value: Any) -> str:
-    """A value in terms of TOML."""
+    """A value found, in terms of TOML."""
     if isinstance(value, bool):
         return str(value).lower()
     return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else shown(value)
 
 
 def _name(part: int | str) -> str:
-    """A key as it is, quoted where it is long or not printable."""
+    """A key for a message, quoted if it is long or not printable."""
     text = str(part)
     return text if len(text) <= 60 and text.isprintable() else shown(text)
 
 
 def _sentence(error: ValidationError, kind: type[BaseModel]) -> str:
-    """The first mistake as one sentence; an unknown key comes first, as it is often the cause of a missing one."""
+    """The first mistake as one sentence. Unknown keys come first: a misspelt key often causes a missing one."""
     mistakes = sorted(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
     first = mistakes[0]
     *tables, key = (_name(part) for part in first["loc"] or ("",))
@@ -145,10 +149,10 @@ def _sentence(error: ValidationError, kind: type[BaseModel]) -> str:
                 f"; known: {known}" if known else ""
             )
         case _:
-            said = EXPECTED.get(first["type"])
+            expected = EXPECTED.get(first["type"])
             message = first["msg"].replace("Input should be greater", "expected a value greater")
             message = message.replace("Input should be less", "expected a value less")
-            words = f"expected {said}" if said else f"{message[0].lower()}{message[1:]}"
+            words = f"expected {expected}" if expected else f"{message[0].lower()}{message[1:]}"
             sentence = f"{place} = {_got(first['input'])}; {words}"
     more = len(mistakes) - 1
     return sentence + (f" (and {more} more mistake{'s' if more > 1 else ''})" if more else "")

@@ -1,7 +1,7 @@
-"""Detect how a CSV is written: encoding, separator, decimal mark, comments, and a row of units.
+"""Detect the dialect of a CSV file: encoding, separator, decimal mark, comments, and a row of units.
 
-csv.Sniffer guesses; a guess that is wrong by a factor of a thousand would go unnoticed in a log. Only what a file
-leaves no doubt of is assumed here and reported in a note; a number that can be read in two ways is refused.
+csv.Sniffer guesses, and in a log a guess that is wrong by a factor of a thousand would go unnoticed. Here only what is
+unambiguous is assumed, and reported in a note; a number that can be read in two ways is an error.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from pathlib import Path
 from .errors import InputError
 from .text import join_words
 
-#: Separators as pandas takes them -> in messages.
+#: Separator as pandas takes it -> name in messages.
 SEPARATORS = {",": "','", ";": "';'", "\t": "tabs", r"\s+": "blanks"}
-#: Number of rows that determine the separator.
+#: Number of rows that determine the separator. Engineering judgement: enough to expose an ambiguous one.
 SAMPLED = 30
 
 _COMMENT = ("#", "%")
 _NUMBER = {mark: rf"[-+]?(?:\d+{mark}\d*|{mark}\d+)(?:[eE][-+]?\d+)?" for mark in (",", r"\.")}
-#: Two marks or more with three digits between them: 1.234.567 or 1.234,5.
+#: Thousands separators: two marks or more with three digits between them, as in 1.234.567 or 1.234,5.
 _GROUPED = r"[-+]?\d{1,3}(?:[.,]\d{3})+[.,]\d+"
-#: One mark that may also separate thousands: 1,234.
+#: Ambiguous number: one mark that may be a decimal mark or a thousands separator, as in 1,234.
 _EITHER = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How one file is written.
+    """Dialect and rows of one file.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Dialect:
     separator, decimal: as pandas takes them.
     rows: the lines with data, including blank lines between them. numbers: line numbers of these rows, from 1.
     header_row: line number of the header.
-    note: what was assumed, in words; empty for a file in the package's own form.
+    note: the assumptions, in a sentence; empty for a file in the package's own format.
     """
 
     names: tuple[str, ...]
@@ -59,22 +59,21 @@ class Dialect:
 
 
 def read_dialect(path: Path) -> Dialect:
-    """Read a text file and detect how it is written.
+    """Read a text file and detect its dialect.
 
-    Raises InputError for a file without text or header row, or in a form with two meanings: one sentence with the
-    remedy.
+    Raises InputError for a file without text or header row, and for an ambiguous one, with the remedy.
     """
     text, encoding = _decode(path)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     while lines and not lines[-1].strip():
         lines.pop()
     comments = [i for i, line in enumerate(lines) if line.lstrip().startswith(_COMMENT)]
-    # Spreadsheet programs read a first line sep=; it repeats what the other lines show.
+    # Spreadsheet programs write a first line sep=X; the other lines show the separator too.
     skipped = {*comments, *([0] if re.fullmatch(r"sep=.", lines[0] if lines else "") else [])}
     content = [i for i, line in enumerate(lines) if i not in skipped]
     head = next((i for i in content if lines[i].strip()), None)
     if head is None:
-        raise InputError(f"{path}: is no CSV table with a header row (row 1 is empty)")
+        raise InputError(f"{path}: is not a CSV table with a header row (row 1 is empty)")
     sample = [lines[i] for i in content if i > head and lines[i].strip()][:SAMPLED]
     commented = _commented_header(lines, comments, head, sample)
     header = commented or lines[head]
@@ -82,8 +81,8 @@ def read_dialect(path: Path) -> Dialect:
     names = split(header, separator)
     if names and all(_is_number(name) for name in names):
         raise InputError(
-            f"{path}: row {head + 1} holds numbers and no names of columns; expected a CSV table with a header row: "
-            "write the names above the numbers"
+            f"{path}: row {head + 1} contains numbers instead of column names; write a header row with the names above "
+            "the numbers"
         )
     rows = [i for i in content if i >= (head if commented else head + 1)]
     units = _units(lines, rows, names, separator)
@@ -99,7 +98,7 @@ def read_dialect(path: Path) -> Dialect:
         f"decimal {'commas' if decimal == ',' else 'points'}": separator != "," or decimal != ".",
         "the last comment row as header": bool(commented),
         f"{encoding} text": bool(encoding),
-        f"{dropped} comment row{'s' if dropped > 1 else ''} left out": dropped > 0,
+        f"{dropped} comment row{'s' if dropped > 1 else ''} skipped": dropped > 0,
         f"row {units_row} as units": units_row > 0,
     }
     assumed = [note for note, applies in notes.items() if applies]
@@ -139,11 +138,11 @@ def _decode(path: Path) -> tuple[str, str]:
             continue
         if not re.search(r"[\x00-\x08\x0e-\x1f\x7f]", text):
             return text, name
-    raise InputError(f"{path}: is no CSV table with a header row (it holds bytes that are no text)")
+    raise InputError(f"{path}: is not a CSV table with a header row (it contains bytes that are not text)")
 
 
 def _commented_header(lines: Sequence[str], comments: Sequence[int], head: int, sample: Sequence[str]) -> str:
-    """The header if it is the last comment before rows of numbers, as numpy.savetxt writes it; else empty."""
+    """The header if it is the last comment above the numbers, as numpy.savetxt writes it; else empty."""
     before = [i for i in comments if i < head]
     if not before:
         return ""
@@ -167,8 +166,8 @@ def _separator(path: Path, header: str, sample: Sequence[str], head: int, lines:
     if len(possible) > 1:
         words = " or ".join(SEPARATORS[sign] for sign in possible)
         raise InputError(
-            f"{path}: row {head + 1} can be split at {words}, and the rows below don't tell which; save it with one of "
-            "them alone, or names in quotes"
+            f"{path}: row {head + 1} can be split at {words}, and the rows below don't decide; save it with only one "
+            "of them, or put the names in quotes"
         )
     if possible:
         return possible[0]
@@ -177,7 +176,7 @@ def _separator(path: Path, header: str, sample: Sequence[str], head: int, lines:
 
 
 def _fits(row: str, separator: str, width: int) -> bool:
-    """Whether a row has this many cells, or an empty one more, and no cell contains a stronger separator."""
+    """Whether a row has this many cells (or one more that is empty), and none of them a more likely separator."""
     cells = split(row, separator)
     stronger = {",": (";", "\t"), ";": ("\t",), "\t": (";",)}[separator]
     contained = any(sign in cell for cell in cells for sign in stronger)
@@ -185,7 +184,7 @@ def _fits(row: str, separator: str, width: int) -> bool:
 
 
 def _refuse_title(path: Path, head: int, header: str, lines: Sequence[str]) -> None:
-    """Raise InputError where the row of names follows other text."""
+    """Raise InputError if the header row follows other text, such as a title."""
     below = [i for i in range(head + 1, min(head + 1 + SAMPLED, len(lines) - 1)) if lines[i].strip()]
     for sign in (";", "\t", ","):
         named = sum(map(bool, split(header, sign)))
@@ -195,15 +194,15 @@ def _refuse_title(path: Path, head: int, header: str, lines: Sequence[str]) -> N
                 continue
             if not any(map(_is_number, names)) and _is_any_number(values[0]):
                 raise InputError(
-                    f"{path}: row {i + 1} looks like its header, with other text above; begin the rows above it "
+                    f"{path}: row {i + 1} looks like the header, but other text is above it; begin the rows above "
                     "with #, or remove them"
                 )
 
 
 def _units(lines: Sequence[str], rows: Sequence[int], names: Sequence[str], separator: str) -> list[str]:
-    """The cells of a row of units below the header; empty without such a row.
+    """The cells of a row of units below the header; empty if there is none.
 
-    A row of units holds no number, and the row below it holds one: a table of text has no units.
+    A row of units contains no number, but the row below it does.
     """
     first, second = (split(lines[i], separator) for i in rows[:2]) if len(rows) > 1 else ([], [])
     if len(first) not in (len(names), len(names) + 1) or not any(first):
@@ -215,7 +214,7 @@ def _units(lines: Sequence[str], rows: Sequence[int], names: Sequence[str], sepa
 
 
 def _decimal(path: Path, body: Sequence[str], rows: Sequence[int], separator: str) -> str:
-    """Point or comma. Raises InputError where numbers have both marks, or can be read in two ways."""
+    """The decimal mark, point or comma. Raises InputError for both marks, and for ambiguous numbers."""
     text = "\n".join(body)
     if separator == "," and '"' not in text:
         return "."
@@ -223,31 +222,31 @@ def _decimal(path: Path, body: Sequence[str], rows: Sequence[int], separator: st
     points = _find_cells(text, _NUMBER[r"\."], separator) if "." in text else []
     if separator == ",":
         return "," if commas and not points and not all(_EITHER.fullmatch(cell) for cell, _ in commas) else "."
-    # The search over all cells of a large file is slow, so a cheap test comes first.
+    # The search over all cells of a large file is slow; the cheap test avoids it for most files.
     grouped = _find_cells(text, _GROUPED, separator) if re.search(r"[.,]\d{3}[.,]\d", text) else []
     if grouped:
         cell, at = grouped[0]
-        raise InputError(f"{path}: row {rows[at] + 1}: {cell!r} has marks between its thousands; save it without them")
+        raise InputError(f"{path}: row {rows[at] + 1}: {cell!r} has thousands separators; save it without them")
     if commas and points:
         (comma, i), (point, j) = commas[0], points[0]
         raise InputError(
-            f"{path}: writes {comma!r} with a comma (row {rows[i] + 1}) and {point!r} with a point (row "
-            f"{rows[j] + 1}); save it with one of them in all numbers"
+            f"{path}: has {comma!r} with a decimal comma (row {rows[i] + 1}) and {point!r} with a decimal point (row "
+            f"{rows[j] + 1}); save all numbers with the same mark"
         )
     marked = commas or points
     if marked and all(_EITHER.fullmatch(cell) for cell, _ in marked):
         cell, at = marked[0]
         raise InputError(
-            f"{path}: row {rows[at] + 1}: {cell!r} is {cell.replace(',', '.')} or {re.sub('[.,]', '', cell)}, and no "
-            "number in the file tells which; save it with ',' between columns and points for decimals"
+            f"{path}: row {rows[at] + 1}: {cell!r} may mean {cell.replace(',', '.')} or {re.sub('[.,]', '', cell)}, "
+            "and no number in the file decides; save it with ',' between columns and decimal points"
         )
     return "," if commas else "."
 
 
 def _find_cells(text: str, number: str, separator: str) -> list[tuple[str, int]]:
-    """The first cell of this form, and the first that has only one meaning, or the last; with row indices."""
+    """The first cell of this form, and the first unambiguous one (or else the last), with their row indices."""
     between = {"\t": r"\t", r"\s+": r"[ \t]"}.get(separator, re.escape(separator))
-    # Between commas, a number with a comma is one only in quotes.
+    # In a file with commas between columns, a number with a decimal comma must be in quotes.
     quote = '"' if (separator, number) == (",", _NUMBER[","]) else '"?'
     form = re.compile(rf"(?:^|(?<={between})) *{quote}({number}){quote} *(?={between}|$)", re.MULTILINE)
     found = []

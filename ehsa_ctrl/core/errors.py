@@ -1,9 +1,9 @@
 """Exceptions and parts of their messages.
 
 EhsaError
-├── InputError         a file, a key, a value or an argument of the user's is wrong: exit status 2, one sentence
-│   └── CompileError   a physics function uses a construct that the engine cannot translate (also the user's own text)
-└── SimulationError    a run could not be finished: says at what time, and why
+├── InputError         wrong file, key, value or argument: exit status 2, one sentence
+│   └── CompileError   a physics function, also a user's own, has a construct that the engine can't translate
+└── SimulationError    a run stopped early: the message gives the time and the reason
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ class EhsaError(Exception):
 
 
 class InputError(EhsaError, ValueError):
-    """The input was wrong. The text says what was got, what was expected and what to do."""
+    """Wrong input. The text tells what was found, what was expected and what to do."""
 
 
 class CompileError(InputError):
-    """A physics function is not straight-line scalar text, so that it can't be compiled or differentiated."""
+    """A physics function is not straight-line scalar code, so it can't be compiled and differentiated."""
 
 
 class SimulationError(EhsaError, RuntimeError):
-    """A simulation could not be finished; the text names the time and the reason."""
+    """A simulation stopped early; the text gives the time and the reason."""
 
 
-#: Most names in a message.
+#: Most names listed in a message. Engineering judgement: enough for all parameters of a plant.
 MOST = 100
 
 
 def choices(name: object, known: Iterable[str]) -> str:
-    """Hint for an unknown name: the nearest known one, then all."""
+    """Hint for an unknown name: the closest known name, then all of them."""
     known = sorted(known)
     near = difflib.get_close_matches(str(name)[:100], known, n=1, cutoff=0.5)
     listed = ", ".join(known[:MOST]) + (f" and {len(known) - MOST} more" if len(known) > MOST else "") or "none"
@@ -44,7 +44,7 @@ def choices(name: object, known: Iterable[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """A value for a message: numbers and texts as Python writes them, cut off if long; other objects by type."""
+    """A value for a message: numbers and strings as Python writes them, shortened if long; other objects by type."""
     if isinstance(value, int) and abs(value) >= 10**40:
         # Python refuses to format integers with thousands of digits.
         return f"a whole number of {value.bit_length()} bits"

@@ -1,4 +1,4 @@
-"""Read text, TOML and JSON files with one-sentence errors; write files whole or not at all."""
+"""Read text, TOML and JSON files with one-sentence errors; write files atomically."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from typing import Any
 
 from .errors import InputError
 
-#: Start of the names of drafts and of manifests.
+#: Prefix of the names of drafts and manifests.
 DRAFT_PREFIX = ".ehsa_ctrl-"
-#: How a user allows a result to be replaced, on the command line and in Python.
-FORCE_OPTION, FORCE_ARGUMENT = "say --force", "say force=True"
+#: How a user allows a result to be replaced, for messages: on the command line and in Python.
+FORCE_OPTION, FORCE_ARGUMENT = "use --force", "pass force=True"
 
 
 def read_text(path: Path) -> str:
     """Text of a file in UTF-8, with or without a byte order mark.
 
-    Raises InputError for one that is absent, a folder, not to be read, or no such text.
+    Raises InputError for a file that is missing, a folder, not readable or not UTF-8.
     """
     try:
         return path.read_text(encoding="utf-8-sig")
@@ -30,28 +30,28 @@ def read_text(path: Path) -> str:
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text in UTF-8 (byte {error.start + 1}); save it as such") from None
+        raise InputError(f"{path}: is not valid UTF-8 (byte {error.start + 1}); save it as UTF-8") from None
     except ValueError:
-        raise InputError(f"{str(path)!r}: is no name of a file") from None
+        raise InputError(f"{str(path)!r}: is not a file name") from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Content of a TOML file. Raises InputError as `read_text` does, and for what is no TOML, with its line."""
+    """Content of a TOML file. Raises InputError as `read_text` does, and for invalid TOML, with the line."""
     text = read_text(path)
     try:
         content = tomllib.loads(text)
         _check_integers(content)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is no valid TOML: {error}") from None
+        raise InputError(f"{path}: is not valid TOML: {error}") from None
     except ValueError:
-        raise InputError(f"{path}: is no valid TOML: it holds a whole number of more than 64 bits") from None
+        raise InputError(f"{path}: is not valid TOML: it contains an integer of more than 64 bits") from None
     except RecursionError:
-        raise InputError(f"{path}: is no valid TOML: brackets are nested too deeply") from None
+        raise InputError(f"{path}: is not valid TOML: brackets are nested too deeply") from None
     return content
 
 
 def _check_integers(value: Any) -> None:
-    """Raise ValueError for a whole number beyond 64 bits, which no TOML may hold."""
+    """Raise ValueError for an integer beyond 64 bits, which TOML does not allow."""
     if isinstance(value, int) and not -(2**63) <= value < 2**63:
         raise ValueError
     for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
@@ -59,16 +59,16 @@ def _check_integers(value: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Content of a JSON file. Raises InputError as `read_text` does, and for what is no JSON."""
+    """Content of a JSON file. Raises InputError as `read_text` does, and for invalid JSON."""
     text = read_text(path)
     try:
         return parse_json(text)
     except ValueError:
-        raise InputError(f"{path}: is no valid JSON") from None
+        raise InputError(f"{path}: is not valid JSON") from None
 
 
 def parse_json(text: str) -> Any:
-    """Content of a JSON text. Raises ValueError for what is none, and for brackets nested too deeply."""
+    """Content of a JSON text. Raises ValueError for invalid JSON, also for brackets nested too deeply."""
     try:
         return json.loads(text)
     except RecursionError:
@@ -77,16 +77,16 @@ def parse_json(text: str) -> Any:
 
 @contextmanager
 def atomic_write(path: str | Path) -> Iterator[Path]:
-    """A draft beside `path`, which replaces it when the block ends without an error.
+    """Path of a draft in the folder of `path`; it replaces `path` when the block ends without an error.
 
     A missing folder is created. After an error or an interrupt the old file is unchanged.
 
     Raises InputError for a path that can't be written.
     """
-    # A link is kept: its target is replaced.
+    # Replace the target of a link, not the link.
     path = Path(path).resolve() if Path(path).is_symlink() else Path(path)
     made = missing_folders(path.parent)
-    # Some writers choose the format by the ending.
+    # The draft keeps the suffix, because some writers choose the format by it.
     draft = path.with_name(f"{DRAFT_PREFIX}{secrets.token_hex(4)}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -111,7 +111,7 @@ def refuse_existing(path: Path, *, force: bool, how: str = FORCE_OPTION) -> None
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give the name of a file")
     if path.exists() and not force:
-        raise InputError(f"{path}: is there already; choose another name or {how}")
+        raise InputError(f"{path}: already exists; choose another name or {how}")
 
 
 def missing_folders(folder: Path) -> list[Path]:

@@ -26,7 +26,7 @@ class Channel(NamedTuple):
     decimals: int
 
 
-#: Channels in the order of the file. Spring pressures belong to gas springs beside the rod and are absolute.
+#: Channels in the order of the columns. spring_p1 and spring_p2 are absolute pressures of gas springs at the rod.
 CHANNELS = {
     "t": Channel("s", 6),
     "current": Channel("A", 5),
@@ -44,16 +44,17 @@ CHANNELS = {
 }
 
 
-#: Tolerance of the sampling grid in sample times: loggers round their clocks.
+#: Tolerance of the sampling grid, in sample times. Engineering judgement: loggers round their time stamps, 4 ms to
+#: 0.1 ms for instance.
 TIME_TOLERANCE = 0.05
 
-#: Longest step over which jittered samples may be joined, in median steps.
+#: Longest step of an uneven log that is interpolated, in median steps; a longer one is a gap. Engineering judgement.
 LONGEST_STEP = 5.0
 
 
 @dataclass(frozen=True)
 class Column:
-    """Column of a file that holds a channel: SI value = scale * column + offset; a negative scale reverses the sign."""
+    """Column of a file with a channel: SI value = scale * column + offset; a negative scale reverses the sign."""
 
     column: str
     scale: float = 1.0
@@ -68,16 +69,16 @@ class Column:
 
 @dataclass(frozen=True, repr=False)
 class Log(Result):
-    """A log with channels by name.
+    """A measured log.
 
     Attributes
     ----------
     time: (N,) s.
     channels: name -> (N,) values in SI units; names as in CHANNELS.
     path: its file, if any.
-    missing: channels that were requested and are absent.
-    notes: what was assumed in reading it, in sentences.
-    before: the samples before this one, if it was cut out of a longer log.
+    missing: requested channels that the file lacks.
+    notes: sentences on what was assumed in reading it.
+    before: the samples before this segment of a longer log, if any.
     label: name that distinguishes it from other logs, see `named`; empty for the file's name.
     """
 
@@ -137,7 +138,7 @@ class Log(Result):
         return self._slice(first, last, earlier)
 
     def rows(self, first: int, last: int) -> Log:
-        """The samples from row `first` up to, but excluding, row `last`, as a separate log."""
+        """Rows `first` to `last` - 1 as a separate log, without `before`."""
         return self._slice(first, last, None)
 
     def _slice(self, first: int, last: int, before: Log | None) -> Log:
@@ -155,7 +156,7 @@ class Log(Result):
     ) -> Log:
         """A log from a table in memory: time in a column t or in the index, channels by name, SI units.
 
-        Arguments and errors are those of `read_log`; the first row of data is row 1.
+        Arguments and errors as in `read_log`; the first row of data is row 1.
         """
         from .log_reader import log_from_table
         from .table import table_from_pandas
@@ -164,9 +165,9 @@ class Log(Result):
         return log_from_table("the table", table, required, columns)
 
     def write(self, path: str | Path) -> None:
-        """Write a measured log: .parquet, .mat (version 5), else CSV with the decimals of the sensors.
+        """Write the log to .parquet, .mat (version 5) or otherwise CSV, with as many decimals as sensors resolve.
 
-        An existing file is replaced once the new one is complete.
+        An existing file is replaced when the new one is complete.
 
         Raises InputError for Parquet without pyarrow, and for a path that can't be written.
         """
@@ -194,7 +195,7 @@ class Log(Result):
 
 
 def named(logs: Sequence[Log]) -> list[Log]:
-    """The logs with labels that distinguish their files."""
+    """The logs with labels that distinguish them, see `unique_names`."""
     if len(logs) < 2:
         return list(logs)
     labels = iter(unique_names([log.path for log in logs if log.path is not None]))
@@ -209,21 +210,21 @@ def check_time(
     first_row: int = 2,
     lines: np.ndarray | None = None,
 ) -> None:
-    """Raise InputError unless time advances in equal steps; names the first row that does not.
+    """Raise InputError, naming the row, unless time advances in equal steps.
 
-    With uniform=False time may jitter, but must advance without gaps. lines: row numbers, by default from first_row on.
+    uniform: False also accepts jitter, but no gaps. lines: row numbers for messages, by default from first_row on.
     """
     numbers = first_row + np.arange(time.size) if lines is None else lines
     step = np.diff(time)
     usual = float(np.median(step))
     if usual <= 0:
-        raise InputError(f"{path}: column 't' does not advance; expected seconds, growing in equal steps")
+        raise InputError(f"{path}: column 't' does not advance; expected seconds that increase in equal steps")
     back = np.flatnonzero(step <= 0.0)
     if back.size:
         row = int(back[0])
         raise InputError(
             f"{path}: column 't', row {numbers[row + 1]}: {time[row + 1]:g} s comes after {time[row]:g} s; time "
-            "must grow from row to row"
+            "must increase from row to row"
         )
     longest = 1.0 + 2 * TIME_TOLERANCE if uniform else LONGEST_STEP
     off = np.flatnonzero((step > longest * usual) | ((step < (1 - 2 * TIME_TOLERANCE) * usual) & uniform))
@@ -237,8 +238,8 @@ def check_time(
         row = int(off[0])
         what = "a gap" if step[row] > 1.5 * usual else "a step"
         raise InputError(
-            f"{path}: column 't', row {numbers[row + 1]}: {what} of {step[row]:g} s after {time[row]:g} s, where "
-            f"the other rows are {usual:g} s apart; expected uniform sampling"
+            f"{path}: column 't', row {numbers[row + 1]}: {what} of {step[row]:g} s after {time[row]:g} s, but the "
+            f"other rows are {usual:g} s apart; expected uniform sampling: select a part of the log that has it"
         )
     grid = time[0] + (time[-1] - time[0]) * np.arange(time.size) / (time.size - 1)
     drift = np.flatnonzero(np.abs(time - grid) > 0.5 * usual)

@@ -22,27 +22,28 @@ def read_log(
     wanted: Sequence[str] = (),
     span: tuple[float | None, float | None] = (None, None),
 ) -> Log:
-    """Read a log by the ending of its file: .csv (with header row), .parquet, .mat; with time t and uniform sampling.
+    """Read a uniformly sampled log from .csv (with header row), .parquet or .mat; the suffix decides.
 
     A CSV may be separated by commas, semicolons, tabs or blanks, have decimal points or commas, comment rows (# or %)
     and a row of units below its header, and be in UTF-8, UTF-16 or Latin-1; `notes` of the log report what was assumed.
-    A form with two meanings is refused. Columns with a unit in the row of units are converted to SI units where their
-    mapping gives no scale.
+    An ambiguous file is an error. Columns with a unit in the row of units are converted to SI units unless their
+    mapping gives a scale.
 
     Parameters
     ----------
-    required: channels that must exist; other CHANNELS are read where they exist.
-    columns: channel -> column of the file, "t" too. Other channels are found under their own name. A file with none of
-        these columns is read in the package's own format.
+    required: channels that must exist; other CHANNELS are read if they exist.
+    columns: channel -> column of the file, also for "t". Other channels are found by their own names, as is every
+        channel of a file that has none of these columns.
+    shortest: least number of rows.
     uniform: False also accepts jitter, but no gap of more than LONGEST_STEP median steps.
     wanted: further channels for which notes suggest a mapping.
     span: rows outside these times [s] are ignored.
 
     Raises
     ------
-    InputError: no such file, no table, a form with two meanings, a missing column, a value that is no finite number, a
+    InputError: no such file, not a table, an ambiguous CSV, a missing column, a value that is not a finite number, a
         unit that is unknown or contradicts the mapping, time that does not advance or has a gap, fewer than `shortest`
-        rows; one sentence with file, column and row (the first line of a CSV is row 1).
+        rows. One sentence with file, column and row (the first line of a CSV is row 1).
     """
     path = Path(path)
     log = log_from_table(path, read_table(path), required, columns, shortest, uniform, wanted, span)
@@ -62,7 +63,7 @@ def log_from_table(
     """A log from the columns of a table; arguments and errors as in `read_log`."""
     places = find_channels(table, dict(columns or {}))
     lines = suggest_mapping(table, places, ("t", *required, *wanted))
-    write = f"after a look at units and signs write {lines} under [log] in the plant's TOML" if lines else ""
+    write = f"check units and signs, then write {lines} under [log] in the plant's TOML" if lines else ""
     for channel in ("t", *required):
         if channel not in places:
             column = (columns or {}).get(channel, Column(channel)).column
@@ -81,11 +82,11 @@ def log_from_table(
     notes = list(table.notes)
     converted = [f"{c} from {table.units[at.column]}" for c, at in places.items() if scales[c] != at.scale]
     if converted:
-        notes.append(f"{path}: converted as its row of units says: {', '.join(converted)}")
+        notes.append(f"{path}: converted by its row of units: {', '.join(converted)}")
     for channel, at in (columns or {}).items():
         if channel in wanted and channel not in places:
             near = choices(at.column, table.names)
             notes.append(f"{path}: has no column {at.column!r}, where the plant's [log] looks for {channel}; {near}")
     if write:
-        notes.append(f"{path}: has columns that look like channels and are not read; {write}")
+        notes.append(f"{path}: has unread columns that look like channels; {write}")
     return Log(time, values, notes=tuple(notes))

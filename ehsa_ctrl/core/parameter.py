@@ -1,4 +1,4 @@
-"""Parameters: values in SI units with their provenance."""
+"""Parameters: values in SI units, with their provenance."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from math import inf, isfinite
 
 from .errors import InputError
 
-#: A value that differs from the file's by more than this factor was probably meant in another unit.
+#: A value that differs from the file's by more than this factor is probably in another unit. Engineering judgement:
+#: mm, kN and g are off by 1e3.
 FAR = 1e3
-#: Smallest magnitude besides 0: squares of smaller numbers underflow.
+#: Smallest magnitude besides 0, as in `core.definition`.
 LEAST = 1e-30
 
 SOURCES = ("datasheet", "identified", "literature", "assumed", "derived")
@@ -17,7 +18,7 @@ SOURCES = ("datasheet", "identified", "literature", "assumed", "derived")
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter's value in SI units with its provenance.
+    """A parameter's value in SI units, with its provenance.
 
     Attributes
     ----------
@@ -25,11 +26,11 @@ class Parameter:
     value: in `unit`.
     unit: SI.
     source: one of SOURCES, or "given" for a value that a user set for one run.
-    sd: one standard deviation, None where unknown.
+    sd: standard deviation in `unit`, None if unknown.
     lower, upper: range of plausible values, not physical limits.
     note: reference or reason.
     written: value and unit as in the file.
-    stated: the parameter of the plant's file, where another value was set since.
+    stated: the parameter in the plant's file, if another value was set since.
     """
 
     name: str
@@ -49,7 +50,7 @@ class Parameter:
         return self.written.partition(" ")[2] or self.unit
 
     def given(self, value: float) -> Parameter:
-        """The parameter with a value set for one run, without the standard deviation of the old value."""
+        """The parameter with a value set for one run. The standard deviation, that of the old value, is dropped."""
         return replace(
             self, value=value, source="given", sd=None, written=f"{value:g} {self.unit}", stated=self.stated or self
         )
@@ -58,7 +59,7 @@ class Parameter:
     def far(self) -> str:
         """A message if the value that was set differs from the file's by more than a factor of FAR; else empty.
 
-        Zero switches something off or on and says nothing about a unit.
+        Values of zero are ignored: they switch something on or off.
         """
         if self.stated is None or not self.value or not self.stated.value:
             return ""
@@ -67,20 +68,22 @@ class Parameter:
             return ""
         number, _, own = (self.stated.written or f"{self.stated.value:g} {self.unit}").partition(" ")
         times = f"{ratio:.3g} times" if ratio > 1.0 else f"1/{1.0 / ratio:.3g} of"
-        hint = f"; a number without a unit is in {self.unit}, write {self.name}='{self.value:g} {own}' if that is meant"
+        hint = (
+            f"; a number without a unit is in {self.unit}; if {own} is meant, write {self.name}='{self.value:g} {own}'"
+        )
         return f"{self.name} = {self.value:g} {self.unit} is {times} the file's {number} {own}" + (
             hint if own and own != self.unit else ""
         )
 
 
 def check_range(where: str, value: float, unit: str, lower: float, upper: float, *, lower_open: bool = False) -> None:
-    """Raise InputError unless lower <= value <= upper (lower < value if lower_open) and value is a finite number.
+    """Raise InputError unless value is finite and lower <= value <= upper (lower < value if lower_open).
 
-    An infinite bound includes infinity: a valve that never opens has an infinite cracking pressure.
+    An infinite bound allows infinity: a valve that never opens has an infinite cracking pressure.
     """
     infinite = value in (lower, upper) and not lower_open
     if 0.0 < abs(value) < LEAST:
-        raise InputError(f"{where} = {value:g} {unit}: is too small to compute with; expected 0 or {LEAST:g} and more")
+        raise InputError(f"{where} = {value:g} {unit}: is too small; expected 0, or at least {LEAST:g}")
     if (isfinite(value) or infinite) and lower <= value <= upper and not (lower_open and value == lower):
         return
     left = f"greater than {lower:g}" if lower_open else f"at least {lower:g}"

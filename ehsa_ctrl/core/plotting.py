@@ -1,8 +1,7 @@
 """Figures of results, registered by result type.
 
-A result only declares that it can be drawn. The functions that draw live in `ehsa_ctrl.report.figures`, which is loaded
-when the first figure is asked for, and register themselves with `@draw.register`. A user registers a figure of a result
-type of his own in the same way.
+The functions that draw are in `ehsa_ctrl.report.figures` and register themselves with `@draw.register`; the module is
+loaded when the first figure is drawn. Users register figures of their own result types in the same way.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ _modules: list[str] = []
 
 
 def load_figures_from(module: str) -> None:
-    """Name a module whose import registers figures; it is imported when the first figure is drawn."""
+    """Add a module whose import registers figures; it is imported when the first figure is drawn."""
     _modules.append(module)
 
 
@@ -26,7 +25,7 @@ def load_figures_from(module: str) -> None:
 def draw(result: Any, **options: Any) -> Figure:
     """The figure of a result. Raises TypeError for a type without one.
 
-    This is the base case, reached while no figure of this type is registered: the named modules are loaded first.
+    This base case is reached if no figure of this type is registered yet: it loads the added modules and tries again.
     """
     while _modules:
         importlib.import_module(_modules.pop())

@@ -1,7 +1,7 @@
-"""Addresses in compiled functions: vectors without reference counts, and functions that are called by their address.
+"""Pointers in compiled functions: to vectors, without reference counts, and to functions.
 
-An array that one compiled function passes to another costs a reference count, which in the engine's inner loop adds up
-to a fifth of the run; a pointer costs nothing. It is read and written like an array, without any check of its bounds.
+Passing an array from one compiled function to another updates a reference count, which in the engine's inner loop takes
+up to a fifth of the run; passing a pointer costs nothing. Pointers are indexed like arrays, without bounds checks.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def pointer(context: Any, array: Any) -> Any:
 
 @intrinsic
 def shifted(context: Any, start: Any, elements: Any) -> Any:
-    """Address so many elements further on."""
+    """`start` advanced by this number of elements."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         size = context.get_abi_sizeof(context.get_data_type(start.dtype))
@@ -54,7 +54,7 @@ def move(context: Any, target: Any, source: Any, elements: Any) -> Any:
 
 @intrinsic
 def call(context: Any, address: Any, *arguments: Any) -> Any:
-    """Call the function at an address, which takes these arguments and returns a double; 0 is no function."""
+    """Call the function at an address (not 0), which takes these arguments and returns a double."""
     from llvmlite import ir
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:

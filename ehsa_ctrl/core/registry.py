@@ -1,6 +1,6 @@
-"""Registries: the objects that the modules of a folder define are the members; there are no other lists.
+"""Registries: each module of a folder adds what it defines; nothing else lists the members.
 
-A module defines one member (`effect = ...`) or several as a tuple under the plural (`effects = (..., ...)`).
+A module defines one member (`effect = ...`), or several as a tuple under the plural (`effects = (..., ...)`).
 
 Members also come from a user's project (`effects/` beside `plants/`) and from installed packages (entry points). The
 code of a project runs only if the project is the working directory, or if one of its plants is loaded by path. Files
@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-#: Projects outside the working directory, of which a plant was loaded by path.
+#: Projects outside the working directory from which a plant was loaded by path.
 _PROJECTS: list[Path] = []
 #: Counts loaded plants: each registry looks for changed files once for each count.
 _loads = 0
@@ -48,9 +48,9 @@ def add_project(plant: Path) -> None:
 
 
 def members(package: ModuleType, attribute: str) -> dict[str, Any]:
-    """Collect `attribute` of every public module of `package`, keyed by the object's own `name`.
+    """Name -> object, from the `attribute` of each public module of `package`.
 
-    Raises TypeError for a module without the attribute or with a name that is taken.
+    Raises TypeError for a module without the attribute, and for a name used twice.
     """
     found: dict[str, Any] = {}
     for info in sorted(pkgutil.iter_modules(package.__path__), key=lambda item: item.name):
@@ -68,7 +68,7 @@ def members(package: ModuleType, attribute: str) -> dict[str, Any]:
 
 
 def _defined(module: Any, attribute: str) -> tuple[Any, ...]:
-    """What a module, or an entry point's object in its place, defines: one object or a tuple under the plural."""
+    """The members that a module defines: one object, or a tuple under the plural; empty for none."""
     several = getattr(module, f"{attribute}s", None)
     if isinstance(several, tuple):
         return several
@@ -76,10 +76,10 @@ def _defined(module: Any, attribute: str) -> tuple[Any, ...]:
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Members by name: of the package, of installed packages, of the current project and of other projects in use.
+    """Name -> member, from the package, installed packages, the working directory's project and other projects in use.
 
-    package: its modules are members. attribute: defined by each module. kind: type of the attribute. folder: name of
-    the folder in a project, and, after "ehsa_ctrl.", of the group of entry points.
+    package: its modules define the shipped members. attribute: name that each module defines. kind: its type.
+    folder: folder in a project; "ehsa_ctrl." and this name is the group of entry points.
     """
 
     def __init__(self, package: ModuleType, attribute: str, kind: type[T], folder: str) -> None:
@@ -99,7 +99,9 @@ class Registry(Mapping[str, T], Generic[T]):
             for project in projects:
                 own = self._of(project / self._folder)
                 if taken := set(own) & set(everywhere):
-                    raise InputError(f"{project / self._folder}: the name {min(taken)!r} is taken; choose another one")
+                    raise InputError(
+                        f"{project / self._folder}: the name {min(taken)!r} is already in use; choose another"
+                    )
                 found |= own
             self._merged = ((_loads, projects), found)
         return self._merged[1]

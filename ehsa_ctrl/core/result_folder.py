@@ -1,8 +1,8 @@
-"""Folders of results: written completely or not at all, and never over a user's files.
+"""Result folders: written completely or not at all, and never over a user's files.
 
 The files of a result are drafted in a hidden folder inside the target, on the same file system, and moved into place
-when all of them are complete. A manifest, `.ehsa_ctrl-COMMAND.json`, lists them with their hashes: a command replaces
-and removes only these files, and only while nobody has edited them.
+when all of them are complete. A manifest, `.ehsa_ctrl-COMMAND.json`, lists them with their hashes. A command replaces
+and removes only these files, and only if nobody has edited them.
 """
 
 from __future__ import annotations
@@ -23,12 +23,14 @@ from .files import DRAFT_PREFIX, FORCE_OPTION, missing_folders, parse_json, remo
 
 @dataclass(frozen=True)
 class ResultFolder:
-    """One command's result in a folder, which may hold other files and results of other commands.
+    """The result of one command in a folder, which may contain other files and results of other commands.
 
     Attributes
     ----------
-    folder: need not exist. owner: the command. force: replace its earlier result.
-    keep: do not remove files of the earlier result that the new one lacks.
+    folder: need not exist.
+    owner: the command.
+    force: replace an earlier result of the command.
+    keep: keep files of the earlier result that the new one lacks.
     how: how a user sets `force`, for messages.
     """
 
@@ -43,26 +45,26 @@ class ResultFolder:
 
         names: its files, the main one first. figures: names of its figures, each a .png and an .svg.
 
-        Returns itself. Raises InputError for a path that can't be a folder, an earlier result without `force`, a file
-        of somebody else, or one that was edited since.
+        Returns itself. Raises InputError for a path that can't be a folder, an earlier result without `force`, and a
+        file that another command or the user wrote or edited.
         """
         there = next(place for place in (self.folder, *self.folder.absolute().parents) if os.path.lexists(place))
         if there == self.folder and not there.is_dir():
             raise InputError(f"{self.folder}: is a file; give a folder")
         if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
-            why = "is no folder" if not there.is_dir() else "can't be written to"
-            raise InputError(f"{self.folder}: can't be created or written to: {there} {why}")
+            why = "is not a folder" if not there.is_dir() else "is not writable"
+            raise InputError(f"{self.folder}: can't be created or written to: {there} {why}; give another folder")
         self._refuse([*names, *(f"{figure}.{ending}" for figure in figures for ending in ("png", "svg"))])
         return self
 
     @contextmanager
     def draft(self) -> Iterator[Path]:
-        """A folder for the result's files; when the block ends without an error, they replace the old ones.
+        """A folder for the new files; when the block ends without an error, they replace the old ones.
 
-        After an error, an interrupt or on a full disk the old result is complete and no draft is left. If a file
-        appeared that `check` did not see, the new result is kept in a separate folder.
+        After an error, an interrupt or on a full disk the old result is unchanged and no draft is left.
 
-        Raises InputError for that, and for a folder that can't be written to.
+        Raises InputError for a folder that can't be written to, and if a file that must not be replaced appeared after
+        `check`; the new result is then kept in a separate folder.
         """
         made = missing_folders(self.folder)
         draft = self.folder / f"{DRAFT_PREFIX}{secrets.token_hex(4)}"
@@ -71,14 +73,14 @@ class ResultFolder:
             yield draft
             self._swap(draft)
         except (OSError, InputError) as error:
-            # `atomic_write` names the file by its place in the draft, which means nothing to a user.
+            # The message of `atomic_write` would name a file in the draft, which means nothing to a user.
             cause = error.__cause__ if isinstance(error, InputError) else error
             if not isinstance(cause, OSError):
                 raise
-            kept = "; what it held before is unchanged" if self.folder not in made else ""
+            kept = "; its earlier content is unchanged" if self.folder not in made else ""
             raise InputError(f"{self.folder}: can't be written ({strerror(cause)}){kept}") from cause
         except KeyboardInterrupt as stopped:
-            raise KeyboardInterrupt(str(stopped) or f"the result is not kept, {self.folder} is as it was") from None
+            raise KeyboardInterrupt(str(stopped) or f"the result is not kept, {self.folder} is unchanged") from None
         finally:
             shutil.rmtree(draft, ignore_errors=True)
             remove_empty(made)
@@ -109,14 +111,14 @@ class ResultFolder:
         remove_empty({(self.folder / name).parent for name in old} - {self.folder})
 
     def _refuse(self, names: Iterable[str], draft: Path | None = None) -> None:
-        """Raise InputError for the first of these files that must not be replaced; keep the draft elsewhere."""
+        """Raise InputError for the first of these files that must not be replaced; move the draft to a new folder."""
         ours = self._unedited()
         for name in names:
             path = self.folder / name
             if not os.path.lexists(path) or (self.force and name in ours):
                 continue
             if name in ours:
-                why = f"there is a result already; choose another folder or {self.how}"
+                why = f"is part of an earlier result; choose another folder or {self.how}"
             else:
                 why = self._reason(name)
             if draft is not None:
@@ -127,8 +129,8 @@ class ResultFolder:
 
     def _unedited(self) -> dict[str, str]:
         """The unchanged files of this command's earlier result, with their hashes."""
-        join_words = _read_manifest(self.folder / f"{DRAFT_PREFIX}{self.owner}.json")
-        return {name: digest for name, digest in join_words.items() if _hash(self.folder / name) == digest}
+        listed = _read_manifest(self.folder / f"{DRAFT_PREFIX}{self.owner}.json")
+        return {name: digest for name, digest in listed.items() if _hash(self.folder / name) == digest}
 
     def _reason(self, name: str) -> str:
         """Reason why a file can't be replaced, and what to do."""
@@ -142,7 +144,7 @@ class ResultFolder:
 
 
 def _read_manifest(manifest: Path) -> Mapping[str, str]:
-    """Files of a manifest; none for one that is missing or damaged, and no paths out of the folder."""
+    """Files of a manifest that lie inside the folder; empty if the manifest is missing or damaged."""
     try:
         files = parse_json(manifest.read_text(encoding="utf-8"))["files"].items()
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
@@ -152,7 +154,7 @@ def _read_manifest(manifest: Path) -> Mapping[str, str]:
 
 
 def _hash(path: Path) -> str | None:
-    """SHA-256 of a file; None for a link, a folder, or nothing."""
+    """SHA-256 of a file; None for a link, a folder or a missing file."""
     if path.is_symlink() or not path.is_file():
         return None
     return hashlib.sha256(path.read_bytes()).hexdigest()
@@ -163,7 +165,7 @@ def _files_in(folder: Path) -> list[str]:
 
 
 def _free(path: Path) -> Path:
-    """The first of PATH-new, PATH-new-2 and so on that is not there."""
+    """The first of PATH-new, PATH-new-2 and so on that does not exist."""
     number, place = 1, path.with_name(f"{path.name}-new")
     while place.exists():
         number += 1

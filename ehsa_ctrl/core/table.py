@@ -1,4 +1,4 @@
-"""Read tables from CSV, Parquet and MAT files; errors are one sentence with file, column and row."""
+"""Read tables from CSV, Parquet and MAT files; each error is one sentence with file, column and row."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from .errors import InputError
 
 @dataclass(frozen=True)
 class LogTable:
-    """The columns of a file before they are channels.
+    """The columns of a file, before they are matched to channels.
 
-    lines: number of each row for messages (in a CSV the line; the header is 1).
-    text: (column, row number) -> text of the cell. decimal: mark of its numbers.
-    units: of the columns, from a row of units. units_row: number of that row.
-    notes: what was assumed in reading, in sentences.
+    lines: number of each row for messages (in a CSV that of the line, from 1).
+    text: (column, row number) -> text of the cell. decimal: decimal mark.
+    units: column -> unit, from a row of units. units_row: number of that row, 0 without one.
+    notes: sentences on what was assumed in reading.
     """
 
     path: Path
@@ -49,10 +49,10 @@ class LogTable:
         return replace(self, frame=self.frame[kept].reset_index(drop=True), lines=self.lines[kept])
 
     def numbers(self, column: str) -> np.ndarray:
-        """A column (N,) of finite numbers. Raises InputError naming column and row of the first that is none."""
+        """A column (N,) of finite numbers. Raises InputError with column and row of the first cell that is not one."""
         series = self.frame[column]
         if series.dtype.kind in "mM":
-            raise InputError(f"{self.path}: column {column!r} holds dates or durations; expected plain numbers")
+            raise InputError(f"{self.path}: column {column!r} contains dates or durations; expected plain numbers")
         values = pandas.to_numeric(series, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
@@ -64,18 +64,18 @@ class LogTable:
                 )
             comma = self.decimal == "." and re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text)
             hint = f"; write decimals with a point, {text.strip().replace(',', '.')}" if comma else ""
-            raise InputError(f"{self.path}: column {column!r}, row {row}: {text!r} is no finite number{hint}")
+            raise InputError(f"{self.path}: column {column!r}, row {row}: {text!r} is not a finite number{hint}")
         return values
 
 
 def read_table(path: Path) -> LogTable:
     """Read .csv, .parquet (.pq) or .mat; any other ending counts as CSV.
 
-    A MAT file holds one vector per channel, or one structure with such fields.
+    A MAT file contains one vector per channel, or one structure with such fields.
 
     Raises
     ------
-    InputError: no such file, a folder, or no table of this kind; one sentence.
+    InputError: no such file, a folder, or not a table of this kind.
     """
     try:
         folder = path.is_dir()
@@ -85,20 +85,20 @@ def read_table(path: Path) -> LogTable:
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror})") from None
     except ValueError:
-        raise InputError(f"{str(path)!r}: is no name of a file") from None
+        raise InputError(f"{str(path)!r}: is not a file name") from None
     if folder:
         raise InputError(f"{path}: is a folder; give the file of one log")
     readers = {".parquet": _parquet, ".pq": _parquet, ".mat": _mat}
     table = readers.get(path.suffix.lower(), _csv)(path)
     twice = [name for name, times in Counter(table.names).items() if times > 1]
     if twice:
-        raise InputError(f"{path}: has more than one column {min(twice)!r}; each name may stand once")
+        raise InputError(f"{path}: has more than one column {min(twice)!r}; rename all but one")
     return table
 
 
 def table_from_pandas(frame: pandas.DataFrame, *, time: str = "") -> LogTable:
-    """A table in memory. A named index becomes a column; so does an unnamed one, as `time`, if there is no such column
-    and the index is more than row numbers."""
+    """A table in memory. A named index becomes a column; an unnamed one becomes the column `time` if there is no such
+    column and the index is more than row numbers."""
     if frame.index.name is not None:
         frame = frame.reset_index()
     elif time and time not in frame.columns and not isinstance(frame.index, pandas.RangeIndex):
@@ -112,8 +112,8 @@ def _csv(path: Path) -> LogTable:
         header = list(dialect.names)
         if dialect.rows and len(dialect.cells(0)) != len(header):
             raise _ragged(path, dialect.numbers[0], len(dialect.cells(0)), len(header), dialect.separator)
-        # Blank lines are kept, so that row numbers are line numbers. Columns get numbers as names, because pandas takes
-        # an extra cell in each row for an index.
+        # Blank lines are kept, so that row numbers are line numbers. Columns get numbers as names, because pandas would
+        # take an extra cell in each row for an index.
         mark = " " if dialect.separator == r"\s+" else dialect.separator
         text = "\n".join([mark.join(map(str, range(len(header)))), *dialect.rows])
         frame = pandas.read_csv(
@@ -126,23 +126,23 @@ def _csv(path: Path) -> LogTable:
             raise _ragged(
                 path, dialect.numbers[int(found[2]) - 2], int(found[3]), int(found[1]), dialect.separator
             ) from None
-        raise InputError(f"{path}: is no CSV table with a header row ({_reason(error)})") from None
+        raise InputError(f"{path}: is not a CSV table with a header row ({_reason(error)})") from None
     except csv.Error as error:
-        raise InputError(f"{path}: is no CSV table with a header row ({_reason(error)})") from None
+        raise InputError(f"{path}: is not a CSV table with a header row ({_reason(error)})") from None
     filled = np.flatnonzero(frame.notna().any(axis=1))
     frame = frame.iloc[: filled[-1] + 1 if filled.size else 0]
     lines = np.array(dialect.numbers[: len(frame)], dtype=int)
-    # A separator at the end of each row leaves a column without name and numbers.
+    # A separator at the end of each row makes a column without name and numbers; drop it.
     kept = [i for i, name in enumerate(header) if name or frame[str(i)].notna().any()]
     frame, names = frame[[str(i) for i in kept]], [header[i] for i in kept]
     twice = [name for name, times in Counter(names).items() if times > 1]
     if twice:
         raise InputError(
-            f"{path}: row {dialect.header_row} names the column {twice[0]!r} more than once; each name may stand once"
+            f"{path}: row {dialect.header_row} names the column {twice[0]!r} more than once; rename all but one"
         )
     frame.columns = pandas.Index(names)
     if dialect.decimal == ",":
-        # pandas keeps a column as text if one of its cells is no number.
+        # pandas keeps a column as text, with commas, if one of its cells is not a number.
         frame = frame.apply(lambda c: c if c.dtype.kind in "iufb" else c.str.replace(",", ".", regex=False))
 
     def cell_text(column: str, row: int) -> str:
@@ -158,13 +158,13 @@ def _csv(path: Path) -> LogTable:
 
 
 def _ragged(path: Path, row: int, got: int, expected: int, separator: str) -> InputError:
-    """Error for a row whose length differs from the header's, with the usual reason."""
+    """Error for a row whose length differs from the header's, with the usual cause."""
     reason = "a cell is missing"
     if got > expected:
-        reason = "a cell too many"
+        reason = "there is a cell too many"
         if separator == ",":
-            reason += ", or decimals written with a comma: save it with points, or with ';' between columns"
-    return InputError(f"{path}: row {row} has {got} cells where the header has {expected}: {reason}")
+            reason += ", or numbers have decimal commas: save it with points, or with ';' between columns"
+    return InputError(f"{path}: row {row} has {got} cells, but the header has {expected}: {reason}")
 
 
 def _parquet(path: Path) -> LogTable:
@@ -175,7 +175,7 @@ def _parquet(path: Path) -> LogTable:
             f'{path}: reading Parquet needs pyarrow; install it with pip install "ehsa_ctrl[parquet]"'
         ) from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: is no Parquet table ({_reason(error)})") from None
+        raise InputError(f"{path}: is not a Parquet table ({_reason(error)})") from None
     if frame.index.name is not None:
         frame = frame.reset_index()
     return _from_frame(path, frame)
@@ -189,7 +189,7 @@ def _mat(path: Path) -> LogTable:
     except NotImplementedError:
         raise InputError(f"{path}: is a MAT file of version 7.3; save it with -v7") from None
     except Exception as error:  # scipy raises whatever its parsing of a broken file runs into
-        raise InputError(f"{path}: is no MAT file ({_reason(error)})") from None
+        raise InputError(f"{path}: is not a MAT file ({_reason(error)})") from None
     content = {name: value for name, value in content.items() if not name.startswith("__")}
     vectors = _vectors(content)
     structures = {name: _vectors(value) for name, value in content.items() if isinstance(value, Mapping)}
@@ -197,19 +197,21 @@ def _mat(path: Path) -> LogTable:
     if not vectors:
         if len(structures) != 1:
             what = f"the structures {', '.join(sorted(structures))}" if structures else "neither"
-            raise InputError(f"{path}: expected one vector a channel, or one structure of vectors; it holds {what}")
+            raise InputError(
+                f"{path}: expected one vector per channel, or one structure of vectors, but it contains {what}"
+            )
         (vectors,) = structures.values()
     longest = max(vectors.values(), key=len)
     for name, vector in vectors.items():
         if len(vector) != len(longest):
             raise InputError(
-                f"{path}: {name!r} has {len(vector)} values where others have {len(longest)}; all need the same length"
+                f"{path}: {name!r} has {len(vector)} values, but others have {len(longest)}; all need the same length"
             )
     return _from_frame(path, pandas.DataFrame(vectors))
 
 
 def _vectors(content: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """The vectors of numbers in a MAT file's content."""
+    """Name -> vector, for the numeric vectors in a MAT file's content."""
     return {
         name: value
         for name, value in content.items()
@@ -226,5 +228,5 @@ def _from_frame(path: Path, frame: pandas.DataFrame) -> LogTable:
 
 
 def _reason(error: Exception) -> str:
-    """The library's message on one line, cut off where it is long."""
+    """The library's message on one line, shortened if it is long."""
     return " ".join(str(error).split())[:160] or type(error).__name__

@@ -1,4 +1,4 @@
-"""Text of sentences, and names of files that distinguish them."""
+"""Join words, and shorten file names to unique ones."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from pathlib import Path
 
 
 def join_words(items: Iterable[str]) -> str:
-    """Items with commas between them and "and" before the last; empty for none."""
+    """Items separated by commas, with "and" before the last; empty for none."""
     words = list(items)
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 def unique_names(files: Sequence[str | Path]) -> list[str]:
-    """The name of each file, with as many of its folders as distinguish it from the others: a/log.csv and b/log.csv."""
+    """The name of each file, with as many parent folders as distinguish it from the others: a/log.csv, b/log.csv."""
     paths = [Path.cwd() / file for file in files]
 
     def ending(path: Path, count: int) -> str:
@@ -28,6 +28,6 @@ def unique_names(files: Sequence[str | Path]) -> list[str]:
 
 
 def folder_names(files: Sequence[str | Path]) -> list[str]:
-    """A folder name for the results of each file: without the ending, as long as the names stay different."""
+    """A folder name for the results of each file: its name, without the suffix if the names still differ."""
     bare = [(Path.cwd() / file).with_suffix("") for file in files]
     return unique_names(bare if len(set(bare)) == len(bare) else files)

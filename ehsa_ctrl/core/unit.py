@@ -1,8 +1,8 @@
-"""Units of the user: a text such as "3.7 cm3/rev" becomes a number in SI units.
+"""Convert quantities such as "3.7 cm3/rev" to SI units.
 
-pint supplies the units and the arithmetic. The grammar is this module's: names, small exponents, products, quotients
-and brackets, as in a data sheet (m3, kg m2, Nm/A); pint's parser would evaluate any expression. Hz is not accepted for
-rad/s, although both are 1/s to pint.
+pint supplies the units and the arithmetic. The grammar is defined here: names, small exponents, products, quotients
+and brackets, as in a data sheet (m3, kg m2, Nm/A). pint's own parser would evaluate any expression. Hz is not accepted
+for rad/s, although pint treats both as 1/s.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ import numpy as np
 
 from .errors import InputError, shown
 
-#: SI units in which data sheets often omit the angle, and pint's names of angles.
+#: SI units from which data sheets often omit the angle, and pint's names of angles.
 PER_ANGLE, ANGLES = ("rad/s", "m3/rad"), ("radian", "turn", "degree", "rev", "arc")
-#: Products written as one word; to pint Nm is a count of textile yarn.
+#: Products written as one word. pint would read Nm as the metric number of a yarn.
 JOINED = {"Nm": "N m", "Nmm": "N mm", "Nms": "N m s", "Ns": "N s", "As": "A s", "Vs": "V s", "Ws": "W s", "Pas": "Pa s"}
-#: Dimensionless units; others of pint, such as pi, are refused.
+#: Accepted dimensionless units; others that pint knows, such as pi, are rejected.
 NUMBERS = ("percent", "permille", "ppm", "fraction", "count")
-#: Longest text of a unit, and largest exponent.
+#: Longest text of a unit, and largest exponent. Engineering judgement: no unit of this field comes near them.
 LONGEST, LARGEST = 60, 9
 
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _EXPONENT = r"-?\d(?:\.\d{1,3})?"
-#: An exponent follows a letter at once, or a sign: in "m 3" the 3 would be a number.
+#: An exponent follows a letter directly, or ^ or **; the 3 in "m 3" is rejected as a number.
 _TOKEN = re.compile(
     rf"(?:(?P<name>°?[^\W\d]+|[%‰°])|(?P<one>1)(?![\d.])|(?P<sign>\*(?!\*)|[/()·⋅])"
     rf"|(?:(?<=[^\W\d])|(?:\^|\*\*)\s*)(?:(?P<power>{_EXPONENT})(?![\d.])|\((?P<braced>{_EXPONENT})\)))\s*"
@@ -50,7 +50,7 @@ def _registry() -> Any:
 
 
 def _factors(unit: str) -> dict[str, float]:
-    """Name -> exponent in the text of a unit. Raises ValueError for a text that is no unit."""
+    """Parse a unit: name -> exponent. Raises ValueError for a text that is not a unit."""
     text = unit.strip().translate(_RAISED)
     if len(text) > LONGEST:
         raise ValueError("too long")
@@ -70,7 +70,7 @@ def _factors(unit: str) -> dict[str, float]:
 
 
 def _product(tokens: list[tuple[str, str]]) -> tuple[dict[str, float], list[tuple[str, str]]]:
-    """Factors up to the end or a closing bracket, from left to right, and the remaining tokens."""
+    """Parse a product up to its end or a closing bracket; returns name -> exponent, and the remaining tokens."""
     found: dict[str, float] = {}
     sign = 1.0
     while True:
@@ -108,7 +108,7 @@ def _quantity(unit: str) -> Any:
             if known not in NUMBERS and registry.Quantity(1.0, known).to_root_units().unitless:
                 raise ValueError(f"{name} is a number")
             found = found * registry.Quantity(1.0, known) ** power
-        # Degrees Celsius and decibels have an offset, so they are no factor.
+        # Degrees Celsius and decibels do not convert by a factor alone.
         if (0.0 * found).to_base_units().magnitude != 0.0:
             raise ValueError("no factor")
         return found
@@ -120,10 +120,10 @@ def _quantity(unit: str) -> Any:
 
 @cache
 def factor(unit: str, expected: str) -> float:
-    """`expected` (an SI unit) in one `unit`.
+    """Size of one `unit` in the SI unit `expected`.
 
-    Raises InputError for an unknown unit, for one of another dimension, for Hz instead of rad/s, and for a speed or a
-    displacement without angle, unless it is SI: 1/min usually means revolutions.
+    Raises InputError for an unknown unit, another dimension, Hz instead of rad/s, and for a speed or displacement
+    without an angle, unless it is SI: 1/min usually means revolutions.
     """
     got, wanted = _quantity(unit), _quantity(expected)
     if not got.is_compatible_with(wanted) or ("Hz" in unit) != ("Hz" in expected):
@@ -132,8 +132,8 @@ def factor(unit: str, expected: str) -> float:
     found = float(got.to(wanted).magnitude)
     if found != 1.0 and expected in PER_ANGLE and not names_angle(unit):
         raise InputError(
-            f"unit {shown(unit)} does not say of what angle, where {expected!r} is meant; write rev, as in 'rpm' and "
-            "'cm3/rev', or rad"
+            f"unit {shown(unit)} has no angle, but {expected!r} is expected; write rev, as in 'rpm' and 'cm3/rev', "
+            "or rad"
         )
     return found
 
@@ -149,28 +149,27 @@ _BASES = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin"
 
 @cache
 def base_units(unit: str) -> dict[str, float]:
-    """Exponents of the SI base units that an SI unit is made of, rad among them: "N m/rad" is kg 1, m 2, s -2, rad -1.
+    """Exponents of the SI base units, including rad, of an SI unit: "N m/rad" is kg 1, m 2, s -2, rad -1.
 
-    Raises InputError for an unknown unit and for one that is not SI, as bar.
+    Raises InputError for an unknown unit, and for one that is not SI, such as bar.
     """
     quantity = _quantity(unit)
     based = quantity.to_base_units()
     if abs(float(based.magnitude) - 1.0) > 1e-12:
-        raise InputError(f"unit {shown(unit)} is no SI unit; one of it is {based:~}")
+        raise InputError(f"unit {shown(unit)} is not an SI unit; 1 {unit} is {based:~}")
     found = {_BASES[name]: float(power) for name, power in based.unit_items() if name in _BASES}
     radians = dict(quantity.unit_items()).get("radian", 0)
     return found | ({"rad": float(radians)} if radians else {})
 
 
 def parse(text: str, expected: str) -> float:
-    """Turn "20 mm" into 0.02 for expected "m". A bare number is taken only where nothing has a unit ("1").
+    """Turn "20 mm" into 0.02 for expected "m". A bare number is accepted only for a dimensionless quantity ("1").
 
-    Raises InputError, in one sentence, for text without number, without unit, with a unit that does not fit, or with a
-    number too large for a computer.
+    Raises InputError for a text without a number or a unit, a unit of another dimension, or an infinite number.
     """
     match = re.match(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", text.strip())
     if match is None:
-        raise InputError(f"{shown(text)} is no quantity; write a number and a unit, such as '3 {expected}'")
+        raise InputError(f"{shown(text)} is not a quantity; write a number and a unit, such as '3 {expected}'")
     unit = text.strip()[match.end() :].strip()
     if not unit and expected not in ("1", "fraction"):
         raise InputError(f"{shown(text)} has no unit; write it as in '{shown(match[0])[1:-1]} {expected}'")
@@ -181,7 +180,7 @@ def parse(text: str, expected: str) -> float:
 
 
 def read_value(given: str | float, unit: str) -> float:
-    """A number in SI units, or a text with its unit or without. Raises InputError for anything else."""
+    """Read a number in SI units, or a text with or without a unit. Raises InputError for anything else."""
     if isinstance(given, str):
         try:
             return float(given)
@@ -190,4 +189,4 @@ def read_value(given: str | float, unit: str) -> float:
     if isinstance(given, int | float | np.number) and not isinstance(given, bool | np.complexfloating):
         with suppress(OverflowError):
             return float(given)
-    raise InputError(f"is {shown(given)}; expected a number in {unit}, or a text with its unit, as '3 {unit}'")
+    raise InputError(f"is {shown(given)}; expected a number in {unit}, or a text with a unit, as '3 {unit}'")

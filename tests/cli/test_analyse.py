@@ -57,7 +57,7 @@ def test_a_single_spring_is_a_condition(run):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--draws", "5"], "are about a loop; give its --controller"),
+        (["--draws", "5"], "analyse a loop; name its controller with --controller"),
         (["--controller", "pid_position", "--stiffness", "5 kg"], "--stiffness '5 kg'"),
         (["--controller", "pid_position", "--covariance", "x.json"], "say how many with --draws"),
         (["--controller", "pid_position", "--draws", "2", "--covariance", "x.json"], "x.json: no such file"),

@@ -188,7 +188,7 @@ def test_a_limit_passed_in_simulate_is_a_warning(run):
     status, _, err = run("simulate", "ehsa", "--excitation", "ramp", "--amplitude", "5", "--out", "log")
 
     assert status == 0
-    assert "warning: limit passed: stroke" in err
+    assert "warning: limit exceeded: stroke" in err
 
 
 @pytest.mark.slow

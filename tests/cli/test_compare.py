@@ -164,7 +164,7 @@ def test_a_wrong_mapping_is_one_sentence(run, log, tmp_path, line, says):
         (("log.csv", "--model", "cubic"), "expected linear, nonlinear or both"),
         (("log.csv", "--from", "9"), "the log runs from 0 to 4 s"),
         (("log.csv", "--zero", "p3"), "no zero of 'p3'"),
-        (("log.csv", "--zero", "p1=0"), "--zero 'p1=0': 'p1=0' is no name of a channel; expected names separated"),
+        (("log.csv", "--zero", "p1=0"), "--zero 'p1=0': 'p1=0' is not a channel name; expected names separated"),
         (("log.csv", "--zero", "p1 p2"), "as in --zero p1,p2: each is shifted to its value at rest"),
         (("log.csv", "--zero", "0:0.5"), "and --rest 0:0.5 says where that rest is"),
         (("log.csv", "--align", "speed=3"), "as in --align p1,p2: each is moved by its delay"),
@@ -198,7 +198,7 @@ def test_a_log_of_another_program_gives_the_same_fit(run, log, tmp_path):
         assert result["models"]["nonlinear"]["fit_percent"][channel] == pytest.approx(fit, abs=1e-3)
     assert [step["kind"] for step in result["preparation"]] == ["read", "read"]
     assert "note: other.csv: read with ';' between columns, decimal commas, Latin-1 text" in err
-    assert "note: other.csv: converted as its row of units says: p1 from bar, position from mm" in err
+    assert "note: other.csv: converted by its row of units: p1 from bar, position from mm" in err
 
 
 def test_columns_of_another_name_come_with_their_lines(run, log, tmp_path):

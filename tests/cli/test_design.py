@@ -42,7 +42,7 @@ def test_the_file_passes_check_and_is_not_replaced_unasked(run):
     assert run("check", "mine.toml")[0] == 0
     status, _, err = run(*CLASSIC, "-o", "mine.toml", "--title", "another")
     assert status == 2
-    assert err == "ehsa-ctrl: mine.toml: is there already; choose another name or say --force\n"
+    assert err == "ehsa-ctrl: mine.toml: already exists; choose another name or use --force\n"
     assert Path("mine.toml").read_text() == before
     assert run(*CLASSIC, "-o", "mine.toml", "--title", "another", "--force")[0] == 0
     assert tomllib.loads(Path("mine.toml").read_text())["title"] == "another"
@@ -106,9 +106,7 @@ def test_limits_and_period_are_those_of_the_plant(run):
     assert status == 0
     written = tomllib.loads(out)
     assert (written["sample_time"], written["current_limit"]) == ("2 ms", "1.5 A")
-    assert (
-        "# Begun as cascade_position, whose numbers are for the shipped EHSA; for this plant: sample_time 2 ms" in out
-    )
+    assert "# Started from cascade_position, a controller of the shipped EHSA; for this plant: sample_time 2 ms" in out
 
 
 def test_a_tuning_that_is_begun_bounds_the_plants_own_noise(run):
@@ -127,7 +125,7 @@ def test_a_base_of_ones_own_is_taken_as_it_is(run):
     status, out, _ = run("design", "rig", "--kind", "cascade", "--base", "own.toml")
 
     assert status == 0 and tomllib.loads(out)["sample_time"] == "4 ms"
-    assert "Begun as" not in out
+    assert "Started from" not in out
 
 
 @pytest.mark.parametrize("kind", ["mpc", "pid"])

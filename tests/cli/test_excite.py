@@ -35,7 +35,7 @@ def test_files_are_written_and_not_overwritten(run, tmp_path):
     assert all(use["share"] <= 0.85 and use["worst_share"] <= 1.0 for use in result["limits"].values())
     assert {"excitation.png", "excitation.svg"} <= {path.name for path in (tmp_path / "out").iterdir()}
     status, _, err = run(*QUICK, "--out", "out")
-    assert status == 2 and "there is a result already" in err
+    assert status == 2 and "is part of an earlier result" in err
     assert run(*QUICK, "--out", "out", "--force")[0] == 0
 
 
@@ -62,7 +62,7 @@ def test_what_is_not_determined_is_a_warning(run):
     status, _, err = run(*QUICK, "--model", "linear", "--free", "beta")
 
     assert status == 0
-    assert "V is not determined by this input; it trades places with beta: --fix one of them" in err
+    assert "V is not determined by this input; it trades off against beta: --fix one of them" in err
 
 
 @pytest.mark.parametrize(

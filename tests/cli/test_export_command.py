@@ -34,7 +34,7 @@ def test_a_result_is_not_overwritten_unasked(run, tmp_path):
     status, out, _ = run("export", "pid_position", "--out", "deploy")
     assert status == 0 and "make -C deploy test" in out
     status, _, err = run("export", "pid_position", "--out", "deploy")
-    assert status == 2 and "there is a result already" in err
+    assert status == 2 and "is part of an earlier result" in err
 
     (tmp_path / "deploy" / "Makefile").write_text("mine")
     status, _, err = run("export", "pid_position", "--out", "deploy", "--force")

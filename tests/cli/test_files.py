@@ -115,7 +115,7 @@ def test_only_force_replaces_a_result_and_only_its_own_files(run, place, command
     before = content("out")
     if command not in CONTINUED:
         status, _, err = run(*CALLS[command], "--out", "out")
-        assert status == 2 and "there is a result already; choose another folder or say --force" in err
+        assert status == 2 and "is part of an earlier result; choose another folder or use --force" in err
         assert content("out") == before
     assert run(*CALLS[command], "--out", "out", "--force")[0] == 0
     assert content("out").keys() == before.keys()

@@ -71,7 +71,7 @@ def test_both_models_beside_each_other(run, logs):
         (["LOG", "--from", "50"], "there are 0 samples"),
         (["LOG", "--validate", "LOG"], "give another log"),
         (["LOG", "--linear", "curved"], "expected keep or sliding"),
-        (["LOG", "--model", "both", "--linear", "sliding"], "does not go with both"),
+        (["LOG", "--model", "both", "--linear", "sliding"], "use --model nonlinear, not both"),
         (["LOG", "--starts", "0"], "Invalid value for '--starts'"),
     ],
 )

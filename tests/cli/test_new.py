@@ -102,7 +102,7 @@ def test_a_template_is_its_base_with_comments(write, path):
     text = write(path.stem, "mine")
 
     assert titled(tomllib.loads(text)) == titled(tomllib.loads(path.read_text()))
-    assert tomllib.loads(text)["title"] == f"mine, begun as {path.stem}"
+    assert tomllib.loads(text)["title"] == f"mine, started from {path.stem}"
 
 
 def switched_on(text):
@@ -275,4 +275,4 @@ def test_a_shipped_name_that_is_taken_over_is_said(run):
     """./plants/ehsa.toml is found first from then on."""
     status, _, err = run("new", "plant", "ehsa")
 
-    assert status == 0 and "no longer found from this folder" in err
+    assert status == 0 and "now hides the shipped" in err

@@ -112,7 +112,7 @@ def test_two_mistakes_are_no_two_sentences(run, tmp_path):
 @pytest.mark.parametrize("name", sorted(CALLS))
 def test_an_argument_in_no_encoding_is_one_sentence(run, name):
     """A name in Latin-1, as the shell hands it over."""
-    check(run(*name.split(), "r\udcfcg.toml"), said="is no text in UTF-8, as arguments have to be; rename the file")
+    check(run(*name.split(), "r\udcfcg.toml"), said="is not valid UTF-8, which arguments must be; rename the file")
 
 
 def test_json_is_all_that_is_on_standard_output(run):

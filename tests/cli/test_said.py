@@ -16,14 +16,14 @@ def test_a_group_without_a_command_says_which_there_are(run):
     status, out, err = run("new")
 
     assert status == 2 and "Usage: ehsa-ctrl new" in out
-    assert err == "ehsa-ctrl new: say which: plant, controller, scenario; see ehsa-ctrl new --help\n"
+    assert err == "ehsa-ctrl new: missing command, one of: plant, controller, scenario; see ehsa-ctrl new --help\n"
 
 
 def test_help_shows_tables_in_brackets(run):
     """Brackets are the name of a table and no markup."""
     _, out, _ = run("design", "--help")
 
-    assert "Of [weights]: position='0.5 mm'." in out and "Of [limits]: pressure='150 bar'." in out
+    assert "Key of [weights]: position='0.5 mm'." in out and "Key of [limits]: pressure='150 bar'." in out
 
 
 def test_a_refusal_leaves_no_folder(run, tmp_path):

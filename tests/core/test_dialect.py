@@ -93,34 +93,34 @@ def test_thousands_are_not_taken_for_decimals(tmp_path, sign):
     path = tmp_path / "u.csv"
     rows = "\n".join(f"{t}{sign}1,500" for t in range(1, 5))
     path.write_text(f"t{sign}current\n{rows}\n")
-    with pytest.raises(InputError, match=r"row 2: '1,500' is 1\.500 or 1500, and no number in the file tells which"):
+    with pytest.raises(InputError, match=r"row 2: '1,500' may mean 1\.500 or 1500, and no number in the file decides"):
         read_log(path, ["current"])
 
     path.write_text(f"t{sign}current\n{rows}\n5{sign}1,25\n")
     assert read_log(path, ["current"])["current"] == pytest.approx([1.5, 1.5, 1.5, 1.5, 1.25])
     for wrong in ("1.234.567", "1,234,567", "1.234,5"):
         path.write_text(f"t{sign}current\n{rows}\n5{sign}{wrong}\n")
-        with pytest.raises(InputError, match=f"row 6: '{wrong}' has marks between its thousands"):
+        with pytest.raises(InputError, match=f"row 6: '{wrong}' has thousands separators"):
             read_log(path, ["current"])
 
 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("t;current\n0.1;1,51\n0.2;1,60\n", r"writes '1,51' with a comma \(row 2\) and '0.1' with a point \(row 2\)"),
-        ("t;current\n0,0;1,5\n0,1;abc\n0,2;1\n", r"column 'current', row 3: 'abc' is no finite number$"),
+        ("t;current\n0.1;1,51\n0.2;1,60\n", r"has '1,51' with a decimal comma \(row 2\) and '0.1' with a decimal point \(row 2\)"),
+        ("t;current\n0,0;1,5\n0,1;abc\n0,2;1\n", r"column 'current', row 3: 'abc' is not a finite number$"),
         ("t;current\n0,0;1\n0,1;\n0,2;1\n", r"column 'current', row 3: the cell is empty"),
-        ("t;current\n0,0;1\n0,1;1;2\n", r"row 3 has 3 cells where the header has 2: a cell too many$"),
+        ("t;current\n0,0;1\n0,1;1;2\n", r"row 3 has 3 cells, but the header has 2: there is a cell too many$"),
         ("# a\nt,current\n0,1\n# b\n0.1,x\n", r"column 'current', row 5: 'x'"),
         ("# a\nt,current\n0,1\n0.1,1\n# b\n0.2,1\n0.5,1\n0.6,1\n", r"'t', row 7: a gap of 0.3 s after 0.2 s"),
-        ("Rig 3\n\nt;current\n0,0;1,5\n0,1;1\n", r"row 3 looks like its header, with other text above; begin the rows"),
-        ("Rig 3;;\nt;current;p\n0,0;1,5;1\n0,1;1;2\n", r"row 2 looks like its header"),
-        ("0,1\n1,2\n2,3\n", r"row 1 holds numbers and no names of columns"),
+        ("Rig 3\n\nt;current\n0,0;1,5\n0,1;1\n", r"row 3 looks like the header, but other text is above it; begin the rows"),
+        ("Rig 3;;\nt;current;p\n0,0;1,5;1\n0,1;1;2\n", r"row 2 looks like the header"),
+        ("0,1\n1,2\n2,3\n", r"row 1 contains numbers instead of column names"),
         ("t;a,b\n0;1,5\n1,5;2\n", r"has no column 'current'"),
-        ("t,x;current,y\n0\n1\n", r"row 1 can be split at ',' or ';', and the rows below don't tell which"),
-        ("t,current\ns,bar\n0,1\n1,2\n", r"row 2 gives column 'current' the unit 'bar', which is not known as one"),
+        ("t,x;current,y\n0\n1\n", r"row 1 can be split at ',' or ';', and the rows below don't decide"),
+        ("t,current\ns,bar\n0,1\n1,2\n", r"row 2 gives column 'current' the unit 'bar', which is not a known unit"),
         ("t,current\ns,amps\n0,1\n1,2\n", r"the unit 'amps'.*write current = \{ column = \"current\", scale"),
-        ("# made by hand\n", r"is no CSV table with a header row"),
+        ("# made by hand\n", r"is not a CSV table with a header row"),
     ],
 )
 def test_what_is_in_doubt_is_one_sentence(tmp_path, text, says):
@@ -140,7 +140,7 @@ def test_a_unit_of_turns_or_radians_is_refused(tmp_path, unit):
     path = tmp_path / "u.csv"
     path.write_text(f"t,speed\ns,{unit}\n0,1\n1,2\n")
 
-    with pytest.raises(InputError, match=f"the unit '{unit}', which is not known as one of speed"):
+    with pytest.raises(InputError, match=f"the unit '{unit}', which is not a known unit of speed"):
         read_log(path, ["speed"])
 
 
@@ -152,10 +152,10 @@ def test_a_mapping_and_a_row_of_units_must_agree(tmp_path):
     good = read_log(path, ["speed", "p1"], columns={"speed": Column("n"), "p1": Column("p", 1.02e5)})
     assert good["speed"] == pytest.approx([2 * np.pi, 4 * np.pi])
     assert good["p1"] == pytest.approx([1.02e5, 2.04e5])
-    assert good.notes[-1].endswith("u.csv: converted as its row of units says: speed from rpm")
+    assert good.notes[-1].endswith("u.csv: converted by its row of units: speed from rpm")
     with pytest.raises(InputError, match=r"scales speed by -1; write scale = -0\.1047198 there"):
         read_log(path, ["speed"], columns={"speed": Column("n", -1.0)})
-    with pytest.raises(InputError, match=r"which is 100000 Pa, and the plant's \[log\] scales p1 by 1000"):
+    with pytest.raises(InputError, match=r"which is 100000 Pa, but the plant's \[log\] scales p1 by 1000"):
         read_log(path, ["p1"], columns={"p1": Column("p", 1e3)})
 
 
@@ -165,7 +165,7 @@ def test_a_calibration_needs_no_unit_of_the_channel(tmp_path):
     path.write_text("t,ch1\ns,V\n0,1.5\n1,2\n")
 
     assert read_log(path, ["p1"], columns={"p1": Column("ch1", 4e6, -1e5)})["p1"] == pytest.approx([5.9e6, 7.9e6])
-    with pytest.raises(InputError, match="the unit 'V', which is not known as one of p1"):
+    with pytest.raises(InputError, match="the unit 'V', which is not a known unit of p1"):
         read_log(path, ["p1"], columns={"p1": Column("ch1")})
 
 
@@ -188,7 +188,7 @@ def test_a_spreadsheets_first_line_is_no_header(tmp_path):
 
 
 def test_a_table_of_pandas_with_its_index_is_read(tmp_path, values):
-    """The unnamed index column is no channel; empty columns at the end are dropped."""
+    """The unnamed index column is not a channel; empty columns at the end are dropped."""
     frame = pandas.DataFrame(values)
     frame[["", " "]] = np.nan
     frame.to_csv(tmp_path / "u.csv")

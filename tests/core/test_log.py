@@ -42,15 +42,18 @@ def test_every_channel_has_an_si_unit(channel):
     ("text", "says"),
     [
         ("t,curent\n0,1\n0.1,1\n", r"no column 'current'; did you mean 'curent'"),
-        ("t,current\n0,1\n0.1,nan\n0.2,1\n", r"column 'current', row 3: 'nan' is no finite number"),
-        ("t,current\n0,1\n0.1,abc\n0.2,1\n", r"column 'current', row 3: 'abc' is no finite number"),
-        ("t,current\n0,1\n0.1,inf\n0.2,1\n", r"column 'current', row 3: 'inf' is no finite number"),
+        ("t,current\n0,1\n0.1,nan\n0.2,1\n", r"column 'current', row 3: 'nan' is not a finite number"),
+        ("t,current\n0,1\n0.1,abc\n0.2,1\n", r"column 'current', row 3: 'abc' is not a finite number"),
+        ("t,current\n0,1\n0.1,inf\n0.2,1\n", r"column 'current', row 3: 'inf' is not a finite number"),
         ("t,current\n0,1\n0.1,\n0.2,1\n", r"column 'current', row 3: the cell is empty"),
-        ('t,current\n0,1\n0.1,"1,5"\n0.2,1\n', r"row 3: '1,5' is no finite number; write decimals with a point, 1.5"),
+        (
+            't,current\n0,1\n0.1,"1,5"\n0.2,1\n',
+            r"row 3: '1,5' is not a finite number; write decimals with a point, 1.5",
+        ),
         ("t,current\n0,1\n\n0.2,1\n", r"row 3 is empty; every row needs 2 numbers"),
-        ("t,current\n0,1\n0.1\n0.2,1\n", r"row 3 has 1 cells where the header has 2: a cell is missing"),
-        ("t,current\n0,1\n0.1,1,5\n0.2,1\n", r"row 3 has 3 cells where the header has 2.*comma"),
-        ("t,current\n0,0,1,5\n0,1,1,6\n", r"row 2 has 4 cells where the header has 2.*comma"),
+        ("t,current\n0,1\n0.1\n0.2,1\n", r"row 3 has 1 cells, but the header has 2: a cell is missing"),
+        ("t,current\n0,1\n0.1,1,5\n0.2,1\n", r"row 3 has 3 cells, but the header has 2.*comma"),
+        ("t,current\n0,0,1,5\n0,1,1,6\n", r"row 2 has 4 cells, but the header has 2.*comma"),
         ("t,current,current\n0,1,1\n0.1,1,1\n", r"row 1 names the column 'current' more than once"),
         ("t,current\n0,1\n0.1,1\n0.2,1\n0.5,1\n0.6,1\n", r"column 't', row 5: a gap of 0.3 s after 0.2 s"),
         ("t,current\n0,1\n0,1\n0,1\n", r"does not advance"),
@@ -58,7 +61,7 @@ def test_every_channel_has_an_si_unit(channel):
         ("t,current\n0,1\n0.1,1\n0.25,1\n0.3,1\n0.45,1\n0.5,1\n", r"'t' jitters: 4 of 5 steps .* resample"),
         ("t,current\n0,1\n", r"has 1 rows of data; expected at least 2"),
         ("t,current\n", r"has 0 rows of data"),
-        ("", r"is no CSV table"),
+        ("", r"is not a CSV table"),
     ],
 )
 def test_a_wrong_log_is_one_sentence(tmp_path, text, says):
@@ -79,7 +82,7 @@ def test_binary_rubbish_is_one_sentence(tmp_path, content, ending):
     path = tmp_path / f"u.{ending}"
     path.write_bytes(content)
 
-    with pytest.raises(InputError, match=r"is no (CSV|MAT|Parquet)") as caught:
+    with pytest.raises(InputError, match=r"is not a (CSV|MAT|Parquet)") as caught:
         read_log(path, ["current"])
 
     assert "\n" not in str(caught.value)
@@ -118,9 +121,9 @@ def test_a_mat_file_gives_the_same_log(tmp_path, how):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ({"t": np.arange(5.0), "current": np.arange(4.0)}, "'current' has 4 values where others have 5"),
-        ({"a": {"t": np.arange(5.0)}, "b": {"t": np.arange(5.0)}}, "holds the structures a, b"),
-        ({"note": "nothing"}, "it holds neither"),
+        ({"t": np.arange(5.0), "current": np.arange(4.0)}, "'current' has 4 values, but others have 5"),
+        ({"a": {"t": np.arange(5.0)}, "b": {"t": np.arange(5.0)}}, "contains the structures a, b"),
+        ({"note": "nothing"}, "it contains neither"),
         ({"t": np.arange(5.0), "current": np.array([0, 1, np.nan, 0, 0])}, "column 'current', row 3: 'nan'"),
     ],
 )
@@ -160,7 +163,7 @@ def test_dates_are_no_time(tmp_path):
     frame = pandas.DataFrame({"t": pandas.date_range("2024-01-01", periods=5, freq="4ms"), "current": np.zeros(5)})
     frame.to_parquet(tmp_path / "u.parquet")
 
-    with pytest.raises(InputError, match="column 't' holds dates"):
+    with pytest.raises(InputError, match="column 't' contains dates"):
         read_log(tmp_path / "u.parquet", ["current"])
 
 
@@ -274,5 +277,5 @@ def test_a_wrong_table_is_a_sentence():
     """As for a file, with rows counted from 1."""
     with pytest.raises(InputError, match="the table: has no column 't'"):
         Log.from_pandas(pandas.DataFrame({"current": [0.0, 1.0]}))
-    with pytest.raises(InputError, match="the table: column 'current', row 2: 'nan' is no finite number"):
+    with pytest.raises(InputError, match="the table: column 'current', row 2: 'nan' is not a finite number"):
         Log.from_pandas(pandas.DataFrame({"t": [0.0, 0.1], "current": [0.0, np.nan]}), ["current"])

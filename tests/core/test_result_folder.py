@@ -40,7 +40,7 @@ def test_an_earlier_result_is_replaced_only_with_force(tmp_path):
     """With force, obsolete files and empty folders are removed; the user's files stay."""
     write(tmp_path, {"x": "1", "sub/y": "2"})
     (tmp_path / "notes").write_text("mine")
-    with pytest.raises(InputError, match=r"x: there is a result already; choose another folder or say --force$"):
+    with pytest.raises(InputError, match=r"x: is part of an earlier result; choose another folder or use --force$"):
         ResultFolder(tmp_path, "bench").check("x")
     write(tmp_path, {"x": "new"}, force=True)
 
@@ -121,7 +121,7 @@ def test_a_result_that_breaks_off_leaves_the_old_one_whole(tmp_path, monkeypatch
 
     assert seen(tmp_path) == before
     if stop is FULL:
-        words = f"{tmp_path}: can't be written (No space left on device); what it held before is unchanged"
+        words = f"{tmp_path}: can't be written (No space left on device); its earlier content is unchanged"
         assert str(raised.value) == words
 
 
@@ -144,7 +144,7 @@ def test_a_folder_that_cannot_be_is_said_before_the_work(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: is a file; give a folder"):
         ResultFolder(tmp_path / "file", "bench").check("x")
-    with pytest.raises(InputError, match=r"below: can't be created or written to: .*file is no folder"):
+    with pytest.raises(InputError, match=r"below: can't be created or written to: .*file is not a folder"):
         ResultFolder(tmp_path / "file" / "below", "bench").check("x")
 
 
@@ -197,7 +197,7 @@ def test_a_link_stays_a_link(tmp_path):
 def test_a_named_file_is_replaced_only_with_force(tmp_path):
     """A file named by the user is replaced even if edited; a folder never is."""
     (tmp_path / "x").write_text("")
-    with pytest.raises(InputError, match="x: is there already; choose another name or say --force"):
+    with pytest.raises(InputError, match="x: already exists; choose another name or use --force"):
         refuse_existing(tmp_path / "x", force=False)
     refuse_existing(tmp_path / "x", force=True)
     with pytest.raises(InputError, match="is a folder"):
@@ -244,6 +244,6 @@ def test_a_full_disk_loses_no_kept_result(tmp_path, monkeypatch):
     again = kept(file)
     with monkeypatch.context() as patched:
         patched.setattr(Path, "open", full)
-        with pytest.raises(InputError, match="what was done is kept, and the same call goes on from there"):
+        with pytest.raises(InputError, match="finished results are kept"):
             again.append(["3"])
     assert kept(file).results == [1, 2]

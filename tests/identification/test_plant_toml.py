@@ -142,7 +142,7 @@ def test_a_written_plant_is_replaced_only_when_told(plant, tmp_path):
     path = write_plant(tmp_path / "rig.toml", plant)
     path.write_text("mine")
 
-    with pytest.raises(InputError, match=r"rig\.toml: is there already; choose another name or say force=True"):
+    with pytest.raises(InputError, match=r"rig\.toml: already exists; choose another name or pass force=True"):
         write_plant(path, plant)
     assert path.read_text() == "mine"
     assert ehsa_ctrl.load_plant(write_plant(path, plant, force=True)).values == plant.values

@@ -59,7 +59,7 @@ def test_table_2_is_what_the_paper_prints(plant, linear):
             r"D\.?\]? ?source = 'guess'",
         ),
         ("bounds = [0.87, 1.60]", "bounds = [1.3, 1.60]", r"K_T.value = 1.2 N m/A: must be at least 1.3"),
-        ("schema = 1", "schema = 1 =", r"is no valid TOML"),
+        ("schema = 1", "schema = 1 =", r"is not valid TOML"),
         ("V_20 = {", "V_3 = {", r"V_3: unknown parameter"),
     ],
 )

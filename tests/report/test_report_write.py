@@ -42,7 +42,7 @@ def test_a_page_is_replaced_only_when_told(gentle, tmp_path):
     """One sentence, and what to say."""
     e.write_report(gentle, tmp_path)
 
-    with pytest.raises(e.InputError, match=r"report\.html: there is a result already; .* force=True"):
+    with pytest.raises(e.InputError, match=r"report\.html: is part of an earlier result; .* force=True"):
         e.write_report(gentle, tmp_path)
     page = e.write_report(gentle, tmp_path, force=True)
     page.write_text("edited")

@@ -33,8 +33,8 @@ def edited(tmp_path, kind, name, old, new):
         ("controllers", "pid_position", 'kind = "pid"', 'kind = ["pid"]', "kind = a list; .*known: cascade"),
         ("controllers", "pid_position", '"60 deg"', '"0 deg"', r"\[design\] phase_margin: 0 deg; expected .* 180 deg"),
         ("controllers", "pid_position", '"6 A"', '"60 A"', r"60 A exceeds the rating of the plant ehsa, 13\.42 A"),
-        ("controllers", "pid_position", '"6 A"', "true", "current_limit: True is no quantity"),
-        ("controllers", "pid_position", '"6 A"', '"1e300 A"', "current_limit: .*1e300 A.* is beyond any meaning"),
+        ("controllers", "pid_position", '"6 A"', "true", "current_limit: True is not a quantity"),
+        ("controllers", "pid_position", '"6 A"', '"1e300 A"', "current_limit: .*1e300 A.* is out of range"),
         ("controllers", "pid_position", "schema = 1", "schema = true", "schema = true; expected the whole number 1"),
         ("scenarios", "steps_spring", KEPT, KEPT.replace("200 um", "1e999 um"), "SteadyStateError.max: .* too large"),
         ("scenarios", "steps_spring", KEPT, KEPT.replace("max", 'min = "1 mm", max'), "no value satisfies both"),
@@ -81,10 +81,10 @@ def test_a_lag_as_long_as_the_run_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"x = " + b"[" * 5000, "is no valid TOML: brackets are nested too deeply"),
-        (b'kind = "pid"\nx = ' + b"9" * 5000, "is no valid TOML: it holds a whole number of more than 64 bits"),
-        (b'kind = "pid"\nx = ' + b"9" * 30, "is no valid TOML: it holds a whole number of more than 64 bits"),
-        (b'title = "\xff"', r"is no text in UTF-8 \(byte 10\)"),
+        (b"x = " + b"[" * 5000, "is not valid TOML: brackets are nested too deeply"),
+        (b'kind = "pid"\nx = ' + b"9" * 5000, "is not valid TOML: it contains an integer of more than 64 bits"),
+        (b'kind = "pid"\nx = ' + b"9" * 30, "is not valid TOML: it contains an integer of more than 64 bits"),
+        (b'title = "\xff"', r"is not valid UTF-8 \(byte 10\)"),
         (b"", "is neither a plant .* nor a controller .* nor a scenario"),
     ],
 )

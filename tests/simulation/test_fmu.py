@@ -179,7 +179,7 @@ def test_what_cannot_be_written_is_a_sentence(plant, tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"ends in \.fmu"):
         export_fmu(plant, tmp_path / "rig.zip")
     (tmp_path / "rig.fmu").write_text("mine")
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         export_fmu(plant, tmp_path / "rig.fmu")
     monkeypatch.setitem(sys.modules, "pythonfmu.builder", None)
     with pytest.raises(InputError, match=r'pip install "ehsa_ctrl\[fmu\]"'):

@@ -62,7 +62,7 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
     path = Path(path)
     if path.suffix != ".fmu":
         raise InputError(f"{path}: expected the path of a file that ends in .fmu")
-    refuse_existing(path, force=force, how="say --force (force=True)")
+    refuse_existing(path, force=force, how="use --force (force=True)")
     try:
         from pythonfmu.builder import FmuBuilder
     except ImportError:
