@@ -28,7 +28,7 @@ def command(
         typer.Option(metavar="P", help="Exit with 1 unless the interval of the pass probability begins at P or more."),
     ] = None,
     confidence: Annotated[float, typer.Option(help="Confidence level of that interval.")] = 0.95,
-    jobs: Annotated[int, typer.Option(help="Cores or workers to use; -1 for all.")] = 1,
+    jobs: Annotated[int, typer.Option(help="Number of cores to use; -1 for all.")] = 1,
     backend: Annotated[
         str | None, typer.Option(help="threading or loky (processes); by default what suits the controller.")
     ] = None,

@@ -59,7 +59,7 @@ def test_a_single_spring_is_a_condition(run):
     [
         (["--draws", "5"], "analyse a loop; name its controller with --controller"),
         (["--controller", "pid_position", "--stiffness", "5 kg"], "--stiffness '5 kg'"),
-        (["--controller", "pid_position", "--covariance", "x.json"], "say how many with --draws"),
+        (["--controller", "pid_position", "--covariance", "x.json"], "give their number with --draws"),
         (["--controller", "pid_position", "--draws", "2", "--covariance", "x.json"], "x.json: no such file"),
         (["--controller", "pid_positon"], "did you mean 'pid_position'"),
         (["--controller", "pid_position", "--draws", "2", "--spread", "0"], "nothing is known of the errors of ehsa"),

@@ -251,7 +251,7 @@ def test_new_refuses_to_overwrite_and_says_what_it_wrote(run, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["plant", "a/b"], "is no name"),
+        (["plant", "a/b"], "is not a valid name"),
         (["plant", "--from", "ehsb"], "did you mean 'ehsa'"),
         (["controller", "--kind", "lqg"], "no such kind of controller"),
         (["controller", "--kind", "lqr", "--from", "pid_position"], "is a 'pid' controller"),
