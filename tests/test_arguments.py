@@ -232,5 +232,5 @@ def test_a_value_is_set_with_its_unit(given):
     assert plant.set(K_T="1.1 N m/A")["K_T"] == plant.set(K_T=1.1)["K_T"] == 1.1
     with pytest.raises(e.InputError, match=r"K_T: unit 'N m' does not fit: expected one that converts to 'N m/A'"):
         plant.set(K_T="1.1 N m")
-    with pytest.raises(e.InputError, match=r"K_T: is a list; expected a number in N m/A, or a text with its unit"):
+    with pytest.raises(e.InputError, match=r"K_T: is a list; expected a number in N m/A, or a text with a unit"):
         plant.set(K_T=[1.1])

@@ -57,7 +57,7 @@ def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
 
 def wearing_parameters() -> frozenset[str]:
     """Parameters that wear changes by orders of magnitude, such as a leakage coefficient."""
-    return frozenset(symbol for effect in EFFECTS.values() for symbol in effect.wears)
+    return frozenset(symbol for effect in EFFECTS.values() for symbol in effect.wear_scales)
 
 
 def friction_levels(plant: Plant, log: Log) -> dict[str, float]:

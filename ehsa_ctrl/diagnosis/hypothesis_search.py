@@ -332,7 +332,7 @@ def _fit_missing_friction(hypotheses: Hypotheses) -> Hypotheses:
     A single one of these effects explains so little that the search would not find the set.
     """
     start: dict[str, float] = {}
-    for sought in hypotheses.objective.model.plant.structure.system.lacking:
+    for sought in hypotheses.objective.model.plant.structure.system.missing_effects:
         members = tuple(next(c for c in hypotheses.candidates if c.id == id) for id in sought)
         seen = {name: value for c in members for name, value in zip(c.names, c.starts[0], strict=True)}
         start = {**seen, **start}

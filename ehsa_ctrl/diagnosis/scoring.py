@@ -248,7 +248,9 @@ def by_label(scores: Sequence[ScoredHypothesis]) -> dict[tuple[CauseKey, ...], S
 def effect_id_by_parameter(plant: Plant) -> dict[str, str]:
     """Parameter of the plant -> id of the effect under which a wrong value is reported."""
     own = plant.structure.system.own
-    return {own(symbol): name for name, effect in EFFECTS.items() for symbol in (*effect.symbols, *effect.also)}
+    return {
+        own(symbol): name for name, effect in EFFECTS.items() for symbol in (*effect.symbols, *effect.related_symbols)
+    }
 
 
 def residual_of(objective: Objective, segment: Segment, simulated: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Cylinder chambers: continuity of compressible oil, (4) with constant and (11) with stroke-dependent volumes.
 
-Both conserve volume, not mass (see `effects/mass_conserving.py`): the pump takes oil out of one chamber at its
-pressure and puts the same volume into the other.
+Both conserve volume, not mass (see `effects/mass_conserving.py`): the pump takes a volume of oil out of one chamber and
+delivers the same volume into the other, whatever their pressures.
 """
 
 
@@ -21,12 +21,12 @@ def stroke_volume_2(x: float, V_20: float, A: float) -> float:
 
 
 def inflow_1(Q_P: float) -> float:
-    """Q_1 [m3/s]: what the pump delivers less the leakage arrives in chamber 1 as it is."""
+    """Q_1 [m3/s]: volume flow into chamber 1, equal to that of the pump less leakage."""
     return Q_P
 
 
 def outflow_2(Q_P: float) -> float:
-    """Q_2 [m3/s]: the same volume flow leaves chamber 2."""
+    """Q_2 [m3/s]: volume flow out of chamber 2, the same as into chamber 1."""
     return Q_P
 
 

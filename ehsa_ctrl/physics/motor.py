@@ -7,7 +7,7 @@ def torque(current: float, K_T: float) -> float:
 
 
 def net_torque(T_M: float, T_P: float) -> float:
-    """Torque on the shaft without friction [N m]: what friction has to hold while the shaft sticks."""
+    """Torque on the shaft without friction [N m]; while the shaft sticks, friction balances it."""
     return T_M - T_P
 
 

@@ -7,5 +7,5 @@ def flow(omega: float, P_1: float, P_2: float, D: float, K_L: float) -> float:
 
 
 def torque(P_1: float, P_2: float, D: float) -> float:
-    """T_P [N m] that the pressures put on the shaft, equation (3)."""
+    """T_P [N m], torque of the pressures on the shaft, equation (3)."""
     return D * (P_1 - P_2)

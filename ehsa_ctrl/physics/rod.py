@@ -7,7 +7,7 @@ def pressure_force(P_1: float, P_2: float, A: float) -> float:
 
 
 def net_force(F_P: float, F_EXT: float) -> float:
-    """Force on the rod without friction [N]: what friction has to hold while the rod sticks."""
+    """Force on the rod without friction [N]; while the rod sticks, friction balances it."""
     return F_P - F_EXT
 
 

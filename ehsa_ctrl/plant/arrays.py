@@ -1,4 +1,4 @@
-"""Evaluate the equations for whole records: arrays instead of numbers."""
+"""Evaluate the equations for whole records: with arrays instead of numbers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
 
 
 def evaluate_tape(tape: Tape, refs: Sequence[Ref], values: Mapping[str, Any]) -> list[Any]:
-    """Values of `refs` for inputs and parameters by name; arrays of one shape, or numbers."""
+    """Values of `refs`. values: of inputs and parameters by name, as arrays of one shape or numbers."""
     found: dict[Ref, Any] = {}
     with np.errstate(all="ignore"):
         for ref in tape.needed(refs):
@@ -50,8 +50,8 @@ def evaluate_tape(tape: Tape, refs: Sequence[Ref], values: Mapping[str, Any]) ->
 def array_evaluator(equations: Equations, wanted: Sequence[str]) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
     """A function of states, inputs, directions, measured names and parameters that returns `wanted` signals by name.
 
-    Values may be arrays of one shape; only those that the wanted signals depend on are needed. Both branches of a
-    conditional are computed, so numerical errors in the branch that is not taken are ignored.
+    Values may be arrays of one shape; only those that the wanted signals depend on are needed. Floating-point errors
+    are ignored, because both branches of a conditional are computed and the one not taken may overflow.
     """
     tape: Tape = build_tape(equations, residuals=True)
     refs = [tape.refs[name] for name in wanted]

@@ -1,4 +1,4 @@
-"""Operating points of linear models: position, speed, load and bulk modulus."""
+"""Operating points of linear models: position, velocity, load and bulk modulus."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .plant import Plant
 if TYPE_CHECKING:
     import control
 
-#: Symbol of a condition, shown unit, and this unit in SI.
+#: Attribute of Condition -> symbol, unit in labels, and this unit in SI.
 WORDS = {
     "position": ("x", "mm", 1e-3),
     "velocity": ("v", "mm/s", 1e-3),
@@ -32,11 +32,11 @@ class Condition:
 
     Attributes
     ----------
-    position [m], velocity [m/s]: of the rod; a plant with dry friction is linearised while it slides. Position changes
-        stroke-dependent volumes, speed the slope of Stribeck friction; neither affects the linear set.
+    position [m], velocity [m/s]: of the rod; a plant with dry friction is linearised during sliding. Position changes
+        stroke-dependent volumes, velocity the slope of Stribeck friction; neither affects the linear set.
     stiffness [N/m], mass [kg]: of the load.
-    beta: bulk modulus [Pa], which depends on the pressure level where the oil contains air.
-    named: attributes in the label.
+    beta: bulk modulus [Pa]; it depends on the mean pressure if the oil contains air.
+    named: attributes that appear in the label.
     """
 
     position: float = 0.0
@@ -47,9 +47,9 @@ class Condition:
     named: tuple[str, ...] = ()
 
     def model(self, plant: Plant) -> control.StateSpace:
-        """Design model at this point: (7) for the linear set, else linearised while it slides.
+        """Design model at this point: (7) for the linear set; the nonlinear set is linearised during sliding.
 
-        Raises InputError for a value that is physically impossible.
+        Raises InputError for a physically impossible value.
         """
         given = {"K_S": self.stiffness, "m_L": self.mass, "beta": self.beta}
         there = plant.set(**{symbol: value for symbol, value in given.items() if value is not None})
@@ -73,14 +73,14 @@ def conditions(
     masses: Sequence[float] = (),
     betas: Sequence[float] = (),
 ) -> list[Condition]:
-    """Every combination of the given conditions (SI units); an empty sequence keeps the plant's value.
+    """All combinations of these values (SI units); an empty sequence keeps the plant's value.
 
-    Labels contain given stiffnesses, masses and moduli, and positions or speeds if there are several.
+    Labels contain the stiffnesses, masses and bulk moduli, and positions or velocities if there are several.
 
-    Raises InputError without a position or a speed.
+    Raises InputError without a position or a velocity.
     """
     if not positions or not velocities:
-        raise InputError("conditions got no position or no velocity; give at least one of each")
+        raise InputError("conditions: positions or velocities is empty; give at least one of each")
     named = [name for name, values in (("position", positions), ("velocity", velocities)) if len(values) > 1]
     named += [
         name for name, values in (("stiffness", stiffnesses), ("mass", masses), ("beta", betas)) if len(values) > 0
@@ -90,8 +90,8 @@ def conditions(
 
 
 def operating_points(plant: Plant, at: Sequence[Condition]) -> dict[str, control.StateSpace]:
-    """Linear models of one plant by the label of the condition, "nominal" for an empty one.
+    """Label of a condition ("nominal" if empty) -> linear model of the plant there.
 
-    Raises InputError for a value that is physically impossible.
+    Raises InputError for a physically impossible value.
     """
     return {str(one) or "nominal": one.model(plant) for one in at}

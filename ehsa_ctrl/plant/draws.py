@@ -1,4 +1,4 @@
-"""Random plants, drawn from the known errors of the parameters."""
+"""Random plants, drawn from the uncertainty of the parameters."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .plant import Plant
 if TYPE_CHECKING:
     import control
 
-#: Attempts to draw within the bounds before they are reported as contradictory.
+#: Attempts to draw a value within the bounds. Engineering judgement: if all fail, value and bounds contradict.
 TRIES = 10_000
 
 
@@ -32,9 +32,9 @@ class Covariance:
 
 
 def read_covariance(path: str | Path) -> Covariance:
-    """Read the covariance of an identification.json; null, for an undetermined parameter, is an infinite variance.
+    """Read the covariance of an identification.json; null (an undetermined parameter) is an infinite variance.
 
-    Raises InputError for a file that is absent or has none.
+    Raises InputError for a missing file, and for one without a covariance.
     """
     path = Path(path)
     content = read_json(path)
@@ -60,23 +60,23 @@ def draw(
     unknown: float = 0.0,
     assumed: bool = False,
 ) -> list[Plant]:
-    """Plants (n,) with parameters drawn from their known errors, each within its bounds.
+    """Plants (n,) with parameters drawn from their uncertainty, each within its bounds.
 
-    Parameters of `covariance` are drawn jointly, with their correlation; one with an sd of its own is normal around its
-    value. The others are constant, unless `unknown` or `assumed` includes them.
+    Parameters of `covariance` are drawn jointly, with their correlation; one with its own sd is drawn from a normal
+    distribution around its value. The others are constant, unless `unknown` or `assumed` includes them.
 
     Parameters
     ----------
-    n: number of plants. seed: of the generator.
-    within: normal draws beyond this many standard deviations are repeated. For a covariance the bound holds for the
-        Mahalanobis distance, at the value that keeps the same share of draws.
+    n: number of plants. seed: of the random generator.
+    within: normal draws beyond this many standard deviations are repeated. For a covariance, the limit applies to the
+        Mahalanobis distance and is chosen to keep the same share of draws.
     covariance: of parameters of this plant; others are ignored.
     names: parameters to draw; all by default.
     unknown: relative standard deviation of identified parameters whose file states none.
-    assumed: draw assumed parameters with bounds uniformly between them. The identified parameters depend on these (the
+    assumed: also draw assumed parameters uniformly between their bounds. Identified parameters depend on them (the
         inertia on the torque constant), so such draws deviate more than any plant that fits the logs.
 
-    Raises InputError for an unknown name, for bounds without room, and if no error of any parameter is known.
+    Raises InputError for an unknown name, for bounds that exclude all draws, and if no parameter has an uncertainty.
     """
     if n < 1 or within <= 0 or unknown < 0:
         raise InputError(
@@ -95,7 +95,10 @@ def draw(
         kept = [k for k in finite if covariance.names[k] in chosen]
         joint = [covariance.names[k] for k in kept]
         if not joint:
-            raise InputError(f"the covariance is of {', '.join(covariance.names)}; {plant.name} shares none of them")
+            raise InputError(
+                f"the covariance is of {', '.join(covariance.names)}, but {plant.name} has none of them; give that of "
+                "this plant"
+            )
         factor = _root(covariance.matrix[np.ix_(kept, kept)])
     rng = np.random.default_rng(seed)
     radius = _radius(within, len(joint))
@@ -104,14 +107,14 @@ def draw(
     }
     if not joint and not single:
         raise InputError(
-            f"nothing is known of the errors of {plant.name} ({plant.model}): give an sd in its TOML, the "
-            "covariance of an identification, or a relative deviation for what was identified elsewhere"
+            f"no parameter of {plant.name} ({plant.model}) has an uncertainty: give sd in its TOML, the covariance of "
+            "an identification, or a relative deviation for identified parameters"
         )
     return [plant.set(**_values(plant, rng, joint, factor, single, within, radius)) for _ in range(n)]
 
 
 def _spread(plant: Plant, name: str, unknown: float, assumed: bool) -> float:
-    """Standard deviation of a single parameter; inf: uniform between its bounds, 0: constant."""
+    """Standard deviation of a parameter; inf for a uniform distribution between its bounds, 0 for a constant."""
     parameter = plant.parameters[name]
     if parameter.sd is not None and math.isfinite(parameter.sd):
         return parameter.sd
@@ -122,7 +125,7 @@ def _spread(plant: Plant, name: str, unknown: float, assumed: bool) -> float:
 
 
 def _root(matrix: np.ndarray) -> np.ndarray:
-    """R with R R' = matrix, from the eigenvalues of the correlation, which has no units that differ by decades."""
+    """R with R R' = matrix, from the eigenvalues of the correlation: the covariance itself spans many decades."""
     sd = np.sqrt(np.diag(matrix))
     size = np.where(sd > 0.0, sd, 1.0)
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
@@ -145,7 +148,7 @@ def _values(
     within: float,
     radius: float,
 ) -> dict[str, float]:
-    """One draw."""
+    """Symbol -> value of one draw. Raises InputError if no draw lies inside the bounds."""
     values: dict[str, float] = {}
     if joint:
         centre = np.array([plant[name] for name in joint])
@@ -190,7 +193,7 @@ def _inside(plant: Plant, name: str, value: float) -> bool:
 
 
 def difference(plant: Plant, nominal: Plant, *, most: int = 4) -> str:
-    """Differences from the nominal plant, at most `most`, the largest relative change first: "M +12 %, J_M -3 %"."""
+    """The `most` largest relative differences from the nominal plant, largest first: "M +12 %, J_M -3 %"."""
     parts = []
     for name, parameter in plant.parameters.items():
         before = nominal[name]
@@ -206,12 +209,12 @@ def difference(plant: Plant, nominal: Plant, *, most: int = 4) -> str:
 def drawn_models(
     plant: Plant, plants: Iterable[Plant], conditions: Sequence[Condition] = (Condition(),)
 ) -> dict[str, control.StateSpace]:
-    """Linear models of a plant at each condition, then of drawn plants, each at the next of the conditions.
+    """Label -> linear model: of a plant at each condition, and of each drawn plant at the conditions in turn.
 
-    Labels name the difference: "K_S (load.stiffness) = 50 kN/m", "draw 7 at beta = 5e+08 Pa: M +12 %, ...".
+    Labels give the difference: "K_S (load.stiffness) = 50 kN/m", "draw 7 at beta = 0.5 GPa: M +12 %, ...".
     """
     if not conditions:
-        raise InputError("conditions is empty; expected at least one, as conditions() gives it")
+        raise InputError("conditions is empty; expected at least one, from conditions()")
     models = operating_points(plant, conditions)
     for k, drawn in enumerate(plants):
         at = conditions[k % len(conditions)]

@@ -1,4 +1,4 @@
-"""The form of a plant's TOML."""
+"""The format of a plant's TOML file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..core.log import CHANNELS
 from ..core.parameter import SOURCES, Parameter, check_range
 from ..core.unit import factor
 
-#: Limits that every run checks, with SI units.
+#: Limit that every run checks -> SI unit.
 LIMIT_UNITS = {
     "pump_speed": "rad/s",
     "motor_speed": "rad/s",
@@ -24,14 +24,14 @@ LIMIT_UNITS = {
     "stroke": "m",
 }
 
-#: State that a system must have for a limit to apply.
+#: Limit -> state that a system must have for the limit to apply.
 LIMIT_STATES = {
     **dict.fromkeys(("pump_speed", "motor_speed", "motor_torque", "motor_power", "current_rms"), "omega"),
     **dict.fromkeys(("pressure_max", "pressure_min"), "P_1"),
     "stroke": "x",
 }
 
-#: SI units of the channels that a sensor may measure.
+#: Channel that a sensor may measure -> SI unit.
 CHANNEL_UNITS = {name: channel.unit for name, channel in CHANNELS.items() if name not in ("t", "current_measured")}
 
 #: Names of the load in TOML and on the command line -> symbols in the equations.
@@ -42,17 +42,17 @@ _KEYS = {symbol: key for key, symbol in _SYMBOLS.items()}
 
 
 def symbol_of(key: str) -> str:
-    """Symbol of a setting in the equations: K_S for load.stiffness; other keys are symbols."""
+    """Symbol that a setting has in the equations: K_S for load.stiffness; other keys are symbols themselves."""
     return _SYMBOLS.get(key, key)
 
 
 def key_of(symbol: str) -> str:
-    """Key by which a user sets a symbol: load.stiffness for K_S; other symbols are keys."""
+    """Key with which a user sets a symbol: load.stiffness for K_S; other symbols are keys themselves."""
     return _KEYS.get(symbol, symbol)
 
 
 def label(symbol: str) -> str:
-    """A symbol with its key, for messages: K_S (load.stiffness)."""
+    """A symbol for messages, with its key if that differs: K_S (load.stiffness)."""
     return f"{symbol} ({_KEYS[symbol]})" if symbol in _KEYS else symbol
 
 
@@ -61,7 +61,7 @@ assert Source.__args__ == SOURCES  # type: ignore[attr-defined]
 
 
 class Quantity(Definition):
-    """A number with its unit, origin and uncertainty."""
+    """A number with its unit, source and uncertainty."""
 
     value: Unlimited = Field(description="number in `unit`")
     unit: str = Field(description="any unit that converts to the SI unit")
@@ -86,7 +86,7 @@ class Quantity(Definition):
         return unit
 
     def parameter(self, name: str, unit: str, where: str) -> Parameter:
-        """As a Parameter in the SI `unit`. Raises InputError if the unit does not fit or bounds don't hold value."""
+        """The Parameter in the SI `unit`. Raises InputError for a unit that does not fit and a value out of bounds."""
         try:
             scale = factor(self.unit, unit)
         except InputError as error:
@@ -107,7 +107,7 @@ class Quantity(Definition):
 
 
 class SensorFile(Definition):
-    """[sensors.CHANNEL]: a sensor of the bench; it is ideal in what is left out."""
+    """[sensors.CHANNEL]: a sensor of the bench; keys that are left out are ideal."""
 
     noise: Quantity | None = Field(default=None, description="standard deviation of white noise")
     step: Quantity | None = Field(default=None, description="quantisation step")
@@ -146,7 +146,7 @@ class EstimationFile(Definition):
 
 
 class ModelFile(Definition):
-    """Structure and identified parameters of one model of the plant."""
+    """[linear] or [nonlinear]: structure and own parameters of one model of the plant."""
 
     shaft_friction: str | None = Field(
         default=None,
@@ -159,8 +159,8 @@ class ModelFile(Definition):
     chambers: str | None = Field(default=None, description="form of the chamber volumes")
     effects: list[str] = Field(
         default=[],
-        description="effects added to the equations, by name (ehsa-ctrl list effects); a parameter that is missing "
-        "in [parameters] has its typical value",
+        description="effects added to the equations, by name (ehsa-ctrl list effects); a parameter that is left out "
+        "has its typical value",
     )
     free: list[str] | None = Field(
         default=None,
@@ -171,7 +171,7 @@ class ModelFile(Definition):
 
 
 class ColumnFile(Definition):
-    """Column of a log that holds a channel: SI value = scale * column + offset."""
+    """Column of a log with a channel: SI value = scale * column + offset."""
 
     column: str = Field(description="name of the column in the file")
     scale: float = Field(default=1.0, description="SI units per unit of the column; negative reverses the direction")

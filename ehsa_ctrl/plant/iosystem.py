@@ -1,7 +1,7 @@
 """The nonlinear plant as `control.NonlinearIOSystem`, for python-control's functions.
 
 python-control integrates a smooth right-hand side, so friction is smoothed here: direction = tanh(speed / width).
-A smoothed contact creeps instead of sticking; use the engine (`simulate`) where standstill matters.
+A smoothed contact creeps instead of sticking; where sticking matters, use the engine (`simulate`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from .plant import Plant
 if TYPE_CHECKING:
     import control
 
-#: Speeds over which friction reverses, shaft [rad/s] and rod [m/s]; the error of a simulation grows with them.
+#: Speeds over which friction reverses, shaft [rad/s] and rod [m/s]. Engineering judgement: the error of a simulation
+#: grows with them, its stiffness with their inverse.
 WIDTHS = {"shaft": 0.01, "rod": 1e-5}
 
 
@@ -41,7 +42,7 @@ def to_iosystem(plant: Plant, *, widths: dict[str, float] | None = None) -> cont
 
     def update(t: float, x: np.ndarray, u: np.ndarray, params: dict[str, Any]) -> list[float]:
         states = {name: float(value) for name, value in zip(names, x, strict=True)}
-        # At rest tanh gives 0, which means sticking in the equations; a tiny direction lets the contact move.
+        # At rest tanh is 0, which the equations read as sticking; a tiny direction lets the contact move.
         directions = {name: tanh(float(x[i]) / wide) or 1e-300 for name, i, wide in contacts}
         inputs = {name: float(value) for name, value in zip(equations.inputs, u, strict=True)}
         found = signals(**{**params, **states, **directions, **inputs})

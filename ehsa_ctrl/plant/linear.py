@@ -1,6 +1,6 @@
 """The paper's linear models as `control.StateSpace`: (6) with four states and (7) with three, each plus position.
 
-The matrices are written as in the paper, independently of the equations in `systems/ehsa.py`, as a check of
+The matrices are those of the paper, written independently of the equations in `systems/ehsa.py`, so that they check
 `linearise`.
 """
 
@@ -22,23 +22,21 @@ INPUTS = ("current", "F_D")
 def _linear_part(plant: Plant) -> tuple[dict[str, float], str]:
     """Values of the symbols in (6) and (7), and an addition to the model's name.
 
-    A linear set with dry friction or effects contributes its viscous part.
+    Of a linear set with dry friction or effects, only the viscous part is used.
     """
     structure = plant.structure
     if structure.system_name != "ehsa":
-        raise InputError(
-            f"{plant.name} is a {structure.system_name!r} system; the linear models are made for 'ehsa' alone"
-        )
+        raise InputError(f"{plant.name} is a {structure.system_name!r} system; linear models exist only for 'ehsa'")
     laws = (structure.shaft_friction, structure.rod_friction)
     plain = laws == ("viscous", "viscous") and not structure.effects
     if structure.chambers != "constant" or not (plain or plant.model == "linear"):
         words = [f"{word} friction at the {place}" for word, place in zip(laws, ("shaft", "rod"), strict=True)]
         words += [f"chambers {structure.chambers!r}", *(f"the effect {name}" for name in structure.effects)]
         raise InputError(
-            f"(6) and (7) are written for viscous friction and constant volumes; the {plant.model} model of "
-            f"{plant.name} has {', '.join(words)}: load the plant with model='linear', or use linearise()"
+            f"(6) and (7) hold for viscous friction and constant volumes, but the {plant.model} model of {plant.name} "
+            f"has {', '.join(words)}; load the plant with model='linear', or use linearise()"
         )
-    return {"B_FM": 0.0, "B_FR": 0.0, **plant.values}, "" if plain else ", what is linear of it"
+    return {"B_FM": 0.0, "B_FR": 0.0, **plant.values}, "" if plain else ", viscous part"
 
 
 def four_state(plant: Plant) -> control.StateSpace:
@@ -47,7 +45,7 @@ def four_state(plant: Plant) -> control.StateSpace:
     P_1 + P_2 is an uncontrollable mode: use `three_state` for design. The model includes spring K_S and mass m_L of
     the load; F_D is the external force. Deviations from rest, SI units.
 
-    A linear set with dry friction or effects contributes its viscous part, which the model's name states.
+    Of a linear set with dry friction or effects, only the viscous part is used; the model's name says so.
 
     Raises InputError for a nonlinear set, or stroke-dependent volumes.
     """
@@ -77,7 +75,7 @@ def three_state(plant: Plant, *, position: bool = True) -> control.StateSpace:
 
     Without position the load must not have a spring, as in the paper. Deviations from rest, SI units.
 
-    A linear set with dry friction or effects contributes its viscous part, which the model's name states.
+    Of a linear set with dry friction or effects, only the viscous part is used; the model's name says so.
 
     Raises InputError for a nonlinear set, for stroke-dependent volumes, or for position=False with a spring.
     """

@@ -33,7 +33,7 @@ class OperatingPoint:
 
 @cache
 def _jacobian(equations: Equations) -> tuple[Tape, dict[tuple[int, int], Ref]]:
-    """A tape with the Jacobian by states and inputs: (row, column) -> entry, the others are zero."""
+    """A tape with the Jacobian of the rates by states and inputs, and (row, column) -> its non-zero entries."""
     tape = build_tape(equations)
     seeds = [*(state.name for state in equations.states), *equations.inputs]
     tangent = Tangent(tape, seeds)
@@ -47,7 +47,7 @@ def _jacobian(equations: Equations) -> tuple[Tape, dict[tuple[int, int], Ref]]:
 def jacobian(
     plant: Plant, point: OperatingPoint, parameters: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Exact derivatives of the rates by states (n, n) and by inputs (n, 2) at a point, friction directions given.
+    """Exact derivatives of the rates by states (n, n) and by inputs (n, 2) at a point, for its sliding directions.
 
     parameters: (n_parameters,) values other than the plant's own, in the order of `plant.vector`.
     """
@@ -79,13 +79,11 @@ def operating_point(
     structure = plant.structure
     equations = structure.equations
     if structure.system_name != "ehsa":
-        raise InputError(
-            f"{plant.name} is a {structure.system_name!r} system; the linear models are made for 'ehsa' alone"
-        )
+        raise InputError(f"{plant.name} is a {structure.system_name!r} system; linear models exist only for 'ehsa'")
     if velocity == 0.0 and any(structure.law(contact).sticks for contact in structure.system.contacts):
         raise InputError(
-            f"velocity = 0: the {plant.model} model of {plant.name} sticks at rest, so that no linear model "
-            "describes it; give a sliding speed such as 0.05 m/s"
+            f"velocity = 0: the {plant.model} model of {plant.name} sticks at rest and has no linear model there; "
+            "give a sliding velocity such as 0.05 m/s"
         )
     level = plant["P_0"] if pressure_level is None else pressure_level
     direction = float(np.sign(velocity))
@@ -116,7 +114,7 @@ def operating_point(
     if np.max(np.abs(solution.fun)) > 1e-6:
         raise InputError(
             f"no steady motion at {velocity:g} m/s through x = {position:g} m at {level:g} Pa: "
-            "valves or end stops act there; choose another operating point"
+            "a valve or end stop acts there; choose another operating point"
         )
     inputs = {"current": float(solution.x[2]), "F_D": 0.0}
     return OperatingPoint({k: float(v) for k, v in states(solution.x).items()}, inputs, directions)

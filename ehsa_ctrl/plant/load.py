@@ -29,7 +29,8 @@ from .file import (
 from .plant import SENSOR_WORDS, Model, Plant, Sensor, effect_default
 from .structure import Structure
 
-#: Lower bound of the limits that may be negative, and upper bound of all limits.
+#: Lower bounds of limits that may be negative [SI], and upper bound of all limits. Engineering judgement: far below the
+#: least gauge pressure, -1.013e5 Pa, so that the limit can be switched off.
 LEAST, MOST = {"pressure_min": -1e6}, 1e30
 
 
@@ -41,11 +42,11 @@ def load_plant(
     Parameters
     ----------
     name: e.g. "ehsa" or "my/rig.toml".
-    model: which of the plant's parameter sets.
-    settings: parameters set for one run, as on the command line: {"K_T": 1.1, "load.stiffness": "50 N/mm"}. Numbers
-        and texts without unit are in SI units.
+    model: parameter set of the plant, "linear" or "nonlinear".
+    settings: values for one run, as on the command line: {"K_T": 1.1, "load.stiffness": "50 N/mm"}. Numbers and texts
+        without a unit are in SI units.
 
-    Raises InputError, one sentence with file and key, for a missing or wrong file or setting.
+    Raises InputError, with file and key, for a missing or invalid file or setting.
     """
     path = plants.find(name)
     add_project(path)
@@ -54,9 +55,7 @@ def load_plant(
     if part is None:
         known = [word for word in ("linear", "nonlinear") if getattr(file, word) is not None]
         if model == "linear" and known:
-            raise InputError(
-                f"{path}: has no [linear] model, on which controllers are designed; it has [{known[0]}] alone"
-            )
+            raise InputError(f"{path}: has no [linear] model, on which controllers are designed, but only [{known[0]}]")
         raise InputError(f"{path}: has no [{model}] model; {choices(model, known)}")
     try:
         structure = Structure(part.shaft_friction, part.rod_friction, part.chambers, tuple(part.effects), file.system)
@@ -81,16 +80,16 @@ def load_plant(
 
 
 def models_of(name: str | Path) -> tuple[Model, ...]:
-    """The parameter sets of a plant's file. Raises InputError as load_plant does."""
+    """The models ("linear", "nonlinear") of a plant's file. Raises InputError as load_plant does."""
     file = read_definition(plants.find(name), PlantFile)
     words: tuple[Model, ...] = ("linear", "nonlinear")
     return tuple(word for word in words if getattr(file, word) is not None)
 
 
 def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:
-    """The plant with settings for one run: symbols, load.WORD, and WORD.CHANNEL for SENSOR_WORDS.
+    """The plant with settings for one run. Keys: symbols, load.WORD, and WORD.CHANNEL with SENSOR_WORDS.
 
-    Raises InputError naming the key.
+    Raises InputError with the key.
     """
     sensors, symbols = dict(plant.sensors), {}
     for key, given in settings.items():
@@ -111,18 +110,18 @@ def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:
 
 
 def is_sensor_setting(key: str) -> bool:
-    """Whether a setting belongs to a sensor: bias.p1, delay.speed."""
+    """Whether a setting is one of a sensor, such as bias.p1 or delay.speed."""
     word, dot, _ = key.partition(".")
     return bool(dot) and word in SENSOR_WORDS
 
 
 def has_setting(plant: Plant, key: str) -> bool:
-    """Whether this model has a setting: both have sensors, A_FR only the nonlinear one."""
+    """Whether this model has a setting: each has sensors, but only the nonlinear one of the EHSA has A_FR."""
     return is_sensor_setting(key) or symbol_of(key) in plant.parameters
 
 
 def read_settings(plant: Plant, settings: Mapping[str, str | float]) -> dict[str, float]:
-    """From {"load.stiffness": "50 N/mm"} to {"K_S": 5e4}. Raises InputError naming the key."""
+    """Turn {"load.stiffness": "50 N/mm"} into {"K_S": 5e4}. Raises InputError with the key."""
     kinds = {kind.name: kind for kind in plant.structure.equations.parameters}
     values = {}
     for key, given in settings.items():
@@ -138,7 +137,7 @@ def read_settings(plant: Plant, settings: Mapping[str, str | float]) -> dict[str
 
 
 def _parameters(path: Path, file: PlantFile, part: ModelFile, model: str, structure: Structure) -> dict[str, Parameter]:
-    """Every symbol of the structure, within its physical range."""
+    """Parameters of the structure, from the file or by default. Raises InputError for a missing or impossible one."""
     kinds = {kind.name: kind for kind in structure.equations.parameters}
     written: dict[str, tuple[str, Quantity]] = {}
     for name, quantity in file.parameters.items():
@@ -150,7 +149,7 @@ def _parameters(path: Path, file: PlantFile, part: ModelFile, model: str, struct
     found = {}
     for name, (where, quantity) in written.items():
         if name not in kinds:
-            raise InputError(f"{where}: unknown parameter of this structure, {structure}; {choices(name, kinds)}")
+            raise InputError(f"{where}: unknown parameter of {structure}; {choices(name, kinds)}")
         kind = kinds[name]
         parameter = quantity.parameter(name, kind.unit, where)
         check_range(where, parameter.value, kind.unit, kind.lower, kind.upper, lower_open=kind.lower_open)
@@ -173,12 +172,14 @@ def _free(path: Path, file: PlantFile, part: ModelFile, model: str, structure: S
     known = structure.equations.parameter_names
     if part.free is None:
         written = {**file.parameters, **part.parameters}
-        # An infinite value switches something off, and a dead time has no derivative: neither can be estimated.
+        # Not estimated: infinite values, which switch something off, and the dead time, which has no derivative.
         identified = {name for name, q in written.items() if q.source == "identified" and math.isfinite(q.value)}
         return tuple(name for name in known if name in identified and name != structure.delay)
     for name in part.free:
         if name not in known:
-            raise InputError(f"{path}: [{model}] free: {name!r} is no parameter of this model; {choices(name, known)}")
+            raise InputError(
+                f"{path}: [{model}] free: {name!r} is not a parameter of this model; {choices(name, known)}"
+            )
     return tuple(part.free)
 
 
@@ -189,7 +190,7 @@ def _limits(path: Path, file: PlantFile, structure: Structure) -> dict[str, Para
         if name not in LIMIT_UNITS:
             raise InputError(f"{path}: [limits] {name}: unknown limit; {choices(name, LIMIT_UNITS)}")
         if LIMIT_STATES[name] not in states:
-            raise InputError(f"{path}: [limits] {name}: the system {file.system!r} has no such thing; leave it out")
+            raise InputError(f"{path}: [limits] {name}: does not apply to the system {file.system!r}; leave it out")
         where, unit = f"{path}: [limits] {name}", LIMIT_UNITS[name]
         limits[name] = quantity.parameter(name, unit, where)
         check_range(where, limits[name].value, unit, LEAST.get(name, 0.0), MOST, lower_open=name not in LEAST)

@@ -1,4 +1,4 @@
-"""Coefficients of the current that a rod motion needs, for feed-forward."""
+"""Coefficients of the current that a rod motion needs, for feedforward."""
 
 from __future__ import annotations
 
@@ -40,5 +40,6 @@ def motion_current(plant: Plant) -> dict[str, float]:
         "coulomb": coulomb,
         "static": coulomb + extra,
         "load": per_force,
+        # Without Stribeck friction: 10 mm/s, the default of a controller's [feedforward].
         "stribeck": min(known) if known else 0.01,
     }

@@ -1,6 +1,6 @@
-"""The equations evaluated in plain Python, by calling the physics functions one after the other.
+"""Evaluate the equations in plain Python, by calling the physics functions one after the other.
 
-The slow reference for tests of the compiled engine, and for stepping through with a debugger.
+This is the slow reference for tests of the compiled engine, and for stepping through with a debugger.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from .wiring import Equations
 
 
 def text(equations: Equations) -> str:
-    """The wired equations as readable Python: one call a line."""
+    """The wired equations as readable Python, one call per line."""
     lines = []
     for call in equations.calls:
         module = call.function.__module__.rsplit(".", 1)[-1]

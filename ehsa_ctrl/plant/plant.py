@@ -22,8 +22,8 @@ from .structure import Structure
 if TYPE_CHECKING:
     import pandas
 
-#: Settings of a sensor that can be set and estimated: bias in the channel's unit, scale (1 is neutral), delay and
-#: filter in s.
+#: Settings of a sensor that a user can set and `identify` can estimate: bias in the channel's unit, scale (1 is
+#: ideal), delay and filter time constant in s.
 SENSOR_WORDS = ("bias", "scale", "delay", "filter")
 
 Model = Literal["linear", "nonlinear"]
@@ -33,8 +33,8 @@ Model = Literal["linear", "nonlinear"]
 class Sensor:
     """A sensor: scale * (filtered quantity, `delay` seconds ago) + bias + noise, then quantised.
 
-    noise: standard deviation. step: quantisation. filter: time constant of a first-order low-pass, 0 for none.
-    stated: the numbers of the plant's file with their provenance.
+    noise: standard deviation. step: quantisation step. delay: in s. filter: time constant of a first-order low-pass
+    [s], 0 for none. stated: numbers of the plant's file, with their provenance.
     """
 
     channel: str
@@ -49,11 +49,11 @@ class Sensor:
 
     @property
     def sd(self) -> float:
-        """Standard deviation of noise and rounding together."""
+        """Standard deviation of noise and quantisation (step / sqrt(12) for a uniform error) together."""
         return math.hypot(self.noise, self.step / math.sqrt(12.0))
 
     def __repr__(self) -> str:
-        # Baselines hash this text, so a filter appears only where there is one.
+        # Baselines hash this text. Older ones know no filter, so it appears only if it is set.
         named = [f.name for f in fields(self) if f.repr and (f.name != "filter" or self.filter != 0.0)]
         return f"Sensor({', '.join(f'{name}={getattr(self, name)!r}' for name in named)})"
 
@@ -68,15 +68,17 @@ class Plant(Result):
 
     Attributes
     ----------
-    name: of the file, without ending. title: one line.
+    name: name of the file, without suffix.
+    title: one line.
     model: parameter set of the plant, "linear" or "nonlinear".
     structure: friction laws, chamber form, effects.
-    parameters: every symbol of the equations, in their order.
-    limits: checked in every run, by the names of `file.LIMIT_UNITS`.
-    sensors: by channel.
+    parameters: symbol -> parameter, for every symbol of the equations, in their order.
+    limits: name in `file.LIMIT_UNITS` -> limit, checked in every run.
+    sensors: channel -> sensor.
     sample_time: s.
-    free: parameters that `identify` estimates by default. estimation: its method.
-    log: channel -> column of this rig's logs, where name or unit differ.
+    free: parameters that `identify` estimates by default.
+    estimation: method of `identify`.
+    log: channel -> column of this rig's logs, for channels whose name or unit differs.
     path: the file.
     """
 
@@ -115,15 +117,15 @@ class Plant(Result):
 
     @property
     def rest(self) -> np.ndarray:
-        """State (n_states,) at rest: x = x_0, P_1 = P_2 = P_0, as far as the system has them."""
+        """State (n_states,) at rest: x = x_0 and P_1 = P_2 = P_0 if the system has them, zero otherwise."""
         start = self.structure.system.start
         states = [state.name for state in self.structure.equations.states]
         return np.array([self[start[name]] if name in start else 0.0 for name in states])
 
     @property
     def implausible(self) -> tuple[str, ...]:
-        """Warnings about values set for one run: outside the file's range, or so far from the file's value that another
-        unit was probably meant."""
+        """Warnings about values set for one run: outside the file's plausible range, or so far from the file's value
+        that the unit is probably wrong."""
         return tuple(
             (p.far and label(p.name) + p.far.removeprefix(p.name).replace(p.name, key_of(p.name)))
             or f"{label(p.name)} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the "
@@ -135,9 +137,9 @@ class Plant(Result):
     def set(self, **values: float | str) -> Plant:
         """The plant with other values, e.g. plant.set(K_S=50e3, K_T=1.1) or plant.set(K_S="50 N/mm").
 
-        Numbers are in SI units; a text has a unit.
+        Numbers and texts without a unit are in SI units.
 
-        Raises InputError for an unknown symbol, a unit that does not fit or a value that is physically impossible.
+        Raises InputError for an unknown symbol, a unit that does not fit, or a physically impossible value.
         """
         kinds = {kind.name: kind for kind in self.structure.equations.parameters}
         changed = dict(self.parameters)
@@ -156,7 +158,10 @@ class Plant(Result):
         return replace(self, parameters=changed)
 
     def with_structure(self, structure: Structure, **values: float) -> Plant:
-        """The plant with other friction laws, chamber form or effects; `values` for symbols that it lacks."""
+        """The plant with other friction laws, chamber form or effects. values: of parameters that it lacks, SI units.
+
+        Raises InputError for a missing value, and as `set` does.
+        """
         known = dict(self.parameters)
         for kind in structure.equations.parameters:
             if kind.name in known:
@@ -167,12 +172,12 @@ class Plant(Result):
             elif default is not None:
                 known[kind.name] = default
             else:
-                raise InputError(f"{kind.name} ({kind.meaning}) is needed by {structure} and has no value; give it")
+                raise InputError(f"{structure} needs {kind.name} ({kind.meaning}), which has no value; give one")
         kept = {name: known[name] for name in structure.equations.parameter_names}
         return replace(self, structure=structure, parameters=kept).set(**values)
 
     def with_effects(self, *names: str, **values: float) -> Plant:
-        """The plant with added effects, at their typical parameters unless given."""
+        """The plant with added effects. values: of their parameters, SI units; by default the typical ones."""
         added = tuple(name for name in names if name not in self.structure.effects)
         return self.with_structure(replace(self.structure, effects=self.structure.effects + added), **values)
 

@@ -1,7 +1,7 @@
 """The structure of a plant: friction law of each contact, chamber form, effects.
 
-A structure consists of names and is hashable, so that compiled engines can be cached by it. Its `equations` are the
-wired list that evaluation, compiled engine and linearisation share.
+A structure consists of names and is hashable, so compiled engines can be cached by it. Its `equations` are the wired
+list that plain evaluation, compiled engine and linearisation share.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ class Structure:
 
     Attributes
     ----------
-    shaft_friction, rod_friction: friction laws; None where the system has no such contact.
+    shaft_friction, rod_friction: friction laws; None if the system has no such contact.
     chambers: "stroke" as in (11) or "constant" as in (6); None for a system without chambers.
-    effects: names of effects, applied in this order where two change the same signal.
-    system_name: name of the system, a file of `systems/`.
+    effects: names of effects; if two change the same signal, they act in this order.
+    system_name: name of a system of `systems/`.
+
+    Raises InputError for unknown names and for combinations that the system does not allow.
     """
 
     shaft_friction: str | None = "stribeck"
@@ -51,7 +53,7 @@ class Structure:
             if name is None and known:
                 raise InputError(f"{key} is missing; known: {', '.join(sorted(known))}")
             if name is not None and not known:
-                raise InputError(f"{key} = {name!r}: the system {self.system_name!r} has none; leave it out")
+                raise InputError(f"{key} = {name!r}: the system {self.system_name!r} has no {key}; leave it out")
             if name is not None and name not in known:
                 raise InputError(f"{key} = {name!r} is not known; {choices(name, known)}")
         if len(set(self.effects)) < len(self.effects):
@@ -59,13 +61,13 @@ class Structure:
         self._check_fit()
 
     def _check_fit(self) -> None:
-        """Raise InputError for known names that have no effect in this system."""
+        """Raise InputError for known names that do not fit this system."""
         system = self.system
         for contact in system.prescribed:
             if self.law(contact).state_rate is not None:
                 raise InputError(
-                    f"{contact.name}_friction = {self.law(contact).name!r}: a law with an inner state needs a motion "
-                    f"that is solved for, and {system.name!r} prescribes it; choose another law"
+                    f"{contact.name}_friction = {self.law(contact).name!r}: a law with an inner state needs a "
+                    f"simulated motion, but {system.name!r} prescribes this one; choose another law"
                 )
         known = {*(signal for signal, _ in system.equations), *system.inputs, *(state.name for state in system.states)}
         known |= {contact.friction for contact in system.all_contacts}
@@ -98,12 +100,12 @@ class Structure:
             for name in [p.name for p in EFFECTS[effect].parameters] + [s.name for s in EFFECTS[effect].states]:
                 if name in taken:
                     raise InputError(
-                        f"effects: {name!r} of {effect!r} is also a name of {taken[name]}; rename one of them"
+                        f"effects: {name!r} of {effect!r} is also a name in {taken[name]}; rename one of them"
                     )
                 taken[name] = f"the effect {effect!r}"
 
     def _check_symbols(self, effect: str, contact: Contact) -> None:
-        """Raise InputError for an effect that needs a friction parameter which the contact's law does not have."""
+        """Raise InputError for an effect that needs a friction parameter which the law of the contact lacks."""
         functions = (*EFFECTS[effect].changes.values(), *EFFECTS[effect].adds.values())
         asked = {argument for function in functions for argument in inspect.signature(function).parameters}
         for symbol in SYMBOLS:
@@ -128,7 +130,7 @@ class Structure:
 
     @property
     def delay(self) -> str | None:
-        """Parameter of the dead time of the first input; None without one."""
+        """Parameter with the dead time of the first input; None without a dead time."""
         late = [name for name in self.effects if EFFECTS[name].delays]
         return EFFECTS[late[0]].parameters[0].name if late else None
 
@@ -161,7 +163,7 @@ LINEAR = Structure(shaft_friction="viscous", rod_friction="viscous", chambers="c
 def _instead(effect: Effect) -> str:
     """The remedy for an effect without equations."""
     if effect.symbols:
-        return f"is no equation of its own; set {' or '.join(effect.symbols)} instead"
+        return f"has no equation of its own; set {' or '.join(effect.symbols)} instead"
     if effect.sensor is not None:
-        return f"belongs to a sensor; set {effect.sensor}.CHANNEL instead"
+        return f"is a sensor error; set {effect.sensor}.CHANNEL instead"
     return f'is a friction law; set rod_friction = "{effect.rod_friction}" instead'

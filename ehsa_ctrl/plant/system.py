@@ -1,7 +1,7 @@
 """The parts of a system: states, inputs, contacts with friction, balances, and equations wired by name.
 
-An equation is a pair (signal, function): the function's argument names say which states, inputs, parameters and
-other signals it needs. The order of evaluation follows from these names.
+An equation is a pair (signal, function). The argument names of the function are the states, inputs, parameters and
+other signals that it needs; the order of evaluation follows from them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ScalarFunction = Callable[..., float]
 
 @dataclass(frozen=True)
 class State:
-    """A state variable; `scale` is the size of a relevant change, by which the engine scales integration errors."""
+    """A state variable. scale: size of a relevant change in `unit`, by which the engine scales integration errors."""
 
     name: str
     unit: str
@@ -28,7 +28,7 @@ class State:
 class ParameterKind:
     """A parameter of a system without its value: unit, meaning and physical range.
 
-    prior: relative standard deviation of a typical nominal value; None for one that is not refitted beside an effect.
+    prior: relative standard deviation of a typical nominal value; None for a parameter that a diagnosis does not refit.
     """
 
     name: str
@@ -55,11 +55,11 @@ class Contact:
     effort_unit, length_unit: N m and rad, or N and m.
     effort_scale: size of a relevant effort, by which the engine scales the search for a breakaway.
     bristle: inner state of friction laws that have one.
-    stribeck_speed: tau for a plant without static friction, whose file gives none.
-    constant: symbol in the catalogue of effects of a constant effort on the contact; empty without one.
-    position: state that is the integral of the velocity, or its name where the motion is prescribed; empty without one.
+    stribeck_speed: tau for plants whose law has none, in case a diagnosis adds static friction.
+    constant: symbol that the effects use for a constant effort on the contact; empty without one.
+    position: state that is the integral of the velocity, or its name if the motion is prescribed; empty without one.
     position_channel, acceleration_channel: channels of the log that measure a prescribed position, an acceleration.
-    symbols: friction symbols with another name in this system, e.g. {"A": "Fc"}.
+    symbols: friction symbol -> its name in this system, if that differs, e.g. {"A": "Fc"}.
     """
 
     name: str
@@ -88,9 +88,9 @@ class Contact:
 class Entry:
     """Where the unknown input of a residual enters a simulation.
 
-    target: input of the system to which it adds, or state to whose rate it adds.
-    capacity: what it is divided by: a parameter, such as K_T for a torque that acts as a current, or a signal and a
-        parameter that divides that, such as V_1 and beta for a flow that changes a pressure; empty for 1.
+    target: input of the system that it adds to, or state whose rate it adds to.
+    capacity: divisor of the unknown input: a parameter, such as K_T for a torque that acts as a current; or a signal
+        over a parameter, such as V_1 over beta for a flow that changes a pressure; empty for 1.
     """
 
     target: str
@@ -101,8 +101,8 @@ class Entry:
 class ScoredSignal:
     """A signal by which a diagnosis scores a model.
 
-    name: in results. channel: output of the system. span: 0 for the channel itself, else the signal is the channel's
-    slope over this time [s]. drift: error of the channel in any free run, due to noise of the logged input, SI units.
+    name: in results. channel: output of the system. span: 0 for the channel itself; else the signal is the slope of
+    the channel over this time [s]. drift: error that noise of the logged input causes in any free run, SI units.
     """
 
     name: str
@@ -113,23 +113,23 @@ class ScoredSignal:
 
 @dataclass(frozen=True)
 class Balance:
-    """A sum that is zero in the true plant: parameters are estimated from it without a simulation, and its residual
-    shows the unknown input behind a gap.
+    """A sum that is zero in the true plant.
 
+    Parameters are estimated from it without a simulation, and its residual shows the unknown input behind a gap.
     Residual functions are wired by name like all equations. Besides states, inputs, signals and parameters they may
     use measurements: `omega_rate` is the measured rate of the state omega, `force_measured` the channel force of the
-    log. A residual must be linear in the parameters that are estimated, except tau and beta.
+    log. A residual must be linear in the estimated parameters, except tau and beta.
 
     Attributes
     ----------
     name: for tables; the part before a comma names the unknown input of the residual: torque, flow, force or load.
-    unit: of the residual.
+    unit: unit of the residual.
     residuals: functions; those of one balance share parameters and are solved together.
-    terms: for each residual a signal, input or measured channel as the reference for its size.
-    contacts: contacts whose friction is a term; samples where one of them sticks are left out.
-    without: channel whose presence makes this balance superfluous.
-    closed: for each residual a signal that must be zero for it to be used, such as the unmeasured flow of a valve.
-    entries: for each residual where its unknown input enters a simulation; empty for a balance that does not affect
+    terms: one signal, input or measured channel per residual, as the reference for its size.
+    contacts: contacts whose friction is a term; samples in which one of them sticks are left out.
+    without: channel of the log that makes this balance superfluous.
+    closed: one signal per residual that must be zero for its use, such as the unmeasured flow of a valve.
+    entries: one per residual: where its unknown input enters a simulation; empty for a balance that does not affect
         the outputs.
     """
 
@@ -144,34 +144,36 @@ class Balance:
 
     @property
     def unknown_inputs(self) -> tuple[str, ...]:
-        """Names of the unknown inputs, one a residual: "force", or "flow_1" and "flow_2"."""
+        """Names of the unknown inputs, one per residual: "force", or "flow_1" and "flow_2"."""
         place, count = self.name.partition(",")[0], len(self.residuals)
         return (place,) if count == 1 else tuple(f"{place}_{i}" for i in range(1, count + 1))
 
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A system: everything except friction laws, chamber form, effects and numbers. Compared by identity.
+    """A system: the equations without friction laws, chamber form, effects and parameter values.
+
+    Systems are compared by identity.
 
     Attributes
     ----------
     inputs: the drive and the external input.
     drives: input -> channel of the log that drives it in a replay.
     outputs: channel of the log -> state that it measures; simulations are compared with these.
-    hold: of the drives between the samples of a log, "zero_order" or "first_order".
+    hold: drives between the samples of a log: "zero_order" or "first_order" (linear interpolation).
     chamber_forms: name in a plant's TOML -> equations of the chamber volumes; empty for a system without chambers.
-    start: state -> parameter with its value at rest; the other states are zero at rest.
-    cell: signal of a load cell; None without one. cell_channel: channel of the log that measures it.
+    start: state -> parameter with its value at rest; other states are zero at rest.
+    cell: signal of the load cell; None without one. cell_channel: channel of the log that measures it.
     prescribed: contacts whose motion is an input; their friction occurs only in balances.
-    balances: in the order of solution; a parameter estimated in one is known in the next.
+    balances: in the order of solution; the next one uses the parameters estimated in the one before.
     measured: further channels that the balances use.
-    lacking: effects that a model of this system without dry friction lacks; sets of ids, each searched from the
-        solution of the one before.
-    called: symbols of the EHSA in the catalogue of effects -> names in this system, except those of friction.
+    missing_effects: sets of effects (ids) that a model of this system without dry friction may lack; a diagnosis
+        searches each set from the solution with the one before.
+    symbols: symbol in the catalogue of effects -> its name in this system, if that differs; not for friction.
     scored: signals by which a diagnosis scores a model; every output by default.
-    units: SI units of channels and scored signals that are not in `core.log.CHANNELS`; they are added there.
+    units: channel or scored signal -> SI unit, for those that `core.log.CHANNELS` lacks; they are added there.
 
-    Raises TypeError for a name in drives, outputs, scored, entries or contacts of balances that the system lacks.
+    Raises TypeError for unknown names in drives, outputs, scored, entries or contacts of balances.
     """
 
     name: str
@@ -191,22 +193,20 @@ class System:
     prescribed: tuple[Contact, ...] = ()
     balances: tuple[Balance, ...] = ()
     measured: tuple[str, ...] = ()
-    lacking: tuple[tuple[str, ...], ...] = ()
-    called: Mapping[str, str] = field(default_factory=dict)
+    missing_effects: tuple[tuple[str, ...], ...] = ()
+    symbols: Mapping[str, str] = field(default_factory=dict)
     scored: tuple[ScoredSignal, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for channel, unit in self.units.items():
             if CHANNELS.setdefault(channel, Channel(unit, 9)).unit != unit:
-                raise TypeError(
-                    f"system {self.name}: channel {channel} in {unit}; it is known in {CHANNELS[channel].unit}"
-                )
+                raise TypeError(f"system {self.name}: channel {channel} in {unit}; expected {CHANNELS[channel].unit}")
         if not self.scored:
             object.__setattr__(self, "scored", tuple(ScoredSignal(channel, channel) for channel in self.outputs))
         states = {state.name for state in self.states}
         for what, names, known in (
-            ("units lack the channel", self.channels, CHANNELS),
+            ("units: missing channel", self.channels, CHANNELS),
             ("drives: unknown input", self.drives, self.inputs),
             ("outputs: unknown state", self.outputs.values(), states),
             ("scored: unknown output", [one.channel for one in self.scored], self.outputs),
@@ -228,21 +228,21 @@ class System:
                 )
 
     def own(self, symbol: str) -> str:
-        """Name in this system of a symbol in the catalogue of effects: A_FR may be Fc."""
+        """Name that a symbol of the catalogue of effects has in this system, e.g. Fc for A_FR."""
         for contact in self.all_contacts:
             for family, name in contact.symbols.items():
                 if symbol == f"{family}_{contact.suffix}":
                     return name
-        return self.called.get(symbol, symbol)
+        return self.symbols.get(symbol, symbol)
 
     @property
     def drive(self) -> str:
-        """Channel of the log that drives the first input."""
+        """Channel of the log with the first input."""
         return self.drives[self.inputs[0]]
 
     @property
     def entries(self) -> dict[str, Entry]:
-        """Unknown input -> where it enters a simulation; without those of balances that affect no output."""
+        """Unknown input -> where it enters a simulation; not for balances that affect no output."""
         return {
             name: entry
             for balance in self.balances
@@ -268,7 +268,7 @@ class System:
 
     @property
     def places(self) -> dict[str, tuple[str, ...]]:
-        """Place of an effect -> the unknown inputs that show it; the drive's errors act as a torque."""
+        """Place of an effect -> the unknown inputs that show it. Errors of the drive act as a torque."""
         found: dict[str, tuple[str, ...]] = {}
         for name, entry in self.entries.items():
             place = name.partition("_")[0]

@@ -1,7 +1,7 @@
 """Exact derivatives of a tape: forward mode, sparse, on the same tape.
 
-Each operation's derivative by each seed is appended as further operations; zeros are never written. One-sided where
-the text has a kink (`abs`, `min`, `max`, conditionals): the side that the value itself is on.
+The derivative of each operation with respect to each seed is appended as further operations; zeros are left out. At a
+kink (`abs`, `min`, `max`, conditionals) the derivative is one-sided, on the side of the branch taken.
 """
 
 from __future__ import annotations
@@ -101,4 +101,4 @@ class Tangent:
                 return (emit("-", one, emit("*", ref, ref)),)
             case "atan":
                 return (emit("/", one, emit("+", one, emit("*", args[0], args[0]))),)
-        raise NotImplementedError(f"no derivative is written for the operation {node.op!r}")
+        raise NotImplementedError(f"no derivative is implemented for the operation {node.op!r}")

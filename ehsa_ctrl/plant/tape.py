@@ -1,12 +1,12 @@
 """Straight-line form of the equations: every operation once, in order, from inputs and parameters to signals.
 
-The physics consists of small scalar functions (`physics/`). A tape reads their source text, inlines their calls and
-lists the operations. The list is the source of the compiled right-hand side (`simulation/plant_text.py`) and
-the exact derivatives (`tangent.py`); the plain evaluation (`plain.py`) calls the functions themselves.
+The physics consists of small scalar functions (`physics/`). A tape parses their source, inlines their calls and lists
+the operations. From this list the compiled right-hand side (`simulation/plant_text.py`) and the exact derivatives
+(`tangent.py`) are made; the plain evaluation (`plain.py`) calls the functions themselves.
 
-The dialect that a physics function may use: assignments to local names, one `return` at the end, arithmetic,
-comparisons, `a if condition else b`, `and`, `or`, `min`, `max`, `abs`, functions of `math`, other physics functions
-and numeric constants of the module. Both sides of a conditional are evaluated, as in a select.
+A physics function may use: assignments to local names, one `return` at the end, arithmetic, comparisons,
+`a if condition else b`, `and`, `or`, `min`, `max`, `abs`, functions of `math`, other physics functions and numeric
+constants of the module. Both branches of a conditional are evaluated.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _MATH = {"exp", "log", "sqrt", "sin", "cos", "tan", "tanh", "atan"}
 
 @dataclass(frozen=True)
 class Node:
-    """One operation. `args` are positions of earlier nodes; `parametric`: depends on parameters alone."""
+    """One operation. args: positions of earlier nodes. parametric: depends only on parameters."""
 
     op: str
     args: tuple[Ref, ...]
@@ -41,12 +41,12 @@ class Node:
 
 
 class Tape:
-    """A list of operations without repetition.
+    """A list of operations without duplicates.
 
     Parameters
     ----------
-    inputs: names whose values change along a run (states, inputs, directions).
-    parameters: names that are constant during a run; what depends on them alone is computed once a run.
+    inputs: names whose values change during a run (states, inputs, directions).
+    parameters: names that are constant during a run; what depends only on them is computed once per run.
     """
 
     def __init__(self, inputs: Iterable[str], parameters: Iterable[str]) -> None:
@@ -57,7 +57,7 @@ class Tape:
             self.refs[name] = self._append(Node("input", (), name, False))
         for name in parameters:
             self.refs[name] = self._append(Node("parameter", (), name, True))
-        #: Where the inputs and parameters themselves are: an equation may give its result the name of one of them.
+        #: Positions of the inputs and parameters; `refs` may change, because a signal may have the name of one of them.
         self.given = dict(self.refs)
 
     def _append(self, node: Node) -> Ref:
@@ -71,9 +71,9 @@ class Tape:
         return self._append(Node("const", (), float(value), True))
 
     def emit(self, op: str, *args: Ref) -> Ref:
-        """Append an operation and return its position; one that is there already is not repeated.
+        """Append an operation unless it exists already; returns its position.
 
-        A division by something parametric becomes a product with its reciprocal, which is computed once a run.
+        A division by a parametric node becomes a product with its reciprocal, which is computed once per run.
         """
         if op == "/" and self.nodes[args[1]].parametric and not self.nodes[args[0]].parametric:
             op, args = "*", (args[0], self.emit("/", self.constant(1.0), args[1]))
@@ -84,7 +84,7 @@ class Tape:
         return _Inlining(self, function).run(arguments)
 
     def needed(self, outputs: Iterable[Ref], *, stop: Callable[[Node], bool] = lambda node: False) -> list[Ref]:
-        """Every operation that `outputs` depend on, in order of evaluation; not what a node with `stop` depends on."""
+        """Every operation that `outputs` depend on, in order of evaluation; the search ends at nodes with `stop`."""
         reached: set[Ref] = set()
         pending = list(outputs)
         while pending:
@@ -123,11 +123,11 @@ class _Inlining:
         self.names = dict(arguments)
         for statement in self.body[:-1]:
             if not (isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)):
-                raise self.fail(statement, "is no assignment to a local name")
+                raise self.fail(statement, "is not an assignment to a local name")
             self.names[statement.targets[0].id] = self.expression(statement.value)
         last = self.body[-1]
         if not isinstance(last, ast.Return) or last.value is None:
-            raise self.fail(last, "stands where the one return is expected")
+            raise self.fail(last, "is not the return that must end the function")
         return self.expression(last.value)
 
     def expression(self, node: ast.expr) -> Ref:
@@ -177,13 +177,13 @@ class _Inlining:
             return emit(name, *args)
         if inspect.isfunction(function):
             return self.tape.call(function, dict(zip(inspect.signature(function).parameters, args, strict=True)))
-        raise self.fail(node, "calls something that is neither of `math` nor a physics function")
+        raise self.fail(node, "calls neither a function of `math` nor a physics function")
 
 
 def build_tape(equations: Equations, *, residuals: bool = False) -> Tape:
-    """Put all equations of a structure on a tape; `tape.refs` then has every signal by name.
+    """Tape with all equations of a structure; `tape.refs` has every signal by name.
 
-    With residuals=True the system's balances are there too, and what they measure is among the inputs.
+    residuals: add the balances of the system; the measured names that they use are then inputs too.
     """
     measured = equations.measured if residuals else ()
     tape = Tape(

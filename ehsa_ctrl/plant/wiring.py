@@ -1,4 +1,4 @@
-"""Wiring: from a structure's functions, connected by argument names, to an ordered list of equations."""
+"""Wiring: connect the functions of a structure by their argument names and order them for evaluation."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ class Equations:
 
     Attributes
     ----------
-    states: of the system, then inner states of friction laws and effects.
-    rates: for each state the signal that is its time derivative.
-    inputs: the drive and the external input: current and external force for the EHSA.
+    states: states of the system, then inner states of friction laws and effects.
+    rates: one signal per state: its time derivative.
+    inputs: the drive and the external input; for the EHSA current and external force.
     directions: sliding direction of each contact, set by the contact's mode.
     parameters: in a fixed order.
     calls: the equations; every argument is a state, input, direction, parameter or an earlier target.
-    signals: the last name of each signal, after all effects, e.g. signals["Q_1"] == "Q_1__relief_valve".
-    residuals: for each balance of the system the names of its residuals among `residual_calls`.
+    signals: signal -> target with its value after all effects, e.g. signals["Q_1"] == "Q_1__relief_valve".
+    residuals: for each balance of the system, the targets of its residuals among `residual_calls`.
     residual_calls: further equations of the balances, which a simulation does not need.
-    measured: names in the residual calls only: STATE_rate, CHANNEL_measured, directions of prescribed motion.
+    measured: names that occur only in residual calls: STATE_rate, CHANNEL_measured, directions of prescribed motion.
     """
 
     structure: Structure
@@ -66,13 +66,13 @@ class Equations:
         names = [s.name for s in self.states]
         if state not in names:
             raise InputError(
-                f"{state!r} is no state of the system {self.structure.system_name!r}; {choices(state, names)}"
+                f"{state!r} is not a state of the system {self.structure.system_name!r}; {choices(state, names)}"
             )
         return names.index(state)
 
 
 class _Wiring:
-    """Orders the equations from the wanted signals backwards: each one follows everything that it needs."""
+    """Orders the equations, starting from the wanted signals: each call follows those that it needs."""
 
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
@@ -125,21 +125,22 @@ class _Wiring:
             *(contact.direction for contact in system.prescribed),
         )
         self.calls: list[Call] = []
-        # The state of an effect may follow the commanded current, while the effect changes the acting one.
+        # asked_current is the commanded current: the state of an effect may follow it, while the effect changes the
+        # current that acts.
         self.placed: dict[str, str] = {f"asked_{name}": name for name in system.inputs}
         self.open: list[str] = []
         self.used: set[str] = set()
 
     def place(self, name: str, asked_by: str = "") -> str:
-        """Place the equations that signal `name` needs; returns the name of its final value.
+        """Append the calls that signal `name` needs; returns the target with its final value.
 
-        asked_by: what needs it, for the message of an InputError about an unknown name.
+        asked_by: function that needs it, for the message. Raises InputError for an unknown name and for a loop.
         """
         name = self.structure.system.own(name)
         if name in self.placed:
             return self.placed[name]
         if name in self.open:
-            raise InputError(f"equations need each other in a circle: {' -> '.join([*self.open, name])}")
+            raise InputError(f"algebraic loop: {' -> '.join([*self.open, name])}; break it with a state")
         self.open.append(name)
         if name in self.sources:
             function, names = self.sources[name]
@@ -152,7 +153,7 @@ class _Wiring:
         else:
             known = {*self.sources, *self.given, *self.kinds}
             raise InputError(
-                f"{asked_by or 'an equation'} asks for {name!r}, which is no signal, state, input or parameter of the "
+                f"{asked_by or 'an equation'} needs {name!r}, which is not a signal, state, input or parameter of the "
                 f"system {self.structure.system.name!r} with these friction laws and effects; {choices(name, known)}"
             )
         for effect, function in self.changes.get(name, ()):
@@ -165,7 +166,7 @@ class _Wiring:
         return current
 
     def residuals(self, balance: Balance) -> tuple[str, ...]:
-        """Place the residuals of a balance, which may use measured names; returns their names."""
+        """Append the residuals of a balance, which may use measured names; returns their targets."""
         self.given |= set(self.measured)
         names = [f"{balance.name}__{function.__name__}" for function in balance.residuals]
         for term in (*balance.terms, *balance.closed):

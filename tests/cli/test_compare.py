@@ -165,9 +165,9 @@ def test_a_wrong_mapping_is_one_sentence(run, log, tmp_path, line, says):
         (("log.csv", "--from", "9"), "the log runs from 0 to 4 s"),
         (("log.csv", "--zero", "p3"), "no zero of 'p3'"),
         (("log.csv", "--zero", "p1=0"), "--zero 'p1=0': 'p1=0' is not a channel name; expected names separated"),
-        (("log.csv", "--zero", "p1 p2"), "as in --zero p1,p2: each is shifted to its value at rest"),
-        (("log.csv", "--zero", "0:0.5"), "and --rest 0:0.5 says where that rest is"),
-        (("log.csv", "--align", "speed=3"), "as in --align p1,p2: each is moved by its delay"),
+        (("log.csv", "--zero", "p1 p2"), "as in --zero p1,p2: it shifts each channel to its value at rest"),
+        (("log.csv", "--zero", "0:0.5"), "--rest 0:0.5 gives the time of that rest"),
+        (("log.csv", "--align", "speed=3"), "as in --align p1,p2: it shifts each channel in time by its delay"),
         (("log.csv", "--rest", "abc"), "--rest 'abc': expected two times"),
         (("log.csv", "--resample", "-1"), "the rate must be a number greater than 0"),
         (("log.csv", "--align", "current"), "no alignment of 'current'"),
@@ -216,13 +216,18 @@ def test_columns_of_another_name_come_with_their_lines(run, log, tmp_path):
 @pytest.mark.parametrize(
     ("setting", "says"),
     [
-        ("P_0=20", "P_0 = 20 Pa is 1/1e+05 of the file's 20 bar; a number without a unit is in Pa, write P_0='20 bar'"),
+        (
+            "P_0=20",
+            "P_0 = 20 Pa is 1/1e+05 of the file's 20 bar; a number without a unit is in Pa; if bar is meant, "
+            "write P_0='20 bar'",
+        ),
         ("P_0=20 bar", ""),
         ("K_T=5", "K_T = 5 N m/A lies outside 0.87 to 1.6 N m/A"),
         ("K_L=4e-12", ""),
         (
             "A=15",
-            "A = 15 m2 is 9.82e+03 times the file's 15.2681 cm2; a number without a unit is in m2, write A='15 cm2'",
+            "A = 15 m2 is 9.82e+03 times the file's 15.2681 cm2; a number without a unit is in m2; if cm2 is meant, "
+            "write A='15 cm2'",
         ),
         ("load.stiffness=50e3", ""),
         ("P_0=0", ""),

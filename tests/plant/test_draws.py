@@ -83,9 +83,9 @@ def test_a_covariance_is_read_from_an_identification(tmp_path, plant):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({}, "nothing is known of the errors of ehsa"),
+        ({}, "no parameter of ehsa"),
         ({"names": ["J"], "unknown": 0.1}, "no parameter 'J'; "),
-        ({"covariance": Covariance(("x",), np.eye(1))}, "shares none of them"),
+        ({"covariance": Covariance(("x",), np.eye(1))}, "has none of them"),
         ({"unknown": -1.0}, "expected n >= 1"),
     ],
 )
@@ -144,7 +144,7 @@ def test_a_difference_is_told_by_its_size(linear):
 
 def test_a_condition_without_a_speed_is_refused():
     """One sentence."""
-    with pytest.raises(InputError, match="no position or no velocity"):
+    with pytest.raises(InputError, match="positions or velocities is empty"):
         conditions(velocities=[])
 
 

@@ -140,7 +140,7 @@ def test_seven_of_a_linear_set_that_got_friction_is_its_viscous_part(linear):
 
     for model in (three_state, four_state):
         np.testing.assert_array_equal(model(rig).A, model(linear).A)
-        assert "what is linear of it" in model(rig).name and "linear of" not in model(linear).name
+        assert "viscous part" in model(rig).name and "linear of" not in model(linear).name
 
 
 def test_a_spring_needs_the_position():

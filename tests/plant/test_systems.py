@@ -66,14 +66,24 @@ def test_a_structure_may_lack_a_contact_and_chambers():
     [
         ("emps", 'system = "positioning"', 'system = "position"', "did you mean 'positioning'"),
         ("emps", 'rod_friction = "coulomb"', "", "rod_friction is missing; known: .*coulomb"),
-        ("emps", 'rod_friction = "coulomb"', 'rod_friction = "coulomb"\nchambers = "stroke"', "has none; leave it out"),
+        (
+            "emps",
+            'rod_friction = "coulomb"',
+            'rod_friction = "coulomb"\nchambers = "stroke"',
+            "has no chambers; leave it out",
+        ),
         (
             "emps",
             'rod_friction = "coulomb"',
             'rod_friction = "coulomb"\nshaft_friction = "none"',
             "shaft_friction = 'none'.*leave it out",
         ),
-        ("emps", "[log]", '[limits]\npump_speed = { value = 1, unit = "rpm", source = "assumed" }\n[log]', "no such"),
+        (
+            "emps",
+            "[log]",
+            '[limits]\npump_speed = { value = 1, unit = "rpm", source = "assumed" }\n[log]',
+            "does not apply",
+        ),
         ("emps", "[sensors.position]", "[sensors.p1]", "unknown channel.*known: .*drive_force"),
         ("emps", "[log]", '[load]\nmass = { value = 1, unit = "kg", source = "assumed" }\n[log]', "unknown parameter"),
         ("mbari_pto", '"relief_valve"', '"end_stop"', "'end_stop' changes F_net, which the system 'driven_rod'"),
@@ -120,7 +130,7 @@ def test_a_declaration_is_complete(name):
     assert {one: UNITS[one] for one in unknown if one in UNITS} == {o: u for o, u in unknown.items() if o in UNITS}
     for balance in system.balances:
         assert all(symbol in symbols | set(equations.signals) for e in balance.entries for symbol in e.capacity)
-    assert {effect for effects in system.lacking for effect in effects} <= set(EFFECTS)
+    assert {effect for effects in system.missing_effects for effect in effects} <= set(EFFECTS)
     assert {system.own(contact.constant) for contact in system.contacts if contact.constant} <= symbols
     assert set(system.start.values()) <= symbols and set(system.start) <= set(units)
     assert all(CHANNELS[channel].unit == units[state] for channel, state in system.outputs.items())
@@ -180,7 +190,7 @@ def test_a_name_that_a_system_lacks_is_an_error():
     for changes, says in (
         ({"outputs": {"position": "y"}}, "outputs: unknown state 'y'"),
         ({"drives": {"F_X": "drive_force"}}, "drives: unknown input 'F_X'"),
-        ({"outputs": {"tilt": "x"}, "scored": ()}, "units lack the channel 'tilt'"),
+        ({"outputs": {"tilt": "x"}, "scored": ()}, "units: missing channel 'tilt'"),
         ({"units": {"position": "mm"}}, "channel position in mm; it is known in m"),
         ({"scored": (ScoredSignal("heat", "heat"),)}, "scored: unknown output 'heat'"),
         (
@@ -277,7 +287,7 @@ def test_what_a_run_of_another_system_says(emps, take_off):
     assert set(Sensors.of(emps).log(carriage)) == {"position", "velocity", "drive_force"}
     assert set(Sensors.of(take_off).log(rod)) == {"current", "velocity", "speed", "p1", "p2"}
     assert np.isnan(carriage.pressure_level_drift) and np.isfinite(rod.pressure_level_drift)
-    with pytest.raises(InputError, match=r"'F_cell' is no state of the system 'positioning'; .*known: v, x"):
+    with pytest.raises(InputError, match=r"'F_cell' is not a state of the system 'positioning'; .*known: v, x"):
         carriage["F_cell"]
     batch = simulate_batch(emps, np.stack([emps.vector, emps.set(x_0=0.1).vector]), np.full(20, 50.0))
     assert batch.states[1, 0, 1] == 0.1 and (batch.status == 0).all()

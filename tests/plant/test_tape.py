@@ -71,12 +71,12 @@ def test_what_depends_on_parameters_alone_is_computed_once():
 @pytest.mark.parametrize(
     ("source", "says"),
     [
-        ("def f(x):\n    for i in range(3):\n        x = x + 1\n    return x\n", "is no assignment"),
-        ("def f(x):\n    if x > 0:\n        return x\n    return -x\n", "is no assignment"),
+        ("def f(x):\n    for i in range(3):\n        x = x + 1\n    return x\n", "is not an assignment"),
+        ("def f(x):\n    if x > 0:\n        return x\n    return -x\n", "is not an assignment"),
         ("def f(x):\n    return x[0]\n", "can't be translated"),
-        ("def f(x):\n    return print(x)\n", "neither of `math` nor a physics function"),
+        ("def f(x):\n    return print(x)\n", "neither a function of `math` nor a physics function"),
         ("def f(x):\n    return x + unknown\n", "neither an argument nor a numeric constant"),
-        ("def f(x):\n    y = x\n", "stands where the one return is expected"),
+        ("def f(x):\n    y = x\n", "is not the return that must end"),
     ],
 )
 def test_what_can_not_be_translated_is_named(tmp_path, monkeypatch, source, says):

@@ -1,6 +1,6 @@
-"""Effects beyond (12), one a file; those without equations together. Adding a file adds the effect everywhere.
+"""Effects beyond (12), one per file; those without equations share two files. Adding a file adds the effect everywhere.
 
-A user's own go into `effects/` beside her `plants/`, or into a package with an entry point `ehsa_ctrl.effects`.
+Users add their own in `effects/` beside their `plants/`, or in a package with an entry point `ehsa_ctrl.effects`.
 """
 
 import sys

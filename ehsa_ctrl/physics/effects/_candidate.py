@@ -1,8 +1,8 @@
-"""How a diagnosis sets an effect free: which numbers, over which range, and from which values a search starts.
+"""Candidate effects of a diagnosis: the numbers to estimate, their range, and the starting points of the search.
 
-An effect with one number that goes from neutral to a size that a log shows, or one that is a wrong parameter of the
-plant, needs nothing of this. An effect whose starting point depends on the log (a valve that opens somewhat below the
-highest pressure, a bump of friction at one of several positions) brings a function `candidates` that reads the log.
+An effect with one number that starts at neutral, or one that is a wrong parameter of the plant, needs nothing of this.
+An effect whose starting point depends on the log (a valve that opens somewhat below the highest pressure, a bump of
+friction at one of several positions) has a function `candidates` that reads the log.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...core.log import Log
 if TYPE_CHECKING:
     from ._effect import Effect
 
-#: The smallest change of a pressure that a log shows [Pa].
+#: The smallest change of a pressure that a log shows [Pa]: about the noise of the bench's sensors.
 PRESSURE_SCALE = 1e4
 
 Starts = tuple[tuple[float, ...], ...]
@@ -27,9 +27,10 @@ Starts = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True)
 class FreeNumber:
-    """One number that a hypothesis sets free: nominal (or neutral) value, size of a change that a log shows, bounds.
+    """A number that a hypothesis estimates.
 
-    fixed: set by the start and not refined; it has no standard deviation of its own.
+    nominal: nominal (or neutral) value. scale: size of a change that a log shows. lower, upper: bounds.
+    fixed: the number keeps its starting value; it has no standard deviation.
     """
 
     name: str
@@ -42,10 +43,10 @@ class FreeNumber:
 
 @dataclass(frozen=True)
 class CandidateEffect:
-    """One way to set an effect free.
+    """An effect with the numbers to estimate.
 
-    free: its numbers, the size first. starts: values of these from which a search starts; several where the path from
-    one to another is not downhill. channel: of a sensor's effect.
+    free: its numbers; the first one measures the size. starts: starting points of the search; several if the cost may
+    have several minima. channel: for a sensor error.
     """
 
     effect: Effect
@@ -59,7 +60,7 @@ class CandidateEffect:
 
     @property
     def key(self) -> tuple[str, str | None]:
-        """Id and channel: what a diagnosis reports as one cause."""
+        """Id and channel, which a diagnosis reports as one cause."""
         return self.id, self.channel
 
     @property
@@ -68,21 +69,27 @@ class CandidateEffect:
 
     @property
     def shaped(self) -> bool:
-        """Whether numbers beyond the first give a location or shape, which means nothing while the first is zero."""
+        """Whether further numbers are a location or shape, which has no effect while the first number is zero."""
         return any(p.shape for p in self.effect.parameters if p.name in self.names)
 
 
 @dataclass(frozen=True)
 class DiagnosisContext:
-    """What an effect may ask about the nominal plant and the log.
+    """The nominal plant and the log, as candidates of effects use them.
 
-    log: the measured log. channels: those of the log that a simulation has too, the load cell among them. slopes: those
-    that are scored by their slope. outputs: channel -> state that it measures. drive: the channel of the first input.
-    values: the plant's parameters. own_name: symbol in the catalogue -> the plant's name. needed: names on which a
-    simulation depends. bounds: name -> lowest and highest value. effort: the rod's efforts in units of those for which
-    smallest changes are stated. sensors: channel -> nominal setting -> value. switches_law: whether a hypothesis may
-    use another friction law. friction_levels: friction and offset that the balances show of a plant without dry
-    friction, by symbol.
+    log: the measured log.
+    channels: channels of the log that a simulation has too, including the load cell.
+    slopes: channels that are scored by their slope.
+    outputs: channel -> state that it measures.
+    drive: channel of the first input.
+    values: symbol -> value of the plant's parameters.
+    own_name: symbol in the catalogue of effects -> the plant's name.
+    needed: names on which a simulation depends.
+    bounds: name -> lowest and highest value.
+    effort: size of the rod's efforts, relative to the EHSA, for which the smallest changes are stated.
+    sensors: channel -> nominal setting -> value.
+    switches_law: whether a hypothesis may use another friction law.
+    friction_levels: symbol -> friction or offset that the balances of a plant without dry friction show.
     """
 
     log: Log
@@ -104,7 +111,7 @@ class DiagnosisContext:
         return self.own_name(symbol) in self.needed
 
     def value(self, symbol: str) -> float:
-        """A parameter; 0 where the plant has none."""
+        """Value of a parameter; 0 if the plant lacks it."""
         return self.values.get(self.own_name(symbol), 0.0)
 
     def plant_parameter(
@@ -112,7 +119,7 @@ class DiagnosisContext:
     ) -> FreeNumber:
         """A parameter of the plant as a free number.
 
-        Its scale is `scale`, or a share of itself; of a value near zero, which is as uncertain as zero, `smallest`.
+        scale: of the number; by default `relative` times its value, or `smallest` for a value near zero.
         """
         name = self.own_name(symbol)
         value, smallest = self.values[name], smallest * self.effort
@@ -121,7 +128,7 @@ class DiagnosisContext:
 
 
 def measured(context: DiagnosisContext, *states: str) -> list[np.ndarray]:
-    """Logged outputs (N,) that measure these states, as far as the log has them."""
+    """Logged outputs (N,) that measure these states; those that the log lacks are left out."""
     channels = {state: channel for channel, state in context.outputs.items() if channel in context.log.channels}
     return [context.log[channels[state]] for state in states if state in channels]
 
@@ -132,13 +139,13 @@ def starting_points(free: Sequence[FreeNumber], *sizes: float) -> Starts:
 
 
 def effect_number(effect: Effect, context: DiagnosisContext, name: str, scale: float) -> FreeNumber:
-    """A number of an effect within its own bounds."""
+    """A parameter of an effect as a free number, within its physical bounds."""
     parameter = effect.parameter(name)
     return FreeNumber(name, context.value(name), scale, parameter.lower, parameter.upper)
 
 
 def from_neutral(effect: Effect, context: DiagnosisContext, *others: FreeNumber) -> list[CandidateEffect]:
-    """The first number from neutral to a size that a log shows: alone, and together with `others` if there are any."""
+    """Candidates with the effect's first number, started near neutral: alone, and together with `others` if given."""
     first = effect.parameters[0]
     lower, upper = first.search or (first.lower, first.upper)
     free = (FreeNumber(first.name, context.value(first.name), first.scale, lower, upper),)
@@ -151,9 +158,9 @@ def from_neutral(effect: Effect, context: DiagnosisContext, *others: FreeNumber)
 
 
 def from_levels(effect: Effect, free: FreeNumber, levels: Sequence[float], *others: FreeNumber) -> CandidateEffect:
-    """A threshold that is searched from each of `levels`, and from the plant's own if it has one.
+    """Candidate with a threshold as free number, started from each of `levels` and from the plant's own if finite.
 
-    Neutral is infinite, also for a plant that has the effect: where the threshold is never reached derivatives vanish.
+    Its nominal value is the neutral one, infinity, because the derivatives vanish if the threshold is never reached.
     """
     known = [free.nominal] if isfinite(free.nominal) else []
     starts = tuple((level, *(other.nominal for other in others)) for level in [*levels, *known])
@@ -162,17 +169,17 @@ def from_levels(effect: Effect, free: FreeNumber, levels: Sequence[float], *othe
 
 
 def from_symbols(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """Parameters of the plant that may be wrong: all together, or each of the effect's groups by itself."""
+    """Candidates with the effect's plant parameters: one with all of them, or one for each of its groups."""
     found = []
     for group in effect.groups or (tuple(symbol for symbol in effect.symbols if context.simulated(symbol)),):
         if group and all(context.simulated(symbol) for symbol in group):
             free = tuple(
-                context.plant_parameter(symbol, 0.1, effect.symbols[symbol], effect.wears.get(symbol))
+                context.plant_parameter(symbol, 0.1, effect.symbols[symbol], effect.wear_scales.get(symbol))
                 for symbol in group
             )
             starts = starting_points(free, 0.0)
             if effect.from_balances and free[0].nominal == 0.0:
-                # The whole of a missing friction is too far away for derivatives at zero.
+                # Started from the level in the balances: a missing friction is too large for derivatives at zero.
                 level = context.friction_levels.get(group[0], 0.0)
                 starts = ((level, *(0.1 * level for _ in group[1:])),) if level else starts
             found.append(CandidateEffect(effect, free, starts))
@@ -187,10 +194,10 @@ def from_sensors(
     *,
     drive: bool = False,
 ) -> list[CandidateEffect]:
-    """A number of each sensor that may be wrong, moved by `size` scales; with `drive` of the drive's sensor too.
+    """Candidates with a setting of one sensor each, started at `size` scales.
 
-    free_number: channel and standard deviation of its readings -> the number. The load cell is left out: what it reads
-    changes none of the scored signals.
+    free_number: (channel, standard deviation of its readings) -> the number. drive: include the sensor of the drive.
+    The load cell is left out, because its reading affects no scored signal.
     """
     channels = [channel for channel in context.channels if channel != "force"] + ([context.drive] if drive else [])
     found = []

@@ -1,12 +1,12 @@
-"""The definition of an effect: something a real rig does that (12) does not, switched on by name.
+"""The definition of an effect: behaviour of a real rig that (12) lacks, switched on by name.
 
-An effect's file holds everything that is known of it: equations, parameters, its signature in a log, how a diagnosis
-sets it free, and which other effects no log can tell from it.
+An effect's file contains everything about it: equations, parameters, its signature in a log, which of its parameters a
+diagnosis estimates, and which other effects no log can distinguish from it.
 
-An effect changes signals of the plant, one function a signal. The function takes the signal's former value by its
-name, and whatever else it needs by name: states, inputs, parameters, other signals. At its neutral parameters it
-returns the former value unchanged, to the last bit. An effect may add states, whose rates are zero while it is neutral.
-Some effects have no equation: a wrong parameter of the plant, a sensor's setting, or another friction law.
+An effect changes signals of the plant, each with one function. The function takes the old value of the signal, and
+states, inputs, parameters and other signals, all by their names. At neutral parameters it returns the old value, to the
+last bit. An effect may add states, whose rates are zero at neutral parameters. Some effects have no equation: a wrong
+parameter of the plant, a sensor error, or another friction law.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ PLACES = ("torque", "drive", "flow", "force", "sensor")
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """One parameter of an effect.
+    """A parameter of an effect.
 
     Attributes
     ----------
-    name, unit, meaning: as in the tables.
-    neutral: the value at which the effect is absent (may be infinite).
-    typical: the value taken when a plant switches the effect on and gives none.
+    name, unit, meaning: as in tables.
+    neutral: value at which the effect is absent (may be infinite).
+    typical: default for a plant that switches the effect on.
     lower, upper: physical bounds.
-    source: where `typical` comes from.
-    felt: size of a change that a log shows; a tenth of the way from neutral to typical by default.
-    search: bounds of a diagnosis' search where they are narrower than the physical ones.
-    shape: a location or shape, which means nothing while the first parameter is neutral.
+    source: source of `typical`.
+    detectable: size of a change that a log shows; by default a tenth of the way from neutral to typical.
+    search: bounds for the search of a diagnosis, if narrower than the physical ones.
+    shape: whether it is a location or shape, which has no effect while the first parameter is neutral.
     """
 
     name: str
@@ -47,22 +47,22 @@ class EffectParameter:
     lower: float
     upper: float = inf
     source: str = "assumed"
-    felt: float | None = None
+    detectable: float | None = None
     search: tuple[float, float] | None = None
     shape: bool = False
 
     @property
     def scale(self) -> float:
         """Size of a change that a log shows."""
-        return self.felt if self.felt is not None else 0.1 * abs(self.typical - self.neutral)
+        return self.detectable if self.detectable is not None else 0.1 * abs(self.typical - self.neutral)
 
 
 @dataclass(frozen=True)
 class EffectState:
-    """A state that an effect adds; `scale` as in a system's states. Its rate is the effect's signal NAME_dot.
+    """A state that an effect adds; its rate is the signal NAME_dot of the effect. scale: as in `plant.system.State`.
 
-    A run that starts in motion starts this state at zero, or at the value of the input `starts_at`, or at the value
-    that `along` (log -> (N,)) gives for the sample.
+    In a run that starts in motion, its initial value is zero, or that of the input `starts_at`, or that of `along`
+    (log -> (N,)) at the sample.
     """
 
     name: str
@@ -74,11 +74,11 @@ class EffectState:
 
 @dataclass(frozen=True)
 class MeasuredReplay:
-    """Lets a simulation apply an effect along a measured signal instead of the simulated one.
+    """How a simulation applies an effect along a measured signal instead of the simulated one.
 
-    channel: what `prepare` adds to a log.
+    channel: channel that `prepare` adds to a log.
     prepare: plant's parameters, log, reference log or None -> the log with the channel, in phase with the reference.
-    drive: parameters, log with the channel -> (N,) what the effect adds to the first input.
+    drive: parameters, log with the channel -> (N,) addition to the first input, in its unit.
     """
 
     channel: str
@@ -88,13 +88,15 @@ class MeasuredReplay:
 
 @dataclass(frozen=True)
 class LawSwitch:
-    """Lets a hypothesis replace the friction law of the rod.
+    """How a hypothesis replaces the friction law of the rod.
 
-    law: the other law. number: a hypothesis' free number, the reciprocal of the law's `parameter`, so that zero is the
-    plant without the effect; the law is used while it exceeds `threshold`. reported: the parameter's name in results.
-    defaults: further parameters of the law -> value from that number and the plant's parameters.
-    state: the law's state; deflection: its value per unit of compliance where a run starts in motion; the arguments are
-    states and parameters by name.
+    law: the other law.
+    number: free number of a hypothesis, the reciprocal of the law's `parameter`, so that zero is the plant without the
+        effect; the law replaces the plant's if the number exceeds `threshold`.
+    reported: the parameter's name in results.
+    defaults: further parameter of the law -> its value as a function of that number and the plant's parameters.
+    state: the law's state.
+    deflection: initial value of the state per unit of compliance; arguments are states and parameters by name.
     """
 
     law: str
@@ -119,33 +121,38 @@ class LawSwitch:
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """One effect: where it acts, what it changes and how a log shows it. Compared by identity: two projects may have
-    different effects of one name.
+    """An effect: where it acts, what it changes and how a log shows it.
+
+    Effects are compared by identity, because two projects may have different effects of one name.
 
     Attributes
     ----------
     name: its id in plants, lists and diagnoses.
-    place: the balance it disturbs, one of PLACES.
+    place: the balance that it disturbs, one of PLACES.
     summary: one line for lists.
     fingerprint: its signature in a log.
-    changes: signal name -> function that gives the signal's new value.
-    parameters: in the order of importance; the first one measures the size.
-    states: that it adds; adds: their rates, signal name -> function, which may ask for `asked_current`, the current
-        before any effect.
-    symbols: parameters of the plant that are the effect when their value is wrong, each with the size of a change that
-        a log shows where the nominal value is zero. groups: those that become free together, if not all at once.
-    wears: parameters that change by orders of magnitude, each with the size of a change.
-    also: further plant parameters that are reported under this effect.
-    from_balances: a plant that has none of it is searched from the level that its balances show.
-    sensor: a sensor's setting that is the effect, together with a channel.
-    rod_friction: the friction law of the rod that is the effect; switch: how a hypothesis changes to it.
-    delays: the engine delays the first input by the effect's first parameter.
-    candidates: how it becomes free in a diagnosis, if not from neutral to a size that a log shows.
-    equivalent_effects: values found, the plant's, largest speed of the rod [m/s] -> effects that no log can
-        tell from this one, each with the reason.
+    changes: signal -> function that returns its new value.
+    parameters: in the order of importance; the first one measures the size of the effect.
+    states: states that it adds.
+    adds: signal -> function, for the rates of its states. `asked_current` is the current before any effect.
+    symbols: plant parameters whose wrong value is the effect -> size of a change that a log shows if the nominal value
+        is zero.
+    groups: symbols that a diagnosis estimates together; by default all of them.
+    wear_scales: symbol -> size of a change, for parameters that wear changes by orders of magnitude.
+    related_symbols: further plant parameters that are reported under this effect.
+    from_balances: whether the search for a plant that lacks it starts from the level that its balances show.
+    sensor: setting of a sensor whose error is the effect, together with a channel.
+    rod_friction: friction law of the rod that is the effect.
+    switch: how a hypothesis changes to that law.
+    delays: whether the engine delays the first input by the effect's first parameter.
+    candidates: returns its candidates; by default its first parameter, or its symbols, from their nominal values.
+    equivalent_effects: (estimates, plant's parameters, largest speed of the rod [m/s]) -> effects that no log can
+        distinguish from this one, with the reason.
     replay: how a diagnosis simulates it along a measured signal.
-    caveat: what a diagnosis that names it has to add about its gaps.
+    caveat: sentence that a diagnosis with this effect adds about its gaps.
     source: of its equation.
+
+    Raises TypeError for an unknown place.
     """
 
     name: str
@@ -158,8 +165,8 @@ class Effect:
     adds: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     symbols: Mapping[str, float] = field(default_factory=dict)
     groups: tuple[tuple[str, ...], ...] = ()
-    wears: Mapping[str, float] = field(default_factory=dict)
-    also: tuple[str, ...] = ()
+    wear_scales: Mapping[str, float] = field(default_factory=dict)
+    related_symbols: tuple[str, ...] = ()
     from_balances: bool = False
     sensor: str | None = None
     rod_friction: str | None = None
@@ -173,7 +180,7 @@ class Effect:
 
     def __post_init__(self) -> None:
         if self.place not in PLACES:
-            raise TypeError(f"effect {self.name}: place {self.place!r} is none of {', '.join(PLACES)}")
+            raise TypeError(f"effect {self.name}: place {self.place!r} is not one of {', '.join(PLACES)}")
 
     @property
     def wired(self) -> bool:
@@ -185,7 +192,7 @@ class Effect:
         return next(p for p in self.parameters if p.name == name)
 
     def free_in(self, context: DiagnosisContext) -> list[CandidateEffect]:
-        """The ways to set it free in a diagnosis; none where the log could not show it."""
+        """Its candidates for a diagnosis; empty if the log can't show it."""
         acts = self.delays or any(context.simulated(p.name) for p in self.parameters)
         if self.wired and not self.symbols and not acts:
             return []

@@ -1,4 +1,4 @@
-"""The shaft's angle of a log, and the torque ripple over it that the torque balance shows."""
+"""The shaft angle of a log, and the torque ripple over this angle in the torque balance."""
 
 from __future__ import annotations
 
@@ -9,41 +9,41 @@ import numpy as np
 
 from ...core.log import Log
 
-#: Orders that are searched, periods per turn.
+#: Orders that are searched, periods per turn. Engineering judgement: cogging and gear teeth have no higher ones.
 ORDERS = np.arange(1.0, 49.0)
-#: Below this speed [rad/s] dry friction is more than a constant with a sign.
+#: Speed [rad/s] below which Stribeck friction differs too much from Coulomb friction. Engineering judgement.
 SLOW = 3.0
-#: Samples in motion that a log needs.
+#: Number of samples in motion that a log needs. Engineering judgement.
 MIN_SAMPLES = 100
-#: Length of a window in which the phase is estimated [s], and the part of it that has to be in motion. Twice the length
-#: resolves the drift of the integral too coarsely, with half of it the noise of each phase is as large as the drift.
+#: Length of a window in which the phase is estimated [s], and the share of it that must be in motion. Windows of twice
+#: the length resolve the drift of the integral too coarsely; with half of it, the noise of a phase is as large as the
+#: drift.
 WINDOW, MOVING = 1.0, 0.3
-#: The strongest order is dominant if it explains this much more than the next one.
+#: Ratio of explained variance from which the strongest order is dominant over the next. Engineering judgement.
 DOMINANT = 2.0
-#: The channel for the shaft's angle [rad] that is added to a log.
+#: The channel with the shaft angle [rad] that is added to a log.
 ANGLE = "angle"
 
 
 def strongest_orders(plant: Mapping[str, float], log: Log, count: int = 3) -> list[tuple[float, float, float]]:
-    """(periods a turn, amplitude [N m], phase [rad]) of the ripples that explain most, the largest part first.
+    """(periods per turn, amplitude [N m], phase [rad]) of the ripples that explain most of the residual, in that order.
 
     The residual torque over a sample is projected on the means of sine and cosine of each order over that sample: at
-    300 rad/s a ripple of four a turn goes through a whole period in 5 ms, so that a balance at the samples, or a
-    smoothed one, would give it many times too small. Empty for a log that hardly moves.
+    300 rad/s, a ripple with four periods per turn passes through one period in 5 ms, and a balance at the sample times,
+    or a smoothed one, would make it many times too small. Empty for a log with little motion.
     """
     log = _with_integral(log)
     return [row for _, row in _ranked_orders(log, *_closing_torque(plant, log))[:count]]
 
 
 def with_angle(plant: Mapping[str, float], log: Log, like: Log | None = None) -> Log:
-    """The log with the shaft's angle as a channel: the integral of the measured speed, zero where the log begins.
+    """The log with the shaft angle as a channel: the integral of the measured speed, from zero.
 
-    The noise of a speed sensor makes that integral drift, some 0.1 rad in 20 s, which is much for a ripple of many
-    periods a turn. Where one order is dominant in the torque balance, the angle is corrected so that its phase is
-    constant.
+    The noise of a speed sensor makes this integral drift, by some 0.1 rad in 20 s, which is much for a ripple with many
+    periods per turn. If one order is dominant in the torque balance, the angle is corrected to make its phase constant.
 
-    The absolute angle is unknown. Where the nominal plant has a ripple, the angle starts so that this log's ripple has
-    that phase; with a log `like`, so that both logs have the same phase.
+    The absolute angle is unknown. If the nominal plant has a ripple, the initial angle gives the ripple of this log
+    that phase; with a log `like`, it gives both logs the same phase.
     """
     if "speed" not in log.channels:
         return log
@@ -64,13 +64,13 @@ def with_angle(plant: Mapping[str, float], log: Log, like: Log | None = None) ->
 
 
 def _dominant_order(log: Log, moves: np.ndarray, residual: np.ndarray) -> float | None:
-    """The order that explains clearly more of the residual torque than any other; None if none does."""
+    """The order that explains DOMINANT times as much of the residual torque as any other; None if none does."""
     ranked = _ranked_orders(log, moves, residual)
     return ranked[0][1][0] if ranked and ranked[0][0] >= DOMINANT * ranked[1][0] else None
 
 
 def _phase_corrected(log: Log, order: float, moves: np.ndarray, residual: np.ndarray) -> Log:
-    """The log with an angle in which the ripple has the same phase in every window."""
+    """The log with its angle corrected so that the ripple has the same phase in every window."""
     length = max(int(round(WINDOW / log.sample_time)), 1)
     times, phases = [], []
     for first in range(0, max(len(residual) - length // 2, 1), max(length // 2, 1)):
@@ -86,12 +86,12 @@ def _phase_corrected(log: Log, order: float, moves: np.ndarray, residual: np.nda
 
 
 def _advanced(log: Log, angle: np.ndarray | float) -> Log:
-    """The log with the angle advanced by so much [rad]."""
+    """The log with the angle advanced by `angle` [rad]."""
     return replace(log, channels={**log.channels, ANGLE: log[ANGLE] + angle})
 
 
 def _phase(log: Log, order: float, samples: np.ndarray, residual: np.ndarray) -> float:
-    """Phase [rad] of the ripple of this order in those samples."""
+    """Phase [rad] of the ripple of this order in these samples."""
     waves = np.column_stack([over_samples(log, order, 0.0), over_samples(log, order, 0.5 * np.pi)])[samples]
     a, b = np.linalg.lstsq(waves, residual[samples], rcond=None)[0]
     return float(np.arctan2(b, a))
@@ -128,7 +128,7 @@ def _with_integral(log: Log) -> Log:
 
 
 def _closing_torque(plant: Mapping[str, float], log: Log) -> tuple[np.ndarray, np.ndarray]:
-    """Which samples move (N - 1,), and the torque that closes the balance over each."""
+    """Samples in motion (N - 1,), and residual of the torque balance over each sample (N - 1,) [N m]."""
     dt, omega = log.sample_time, log["speed"]
     mean = 0.5 * (omega[1:] + omega[:-1])
     torque = plant["J_M"] * np.diff(omega) / dt - plant["K_T"] * log["current"][:-1]
@@ -139,15 +139,15 @@ def _closing_torque(plant: Mapping[str, float], log: Log) -> tuple[np.ndarray, n
     if not moves.any():
         return moves, torque
     direction, size = np.sign(mean), np.abs(mean)
-    # Errors of the nominal parameters, and the shape of friction near standstill. Not the inertia: a ripple accelerates
-    # the shaft and would be taken for it.
+    # Remove errors of the nominal parameters and the shape of friction near standstill, but no error of the inertia,
+    # because the ripple accelerates the shaft.
     known = [direction, mean, np.ones_like(mean), log["current"][:-1]]
     basis = np.column_stack([*known, direction * np.exp(-size / 10.0), direction * np.exp(-size / 40.0)])
     return moves, torque - basis @ np.linalg.lstsq(basis[moves], torque[moves], rcond=None)[0]
 
 
 def _ranked_orders(log: Log, moves: np.ndarray, residual: np.ndarray) -> list[tuple[float, tuple[float, float, float]]]:
-    """What each order explains [(N m)2, summed], and (order, amplitude, phase), the best first."""
+    """Sum of squares that each order explains [(N m)2], with (order, amplitude, phase), the largest first."""
     if np.count_nonzero(moves) < MIN_SAMPLES:
         return []
     found = []

@@ -30,7 +30,7 @@ def flow_2(Q_T2: float, P_2: float, P_open: float, K_check: float, P_lam: float)
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """A level above the lowest pressure; where that is no less than the pressure at rest, the valve stayed shut."""
+    """A level above the lowest pressure; none if that is not below the pressure at rest: the valve stayed shut."""
     pressures = measured(context, "P_1", "P_2")
     low = min((float(np.quantile(p, 0.002)) for p in pressures), default=0.0)
     top = context.value("P_0")
@@ -44,7 +44,7 @@ effect = Effect(
     name="anti_cavitation",
     place="flow",
     summary="check valves that fill a chamber from the tank before it cavitates",
-    fingerprint="the low side stays at tank pressure and P_1 + P_2 climbs with each move",
+    fingerprint="the low side stays at tank pressure, and P_1 + P_2 rises with each move",
     changes={"Q_T1": flow_1, "Q_T2": flow_2},
     parameters=(
         EffectParameter("P_open", "Pa", "chamber pressure at which the valve opens, gauge", -inf, -0.1e5, -inf),

@@ -21,7 +21,7 @@ effect = Effect(
     fingerprint="friction levels differ by direction, and the rod drifts under a symmetric input",
     changes={"F_FR": friction},
     parameters=(
-        EffectParameter("a_FR", "1", "A_FR (1 + a sign v)", 0.0, 0.1, -0.9, 0.9, felt=0.03),
+        EffectParameter("a_FR", "1", "A_FR (1 + a sign v)", 0.0, 0.1, -0.9, 0.9, detectable=0.03),
         EffectParameter("b_FR", "1", "B_FR (1 + b sign v)", 0.0, 0.0, -0.9, 0.9),
     ),
     candidates=candidates,

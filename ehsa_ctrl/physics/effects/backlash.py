@@ -5,11 +5,11 @@ from ._effect import Effect, EffectParameter
 
 
 def force(F_EXT: float, x: float, K_S: float, k_3: float, width: float) -> float:
-    """The spring's force at the position less the play, x - width/2 beyond it and zero within."""
+    """Force of the spring at its deflection: |x| - width/2 beyond the play, zero within it."""
     half = 0.5 * width
-    felt = max(x - half, 0.0) + min(x + half, 0.0)
-    there = x * (K_S + k_3 * x * x)
-    return F_EXT + (felt * (K_S + k_3 * felt * felt) - there if width > 0.0 else 0.0)
+    deflection = max(x - half, 0.0) + min(x + half, 0.0)
+    without_play = x * (K_S + k_3 * x * x)
+    return F_EXT + (deflection * (K_S + k_3 * deflection * deflection) - without_play if width > 0.0 else 0.0)
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
@@ -23,7 +23,7 @@ effect = Effect(
     summary="play between rod and load",
     fingerprint="the load cell reads nothing while the rod crosses the play",
     changes={"F_EXT": force},
-    parameters=(EffectParameter("width", "m", "play", 0.0, 1e-3, 0.0, 0.1, felt=2e-4),),
+    parameters=(EffectParameter("width", "m", "play", 0.0, 1e-3, 0.0, 0.1, detectable=2e-4),),
     candidates=candidates,
     source="dead zone in front of a spring without mass",
 )

@@ -1,6 +1,6 @@
-"""Chamber volumes that differ from nominal: V_10, V_20 or V, or the slope with the stroke that (6) leaves out.
+"""Chamber volumes that differ from nominal: V_10, V_20 or V, or the slope with the stroke that (6) neglects.
 
-The slope is in shares of the piston area: c_V = 1 adds A x to chamber 1 and takes it from chamber 2, which turns the
+The slope is relative to the piston area: c_V = 1 adds A x to chamber 1 and subtracts it from chamber 2, which turns the
 constant volumes of (6) into those of (11).
 """
 
@@ -32,7 +32,7 @@ effect = Effect(
     name="chamber_volume_variation",
     place="flow",
     summary="chamber volumes differ from nominal, by a constant or with the stroke",
-    fingerprint="P_1 + P_2 moves with the rod, and the hydraulic mode with the position",
+    fingerprint="P_1 + P_2 changes with the rod's motion, and the hydraulic mode with its position",
     changes={"V_1": volume_1, "V_2": volume_2},
     parameters=(EffectParameter("c_V", "1", "slope of the volumes, in piston areas", 0.0, 1.0, -1.0, 3.0),),
     symbols={"V_10": 0.0, "V_20": 0.0, "V": 0.0},

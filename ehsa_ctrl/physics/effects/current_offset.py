@@ -11,7 +11,7 @@ def current(current: float, I_0: float) -> float:
 
 
 def equivalent_effects(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
-    """The current is known from its sensor alone."""
+    """The current is known only from its sensor."""
     return {"sensor_bias": "a logged current with a bias acts as an offset of the drive"}
 
 
@@ -21,7 +21,7 @@ effect = Effect(
     summary="constant current on top of the commanded one",
     fingerprint="constant torque error; breakaway currents differ by twice the offset, and the rod drifts one way",
     changes={"current": current},
-    parameters=(EffectParameter("I_0", "A", "offset", 0.0, 0.1, -2.0, 2.0, felt=0.02),),
+    parameters=(EffectParameter("I_0", "A", "offset", 0.0, 0.1, -2.0, 2.0, detectable=0.02),),
     equivalent_effects=equivalent_effects,
     source="definition",
 )

@@ -8,8 +8,8 @@ effect = Effect(
     name="drive_delay",
     place="drive",
     summary="dead time between the commanded and the acting current",
-    fingerprint="all channels are late against the current by the same time",
-    parameters=(EffectParameter("T_d", "s", "dead time", 0.0, 4e-3, 0.0, inf, felt=1e-3, search=(0.0, 0.06)),),
+    fingerprint="all channels lag the current by the same time",
+    parameters=(EffectParameter("T_d", "s", "dead time", 0.0, 4e-3, 0.0, inf, detectable=1e-3, search=(0.0, 0.06)),),
     delays=True,
     source="definition",
 )

@@ -1,6 +1,6 @@
-"""End stops of the cylinder: stiff and damped contact beyond +-x_stop that pushes, never pulls.
+"""End stops of the cylinder: stiff, damped contact beyond +-x_stop that pushes but never pulls.
 
-The contact is inside the cylinder, so that a load cell between rod and load does not feel it.
+The contact is inside the cylinder, so a load cell between rod and load does not measure it.
 """
 
 from dataclasses import replace
@@ -13,7 +13,7 @@ from ._effect import Effect, EffectParameter
 
 
 def net_force(F_net: float, x: float, v: float, x_stop: float, K_stop: float, B_stop: float) -> float:
-    """F_net less the contact force; the damping grows in over the first 0.1 mm, so that contact is no impact."""
+    """F_net less the contact force. The damping grows over the first 0.1 mm, to keep the force continuous."""
     into_front = max(x - x_stop, 0.0)
     into_back = max(-x - x_stop, 0.0)
     front = max(K_stop * into_front + B_stop * min(into_front / 1e-4, 1.0) * v, 0.0)

@@ -1,8 +1,9 @@
-"""Free air in the oil: soft at low pressure.
+"""Free air in the oil, which softens it at low pressure.
 
-A volume share a of air at atmospheric pressure p_a, compressed polytropically with n, beside oil of modulus beta. With
-r = (p_a / p)^(1/n), p absolute, the mixture has 1/beta_mix = (1/beta + a r / (n p)) / (1 + a r), so that the pressure
-rates of (11) are multiplied by beta_mix / beta = (1 + a r) / (1 + a r beta / (n p)).
+Oil of bulk modulus beta contains a volume share a of air at atmospheric pressure p_a, which is compressed
+polytropically with exponent n. With r = (p_a / p)^(1/n), p absolute, the mixture has
+1/beta_mix = (1/beta + a r / (n p)) / (1 + a r), so the pressure rates of (11) are multiplied by
+beta_mix / beta = (1 + a r) / (1 + a r beta / (n p)).
 """
 
 from ._candidate import CandidateEffect, DiagnosisContext, effect_number
@@ -12,7 +13,7 @@ P_ATM = 101325.0
 
 
 def softening(P: float, beta: float, air_fraction: float, n_air: float) -> float:
-    """beta_mix / beta at gauge pressure P; the air is not followed below a hundredth of an atmosphere."""
+    """beta_mix / beta at gauge pressure P; constant below a hundredth of an atmosphere, to stay finite."""
     p = max(P + P_ATM, 0.01 * P_ATM)
     share = air_fraction * (P_ATM / p) ** (1.0 / n_air)
     return (1.0 + share) / (1.0 + share * (beta / (n_air * p)))
@@ -38,7 +39,7 @@ effect = Effect(
     name="entrained_air",
     place="flow",
     summary="free air makes the oil soft at low pressure",
-    fingerprint="pressures rise slowly while low and fast while high; the low chamber swings less than the high one",
+    fingerprint="pressures change slowly when low and fast when high; the low chamber's changes are the smaller ones",
     changes={"P_1_dot": rate_1, "P_2_dot": rate_2},
     parameters=(
         EffectParameter("air_fraction", "1", "volume share of free air at 1 atm", 0.0, 0.01, 0.0, 0.3),

@@ -17,8 +17,8 @@ effect = Effect(
     name="external_leakage",
     place="flow",
     summary="leakage from the chambers to the tank",
-    fingerprint="P_1 + P_2 decays with the time constant V / (beta K_e); speed and position hardly see it",
+    fingerprint="P_1 + P_2 decays with the time constant V / (beta K_e), with little effect on speed and position",
     changes={"Q_T1": flow_1, "Q_T2": flow_2},
-    parameters=(EffectParameter("K_e", "m3/(s Pa)", "of each chamber", 0.0, 1e-13, 0.0, felt=3e-14),),
+    parameters=(EffectParameter("K_e", "m3/(s Pa)", "of each chamber", 0.0, 1e-13, 0.0, detectable=3e-14),),
     source="laminar gap",
 )

@@ -1,8 +1,8 @@
-"""Narrow lines: the pressures at the pump ports are not those in the cylinder.
+"""Pressure drop in the lines: the pressures at the pump ports differ from those in the cylinder.
 
-Laminar and turbulent drop along each line, R_lam Q + R_turb Q |Q| with Q = A v. P_1 and P_2 stay the pressures at the
-ports, where the sensors are and where nearly all of the oil is; the piston feels less of their difference. The laminar
-part acts exactly as more viscous friction of the rod: 2 A^2 R_lam.
+Each line has a laminar and a turbulent drop, R_lam Q + R_turb Q |Q| with Q = A v. P_1 and P_2 remain the pressures at
+the ports, where the sensors and nearly all of the oil are; the drops reduce the force on the piston. The laminar part
+acts exactly as additional viscous friction of the rod, 2 A^2 R_lam.
 """
 
 from collections.abc import Mapping
@@ -13,12 +13,12 @@ from ._effect import Effect, EffectParameter
 
 
 def force(F_P: float, v: float, A: float, R_lam: float, R_turb: float) -> float:
-    """A (P_1 - P_2) less what both lines take."""
+    """A (P_1 - P_2) less the drop of both lines."""
     flow = A * v
     return F_P - 2.0 * A * (flow * (R_lam + R_turb * abs(flow)))
 
 
-#: A turbulent part below this share of the whole drop makes a line as good as laminar.
+#: Share of the turbulent part in the drop below which no log tells it from a laminar one. Engineering judgement.
 LAMINAR = 0.1
 
 
@@ -32,7 +32,7 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
 
 
 def equivalent_effects(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
-    """A laminar drop is more viscous friction of the rod: 2 A^2 R_lam."""
+    """A laminar drop acts as viscous friction of the rod, 2 A^2 R_lam."""
     laminar, turbulent = found.get("R_lam", 0.0), found.get("R_turb", 0.0) * plant["A"] * speed
     if turbulent >= LAMINAR * (laminar + turbulent):
         return {}

@@ -10,7 +10,7 @@ def friction(F_FR: float, d_R: float, P_1: float, P_2: float, A: float, kappa: f
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """Where it grows with the higher pressure, its part at the pressure of rest is in the Coulomb level."""
+    """Alone, and with the Coulomb level, which contains the part at rest if friction grows with the pressures."""
     coulomb = (context.plant_parameter("A_FR", 0.1),) if context.value("A_FR") > 0.0 else ()
     return from_neutral(effect, context, *coulomb)
 
@@ -21,7 +21,7 @@ effect = Effect(
     summary="rod friction that grows with the load",
     fingerprint="friction level in the force balance rises with |dP|",
     changes={"F_FR": friction},
-    parameters=(EffectParameter("kappa", "1", "friction per force", 0.0, 0.05, 0.0, 0.9, felt=0.03),),
+    parameters=(EffectParameter("kappa", "1", "friction per force", 0.0, 0.05, 0.0, 0.9, detectable=0.03),),
     candidates=candidates,
     source="Coulomb's law at a loaded guide",
 )

@@ -1,4 +1,4 @@
-"""Turbulent leakage between the chambers: a scratched piston seal or a gap valve.
+"""Turbulent leakage between the chambers, e.g. at a scratched piston seal.
 
 Q = K_t dP / (dP^2 + P_tr^2)^(1/4), which is K_t sqrt|dP| sign(dP) well above the transition pressure P_tr and linear
 below it, so that its slope stays finite.
@@ -8,7 +8,7 @@ from math import sqrt
 
 from ._effect import Effect, EffectParameter
 
-#: Pressure difference below which the flow is laminar [Pa].
+#: Transition pressure [Pa]. Engineering judgement: small against the pressures of a log.
 P_TR = 1e4
 
 
@@ -21,9 +21,9 @@ def flow(Q_P: float, P_1: float, P_2: float, K_t: float) -> float:
 effect = Effect(
     name="orifice_leakage",
     place="flow",
-    summary="leakage between the chambers that goes with the root of the pressure difference",
-    fingerprint="flow error concave in dP, where laminar leakage is straight",
+    summary="leakage between the chambers that grows with the root of the pressure difference",
+    fingerprint="flow error concave in dP, while that of laminar leakage is linear",
     changes={"Q_P": flow},
-    parameters=(EffectParameter("K_t", "m3/(s Pa^0.5)", "Q = K_t sqrt(dP)", 0.0, 3e-9, 0.0, felt=1e-9),),
-    source="orifice law, regularised as in textbooks of fluid power",
+    parameters=(EffectParameter("K_t", "m3/(s Pa^0.5)", "Q = K_t sqrt(dP)", 0.0, 3e-9, 0.0, detectable=1e-9),),
+    source="orifice law, regularised at zero",
 )

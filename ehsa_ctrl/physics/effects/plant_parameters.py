@@ -1,4 +1,4 @@
-"""Effects that are a wrong parameter of the plant: no equations of their own, the numbers of (1) to (12) change."""
+"""Effects that are a wrong parameter of the plant: they have no equation, but change the parameters of (1) to (12)."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,19 +8,19 @@ from ._effect import Effect
 
 
 def scaled_current(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
-    """The current is known from its sensor alone."""
-    return {"sensor_scale": "a logged current that is scaled acts as another torque constant"}
+    """The current is known only from its sensor."""
+    return {"sensor_scale": "a scale error of the logged current acts as another torque constant"}
 
 
 def laminar_drop(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
-    """More viscous friction of the rod may be a laminar drop in the lines."""
+    """Additional viscous friction of the rod may be a laminar drop in the lines."""
     if found.get("B_FR", 0.0) <= plant["B_FR"]:
         return {}
     return {"line_pressure_drop": "a laminar drop between pump ports and chambers acts as viscous rod friction"}
 
 
 def force_or_cell_bias(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """A force behind the load cell, or one on the rod itself, which the cell misses as if it had a bias."""
+    """A force behind the load cell; or one on the rod itself, which the cell misses, as with a bias of the cell."""
     found = from_symbols(effect, context)
     if found and "force" in context.channels:
         free = (*found[0].free, FreeNumber("bias.force", 0.0, 20.0))
@@ -36,16 +36,16 @@ def wrong(name: str, place: str, summary: str, fingerprint: str, source: str, **
 effects = (
     wrong(
         "torque_constant", "torque", "torque constant, or gain of the drive, differs from nominal",
-        "torque error in proportion to the current", "(1)", symbols={"K_T": 0.0}, equivalent_effects=scaled_current,
+        "torque error proportional to the current", "(1)", symbols={"K_T": 0.0}, equivalent_effects=scaled_current,
     ),
     wrong(
         "rotor_inertia", "torque", "inertia of motor, pump and coupling differs from nominal",
-        "torque error in proportion to the shaft's acceleration", "(1)", symbols={"J_M": 0.0},
+        "torque error proportional to the acceleration of the shaft", "(1)", symbols={"J_M": 0.0},
     ),
     wrong(
         "motor_friction", "torque", "dry friction of the shaft is missing or differs from nominal",
         "torque error ~ sign(omega), and more at standstill", "(8), (9)", symbols={"A_FM": 0.1, "C_FM": 0.02},
-        groups=(("A_FM", "C_FM"),), also=("tau_FM",), from_balances=True,
+        groups=(("A_FM", "C_FM"),), related_symbols=("tau_FM",), from_balances=True,
     ),
     wrong(
         "motor_viscous_friction", "torque", "viscous friction of the shaft differs from nominal",
@@ -53,20 +53,20 @@ effects = (
     ),
     wrong(
         "pump_displacement", "flow", "pump displacement differs from nominal",
-        "flow error ~ omega, whatever the pressure; also a torque error ~ dP", "(2), (3)", symbols={"D": 0.0},
+        "flow error ~ omega, independent of pressure; also a torque error ~ dP", "(2), (3)", symbols={"D": 0.0},
     ),
     wrong(
         "internal_leakage", "flow", "laminar leakage of pump and piston differs from nominal",
-        "flow error ~ dP", "(2)", symbols={"K_L": 0.0}, wears={"K_L": 5e-13},
+        "flow error ~ dP", "(2)", symbols={"K_L": 0.0}, wear_scales={"K_L": 5e-13},
     ),
     wrong(
         "bulk_modulus", "flow", "bulk modulus of the oil differs from nominal",
-        "flow errors ~ pressure rates; it differs from V only through the stroke", "(4)", symbols={"beta": 0.0},
+        "flow errors ~ pressure rates; distinct from V only through the stroke", "(4)", symbols={"beta": 0.0},
     ),
     wrong(
         "rod_friction", "force", "dry friction of the rod is missing or differs from nominal",
         "force error ~ sign(v), and more at breakaway", "(8), (10)", symbols={"A_FR": 100.0, "C_FR": 50.0},
-        groups=(("A_FR", "C_FR"),), also=("tau_FR",), from_balances=True,
+        groups=(("A_FR", "C_FR"),), related_symbols=("tau_FR",), from_balances=True,
     ),
     wrong(
         "rod_viscous_friction", "force", "viscous friction of the rod differs from nominal",
@@ -74,7 +74,7 @@ effects = (
     ),
     wrong(
         "payload_mass", "force", "moving mass at the rod, or behind the load cell, differs from nominal",
-        "force error ~ rod acceleration; hardly any in the shaft's speed", "(5)", symbols={"M": 0.0, "m_L": 20.0},
+        "force error ~ rod acceleration; little effect on the shaft speed", "(5)", symbols={"M": 0.0, "m_L": 20.0},
         groups=(("M",), ("m_L",)),
     ),
     wrong(

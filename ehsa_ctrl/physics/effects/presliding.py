@@ -1,6 +1,6 @@
-"""Presliding: before it slides, the rod yields elastically by some micrometres, the LuGre law instead of (8).
+"""Presliding: before it slides, the rod yields elastically by some micrometres; the LuGre law replaces (8).
 
-A hypothesis varies the compliance 1 / sigma_0 [m/N], so that zero is a rod that does not yield.
+A hypothesis estimates the compliance 1 / sigma_0 [m/N], so that zero is a rod without presliding.
 """
 
 from collections.abc import Mapping
@@ -18,13 +18,13 @@ def critical_damping(compliance: float, plant: Mapping[str, float]) -> float:
 
 
 def deflection(P_1: float, P_2: float, x: float, A: float, K_S: float, A_FR: float, C_FR: float) -> float:
-    """Force on the bristles of a rod at rest [N], no more than breakaway friction; times the compliance it is z."""
+    """Force on the bristles of a rod at rest [N], at most breakaway friction; z is this force times the compliance."""
     breakaway = A_FR + C_FR
     return min(max(A * (P_1 - P_2) - K_S * x, -breakaway), breakaway)
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """Compliance with and without damping. Bristles take over part of static friction, so its excess is free too."""
+    """Compliance with and without damping. C_FR is free too, because the bristles take over part of static friction."""
     if not context.switches_law or context.value("A_FR") + context.value("C_FR") == 0.0:
         return []
     stiffness = context.value("sigma_0_FR")
@@ -43,14 +43,14 @@ effect = Effect(
     name="presliding",
     place="force",
     summary="elastic motion of the rod before it slides (LuGre)",
-    fingerprint="loops of force over position at reversals; the resting rod moves in proportion to the force",
+    fingerprint="hysteresis of force over position at reversals; at rest, the rod moves in proportion to the force",
     rod_friction="lugre",
     switch=LawSwitch(
         law="lugre",
         number=COMPLIANCE,
         parameter="sigma_0_FR",
         reported="sigma_0",
-        # Stiffer bristles can't be told from none.
+        # Engineering judgement: a log can't distinguish stiffer bristles, 1e9 N/m, from exact sticking.
         threshold=1e-9,
         defaults={DAMPING: critical_damping},
         state="z_R",

@@ -1,7 +1,7 @@
-"""Over-pressure valves, from each chamber to the tank or from one port to the other: section 2 of the paper has both.
+"""Relief valves, from each chamber to the tank or from port to port; section 2 of the paper describes both.
 
-Static valve that opens in proportion to the pressure above P_crack and is fully open P_open_range above it; flow
-by the orifice law Q = opening K_relief sqrt(P). No hysteresis, no valve dynamics (a real one lags by some 10 ms).
+A static valve, whose opening is proportional to the pressure above P_crack and complete P_open_range above it, with
+flow by the orifice law Q = opening K_relief sqrt(P). Hysteresis and valve dynamics (a lag of some 10 ms) are neglected.
 """
 
 from math import inf, sqrt
@@ -19,7 +19,7 @@ def relief_flow(P: float, P_crack: float, P_open_range: float, K_relief: float) 
 
 
 def crossing(P_1: float, P_2: float, P_cross: float, P_open_range: float, K_relief: float) -> float:
-    """Flow from port 1 to port 2 [m3/s] through a valve that opens at the difference P_cross, either way."""
+    """Flow from port 1 to port 2 [m3/s] through a valve that opens at the difference P_cross in either direction."""
     forth = min(max(P_1 - P_2 - P_cross, 0.0) / P_open_range, 1.0)
     back = min(max(P_2 - P_1 - P_cross, 0.0) / P_open_range, 1.0)
     return K_relief * (forth - back) * sqrt(abs(P_1 - P_2))
@@ -28,7 +28,7 @@ def crossing(P_1: float, P_2: float, P_cross: float, P_open_range: float, K_reli
 def flow_1(
     Q_T1: float, P_1: float, P_2: float, P_crack: float, P_cross: float, P_open_range: float, K_relief: float
 ) -> float:
-    """Chamber 1 loses the flow of its valve and what crosses."""
+    """Chamber 1 loses the flow of its valve and the flow to port 2."""
     lost = relief_flow(P_1, P_crack, P_open_range, K_relief)
     return Q_T1 - (lost + crossing(P_1, P_2, P_cross, P_open_range, K_relief))
 
@@ -36,7 +36,7 @@ def flow_1(
 def flow_2(
     Q_T2: float, P_1: float, P_2: float, P_crack: float, P_cross: float, P_open_range: float, K_relief: float
 ) -> float:
-    """Chamber 2 loses the flow of its valve and gains what crosses."""
+    """Chamber 2 loses the flow of its valve and gains the flow from port 1."""
     lost = relief_flow(P_2, P_crack, P_open_range, K_relief)
     return Q_T2 - (lost - crossing(P_1, P_2, P_cross, P_open_range, K_relief))
 
@@ -61,8 +61,8 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
 effect = Effect(
     name="relief_valve",
     place="flow",
-    summary="over-pressure valves to the tank or across the ports",
-    fingerprint="flat-topped pressure while the pump turns faster than the rod needs",
+    summary="relief valves to the tank or across the ports",
+    fingerprint="the pressure stops rising, while the pump turns faster than the rod's motion needs",
     changes={"Q_T1": flow_1, "Q_T2": flow_2},
     parameters=(
         EffectParameter("P_crack", "Pa", "cracking pressure, gauge", inf, 210e5, 0.0, source="datasheet"),

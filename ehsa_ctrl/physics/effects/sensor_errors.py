@@ -1,4 +1,4 @@
-"""Errors of a sensor, each with the channel that it concerns: bias, scale, delay and first-order filter."""
+"""Errors of a sensor: bias, scale, delay and first-order filter; each candidate is one error of one channel."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ Candidates = Callable[[Effect, DiagnosisContext], list[CandidateEffect]]
 
 
 def biases(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """Every sensor; a bias of a position, scored by its slope, shows only under a load that depends on it."""
+    """Every sensor. A position is scored by its slope, so its bias shows only under a load that depends on it."""
 
     def bias(channel: str, sd: float) -> FreeNumber:
         return FreeNumber(f"bias.{channel}", context.sensors[channel]["bias"], 0.03 * sd, -20.0 * sd, 20.0 * sd)
@@ -19,7 +19,7 @@ def biases(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
 
 
 def scales(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """Every sensor that a simulation has too."""
+    """Every sensor whose signal a simulation has."""
 
     def scale(channel: str, sd: float) -> FreeNumber:
         return FreeNumber(f"scale.{channel}", context.sensors[channel]["scale"], 0.02, 0.2, 5.0)
@@ -28,7 +28,7 @@ def scales(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
 
 
 def delays(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """Every sensor, the drive's too. Slow logs may combine clocks of their own: up to 25 samples."""
+    """Every sensor, also that of the drive. Up to 25 samples, because slow logs may combine several clocks."""
     dt = context.log.sample_time
     size, longest = max(1e-3, 0.25 * dt), max(0.1, 25.0 * dt)
 
@@ -39,7 +39,7 @@ def delays(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
 
 
 def filters(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """Every sensor, the drive's too."""
+    """Every sensor, also that of the drive."""
 
     def time_constant(channel: str, sd: float) -> FreeNumber:
         return FreeNumber(f"filter.{channel}", 0.0, 1e-3, 0.0, 0.2)
@@ -56,11 +56,9 @@ def sensor_error(setting: str, summary: str, fingerprint: str, candidates: Candi
 
 effects = (
     sensor_error(
-        "bias", "constant error of a sensor", "one channel is off by a constant, the balances without it close", biases
+        "bias", "constant error of a sensor", "one channel is off by a constant; balances without it are zero", biases
     ),
     sensor_error("scale", "wrong scale of a sensor", "one channel is off in proportion to itself", scales),
-    sensor_error("delay", "late reading of a sensor", "one channel is late against all others", delays),
-    sensor_error(
-        "filter", "first-order filter in a sensor", "one channel is late and smooth against all others", filters
-    ),
+    sensor_error("delay", "late reading of a sensor", "one channel lags all others", delays),
+    sensor_error("filter", "first-order filter in a sensor", "one channel lags all others and is smoother", filters),
 )

@@ -1,6 +1,6 @@
-"""Cogging: a torque that is periodic in the shaft's angle.
+"""Cogging: a torque that is periodic in the shaft angle.
 
-T_M + T_c sin(n_c theta + phi_c); theta is the shaft's angle since the start.
+T_M + T_c sin(n_c theta + phi_c); theta is the shaft angle since the start.
 """
 
 from math import inf, sin
@@ -16,18 +16,18 @@ def torque(T_M: float, theta: float, T_c: float, n_c: float, phi_c: float) -> fl
 
 
 def angle_rate(omega: float, T_c: float) -> float:
-    """d theta/dt = omega; the angle is not counted while there is no ripple."""
+    """d theta/dt = omega, or zero without a ripple."""
     return omega if T_c != 0.0 else 0.0
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """No descent finds the order of a ripple: it is read from the torque balance, order by order."""
+    """One start for each of the strongest orders in the torque balance: no gradient leads to the order of a ripple."""
     orders = strongest_orders(context.values, context.log) if "speed" in context.log.channels else []
     if not orders:
         return []
     free = (
         FreeNumber("T_c", 0.0, 0.03, 0.0, inf),
-        # Each start has an order of its own.
+        # Fixed by the start: each has its own order.
         FreeNumber("n_c", orders[0][0], 1e-6, 1.0, 200.0, fixed=True),
         FreeNumber("phi_c", 0.0, 0.3, -7.0, 7.0),
     )
@@ -37,8 +37,8 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
 effect = Effect(
     name="torque_ripple",
     place="torque",
-    summary="cogging torque, periodic in the shaft's angle",
-    fingerprint="torque error periodic in the shaft's angle, visible at low speed",
+    summary="cogging torque, periodic in the shaft angle",
+    fingerprint="torque error periodic in the shaft angle, visible at low speed",
     changes={"T_M": torque},
     parameters=(
         EffectParameter("T_c", "N m", "amplitude", 0.0, 0.05, 0.0),
@@ -48,9 +48,9 @@ effect = Effect(
     states=(EffectState("theta", "rad", 1.0, along=angle_of),),
     adds={"theta_dot": angle_rate},
     candidates=candidates,
-    # A run whose speed is slightly wrong is soon whole turns off; its ripple would be noise to any search.
+    # A small error of the simulated speed soon makes the angle wrong by whole turns; the ripple would act as noise.
     replay=MeasuredReplay(ANGLE, with_angle, ripple_current),
-    caveat="the torque ripple follows the shaft's measured angle in these runs; in a run of the improved plant alone "
-    "the angle drifts, and the ripple with it, so that such a run shows its size and not its phase",
+    caveat="in these runs the torque ripple follows the measured shaft angle; in a free run of the improved plant the "
+    "angle drifts, so that the ripple has the right amplitude but not the right phase",
     source="textbook form",
 )

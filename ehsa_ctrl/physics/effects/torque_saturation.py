@@ -1,7 +1,7 @@
-"""Magnetic saturation: at high current the torque falls behind K_T I.
+"""Magnetic saturation: at high current the torque is less than K_T I.
 
-T_M = K_T I / (1 + (k_sat I)^2): three per cent less at k_sat I = 0.17. The form is the simplest smooth one that is
-odd in I and falls monotonously; data sheets (Kollmorgen AKM) only state that torque is proportional up to about twice
+T_M = K_T I / (1 + (k_sat I)^2), 3 % less at k_sat I = 0.17. The form is assumed: smooth, odd in I, with a torque
+constant that falls monotonically. Data sheets (Kollmorgen AKM) only state that torque is proportional up to about twice
 the continuous current.
 """
 
@@ -17,8 +17,10 @@ effect = Effect(
     name="torque_saturation",
     place="torque",
     summary="the torque constant falls with the current",
-    fingerprint="the torque balance lacks torque at high current only, odd in the current",
+    fingerprint="torque error only at high current, odd in the current",
     changes={"T_M": torque},
-    parameters=(EffectParameter("k_sat", "1/A", "T_M = K_T I / (1 + (k_sat I)^2)", 0.0, 0.1, 0.0, 1.0, felt=0.05),),
+    parameters=(
+        EffectParameter("k_sat", "1/A", "T_M = K_T I / (1 + (k_sat I)^2)", 0.0, 0.1, 0.0, 1.0, detectable=0.05),
+    ),
     source="form assumed; data sheets give the limit of proportionality",
 )

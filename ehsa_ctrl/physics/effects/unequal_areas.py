@@ -1,4 +1,4 @@
-"""Piston areas that differ: A (1 + dA/2) in chamber 1 and A (1 - dA/2) in chamber 2."""
+"""Unequal piston areas: A (1 + dA/2) in chamber 1 and A (1 - dA/2) in chamber 2."""
 
 from ._effect import Effect, EffectParameter
 
@@ -21,9 +21,9 @@ def rate_2(P_2_dot: float, v: float, V_2: float, A: float, beta: float, dA: floa
 effect = Effect(
     name="unequal_areas",
     place="flow",
-    summary="the piston's two areas differ",
-    fingerprint="P_1 + P_2 falls in proportion to the position, and a force constant with the pressure level appears",
+    summary="the two piston areas differ",
+    fingerprint="P_1 + P_2 falls in proportion to the position; force error proportional to P_1 + P_2",
     changes={"F_P": force, "P_1_dot": rate_1, "P_2_dot": rate_2},
-    parameters=(EffectParameter("dA", "1", "(A_1 - A_2) / A", 0.0, 0.02, -0.3, 0.3, felt=0.005),),
+    parameters=(EffectParameter("dA", "1", "(A_1 - A_2) / A", 0.0, 0.02, -0.3, 0.3, detectable=0.005),),
     source="continuity and force balance with two areas",
 )

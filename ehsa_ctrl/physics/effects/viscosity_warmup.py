@@ -1,7 +1,7 @@
 """Oil that warms up: viscous friction of shaft and rod falls with the running time.
 
 B (1 - drop (1 - exp(-t / tau_w))): first-order warming after a cold start, small enough that the viscosity falls in
-proportion to the temperature's rise.
+proportion to the rise of temperature.
 """
 
 from math import exp
@@ -11,7 +11,7 @@ from ._effect import Effect, EffectParameter, EffectState
 
 
 def thinning(t_run: float, drop: float, tau_w: float) -> float:
-    """Share of the viscous friction that is gone."""
+    """Lost share of the viscous friction."""
     return drop * (1.0 - exp(-t_run / tau_w))
 
 
@@ -26,7 +26,7 @@ def rod(F_FR: float, v: float, B_FR: float, t_run: float, drop: float, tau_w: fl
 
 
 def clock(drop: float) -> float:
-    """The running time is counted only while the effect is present."""
+    """Rate of the running time; zero without the effect."""
     return 1.0 if drop != 0.0 else 0.0
 
 
@@ -40,10 +40,10 @@ effect = Effect(
     name="viscosity_warmup",
     place="torque",
     summary="viscous friction falls with running time",
-    fingerprint="torque and force errors ~ speed that grow slowly from the start of the log on",
+    fingerprint="torque and force errors ~ speed that grow slowly from the start of the log",
     changes={"T_FM": shaft, "F_FR": rod},
     parameters=(
-        EffectParameter("drop", "1", "share of viscous friction that goes in the end", 0.0, 0.3, -1.0, 0.95),
+        EffectParameter("drop", "1", "final lost share of viscous friction", 0.0, 0.3, -1.0, 0.95),
         EffectParameter("tau_w", "s", "time constant of the warming", 10.0, 10.0, 0.5, 1e5, shape=True),
     ),
     states=(EffectState("t_run", "s", 10.0, along=lambda log: log.time - log.time[0]),),

@@ -1,6 +1,6 @@
-"""The friction family: one law a file. Adding a file adds the law to plants, lists, engine and tests.
+"""Friction laws, one per file. Adding a file adds the law to plants, lists, engine and tests.
 
-A user's own laws go into `friction/` beside `plants/`, or into a package with an entry point `ehsa_ctrl.friction`.
+Users add their own in `friction/` beside their `plants/`, or in a package with an entry point `ehsa_ctrl.friction`.
 """
 
 import sys

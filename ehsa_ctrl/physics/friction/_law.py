@@ -1,4 +1,4 @@
-"""The definition of a friction law: a scalar function, its parameters, and what the engine needs to know of it."""
+"""The friction law interface: one scalar function, and the properties that engine and tests need."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ class FrictionParameter:
     unit: SI, in terms of the contact's {effort} (N or N m) and {length} (m or rad): "{effort} s/{length}".
     meaning: one line for tables and messages.
     lower, upper: physical range, in the contact's units; lower_open: `lower` itself is not allowed.
-    prior: relative standard deviation of a typical nominal value; None for one that is not refitted beside an effect.
-    absent: value in a contact without the law's part, such as zero friction; None where there is none.
+    prior: relative standard deviation of a typical nominal value (engineering judgement); None for a parameter that a
+        diagnosis does not refit.
+    absent: value that switches off the parameter's part of the friction; None if there is no such value.
     """
 
     symbol: str
@@ -47,10 +48,11 @@ class FrictionParameter:
         return self.unit.format(effort=effort, length=length)
 
 
-#: What a law may ask of its contact.
+#: Quantities of the contact that a law may use.
 ARGUMENTS = ("direction", "speed", "z", "z_dot")
 
-#: Parameters that every law may use without declaring them. Bristles that are absent are too stiff to yield.
+#: Symbol -> parameter that every law may use without declaring it. Engineering judgement: at 1e8 N/m, bristles hardly
+#: yield.
 SYMBOLS = {
     parameter.symbol: parameter
     for parameter in (
@@ -69,21 +71,22 @@ SYMBOLS = {
 
 @dataclass(frozen=True)
 class FrictionLaw:
-    """One member of the friction family.
+    """A friction law.
 
     Attributes
     ----------
     name: word used in a plant's TOML.
     summary: one line for lists.
-    effort: friction while sliding, `effort(direction, speed, ...)` with direction +1 or -1, or, for a law with an
+    effort: friction during sliding, `effort(direction, speed, ...)` with direction +1 or -1, or, for a law with an
         inner state, `effort(speed, z, z_dot, ...)`. It opposes the motion: positive for positive speed.
-    sticks: the law is set-valued at rest. What it can hold is its value at speed 0 in the direction of the net effort.
-    band: name of the parameter that is the speed below which the contact is captured (Karnopp); None: exactly 0.
+    sticks: whether the law is set-valued at rest. Its breakaway effort is `effort` at speed 0 in the direction of the
+        net effort.
+    band: parameter with the speed below which the contact sticks (Karnopp); None if it sticks at exactly 0.
     state_rate: d z/dt of the inner state, None for a law without one.
-    passive: effort * speed >= 0 always; False needs the reason in the law's docstring.
-    parameters: those of the law that are not in SYMBOLS.
+    passive: whether effort * speed >= 0 always; the docstring of a law that is not passive gives the reason.
+    parameters: own parameters of the law, those not in SYMBOLS.
 
-    Raises TypeError for an argument that is no parameter, and for a parameter that is unused or in SYMBOLS.
+    Raises TypeError for an argument that is not a parameter, and for a parameter that is unused or in SYMBOLS.
     """
 
     name: str
@@ -110,7 +113,7 @@ class FrictionLaw:
 
     @cached_property
     def _asked(self) -> set[str]:
-        """Names of the arguments of its functions."""
+        """Arguments of its functions."""
         functions = (self.effort,) if self.state_rate is None else (self.effort, self.state_rate)
         return {argument for function in functions for argument in inspect.signature(function).parameters}
 
@@ -123,5 +126,5 @@ class FrictionLaw:
 
 
 def held(rate: float, direction: float) -> float:
-    """Acceleration of a contact that can stick: none while it does (direction 0)."""
+    """Acceleration of a contact that can stick; zero while it sticks (direction 0)."""
     return rate if direction != 0.0 else 0.0

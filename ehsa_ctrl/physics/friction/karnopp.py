@@ -1,11 +1,11 @@
 """Karnopp's dead band, for comparison with exact sticking.
 
-Below v_band the speed counts as zero and friction balances the net effort up to its static level; the contact is
-captured on entering the band instead of at v = 0, so that a fixed-step simulation never has to hit zero. What it
-costs is the momentum M v_band that vanishes at each capture, and reversals that come early.
+Below v_band the speed counts as zero and friction balances the net effort up to its static level. The contact sticks on
+entering the band instead of at v = 0, so that a fixed-step simulation need not hit zero. The price: each time the
+momentum M v_band vanishes, and reversals come early.
 
 Source: D. Karnopp, "Computer simulation of stick-slip friction in mechanical dynamic systems", ASME J. Dyn. Syst.
-Meas. Control 107(1), 1985; the capture rule here is our reading of it for an engine with event location.
+Meas. Control 107(1), 1985. The rule for entering the band is adapted to an engine with event location.
 """
 
 from math import exp

@@ -1,12 +1,11 @@
-"""LuGre: friction as the deflection z of bristles, with presliding and a friction lag.
+"""LuGre: friction as the deflection z of bristles, with presliding and friction lag.
 
-Not set-valued: a resting contact creeps elastically by effort / sigma_0. With a constant sigma_1 the law is not
-passive for every parameter set (the bristle damping can feed energy back when g(v) falls steeply), so no claim of
-passivity is made.
+The law is not set-valued: a contact at rest yields elastically by effort / sigma_0. With a constant sigma_1 it is not
+passive for all parameters: the bristle damping can feed energy back when g(v) falls steeply.
 
 Source: C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control of systems with
-friction", IEEE Trans. Automatic Control 40(3), 1995; the Stribeck curve g is the one of (8), so that both laws
-agree at constant speed.
+friction", IEEE Trans. Automatic Control 40(3), 1995. The Stribeck curve g is that of (8), so that both laws agree at
+constant speed.
 """
 
 from math import exp

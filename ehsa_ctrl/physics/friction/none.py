@@ -1,4 +1,4 @@
-"""No friction at all."""
+"""No friction."""
 
 from ._law import FrictionLaw
 

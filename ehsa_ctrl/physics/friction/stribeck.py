@@ -8,8 +8,8 @@ from ._law import FrictionLaw
 def effort(direction: float, speed: float, A: float, B: float, C: float, tau: float) -> float:
     """F = A sign(v) + B v + C sign(v) exp(-|v|/tau), equation (8).
 
-    While sliding |v| = direction * v; written so, the law is smooth up to the very instant of v = 0, which is what
-    lets the engine find that instant. At v = 0 it is the breakaway effort A + C.
+    During sliding |v| = direction * v. In this form the law is smooth up to v = 0, so that the engine can locate the
+    instant of standstill. At v = 0 it is the breakaway effort A + C.
     """
     return direction * (A + C * exp(-direction * speed / tau)) + B * speed
 

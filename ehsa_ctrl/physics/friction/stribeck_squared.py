@@ -1,4 +1,4 @@
-"""Stribeck friction with a squared exponent, flat at v = 0: the form most textbooks print."""
+"""Stribeck friction with a squared exponent, flat at v = 0, as in many textbooks."""
 
 from math import exp
 

@@ -1,4 +1,4 @@
-"""Viscous friction alone: what the linear model (6), (7) knows of friction."""
+"""Viscous friction, the only friction in the linear models (6) and (7)."""
 
 from ._law import FrictionLaw
 

@@ -1,6 +1,6 @@
-"""The systems that a plant's TOML may name, one a file. Adding a file adds the system to plants, engine and tests.
+"""The systems that a plant's TOML may name, one per file. Adding a file adds the system to plants, engine and tests.
 
-A user's own go into `systems/` beside her `plants/`, or into a package with an entry point `ehsa_ctrl.systems`.
+Users add their own in `systems/` beside their `plants/`, or in a package with an entry point `ehsa_ctrl.systems`.
 """
 
 import sys

@@ -27,7 +27,7 @@ system = System(
     chamber_forms={"constant": CHAMBER_FORMS["constant"]},
     start={"P_1": "P_0", "P_2": "P_0"},
     measured=("position", "force", "spring_p1", "spring_p2"),
-    lacking=(("motor_friction", "motor_viscous_friction"),),
+    missing_effects=(("motor_friction", "motor_viscous_friction"),),
     contacts=(SHAFT,),
     prescribed=(replace(ROD, position_channel="position"),),
     equations=SHAFT_TO_PISTON,

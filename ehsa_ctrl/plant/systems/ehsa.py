@@ -1,6 +1,6 @@
-"""The electro-hydrostatic actuator of the paper: (12) with five states and two frictions (8).
+"""The electro-hydrostatic actuator of the paper: (12), with five states and friction (8) at shaft and rod.
 
-With viscous friction and constant volumes the same equations are (6); see `structure.LINEAR`.
+With viscous friction and constant volumes, the same equations are (6); see `structure.LINEAR`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ROD = Contact(
     position="x",
 )
 
-#: The two forms of the chamber volumes, by the word used in a plant's TOML.
+#: Form of the chamber volumes, as named in a plant's TOML -> equations.
 CHAMBER_FORMS: dict[str, tuple[tuple[str, ScalarFunction], ...]] = {
     "constant": (("V_1", chambers.constant_volume), ("V_2", chambers.constant_volume)),
     "stroke": (("V_1", chambers.stroke_volume_1), ("V_2", chambers.stroke_volume_2)),
@@ -72,8 +72,8 @@ TORQUE = Balance(
 )
 FORCE = (Entry("F_D"),)
 
-#: Slope of the position over 20 ms. Noise of the logged current makes the position of any free run drift by about
-#: 0.15 mm.
+#: Slope of the position over 20 ms: five samples at 250 Hz. Noise of the logged current makes the position of any free
+#: run drift by about 0.15 mm.
 ROD_VELOCITY = ScoredSignal("rod_velocity", "position", span=0.02, drift=1.5e-4)
 
 system = System(
@@ -95,7 +95,7 @@ system = System(
     cell="F_cell",
     measured=("force",),
     # Dry friction of both contacts, and the stroke in the volumes.
-    lacking=(
+    missing_effects=(
         ("motor_friction", "rod_friction"),
         ("motor_friction", "rod_friction", "chamber_volume_variation"),
     ),

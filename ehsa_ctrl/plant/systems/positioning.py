@@ -1,8 +1,8 @@
 """A carriage on a rail with friction under a given drive force: the electro-mechanical positioning system EMPS.
 
-A. Janot, M. Gautier, M. Brunot, "Data set and reference models of EMPS", Nonlinear System Identification Benchmarks,
-2019, also for the symbols M, Fv, Fc, offset. Their balance uses force and motion of the same sample, so the force is
-interpolated linearly; a zero-order hold would delay it by half a sample.
+Equations and the symbols M, Fv, Fc, offset: A. Janot, M. Gautier, M. Brunot, "Data set and reference models of EMPS",
+Nonlinear System Identification Benchmarks, 2019. Their balance uses force and motion of the same sample, so the force
+is interpolated linearly; a zero-order hold would delay it by half a sample.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ system = System(
     scored=(ROD_VELOCITY,),
     start={"x": "x_0"},
     measured=("acceleration",),
-    lacking=(
+    missing_effects=(
         ("rod_viscous_friction", "rod_friction", "constant_force"),
         ("rod_viscous_friction", "rod_friction"),
     ),
-    called={"F_0": "offset"},
+    symbols={"F_0": "offset"},
     contacts=(CARRIAGE,),
     equations=(
         ("F_net", carriage.net_force),
