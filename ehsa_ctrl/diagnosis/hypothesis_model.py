@@ -23,7 +23,7 @@ from ..plant.plant import Plant, Sensor
 from ..plant.structure import Structure
 from ..plant.system import Contact
 from ..simulation.engine import simulate_batch
-from ..simulation.sensors import shown
+from ..simulation.sensors import noise_free_reading
 
 #: Friction laws that are special cases of (8), with some parameters zero.
 STRIBECK_SPECIAL_CASES = ("none", "viscous", "coulomb", "stribeck")
@@ -257,7 +257,7 @@ class HypothesisModel:
         out = {}
         for channel in self.channels:
             signal = force if channel == system.cell_channel else states[:, index(system.outputs[channel])]
-            out[channel] = shown(self.sensor(channel, values), signal, self.log.sample_time)
+            out[channel] = noise_free_reading(self.sensor(channel, values), signal, self.log.sample_time)
         return out
 
     def sensor(self, channel: str, values: Setting) -> Sensor:

@@ -16,7 +16,7 @@ from ..core.result import Result, as_dict
 from ..core.text import join_words
 from ..plant.plant import Plant
 from ..simulation.engine import LARGEST
-from ..simulation.sensors import shown
+from ..simulation.sensors import noise_free_reading
 from ..simulation.trajectory import Trajectory, versions
 from .initial_state import InitialState, find_initial_state
 from .logged_inputs import simulate_log
@@ -180,5 +180,5 @@ def _sensor_output(plant: Plant, channel: str, run: Trajectory, samples: int) ->
     values = np.full(samples, np.nan)
     true = run[plant.structure.system.outputs[channel]]
     sensor = plant.sensors.get(channel)
-    values[: len(run)] = true if sensor is None else shown(sensor, true, float(run.time[1] - run.time[0]))
+    values[: len(run)] = true if sensor is None else noise_free_reading(sensor, true, float(run.time[1] - run.time[0]))
     return values

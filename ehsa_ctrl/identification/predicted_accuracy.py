@@ -16,7 +16,7 @@ from ..core.result import Result, as_table
 from ..plant.file import label
 from ..plant.plant import Plant
 from ..simulation.bench import record
-from ..simulation.sensors import shown
+from ..simulation.sensors import noise_free_reading
 from ..simulation.trajectory import Trajectory
 from .fit_result import Diverged, Fit
 from .gauss_newton import fit
@@ -174,7 +174,7 @@ def _noise_free_log(run: Trajectory) -> Log:
                 f"deviation depends; give noise in [sensors.{channel}]"
             )
         held = run.hold == "zero_order" and channel not in system.outputs
-        channels[channel] = shown(sensor, run[signal], float(run.time[1] - run.time[0]), held=held)
+        channels[channel] = noise_free_reading(sensor, run[signal], float(run.time[1] - run.time[0]), held=held)
     return Log(run.time, channels)
 
 

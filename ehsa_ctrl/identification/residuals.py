@@ -11,7 +11,7 @@ from ..core.errors import InputError
 from ..core.log import Log
 from ..plant.plant import Plant, Sensor
 from ..simulation.sensitivity import transitions
-from ..simulation.sensors import by_filter, first_order
+from ..simulation.sensors import first_order, first_order_by_lag
 from .initial_state import sensor_sd
 from .innovations import InnovationsFilter, innovations_filter, propagate_sensitivities
 from .logged_inputs import acting_drive, logged_inputs
@@ -125,7 +125,7 @@ def simulate_window(
             else:
                 slope = np.gradient(filtered[:, c], dt)
                 if word == "filter":
-                    slope = -by_filter(run.states[:, measured.column[c]], sensors[c].filter, dt, moving=moving)
+                    slope = -first_order_by_lag(run.states[:, measured.column[c]], sensors[c].filter, dt, moving=moving)
                 by_parameter[:, c, column] = -scale[c] * _delayed(slope[:, None], delays[c : c + 1])[:, 0]
     return WindowRun(
         window=window,

@@ -1,1 +1,1 @@
-"""Time simulation: the compiled event-driven engine, sensors, the sampled closed loop, batches, the slow reference."""
+"""Time simulation: the compiled event-driven engine, sensors, sampled closed loops, batches, the slow reference."""

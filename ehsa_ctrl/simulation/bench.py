@@ -1,4 +1,4 @@
-"""The virtual bench: a plant with its sensors, driven by an excitation, logged as a real bench would log it."""
+"""The virtual bench: a plant with sensors, driven by an excitation and logged as on a real bench."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from .engine import checked_input, simulate
 from .sensors import Sensors
 from .trajectory import Trajectory
 
-#: Slow centring: current per metre of the low-passed position [A/m], its time constant [s] and the most it adds [A].
+#: Centring loop: current per metre of the low-pass filtered position [A/m], time constant of the filter [s], largest
+#: current [A]. Engineering judgement: slow and weak against the excitation.
 CENTRING_GAIN, CENTRING_TIME, CENTRING_LIMIT = 20.0, 0.5, 1.0
 
 
 def centring_step(reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
-    """Excitation (in the reference's place) plus a slow pull towards x = 0, which keeps the rod in its stroke."""
+    """Excitation (in place of the position reference) plus a slow feedback towards x = 0, to stay within the stroke."""
     gain, time_constant, limit, sample_time = settings
     memory[0] += sample_time / time_constant * (measured[3] - memory[0])
     return reference[0] - min(max(gain * memory[0], -limit), limit)
@@ -38,7 +39,7 @@ def _compiled() -> Callable[..., float]:
 
 @dataclass(frozen=True)
 class _Centring:
-    """The bench's own slow loop, in the shape of a controller."""
+    """The centring loop of the bench, as a controller."""
 
     sample_time: float
     name: str = "centring"
@@ -76,19 +77,19 @@ def record(
     Parameters
     ----------
     time, current: (N,) s and A, uniformly sampled; the current is held over each sample.
-    seed: of the sensors' noise.
-    sensor_noise: False logs without noise; converter steps and delays stay.
-    centre: add the slow loop that keeps the rod in its stroke; the log's current is the sum.
+    seed: of the sensor noise.
+    sensor_noise: False logs without noise, but with quantisation and delays.
+    centre: add the slow loop that keeps the rod within its stroke; the current in the log is the sum.
+    tolerance: as for `simulate`.
 
     Returns
     -------
-    The log in the format of a measured one, and the true trajectory behind it. A rod driven so far beyond its
-    stroke that the equations no longer hold is no error: both end there, and `stopped` of the trajectory gives the
-    reason.
+    The log in the format of a measured one, and the true trajectory. If the rod is driven so far beyond its stroke that
+    the equations no longer hold, both end there, and `stopped` of the trajectory gives the reason.
 
     Raises
     ------
-    SimulationError: the run could not be finished though no limit of the plant was passed.
+    SimulationError: the run stopped early within all limits of the plant.
     """
     time, current = checked_input(time, "time"), checked_input(current, "current", time.size)
     check_time("time", time, first_row=0)

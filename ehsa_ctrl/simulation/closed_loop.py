@@ -1,4 +1,4 @@
-"""A sampled controller around the plant: compiled controllers inside the engine, plain Python ones sample by sample."""
+"""Simulate a sampled controller with the plant: compiled controllers run inside the engine, others step by step."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class ClosedLoop(Result):
 
     Attributes
     ----------
-    trajectory: true signals, with the acting current.
-    reference: (N, 3) position, speed, acceleration.
-    measured: (N, 5) readings of the controller, in the order of core.controller_interface.MEASURED.
-    asked: (N,) command of the controller at each sample [A].
-    traces: name -> (N,) entries of the controller's memory that it names in `traces`.
+    trajectory: true signals, with the current that acted.
+    reference: (N, 3) position, velocity, acceleration [m, m/s, m/s2].
+    measured: (N, 5) readings that the controller got, in the order of core.controller_interface.MEASURED.
+    asked: (N,) current that the controller commanded at each sample [A].
+    traces: name -> (N,) recorded entry of the controller's memory.
     """
 
     trajectory: Trajectory
@@ -66,7 +66,7 @@ class ClosedLoop(Result):
         return f"{self.trajectory}\n  error {1e3 * abs(self.error[-1]):.4g} mm at the end"
 
     def first(self, samples: int) -> ClosedLoop:
-        """The first samples of this run, for a comparison with a run that ended early."""
+        """The first samples of this run, for a comparison with a run that stopped early."""
         run = self.trajectory
         names = ("time", "current", "outer_force", "states", "modes", "cell_force")
         cut = replace(run, **{name: getattr(run, name)[:samples] for name in names})
@@ -88,23 +88,24 @@ def run_closed_loop(
     compiled: bool | None = None,
     raise_on_failure: bool = True,
 ) -> ClosedLoop:
-    """Run a controller against a plant.
+    """Simulate a plant under a sampled controller.
 
     Parameters
     ----------
-    reference: (N, 3) position [m], speed and acceleration, one row a sample of the controller.
-    force: (N,) force from outside [N], positive when it resists extension.
+    reference: (N, 3) position, velocity and acceleration [m, m/s, m/s2], one row per sample of the controller.
+    force: (N,) external force [N], positive when it resists extension; zero by default.
     sensors: ideal ones by default.
-    lag: whole samples between a measurement and the current that follows from it.
+    lag: samples between a measurement and the current computed from it.
     faults: of sensors and drive; none by default.
-    start: state (n,) at the first sample; at rest by default.
-    compiled: False runs the controller's plain step; by default the compiled one if there is one.
-    raise_on_failure: False returns the samples up to the failure; `stopped` of the trajectory has the reason.
+    start: state (n,) at the first sample; rest by default.
+    tolerance: as for `simulate`.
+    compiled: False uses the controller's step in Python; by default the compiled one if there is one.
+    raise_on_failure: False returns the samples up to the failure, with the reason in `stopped` of the trajectory.
 
     Raises
     ------
-    InputError: shapes that don't fit, values that are not finite.
-    SimulationError: the run could not be finished; the message has the time and the cause.
+    InputError: wrong shapes, values that are not finite.
+    SimulationError: the run stopped early; the message has the time and the cause.
     """
     reference = np.array(reference, dtype=float, order="C")
     if reference.ndim != 2 or reference.shape[0] < 2 or reference.shape[1] != 3:
@@ -141,7 +142,7 @@ def run_closed_loop(
     parameters, settings, law = plant.vector, controller.settings(), step or _idle()
 
     def run(stop: int) -> int:
-        """Advance by the engine up to sample stop - 1; it comes back now and then, so that an interrupt is seen."""
+        """Advance the engine to sample stop - 1. It returns now and then, so that Python can handle an interrupt."""
         status = UNFINISHED
         while status == UNFINISHED:
             status = closed_loop(
@@ -182,7 +183,7 @@ def run_closed_loop(
     if step is not None:
         status = run(samples)
     elif compiled:
-        raise InputError(f"controller {controller.name} has no compiled step")
+        raise InputError(f"controller {controller.name} has no compiled step; leave out compiled=True")
     else:
         for k in range(samples):
             status = run(k + 1)
@@ -220,9 +221,9 @@ def run_closed_loop(
 
 @lru_cache(maxsize=1)
 def _idle() -> Any:
-    """A compiled controller that asks for nothing: the engine wants one even while the caller does the asking.
+    """A compiled controller without output, which the engine needs as an argument while the caller steps a Python one.
 
-    It has its address at hand; a plain compiled function's would be looked up by numba at every call.
+    It knows its address; for a plain compiled function numba would look up the address at every call.
     """
     import numba
     from numba.core.types import WrapperAddressProtocol

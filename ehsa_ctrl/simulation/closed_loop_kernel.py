@@ -1,6 +1,6 @@
 """The compiled sampled closed loop of a plant and a controller; the first arguments are those of PlantCode."""
 
-# Types are numba's: those of the signature, and what follows from them.
+# numba infers the types from the signature.
 # mypy: ignore-errors
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .integrator import (
     dead_time,
 )  # fmt: skip
 
-# What a controller costs, in steps of the plant: an MPC's.
+# Cost of a controller's step, in steps of the plant: that of an MPC.
 STEPS_PER_CONTROL = 100
 
 CONTROLLER = types.FunctionType(float64(VECTOR, VECTOR, VECTOR, VECTOR))
@@ -48,13 +48,13 @@ def closed_loop(
     noise, resolution, delay, weights, lag, dt, tol, states_out, modes_out, true, filtered, measured, asked, extremes,
     fault, ceiling, traced, traces,
 ):  # fmt: skip
-    """A plant under a sampled controller, from the sample at which it is up to stop - 1; or UNFINISHED.
+    """Simulate a plant under a sampled controller, from its current sample to stop - 1; returns a status.
 
-    Each sample the controller gets its row of `reference` and the measured speed, p1, p2, position and force: true
-    values through a first-order filter with these `weights`, settled at the first sample, `delay` samples ago (between
-    samples by a line), times `scale`, plus `noise`, rounded to `resolution`. Its current acts `lag` samples later, no
-    larger than `ceiling`, and is held. With control off, the caller writes `asked` itself between two calls. A reading
-    with `fault` 1 stays at the last value, with 2 it is lost (nan). `traces` keeps the entries `traced` of the
+    At each sample the controller gets its row of `reference` and the measured speed, p1, p2, position and force. A
+    measurement is the true value, filtered by a first-order filter with these `weights` from steady state, `delay`
+    samples ago (linear between samples), times `scale`, plus `noise`, rounded to `resolution`. The current acts `lag`
+    samples later, limited to `ceiling`, and is held. Without `control`, the caller writes `asked` between two calls. A
+    reading with `fault` 1 repeats the last value, with 2 it is lost (nan). `traces` records the entries `traced` of the
     controller's memory.
     """
     n = shape[STATES]
@@ -73,7 +73,7 @@ def closed_loop(
         acting = asked[k - 1 - whole] if k > whole else 0.0
         acting = min(max(acting, -limit), limit)
         if k > 0:
-            # A dead time moves the change of the current into the sample: `before` acts for its first part.
+            # With a dead time, the current changes within the sample: `before` acts for its first part.
             before = asked[k - 2 - whole] if k > whole + 1 else 0.0
             before = min(max(before, -limit), limit)
             for second in range(0 if part > 0.0 else 1, 2):

@@ -27,26 +27,26 @@ DONE, NO_CURRENT, UNFINISHED = 0, 3, 5
 #: Sentence for each status that the compiled loops return.
 STATUS = {
     0: "",
-    1: "the step length fell below any use: a state or a parameter has left the range where the equations hold",
+    1: "the step length became too small: a state or a parameter is outside the range where the equations hold",
     2: "a contact changed between sticking and sliding more than 1000 times within one sample",
     3: "the controller returned a current that is not a finite number",
-    4: "one sample takes more than 20000 steps, so that the run would not end",
+    4: "one sample takes more than 20000 steps, so the run would not end in a reasonable time",
 }
 
 
-#: Largest magnitude of an input, SI units.
+#: Largest magnitude of an input, SI units, as in `core.definition`.
 LARGEST = 1e30
 
 
 def initial_modes(plant: Plant, states: np.ndarray) -> np.ndarray:
-    """Sliding direction (..., contacts) that fits states (..., n): 0 where the speed is exactly zero."""
+    """Sliding directions (..., contacts) of states (..., n): 0 if the speed is exactly zero."""
     equations = plant.structure.equations
     columns = [equations.index(contact.velocity) for contact in plant.structure.system.contacts]
     return np.ascontiguousarray(np.sign(states[..., columns]))
 
 
 def initial_carry(plant: Plant, runs: int, sample_time: float) -> np.ndarray:
-    """Fresh working memory (runs, ...) of the engine: see `load` in macros.j2."""
+    """Initial working memory (runs, ...) of the engine: `memory` of `integrator.advance`, and the sample."""
     equations = plant.structure.equations
     carry = np.zeros((runs, 4 + len(equations.states) + len(plant.structure.system.contacts)))
     carry[:, 0] = sample_time
@@ -64,10 +64,10 @@ def run_open_loop(
     status: np.ndarray,
     stop: Event | None = None,
 ) -> None:
-    """Take every run that has not failed through its samples: arguments as of `open_loop_kernel.open_loop`.
+    """Simulate all samples of every run that has not failed; arguments as in `open_loop_kernel.open_loop`.
 
-    The engine comes back after some tenths of a second at most, so that an interrupt is seen; `stop` ends the runs of
-    a thread, where no interrupt arrives.
+    The engine returns after some tenths of a second at most, so that Python can handle an interrupt. stop: ends the
+    runs of a thread, which gets no interrupts.
     """
     from .open_loop_kernel import open_loop
 
@@ -78,8 +78,8 @@ def run_open_loop(
 
 
 def checked_input(values: np.ndarray | Sequence[float], name: str, length: int | None = None) -> np.ndarray:
-    """A vector of finite samples; raises InputError, naming the input, for anything else."""
-    # A copy: the engine is compiled for arrays that may be written to, and pandas hands out read-only ones.
+    """The values as a vector of finite samples. Raises InputError, with the input's name, for anything else."""
+    # A copy, because the engine is compiled for writable arrays, and pandas may give a read-only one.
     array = np.array(values, dtype=float, order="C")
     if array.ndim != 1 or array.size < 2 or (length is not None and array.size != length):
         wanted = "a vector of at least two samples" if length is None else f"a vector of {length} samples"
@@ -91,7 +91,7 @@ def checked_input(values: np.ndarray | Sequence[float], name: str, length: int |
 
 
 def checked_start(plant: Plant, start: np.ndarray | Sequence[float] | None) -> np.ndarray:
-    """A copy of the state (n,) to begin from, rest for None; raises InputError for another shape, or not finite."""
+    """A copy of the initial state (n,), by default rest. Raises InputError for another shape or infinite numbers."""
     first = np.array(plant.rest if start is None else start, dtype=float)
     if first.shape != plant.rest.shape:
         raise InputError(f"start has shape {first.shape}; the plant has {plant.rest.size} states")
@@ -111,35 +111,37 @@ def simulate(
     tolerance: float = 1e-6,
     raise_on_failure: bool = True,
 ) -> Trajectory:
-    """Run the plant with a given current; for a system other than the EHSA read its first input for the current and
-    its second one for the force.
+    """Simulate the plant with a given current.
+
+    For a system other than the EHSA, `current` is its first input and `force` its second one.
 
     Parameters
     ----------
     plant: see `load_plant`.
-    current: (N,) A, one value a sample; held over the sample ("zero_order") or joined by lines ("first_order"). Or a
-        time response of python-control with a signal of that name, its input or its output: it brings the sample time
-        and, where it has F_D, the force. python-control's own runs join samples by lines.
-    force: (N,) N from outside, positive when it resists extension; none by default.
-    start: state (n,) at the first sample; at rest by default.
-    sample_time: s; the plant's own by default.
-    tolerance: error per step in units of the states' scales. Measured over whole runs with 1e-6: some 1e-5 of each
-        signal's range on the benchmark's cases, and less than 0.5 um of rod position on 500 slow stops, apart from
-        those that rounding in double precision decides (docs/theory/engine.md).
-    raise_on_failure: False returns the samples up to the failure; `stopped` has the reason.
+    current: (N,) A, one value per sample, or a time response of python-control with an input or output of that name.
+        Such a response also gives the sample time and, if it has F_D, the force.
+    force: (N,) external force [N], positive when it resists extension; zero by default.
+    hold: current and force between samples: "zero_order" holds them, "first_order" interpolates linearly, as
+        python-control does.
+    start: state (n,) at the first sample; rest by default.
+    sample_time: s; by default that of the plant.
+    tolerance: error per step in units of the states' scales. Errors of whole runs measured at 1e-6: some 1e-5 of each
+        signal's range on the benchmark's cases, and less than 0.5 um of rod position on 500 slow stops, except for
+        those that depend on rounding in double precision (docs/theory/engine.md).
+    raise_on_failure: False returns the samples up to the failure, with the reason in `stopped`.
 
     Returns
     -------
-    Trajectory: N samples, the first one is the initial state.
+    Trajectory: N samples; the first one is the initial state.
 
     Raises
     ------
-    InputError: an input that is no vector, too short or not finite.
-    SimulationError: the run could not be finished; the message has the time and the cause.
+    InputError: an input that is not a vector, too short or not finite.
+    SimulationError: the run stopped early; the message has the time and the cause.
     """
     if is_response(current):
         if sample_time is not None:
-            raise InputError("sample_time is given twice; a time response has its own, so leave it out")
+            raise InputError("sample_time is given twice; leave it out, because the time response has one")
         current, outside, sample_time = drives_of(plant, current)
         force = outside if force is None else force
     current = checked_input(current, "current")
@@ -171,9 +173,9 @@ def simulate(
 def why_stopped(
     plant: Plant, status: int, time: float, states: np.ndarray, inputs: np.ndarray, modes: np.ndarray, who: str = ""
 ) -> str:
-    """Error message for a status, with the stiffest terms where the run stopped; empty for a finished run.
+    """Error message for a status, with the stiffest terms at the point where the run stopped; empty for DONE.
 
-    who: subject of the sentence; by default the plant.
+    who: subject of the sentence; by default the plant's name.
     """
     if status == DONE:
         return ""
@@ -185,9 +187,9 @@ def why_stopped(
 class Batch:
     """Many runs with the same input.
 
-    states (runs, N, n), modes (runs, N, contacts), cell_force (runs, N), extremes (runs, 2, n), status (runs,): 0 is
-    done, else a key of STATUS; rows after a failure are nan. ends (runs, n), directions (runs, contacts): states and
-    sliding directions where each run ended, within a sample if it failed.
+    states (runs, N, n), modes (runs, N, contacts), cell_force (runs, N), extremes (runs, 2, n): as in Trajectory; nan
+    after a failure. status (runs,): 0 for a finished run, otherwise a key of STATUS. ends (runs, n), directions
+    (runs, contacts): states and sliding directions at the end of each run, within a sample if it failed.
     """
 
     states: np.ndarray
@@ -211,15 +213,16 @@ def simulate_batch(
     tolerance: float = 1e-4,
     jobs: int | None = None,
 ) -> Batch:
-    """Run variations of a plant with the same input, on all cores.
+    """Simulate variations of a plant with the same input, on all cores.
 
     Parameters
     ----------
     parameters: (runs, n_parameters), each row in the order of `plant.vector`.
-    start: (runs, n) states at the first sample; at rest (each row's own P_0 and x_0) by default.
-    jobs: threads; all cores by default. The engine runs outside Python's lock.
+    start: (runs, n) states at the first sample; by default rest with the P_0 and x_0 of each row.
+    jobs: number of threads; all cores by default. The engine releases Python's global lock.
+    Other arguments as for `simulate`.
 
-    A run that fails does not stop the others: look at `status`.
+    A run that fails does not stop the others; its `status` tells.
 
     Raises
     ------

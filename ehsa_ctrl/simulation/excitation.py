@@ -1,4 +1,4 @@
-"""Input currents of the bench: the paper's experiments and the usual identification signals, one function each."""
+"""Input currents: the experiments of the paper, and usual identification signals."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 
-#: Longest excitation [s], a working day, and most samples: that day at 250 Hz.
+#: Longest excitation [s] and largest number of samples. Engineering judgement: a working day, at 250 Hz.
 LONGEST, MOST_SAMPLES = 8 * 3600.0, 7_200_000
 
 
 def noise(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.ndarray:
-    """Band-limited white noise, as in section 5 of the paper: 0.2 to 15 Hz, peaks near `amplitude` (3 sd), from zero.
+    """Band-limited white noise, as in section 5 of the paper: 0.2 to 15 Hz, clipped at `amplitude` (3 sd).
 
-    The band ends where the shaft no longer follows; the first half second is faded in.
+    Above that band the shaft no longer follows. The first half second is a ramp from zero.
     """
     dt = time[1] - time[0]
     frequency = np.fft.rfftfreq(time.size, dt)
@@ -29,7 +29,7 @@ def noise(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.nd
 
 
 def steps(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.ndarray:
-    """Positive and negative steps with rests between, as in Fig. 7: 0.25 s up, rest, 0.25 s down, rest; from 0.25 s."""
+    """Positive and negative steps with pauses, as in Fig. 7: zero, +amplitude, zero, -amplitude, for 0.25 s each."""
     phase = ((time - time[0]) / 0.25).round(9).astype(int)
     return amplitude * np.choose(phase % 4, [0.0, 1.0, 0.0, -1.0])
 
@@ -40,12 +40,12 @@ def sine(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.nda
 
 
 def ramp(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.ndarray:
-    """Current that rises slowly from 0 to `amplitude`, as in Fig. 4: shows what it takes to break away."""
+    """Linear rise from 0 to `amplitude`, as in Fig. 4, which shows breakaway."""
     return amplitude * (time - time[0]) / (time[-1] - time[0])
 
 
 def chirp(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.ndarray:
-    """Sine whose frequency grows from 0.2 to 20 Hz, exponentially over the record."""
+    """Sine whose frequency grows exponentially from 0.2 to 20 Hz over the record."""
     t = time - time[0]
     span = t[-1]
     growth = np.log(20.0 / 0.2)
@@ -53,9 +53,9 @@ def chirp(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.nd
 
 
 def multisine(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.ndarray:
-    """Periodic sum of sines at odd multiples of 0.25 Hz up to 20 Hz with random phases; peak = `amplitude`.
+    """Sum of sines at odd multiples of 0.25 Hz up to 20 Hz with random phases, period 4 s, peak `amplitude`.
 
-    Odd lines alone leave the even ones free to show even nonlinearities; 4 s period.
+    Even nonlinearities of the plant show at the even multiples, which are not excited.
     """
     t = time - time[0]
     frequency = 0.25 * np.arange(1, 81, 2)
@@ -74,10 +74,10 @@ def excitation(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Time (N,) [s] and current (N,) [A] of a named excitation, from t = 0 to `duration`.
 
-    Raises InputError for an unknown name, a duration of fewer than two samples or a value that is not finite.
+    Raises InputError for an unknown name, a duration that is too short or too long, and infinite values.
     """
     if name not in EXCITATIONS:
-        raise InputError(f"no excitation {name!r}; {choices(name, EXCITATIONS)}")
+        raise InputError(f"excitation {name!r} is not known; {choices(name, EXCITATIONS)}")
     if not (np.isfinite(duration) and 2 * sample_time <= duration <= LONGEST):
         raise InputError(
             f"duration = {duration:g} s; expected at least two samples of {sample_time:g} s and at most {LONGEST:g} s"

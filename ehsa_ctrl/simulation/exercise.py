@@ -1,4 +1,4 @@
-"""A closed-loop run that exercises a controller: limits, steps, disturbances and lost readings, for a test vector."""
+"""A closed-loop run for a controller's test vector: limits, steps, disturbances and lost readings."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ from .closed_loop import run_closed_loop
 from .faults import Faults, SensorFault
 from .sensors import Sensors
 
-#: Force pulses [N] that are tried; the smallest that takes the current to its limit is used.
+#: Force pulses to try [N]; the smallest one that drives the current to its limit is used. Engineering judgement.
 FORCE_PULSES = (0.0, 10e3, 20e3, 40e3)
 
 
 def exercise_controller(
     plant: Plant, controller: Controller, current_limit: float, seed: int
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Reference (N, 3) and readings (N, 5) of a run, and the number of samples with the current at its limit [A].
+    """Reference (N, 3) and readings (N, 5) of a run, and the number of samples at the current limit [A].
 
-    Two steps and a ramp of the reference, a force pulse, readings lost for a moment and, at the end, for good.
+    The run has two steps and a ramp of the reference, a force pulse, and lost readings: briefly, and for the last
+    0.2 s.
     """
     time = controller.sample_time * np.arange(round(3.0 / controller.sample_time))
     reference = np.zeros((time.size, 3))
-    # A tenth of the stroke, at most 20 mm.
+    # A tenth of the stroke, at most 20 mm: small enough for any plant.
     size = min(0.02, 0.1 * plant.limits["stroke"].value) if "stroke" in plant.limits else 0.02
     reference[:, 0] = np.select([time < 0.2, time < 1.2, time < 1.6], [0.0, size, 0.0], 0.0)
     ramp = (time >= 1.8) & (time < 2.2)

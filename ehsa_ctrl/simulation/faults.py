@@ -10,13 +10,13 @@ import numpy as np
 from ..core.controller_interface import MEASURED
 from ..core.errors import InputError, choices
 
-#: Kinds of sensor fault and their codes in the compiled loop.
+#: Kind of sensor fault -> its code in the compiled loop.
 KINDS = {"stuck": 1, "lost": 2}
 
 
 @dataclass(frozen=True)
 class SensorFault:
-    """A sensor that gives its last value (`stuck`) or nothing (`lost`) from `start` for `duration` [s]."""
+    """A sensor that repeats its last value ("stuck") or gives none ("lost"), from `start` for `duration` [s]."""
 
     channel: str
     kind: str
@@ -25,9 +25,9 @@ class SensorFault:
 
     def __post_init__(self) -> None:
         if self.channel not in MEASURED:
-            raise InputError(f"fault of channel {self.channel!r}; {choices(self.channel, MEASURED)}")
+            raise InputError(f"fault: channel {self.channel!r} is not known; {choices(self.channel, MEASURED)}")
         if self.kind not in KINDS:
-            raise InputError(f"fault {self.kind!r} of {self.channel}; {choices(self.kind, KINDS)}")
+            raise InputError(f"fault of {self.channel}: kind {self.kind!r} is not known; {choices(self.kind, KINDS)}")
         if not (self.start >= 0 and self.duration > 0):
             raise InputError(
                 f"fault of {self.channel}: start = {self.start:g} s and duration = {self.duration:g} s; expected at "
@@ -37,7 +37,7 @@ class SensorFault:
 
 @dataclass(frozen=True)
 class DriveLimit:
-    """A drive that gives no more than `current` [A] from `start` for `duration` [s]."""
+    """A drive that limits its current to `current` [A], from `start` for `duration` [s]."""
 
     current: float
     start: float = 0.0
@@ -59,7 +59,7 @@ class Faults:
     drive: Sequence[DriveLimit] = ()
 
     def tables(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """For the engine: fault of each reading (N, 5), int8 by KINDS, and the largest current (N,) [A]."""
+        """Tables for the engine: code in KINDS of each reading (N, 5), int8, 0 for none; largest current (N,) [A]."""
         fault = np.zeros((time.size, len(MEASURED)), dtype=np.int8)
         ceiling = np.full(time.size, np.inf)
         for sensor in self.sensors:

@@ -1,12 +1,12 @@
-"""One sample of a run: Dormand-Prince steps between mode changes, which are found to the instant.
+"""Integrate one sample of a run: Dormand-Prince steps between mode changes, whose instants are located exactly.
 
-The same compiled code serves every structure. What differs is in `plant_text.py`, whose functions are called by their
+The same compiled code serves every structure. The functions of a structure (`plant_text.py`) are called by their
 addresses: `functions` and `shape` as in PlantCode. Vectors are pointers (core/pointers.py): y states, d sliding
-directions (0: the contact sticks), k1 and k7 rates at a step's beginning and end, y_n states at its end, c constants of
-the run. u and f are the two inputs, which change linearly over a step.
+directions (0: the contact sticks), k1 and k7 rates at the beginning and end of a step, y_n states at its end, c
+constants of the run. u and f are the two inputs, which change linearly over a step.
 """
 
-# Types are numba's: those of the signature, and what follows from them.
+# numba infers the types from the signature.
 # mypy: ignore-errors
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from ..core.pointers import VECTOR, WORDS, call, shifted
 
 DONE, FAILED, CHATTERS, NO_CURRENT, STIFF, UNFINISHED = 0, 1, 2, 3, 4, 5
 MAX_EVENTS_PER_SAMPLE = 1000
-# A sample of an actuator takes 1 to 200 steps. So many mean that something is far too stiff for it.
+# A sample of an actuator takes 1 to 200 steps; a plant that needs more than this is far too stiff.
 MAX_STEPS_PER_SAMPLE = 20000
-# After so many steps, some tenths of a second, a compiled loop goes back to Python, which looks at signals.
+# After this many steps, some tenths of a second, a compiled loop returns to Python, so that it can handle interrupts.
 STEPS_PER_CALL = 1000000
-# Longest step of a creeping contact, over the time in which a deviation grows e-fold: see `longest`.
+# Longest step of a slowly sliding contact, relative to the time in which a deviation grows e-fold: see `longest`.
 SHORT, LONG, SHARE = 0.12, 0.3, 1.5
 
-# Places in `functions` and `shape`, see plant_code.py.
+# Indices in `functions` and `shape`, see plant_code.py.
 CONSTANTS, STEP, ACCEPT, RATES, CELL, PROPAGATE, CONTACT = range(7)
 HOLD, NET, FRICTION = range(3)
 STATES, CONTACTS, CONSTANT_COUNT, LATE, MEASURED, SPEEDS = 0, 1, 2, 3, 4, 8
@@ -40,7 +40,7 @@ CODE = (WORDS, WORDS, VECTOR)
 
 @njit(error_model="numpy", forceinline=True)
 def dead_time(shape, p, dt):
-    """Whole samples, and the part of one, by which the first input acts late."""
+    """Dead time of the first input: whole samples, and the remaining fraction of one."""
     late = p[shape[LATE]] / dt if shape[LATE] >= 0 else 0.0
     whole = int(late)
     return whole, late - whole
@@ -54,14 +54,17 @@ def of_contact(functions, i, which):
 
 @njit(error_model="numpy", forceinline=True)
 def tenth_root(x):
-    """x^(1/10) within seven per cent, from the bits of x, which grow like its logarithm: enough to choose a step by."""
+    """x^(1/10) within 7 %, enough to choose a step length; the bits of x as an integer grow like its logarithm."""
     one = np.int64(4607182418800017408)
     return np.int64(one + 0.1 * (np.float64(x).view(np.int64) - one)).view(np.float64)
 
 
 @njit(error_model="numpy", forceinline=True)
 def lowest(start, middle, end):
-    """Share of a step at which the parabola through three margins dips below zero between ends above it; else 0."""
+    """Fraction of a step at which the parabola through three margins has a negative minimum between positive ends.
+
+    0 if there is no such minimum.
+    """
     bend = start - 2.0 * middle + end
     if not (start > 0.0 and end > 0.0 and bend > 0.0):
         return 0.0
@@ -72,11 +75,11 @@ def lowest(start, middle, end):
 
 @njit(error_model="numpy", forceinline=True)
 def longest(speed, acceleration, at_rest):
-    """Longest step of a contact that slides ever slower, from its acceleration now and what it would be at speed 0.
+    """Longest step of a decelerating contact, from its acceleration now and the one it would have at speed 0.
 
-    Where friction rises towards rest (Stribeck), a deviation grows on the way there: by `growth` on average. Errors of
-    the steps, and above all their change when the step length changes, are such deviations. How many e-folds are
-    still to come follows from the time to rest; the more there are, the finer the steps.
+    If friction rises towards rest (Stribeck), a deviation grows on the way there, e-fold in `growth_time` on average.
+    Step errors are such deviations, above all their change with the step length. The number of e-folds that are still
+    to come follows from the time to rest; the more there are, the shorter the steps.
     """
     rise = acceleration - at_rest
     growth_time = speed / rise
@@ -88,10 +91,10 @@ def longest(speed, acceleration, at_rest):
 
 @njit(error_model="numpy", forceinline=True)
 def margin(functions, shape, scales, y, u, f, d, fresh, c):
-    """Distance to the nearest mode change, in units of the contact's scale; negative: passed.
+    """Distance to the nearest mode change, in units of the contact's scale; negative beyond it.
 
-    A contact that has just begun to move (fresh) is on its own switching surface and is left out until it is clear
-    of it.
+    A contact that has just begun to move (fresh) is on its own switching surface, and is left out until it has left
+    this surface.
     """
     least = inf
     for i in range(shape[CONTACTS]):
@@ -106,11 +109,11 @@ def margin(functions, shape, scales, y, u, f, d, fresh, c):
 
 @njit(error_model="numpy")
 def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, d, fresh, at_end, exact, c):
-    """Length of the step that ends at the instant where the margin crosses zero; y_n and k7 become those at its end.
+    """Length of the step that ends where the margin crosses zero; y_n and k7 become the values at its end.
 
-    at_end: the margin at the end of the whole step. The root of the margin along the cubic through both ends is the
-    first guess; a Newton iteration that repeats the step finishes. The step ends just beyond the crossing: it aims at
-    the middle of what is allowed, -exact to 0. y_m is working memory.
+    at_end: margin at the end of the whole step. The first guess is the root of the margin along the cubic through both
+    ends; a Newton iteration that repeats the step refines it. The step ends just beyond the crossing: the target is the
+    middle of the allowed margins, -exact to 0. y_m is working memory.
     """
     n = shape[STATES]
     aim = 0.5 * exact
@@ -164,7 +167,7 @@ def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, 
 
 @njit(error_model="numpy")
 def switch(functions, shape, y, u, f, d, fresh, c):
-    """Change the mode of every contact whose margin has run out: stop, break away, or reverse. True if one changed."""
+    """Change the mode of every contact with a margin of 0 or less: stop, break away, or reverse. True if one changed."""
     changed = False
     for i in range(shape[CONTACTS]):
         if not shape[SPEEDS + 2 * i + 1]:
@@ -189,11 +192,11 @@ def switch(functions, shape, y, u, f, d, fresh, c):
 
 @njit(error_model="numpy")
 def leap(n, speed, before, after, S, width):
-    """Jump of the sensitivities S (state, column) where a contact stops: the instant shifts with the parameters.
+    """Jump of the sensitivities S (state, column) at the stop of a contact, whose instant shifts with the parameters.
 
-    Its speed is S[speed] away from zero there and would be before[speed] a moment earlier, so the instant shifts by
-    -S[speed] / before[speed]; what lies behind it has other rates (saltation). A breakaway needs no such jump: the
-    rates are continuous there. before, after: rates (n,).
+    The derivative of the speed is S[speed], its rate before the stop is before[speed], so the instant shifts by
+    -S[speed] / before[speed], and the rates after it apply accordingly earlier or later (saltation). A breakaway needs
+    no jump, because the rates are continuous. before, after: rates (n,).
     """
     if before[speed] != 0.0:
         for q in range(width - 1):
@@ -205,11 +208,11 @@ def leap(n, speed, before, after, S, width):
 
 @njit(error_model="numpy", forceinline=True)
 def watch(functions, shape, scales, y, k1, y_n, k7, y_m, h, dt, u, f, u_n, f_n, d, fresh, c):
-    """Look for mode changes within a step: the margin at its end, and the length that the step shall have.
+    """Check a step for mode changes: returns the margin at its end and the length that the step should have.
 
-    That is a shorter one than h where a contact may break away, or stop, and come back within the step: the step then
-    ends where the margin is lowest. A fresh contact that has already turned back needs a shorter one too. Also returns
-    whether a contact is fresh, and whether one slides slowly (see `longest`).
+    The length is less than h if a contact may break away, or stop, and return within the step; the step then ends where
+    the margin is lowest. It is also less for a fresh contact that has already reversed. Also returns whether a contact
+    is fresh, and whether one slides slowly (see `longest`).
     """
     at_end, wanted, some_fresh, slow = inf, h, False, False
     divisible = h > 1e-6 * dt

@@ -1,4 +1,4 @@
-"""The plant's limits, monitored in every run."""
+"""Limits of the plant, checked in every run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..core.unit import factor
 from ..plant.plant import Plant
 
-#: Unit in which each limit is printed.
+#: Limit -> unit in which it is printed.
 SHOWN = {
     "pump_speed": "rpm",
     "motor_speed": "rpm",
@@ -22,7 +22,7 @@ SHOWN = {
     "stroke": "mm",
 }
 
-#: Quantity of each limit in words.
+#: Limit -> name of its quantity.
 NAMES = {
     "pump_speed": "pump speed",
     "motor_speed": "motor speed",
@@ -31,12 +31,12 @@ NAMES = {
     "current_rms": "RMS current",
     "pressure_max": "a pressure",
     "pressure_min": "a pressure",
-    "stroke": "stroke: the rod's distance from the middle",
+    "stroke": "stroke (distance from mid-stroke)",
 }
 
 
 def scale_of(limit: str, unit: str) -> float:
-    """Factor from the unit in SHOWN to a limit's own unit; the stroke is shown as the distance from the middle."""
+    """SI units of a limit per printed unit; a stroke is printed as the distance from mid-stroke, half of it."""
     return factor(SHOWN[limit], unit) * (2.0 if limit == "stroke" else 1.0)
 
 
@@ -44,7 +44,7 @@ def scale_of(limit: str, unit: str) -> float:
 class Exceedance:
     """A limit that a run exceeded: name, limit, worst value and time of the first sample beyond it.
 
-    `first` is nan for averages over the run, and where only the time between two samples lay beyond.
+    first: nan for averages over the run, and if the limit was only exceeded between samples.
     """
 
     limit: str
@@ -63,7 +63,7 @@ class Exceedance:
 
 
 def reached(plant: Plant, current: np.ndarray, states: np.ndarray, extremes: np.ndarray) -> dict[str, float]:
-    """Largest (or smallest) value in a run of each limited quantity, SI units; names as in `file.LIMIT_UNITS`.
+    """Limit (as in `file.LIMIT_UNITS`) -> worst value of its quantity in a run, SI units.
 
     current (N,), states (N, n), extremes (2, n) as in a Trajectory.
     """
@@ -73,10 +73,10 @@ def reached(plant: Plant, current: np.ndarray, states: np.ndarray, extremes: np.
 def exceedances(
     plant: Plant, time: np.ndarray, current: np.ndarray, states: np.ndarray, extremes: np.ndarray
 ) -> Iterator[Exceedance]:
-    """Every limit of the plant that was exceeded.
+    """Limits of the plant that a run exceeded.
 
-    Speeds, pressures and stroke by the extremes between samples; torque by the asked current; power and current as
-    averages over the run (the motor's continuous rating).
+    Speeds, pressures and stroke are checked between samples too. Power and current are averages over the run, for the
+    motor's continuous rating.
     """
     watched = _watched(plant, current, states, extremes)
     for name, limit in plant.limits.items():
@@ -95,7 +95,7 @@ def exceedances(
 def _watched(
     plant: Plant, current: np.ndarray, states: np.ndarray, extremes: np.ndarray
 ) -> dict[str, tuple[float, np.ndarray]]:
-    """Limit -> worst value in the run and the monitored signal (N,), empty for an average."""
+    """Limit -> worst value in the run, and the signal (N,) that it limits; empty for an average."""
     index = plant.structure.equations.index
     has = {state.name for state in plant.structure.equations.states}
     watched: dict[str, tuple[float, np.ndarray]] = {}

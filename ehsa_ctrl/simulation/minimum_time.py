@@ -10,7 +10,7 @@ from ..core.errors import InputError
 from ..plant.plant import Plant
 from ..plant.system import Contact
 
-#: Number of segments of the path with constant acceleration.
+#: Number of segments of the path. Engineering judgement.
 PARTS = 200
 
 
@@ -23,30 +23,32 @@ def shortest_time(
     band: float = 0.0,
     speed_limit: float | None = None,
 ) -> float:
-    """Lower bound of the time from rest at `start` to within `band` of `start + distance`, to stay there [s].
+    """Lower bound [s] of the time from rest at `start` until the rod stays within `band` of `start + distance`.
 
-    Full current until the pump's speed limit or the point from which full braking just stops in time: the time-optimal
-    motion of one inertia (e.g. J. E. Bobrow, S. Dubowsky, J. S. Gibson, "Time-optimal control of robotic manipulators
-    along specified paths", Int. J. Robotics Research 4(3), 1985), which may use the whole band: it comes to rest at
-    its far edge.
+    The motion is the time-optimal one of a single inertia (e.g. J. E. Bobrow, S. Dubowsky, J. S. Gibson, "Time-optimal
+    control of robotic manipulators along specified paths", Int. J. Robotics Research 4(3), 1985): full current up to
+    the speed limit of the pump, then full braking, to rest at the far edge of the band.
 
-    The model: oil that can't be compressed, so that shaft and rod move as one (omega D = A v); the plant's own
-    friction at both contacts, which hinders the start and helps to brake; its load without a force from outside; no
-    leakage, no delay, no ramp of the current. Leaving these out makes it faster than the plant, so that it stays a
-    bound; compressed oil can push the rod ahead of the pump only for the few milliseconds of its relaxation.
+    The model: incompressible oil, so that shaft and rod move together (omega D = A v); the plant's friction at both
+    contacts; its load without an external force; no leakage, no delay, no rise time of the current. These omissions
+    make it faster than the plant, so that the result is a bound; compressed oil can push the rod ahead of the pump only
+    for the few milliseconds of its relaxation.
 
     Parameters
     ----------
-    distance: way to go [m], of either sign. current_limit: A. band: half width of the band around the target [m].
+    distance: of either sign [m].
+    current_limit: A.
+    start: position at the start [m].
+    band: half width of the band around the target [m].
     speed_limit: of the shaft [rad/s]; by default the lower one of the plant's limits of pump and motor.
 
     Returns
     -------
-    Seconds; inf where that current can't reach the place or can't stop there.
+    Seconds; inf if the current can't move the rod there or can't stop it there.
 
     Raises
     ------
-    InputError: a distance of zero, a current limit or a band that is no positive number.
+    InputError: a distance of zero, a current limit that is not positive, a band as long as the distance.
     """
     if not (np.isfinite(distance) and distance != 0.0 and 0.0 < current_limit < np.inf):
         raise InputError(
@@ -59,7 +61,7 @@ def shortest_time(
     fastest = speed_limit if speed_limit is not None else min(limits, default=np.inf)
     way = 1.0 if distance > 0 else -1.0
     rate = _acceleration(plant, way)
-    # Half of the speed squared over the shaft's angle has the acceleration for its slope: smooth even at rest.
+    # The integrated variable is omega^2 / 2 over the shaft angle: its slope is the acceleration, smooth even at rest.
     places = start + way * np.linspace(0.0, abs(distance) + band, PARTS + 1)
     step = (abs(distance) + band) / PARTS * plant["A"] / plant["D"]
     ceiling = 0.5 * fastest**2
@@ -76,7 +78,7 @@ def shortest_time(
 
 
 def _integrate(slope: Callable[[float, float], float], places: np.ndarray, step: float, ceiling: float) -> np.ndarray:
-    """Half of the speed squared at each place, from rest at the first one; Heun's rule, never above the ceiling."""
+    """omega^2 / 2 at each position, from rest at the first one, by Heun's method; limited to `ceiling`."""
     energy = np.zeros(places.size)
     for k in range(places.size - 1):
         first = slope(places[k], (2.0 * energy[k]) ** 0.5)
@@ -89,7 +91,7 @@ def _integrate(slope: Callable[[float, float], float], places: np.ndarray, step:
 
 
 def _acceleration(plant: Plant, way: float) -> Callable[[float, float, float], float]:
-    """Of the shaft [rad/s2], from the rod's place, the shaft's speed and the current, both counted along `way`."""
+    """Function (rod position, shaft speed, current) -> shaft acceleration [rad/s2]; positive along `way`."""
     travel = plant["D"] / plant["A"]
     inertia = plant["J_M"] + (plant["M"] + plant["m_L"]) * travel**2
     shaft, rod = (_friction(plant, contact) for contact in plant.structure.system.contacts)
@@ -103,7 +105,7 @@ def _acceleration(plant: Plant, way: float) -> Callable[[float, float, float], f
 
 
 def _friction(plant: Plant, contact: Contact) -> Callable[[float], float]:
-    """Friction of a contact over its speed >= 0, for an inner state at the value that it takes at constant speed."""
+    """Function speed >= 0 -> friction of a contact, with an inner state at its value for constant speed."""
     law = plant.structure.law(contact)
     symbols = {symbol: plant[contact.symbol(symbol)] for symbol in law.symbols if symbol != law.band}
     bristle = law.state_rate
@@ -117,7 +119,7 @@ def _friction(plant: Plant, contact: Contact) -> Callable[[float], float]:
     outer = law.effort.__code__.co_varnames[: law.effort.__code__.co_argcount]
 
     def effort(speed: float) -> float:
-        # The rate is linear in z, so that two values give its root.
+        # The rate is linear in z, so two values give its zero.
         moving = max(speed, 1e-9)
         at_zero, at_one = (bristle(speed=moving, z=z, **inner) for z in (0.0, 1.0))
         z = at_zero / (at_zero - at_one)

@@ -1,6 +1,6 @@
 """The compiled loop over the samples of runs with a given input; the first arguments are those of PlantCode."""
 
-# Types are numba's: those of the signature, and what follows from them.
+# numba infers the types from the signature.
 # mypy: ignore-errors
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ def open_loop(
     functions, shape, scales, p, y, mode, carry, current, force, first_order, dt, tol,
     states_out, modes_out, cell_out, extremes, status,
 ):  # fmt: skip
-    """All samples of a run for every row of p, y, mode and carry, which are updated to the end of the run.
+    """Simulate all samples of a run for every row of p, y, mode and carry, which are updated to the end of the run.
 
-    Inputs are held over each sample, or joined by lines (first_order). Samples after a failure keep what was in them.
-    Runs that are still UNFINISHED when the call has taken its steps are gone on with by the next call.
+    Inputs are held over each sample, or linear between samples (first_order). Outputs after a failure stay as they are.
+    The next call continues runs that are still UNFINISHED after STEPS_PER_CALL.
     """
     n, contacts = shape[STATES], shape[CONTACTS]
     constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(3 * n + 2 * contacts)
@@ -83,7 +83,7 @@ def open_loop(
             if k + 1 == current.size or spent > STEPS_PER_CALL:
                 break
             end = k + 1 if first_order else k
-            # A late current changes within the sample: from `before`, through `turn` after `part` of it, to `after`.
+            # A delayed current changes within the sample: from `before` to `turn` in its first part, then to `after`.
             turn, new = current[max(k - whole, 0)], current[max(k + 1 - whole, 0)]
             middle = force[k]
             if part > 0.0:

@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from ..plant.wiring import Equations
 from .plant_text import plant_text
 
-#: Places in `PlantCode.functions`: those of every structure, then for each contact hold, net, friction.
+#: Names in the order of `PlantCode.functions`: those of every structure, then three for each contact.
 NAMES = ("constants", "step", "accept", "rates", "cell", "propagate")
 OF_A_CONTACT = ("hold", "net", "friction")
 MEASURED_STATES = ("omega", "P_1", "P_2", "x")
@@ -23,11 +23,10 @@ MEASURED_STATES = ("omega", "P_1", "P_2", "x")
 class PlantCode:
     """The compiled functions of a structure, with the sizes that the integrator needs.
 
-    functions: addresses in the order of NAMES and OF_A_CONTACT; 0 for functions that a structure does not have.
-    shape: numbers of states, contacts and constants, place of the dead time among the parameters (-1: none), states
-        that a controller's sensors see (-1: none), then for each contact the state that is its speed, and 1 if
-        it sticks.
-    scales: size of a change of the speed of each contact that matters, then their reciprocals.
+    functions: addresses in the order of NAMES and OF_A_CONTACT; 0 for functions that a structure lacks.
+    shape: numbers of states, contacts and constants; index of the dead time among the parameters (-1 for none);
+        indices of MEASURED_STATES (-1 for none); then for each contact the index of its speed, and 1 if it can stick.
+    scales: scale of the speed of each contact, then their reciprocals.
     """
 
     functions: np.ndarray
@@ -36,21 +35,21 @@ class PlantCode:
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """What the compiled loops take first."""
+        """First arguments of the compiled loops."""
         return self.functions, self.shape, self.scales
 
 
 @cache
 def plant_code(equations: Equations, *, sensitivities: bool = False) -> PlantCode:
-    """The compiled functions of a structure; the first call ever for its equations compiles, later starts load.
+    """The compiled functions of a structure. The first call for its equations compiles them, later processes load them.
 
-    Raises InputError for derivatives of a structure with a dead time.
+    Raises InputError for sensitivities of a structure with a dead time.
     """
     structure = equations.structure
     if sensitivities and structure.delay is not None:
         raise InputError(
-            f"no derivatives by {structure.delay}: a dead time of the drive is the same as delays of all sensors; "
-            f"free delay.CHANNEL instead"
+            f"there are no derivatives by {structure.delay}; a dead time of the drive acts as a delay of all sensors: "
+            "estimate delay.CHANNEL instead"
         )
     contacts = structure.system.contacts
     text, constants = plant_text(structure, sensitivities=sensitivities)

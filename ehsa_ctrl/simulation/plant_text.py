@@ -1,9 +1,9 @@
-"""Machine code of one structure: its equations, and one integration step of them, as text for LLVM.
+"""Generate LLVM assembly for a structure: its equations, and an integration step.
 
-The equations come from the tape (`plant/tape.py`), which is already in the form that LLVM wants: every operation once,
-in order. A structure compiles this way in a fraction of the time that numba needs for the same operations in Python.
-Everything with branches and loops, mainly the handling of events, is the same for all structures: `integrator.py`
-calls these functions by their addresses.
+The equations come from the tape (`plant/tape.py`), which already has the form of LLVM assembly: every operation once,
+in order. This compiles in a fraction of the time that numba needs for the same operations in Python. All code with
+branches and loops, mainly the handling of events, is the same for all structures: `integrator.py` calls these functions
+by their addresses.
 
 Functions and their arguments (vectors are pointers to doubles; y states, d sliding directions, c constants of the run;
 u, f the two inputs). Each returns one double.
@@ -41,18 +41,18 @@ TABLEAU = (
 #: Fifth- minus fourth-order weights of the same pair.
 ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
 
-#: Arguments of what is evaluated at a point, and of what goes over a step.
+#: Arguments of functions of a point, and of functions of a step.
 POINT = ("ptr %y", "double %u", "double %f", "ptr %d", "ptr %c")
 STEP = ("ptr %y", "double %h", "double %u", "double %du", "double %f", "double %df", "ptr %d", "ptr %c")
 
 
 def weighted(weights: Sequence[float], rates: Sequence[str]) -> list[tuple[float, str]]:
-    """Non-zero weights of a row of the tableau with the rates they are for."""
+    """Non-zero weights of a row of the tableau, with their rates."""
     return [(weight, rate) for weight, rate in zip(weights, rates, strict=True) if weight != 0.0]
 
 
 class _Writer:
-    """Writes the functions of a structure; what depends on parameters alone gets a place in c, filled once a run."""
+    """Writes the functions of a structure. What depends only on parameters is computed once per run and stored in c."""
 
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
@@ -64,7 +64,7 @@ class _Writer:
         self.directions = list(self.equations.directions)
 
     def expressions(self, g: Function, refs: Sequence[Ref], values: Mapping[str, str], flags: str = "") -> list[str]:
-        """Operands that hold `refs`, for inputs of the tape at `values`."""
+        """Operands with the values of `refs`; values: operand of each input of the tape."""
         nodes = self.tape.nodes
         live = self.tape.needed(refs, stop=lambda node: node.parametric)
         partner = self._exp_pairs(live) if not flags else {}
@@ -91,7 +91,7 @@ class _Writer:
         return [operand(ref) for ref in refs]
 
     def _exp_pairs(self, live: Sequence[Ref]) -> dict[Ref, Ref]:
-        """Which exp is computed together with which other one that doesn't depend on it."""
+        """Pairs of independent exponentials, each mapped to the other, to be computed together."""
         pairs: dict[Ref, Ref] = {}
         waiting: Ref | None = None
         for ref in live:
@@ -141,7 +141,7 @@ class _Writer:
 
     @staticmethod
     def inputs_at(g: Function, c: float, flags: str = "") -> tuple[str, str]:
-        """Inputs at the share c of a step."""
+        """Inputs at the fraction c of a step."""
         u, f = (
             g.operation("+", (f"%{name}", g.operation("*", (number(c), f"%d{name}"), flags)), flags) for name in "uf"
         )
@@ -161,7 +161,7 @@ class _Writer:
         for i, state in enumerate(self.equations.states):
             part = g.sum(weighted([e / state.scale for e in ERROR], [rates[i] for rates in k]), FUSED)
             squares.append(g.operation("*", (part, part), FUSED))
-        # The mean over the system's own states: an effect's own must not change the steps where it is neutral.
+        # Divided by the number of the system's states: the states of a neutral effect must not change the steps.
         own = len(self.structure.system.states)
         error = g.total([g.total(squares[:own]), *squares[own:]])
         factor = g.operation("*", (g.operation("*", ("%h", "%h")), number(1.0 / own)))
@@ -170,7 +170,7 @@ class _Writer:
             g.store("%k7", i, k[-1][i])
         for i, contact in enumerate(self.structure.system.contacts):
             rate = self.tape.refs[self.equations.rates[self.equations.index(contact.velocity)]]
-            # The flags let LLVM know that exp(0 / tau) is 1.
+            # These flags let LLVM simplify exp(0 / tau) to 1.
             at_rest = self.expressions(g, [rate], values | {contact.velocity: number(0.0)}, "nnan nsz ")
             g.store("%a0", i, at_rest[0])
         return g.text(g.operation("*", (error, factor)))
@@ -190,7 +190,7 @@ class _Writer:
 
     @staticmethod
     def advanced(g: Function, y: str, terms: Sequence[tuple[float, str]], flags: str = "") -> str:
-        """y + h (a1 k1 + a2 k2 ...); the last rate, which is the last to be known, comes in last."""
+        """y + h (a1 k1 + a2 k2 ...); the last rate is added last, because it is computed last."""
         *known, (a, k) = terms
         if known:
             y = g.operation("+", (y, g.operation("*", ("%h", g.sum(known, flags)), flags)), flags)
@@ -222,10 +222,10 @@ class _Writer:
         return g.text()
 
     def propagate_text(self) -> str:
-        """The sensitivities S (state, column) over a step that the states have taken: dS/dt = J S + F.
+        """Advance the sensitivities S (state, column) over a step of the states: dS/dt = J S + F.
 
-        The same Runge-Kutta step for the variational equations, so that S is the derivative of the numerical solution.
-        The Jacobians of the stages come first, then a loop over the columns, which LLVM vectorises.
+        It is the same Runge-Kutta step for the variational equations, so that S is the derivative of the numerical
+        solution. The Jacobians of all stages come first, then a loop over the columns, which LLVM vectorises.
         """
         n, entries = len(self.names), len(self.jacobian)
         arguments = [*STEP, "ptr noalias %S", "ptr noalias %F", "ptr %columns", "i64 %width"]
@@ -270,7 +270,7 @@ class _Writer:
         return g.text()
 
     def constants_text(self, bands: Sequence[Ref | None]) -> str:
-        """Call it last: it fills every slot that another function has asked for."""
+        """Must be called last: it fills all slots of c that the other functions use."""
         g = Function("constants", ["ptr %p", "ptr %c"])
         index = {name: i for i, name in enumerate(self.equations.parameter_names)}
         found: dict[Ref, str] = {}

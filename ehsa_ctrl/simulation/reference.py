@@ -1,7 +1,7 @@
-"""The reference path: SciPy's integrators with events, on the physics functions themselves, in plain Python.
+"""The reference simulation: SciPy's integrators with events, on the physics functions, in plain Python.
 
-A thousand times slower than the engine and independent of it apart from the equations: no tape, no generated text,
-another integrator (DOP853, Radau, LSODA), another event location.
+It is a thousand times slower than the engine and shares only the equations with it: no tape, no generated code, another
+integrator (DOP853, Radau, LSODA), another event location.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ METHODS = ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA")
 
 @dataclass(frozen=True)
 class ReferenceRun:
-    """States (N, n), sliding directions (N, contacts), instants of mode changes: (time, contact, new direction)."""
+    """States (N, n), sliding directions (N, contacts), and mode changes as (time, contact, new direction)."""
 
     states: np.ndarray
     modes: np.ndarray
@@ -46,7 +46,12 @@ def simulate_reference(
     method: str = "DOP853",
     rtol: float = 1e-10,
 ) -> ReferenceRun:
-    """Run the plant on SciPy; arguments as for `simulate`, errors weighed by the states' scales times rtol."""
+    """Simulate the plant with SciPy. Arguments as for `simulate`.
+
+    method: integrator, one of METHODS. rtol: relative tolerance; the absolute one is rtol times the states' scales.
+
+    Raises InputError as `simulate` does, and SimulationError if the integrator stops.
+    """
     current = checked_input(current, "current")
     outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
     dt = plant.sample_time if sample_time is None else sample_time
@@ -98,7 +103,7 @@ class _ModeMachine:
         return self.signals(**states, **dict(zip(self.inputs, inputs, strict=True)), **directions)
 
     def held(self, index: int, y: np.ndarray, inputs: np.ndarray, modes: np.ndarray) -> tuple[float, float]:
-        """Net effort on a contact at rest, and what friction can hold in its direction."""
+        """Net effort on a contact at rest, and breakaway effort in its direction."""
         contact: Contact = self.contacts[index]
         trial = modes.copy()
         trial[index] = 1.0 if self.evaluate(y, inputs, modes)[contact.net] > 0 else -1.0
@@ -108,7 +113,7 @@ class _ModeMachine:
     def advance(
         self, y: np.ndarray, modes: np.ndarray, inputs: np.ndarray, slopes: np.ndarray, dt: float
     ) -> list[tuple[float, str, int]]:
-        """One sample from the state y; returns the mode changes on the way."""
+        """Advance one sample from the state y; returns the mode changes."""
         changes: list[tuple[float, str, int]] = []
         t = 0.0
         for index, contact in enumerate(self.contacts):
@@ -137,7 +142,7 @@ class _ModeMachine:
             try:
                 signals = self.evaluate(state, inputs + slopes * s, modes)
             except OverflowError:
-                # A trial far beyond the instant where the contact stops; the integrator rejects what is no number.
+                # A trial step far beyond the stop of the contact; the integrator rejects nan.
                 return [np.nan] * state.size
             return [signals[rate] for rate in self.rates]
 
@@ -175,7 +180,7 @@ class _ModeMachine:
     def _decide(
         self, index: int, y: np.ndarray, inputs: np.ndarray, modes: np.ndarray, *, released: bool = False
     ) -> bool:
-        """Stick or slide from rest on; True if the contact moves. A located release counts as one despite rounding."""
+        """Decide at rest between sticking and sliding; True for sliding. released: an event located a breakaway."""
         net, held = self.held(index, y, inputs, modes)
         moves = released or abs(net) > held
         modes[index] = np.sign(net) if moves else 0.0

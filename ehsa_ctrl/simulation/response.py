@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 def to_response(run: Trajectory) -> control.TimeResponseData:
     """A run as a time response of python-control: inputs (2, N), states (n, N), outputs (n or more, N), SI units.
 
-    Labels are those of `to_iosystem`; beside the states there is dP where there are two pressures, so that the outputs
-    of `three_state` and `four_state` are all found by name: response.to_pandas()["dP"].
+    Labels are those of `to_iosystem`. A run with two pressures has the output dP too, so that all outputs of
+    `three_state` and `four_state` are found by name: response.to_pandas()["dP"].
     """
     import control
 
@@ -42,18 +42,18 @@ def to_response(run: Trajectory) -> control.TimeResponseData:
 
 
 def is_response(given: Any) -> bool:
-    """Whether something is a time response of python-control, without loading it."""
+    """Whether an object is a time response of python-control, without importing that."""
     return hasattr(given, "output_labels") and hasattr(given, "input_labels") and hasattr(given, "time")
 
 
 def signal_of(response: control.TimeResponseData, name: str) -> np.ndarray | None:
-    """A signal (N,) of a response by its label, an input's before an output's; None where there is none.
+    """A signal (N,) of a response by its label, first among inputs, then outputs; None without such a label.
 
-    Raises InputError for a response of several traces, which is ambiguous.
+    Raises InputError for a response with several traces, which is ambiguous.
     """
     if getattr(response, "ntraces", 0) > 1:
         raise InputError(
-            f"the time response has {response.ntraces} traces, one an input; give that of one, as of "
+            f"the time response has {response.ntraces} traces, one per input; expected one, as from "
             "step_response(system[:, 0])"
         )
     samples = np.size(response.time)
@@ -64,9 +64,9 @@ def signal_of(response: control.TimeResponseData, name: str) -> np.ndarray | Non
 
 
 def drives_of(plant: Plant, response: control.TimeResponseData) -> tuple[np.ndarray, np.ndarray | None, float]:
-    """The plant's two inputs (N,) out of a response, the second one None if it is not there, and the sample time [s].
+    """The plant's two inputs (N,) from a response (None for a missing second one), and the sample time [s].
 
-    Raises InputError for a response without the first one, or with time that is not uniform.
+    Raises InputError for a response without the first input, or with time that is not uniform.
     """
     first, second = plant.structure.system.inputs
     current = signal_of(response, first)

@@ -1,7 +1,7 @@
-"""Derivatives of a run by parameters and initial states, exact through stops and breakaways.
+"""Derivatives of a run with respect to parameters and initial states, exact through stops and breakaways.
 
-Forward sensitivities along the run with the jump that each stop makes. A breakaway and a stop move in time with the
-parameters; differences of two runs see that as a jump wherever an instant crosses a sample, these derivatives don't.
+Forward sensitivities are integrated along the run, with a jump at each stop. The instants of stops and breakaways
+shift with the parameters. Finite differences jump whenever such an instant crosses a sample; these derivatives do not.
 
 Source of the jump: I. A. Hiskens, M. A. Pai, "Trajectory sensitivity analysis of hybrid systems", IEEE Trans.
 Circuits and Systems I 47(2), 2000 (here for events at which only the rates are discontinuous).
@@ -24,8 +24,8 @@ from .plant_code import plant_code
 class Sensitivities:
     """A run and its derivatives.
 
-    names: (k,) parameters and inputs, then "initial " + state for initial states. states: (N, n). values: (N, n, k)
-    derivative of each state by each of names, SI units.
+    names: (k,) parameters and inputs, then "initial STATE" for initial states. states: (N, n). values: (N, n, k)
+    derivative of each state with respect to each name, SI units.
     """
 
     names: tuple[str, ...]
@@ -39,10 +39,10 @@ class Sensitivities:
 
 @dataclass(frozen=True)
 class Transitions:
-    """A run as a chain of samples: state k + 1 = by_state[k] state k + by_input[k] input k + by_parameter[k] p.
+    """A run, linearised over each sample: x[k + 1] = by_state[k] x[k] + by_input[k] u[k] + by_parameter[k] p.
 
-    Deviations from the run; states (N, n), modes as at the run's start, by_state (N-1, n, n), by_input (N-1, n) for
-    the first input, by_parameter (N-1, n, k) in the order of `names`.
+    x, u and p are deviations from the run. states (N, n), by_state (N - 1, n, n), by_input (N - 1, n) for the first
+    input, by_parameter (N - 1, n, k) in the order of `names`.
     """
 
     names: tuple[str, ...]
@@ -68,19 +68,19 @@ def sensitivities(
     sample_time: float | None = None,
     tolerance: float = 1e-6,
 ) -> Sensitivities:
-    """Run the plant and differentiate the run.
+    """Simulate the plant and differentiate the run.
 
     Parameters
     ----------
-    parameters: names to differentiate by: parameters, or inputs (a constant on top of that input); P_0 and x_0 act
-        through the initial state if `start` is not given.
-    initial_states: names of states whose initial value to differentiate by.
+    parameters: names of parameters, or of inputs for a constant added to that input. P_0 and x_0 act through the
+        initial state unless `start` is given.
+    initial_states: names of states, for derivatives with respect to their initial values.
     Other arguments as for `simulate`.
 
     Raises
     ------
     InputError: an unknown name; an input of the wrong shape or not finite.
-    SimulationError: the run could not be finished.
+    SimulationError: the run stopped early.
     """
     states = [state.name for state in plant.structure.equations.states]
     for state in initial_states:
@@ -109,15 +109,15 @@ def transitions(
     sample_time: float | None = None,
     tolerance: float = 1e-6,
 ) -> Transitions:
-    """Run the plant and linearise each sample of the run, e.g. for a Kalman filter along the run.
+    """Simulate the plant and linearise the run over each sample, e.g. for a Kalman filter along the run.
 
-    Arguments and errors as for `sensitivities`; parameters don't act through the initial state here.
+    Arguments and errors as for `sensitivities`, but parameters don't act through the initial state.
     """
     n = len(plant.structure.equations.states)
     first = plant.structure.system.inputs[0]
     S = np.zeros((n, n + 1 + len(parameters) + 1))
     S[:, :n] = np.eye(n)
-    # The columns of the states come first, so that the named ones are numbered from n on.
+    # The first n columns are those of the states; the named ones follow.
     out, values = _run(plant, [first, *parameters], S, True, current, force, hold, start, sample_time, tolerance, n)
     return Transitions(tuple(parameters), out, values[1:, :, :n], values[1:, :, n], values[1:, :, n + 1 :])
 
@@ -135,7 +135,7 @@ def _run(
     tolerance: float,
     first_column: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """States (N, n) and derivatives (N, n, columns of S but the last) of a run that begins with derivatives S."""
+    """States (N, n) and derivatives (N, n, k) of a run with initial derivatives S (n, k + 1)."""
     equations = plant.structure.equations
     known = [*equations.parameter_names, *equations.inputs]
     columns = np.full(len(known), S.shape[1] - 1, dtype=np.int64)

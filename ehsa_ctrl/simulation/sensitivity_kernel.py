@@ -1,6 +1,6 @@
 """The compiled loop over the samples of a run with its sensitivities; the first arguments are those of PlantCode."""
 
-# Types are numba's: those of the signature, and what follows from them.
+# numba infers the types from the signature.
 # mypy: ignore-errors
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ def sensitivity(
     functions, shape, scales, p, y, mode, carry, current, force, first_order, dt, tol, columns, restart, S,
     states_out, S_out, extremes,
 ):  # fmt: skip
-    """As `open_loop` for one run, with S (state, column): columns[parameter] is its column, or the last one for none.
+    """As `open_loop` for one run, with sensitivities S (state, column) of columns[parameter], the last one for none.
 
-    S holds the derivatives of the initial state at the start; S_out gets them at every sample, without the last
-    column. With restart every sample begins with that S again: S_out[k] is then what sample k - 1 alone does.
-    Returns a status; UNFINISHED: to be called again.
+    S contains the initial derivatives; S_out gets those at every sample, without the last column. With `restart`, every
+    sample begins with the initial S, so that S_out[k] contains only the effect of sample k - 1. Returns a status; call
+    again if it is UNFINISHED.
     """
     n, width = shape[STATES], S.shape[1]
     constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(3 * n + 2 * shape[CONTACTS])

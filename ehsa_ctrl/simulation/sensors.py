@@ -1,4 +1,4 @@
-"""Sensor models: filter, delay, scale, noise and converter resolution on the true signals."""
+"""Sensor models: filter, delay, scale, bias, noise and quantisation of the true signals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..core.log import CHANNELS
 from ..plant.plant import Plant, Sensor
 from .trajectory import Trajectory
 
-#: Channels in the order of their noise streams; a system's own channels have streams by name.
+#: Channels in the order of their noise streams; for other channels of a system the name gives the stream.
 STREAMS = ("current", "speed", "p1", "p2", "position", "force", "velocity", "drive_force")
 
 
@@ -21,7 +21,7 @@ STREAMS = ("current", "speed", "p1", "p2", "position", "force", "velocity", "dri
 class Sensors:
     """The sensors of a run and the seed of their noise.
 
-    Each channel has a noise stream of its own, so that changing one sensor leaves the others' noise as it was.
+    Each channel has its own noise stream, so that a change of one sensor does not affect the noise of the others.
     """
 
     by_channel: dict[str, Sensor]
@@ -29,7 +29,7 @@ class Sensors:
 
     @classmethod
     def of(cls, plant: Plant, *, seed: int = 0, noise: bool = True, ideal: bool = False) -> Sensors:
-        """The plant's sensors; without noise if noise=False; without anything else either if ideal=True."""
+        """Sensors of the plant. noise=False removes their noise, ideal=True all their errors."""
         sensors = dict(plant.sensors)
         if ideal:
             sensors = {channel: Sensor(channel, sensor.unit) for channel, sensor in sensors.items()}
@@ -38,7 +38,7 @@ class Sensors:
         return cls(sensors, seed)
 
     def sensor(self, channel: str) -> Sensor:
-        """The sensor of a channel; an ideal one for a channel that the plant does not have."""
+        """The sensor of a channel; an ideal one for a channel that the plant lacks."""
         return self.by_channel.get(channel) or Sensor(channel, CHANNELS[channel].unit)
 
     def noise(self, channel: str, samples: int) -> np.ndarray:
@@ -47,9 +47,9 @@ class Sensors:
         return self.sensor(channel).noise * np.random.default_rng([self.seed, stream]).standard_normal(samples)
 
     def measure(self, channel: str, true: np.ndarray, sample_time: float, *, held: bool = False) -> np.ndarray:
-        """Reading of `channel` for the true signal (N,): as `shown`, with noise and resolution."""
+        """Reading of `channel` for the true signal (N,): as `noise_free_reading`, with noise and quantisation."""
         sensor = self.by_channel[channel]
-        value = shown(sensor, true, sample_time, held=held) + self.noise(channel, true.size)
+        value = noise_free_reading(sensor, true, sample_time, held=held) + self.noise(channel, true.size)
         return np.round(value / sensor.step) * sensor.step if sensor.step > 0.0 else value
 
     def log(self, run: Trajectory) -> dict[str, np.ndarray]:
@@ -68,7 +68,7 @@ class Sensors:
         }
 
     def tables(self, samples: int, sample_time: float) -> tuple[np.ndarray, ...]:
-        """Tables of the compiled closed loop: scale (5,), noise with bias (samples, 5), resolution (5,), delay
+        """Tables of the compiled closed loop: scale (5,), noise with bias (samples, 5), quantisation step (5,), delay
         in samples (5,), weights of the filters (5, 3)."""
         sensors = [self.sensor(channel) for channel in MEASURED]
         scale = np.array([sensor.scale for sensor in sensors])
@@ -79,10 +79,10 @@ class Sensors:
         return scale, np.ascontiguousarray(noise), resolution, delay, weights
 
 
-def shown(sensor: Sensor, true: np.ndarray, sample_time: float, *, held: bool = False) -> np.ndarray:
-    """Reading of a true signal (N,) without noise and resolution: filtered, delayed, scaled and biased.
+def noise_free_reading(sensor: Sensor, true: np.ndarray, sample_time: float, *, held: bool = False) -> np.ndarray:
+    """Reading of a true signal (N,) without noise and quantisation: filtered, delayed, scaled and biased.
 
-    Signals are straight between their samples; `held`: a drive's, which holds each value until the next one.
+    held: the signal is held over each sample, as that of a drive; by default it is linear between samples.
     """
     late = first_order(true, sensor.filter, sample_time, held=held)
     if sensor.delay > 0.0:
@@ -92,10 +92,9 @@ def shown(sensor: Sensor, true: np.ndarray, sample_time: float, *, held: bool = 
 
 
 def filter_weights(lag: float, sample_time: float, *, held: bool = False) -> tuple[float, float, float]:
-    """(a, b, c) of y_k = a y_(k-1) + b u_k + c u_(k-1), which is 1 / (lag s + 1) for a u straight between its samples.
+    """(a, b, c) of y_k = a y_(k-1) + b u_k + c u_(k-1), the exact solution of lag y' + y = u.
 
-    held: for a drive that holds each u_k over its sample; y_k is what there is at the end of that. Exact by integration
-    of lag y' + y = u over one sample.
+    u is linear between samples. held: u_k is held over its sample, and y_k is the value at the end of that sample.
     """
     if lag <= 0.0:
         return 0.0, 1.0, 0.0
@@ -109,9 +108,10 @@ def filter_weights(lag: float, sample_time: float, *, held: bool = False) -> tup
 def first_order(
     signal: np.ndarray, lag: float, sample_time: float, *, held: bool = False, moving: bool = False
 ) -> np.ndarray:
-    """A signal (N, ...) through 1 / (lag s + 1), see `filter_weights`; lag = 0 leaves it as it is.
+    """A signal (N, ...) filtered by 1 / (lag s + 1), see `filter_weights`; unchanged for lag = 0.
 
-    It starts settled at the first sample; moving: as if the signal had always run as between its first two samples.
+    The filter starts in steady state at the first sample; moving: in the steady state of a ramp with the slope between
+    the first two samples.
     """
     if lag <= 0.0:
         return signal
@@ -123,8 +123,8 @@ def first_order(
     return np.asarray(out)
 
 
-def by_filter(signal: np.ndarray, lag: float, sample_time: float, *, moving: bool = False) -> np.ndarray:
-    """Derivative of `first_order(signal, lag, sample_time)` (N,) by lag, 1/s of the signal's unit; also at lag = 0."""
+def first_order_by_lag(signal: np.ndarray, lag: float, sample_time: float, *, moving: bool = False) -> np.ndarray:
+    """Derivative (N,) of `first_order` with respect to lag [unit of the signal per s]; valid at lag = 0 too."""
     from scipy.signal import lfilter
 
     a, _, _ = filter_weights(lag, sample_time)

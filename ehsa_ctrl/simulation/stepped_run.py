@@ -1,4 +1,4 @@
-"""A run in steps of any length for an external master: the plant on the engine of `simulate`."""
+"""Simulation in steps of any length, for an external master, on the engine of `simulate`."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from ..plant.plant import Plant
 from .engine import DONE, LARGEST, checked_start, initial_carry, initial_modes, run_open_loop, why_stopped
 from .plant_code import plant_code
 
-#: Instants closer than this share of a step are equal: sums of steps round.
+#: Instants closer than this share of a step count as equal, because sums of steps are rounded.
 TIME_TOLERANCE = 1e-9
-#: The longest step [s].
+#: The longest step [s]. Engineering judgement: a longer one is a mistake, such as a step in ms.
 LONGEST = 3600.0
 
 
 class SteppedRun:
-    """A plant at one instant, that can be advanced; from rest unless told otherwise.
+    """A plant that is simulated step by step, by default from rest.
 
-    With steps of one sample it gives what `simulate` gives, to the last bit where the drive has no dead time: steps
-    keep what the engine remembers (its step length, whether a contact sticks), and inputs are held over a step.
+    Inputs are held over a step. The engine's memory (step length, sticking) is kept between steps, so that steps of one
+    sample give the result of `simulate`, to the last bit if the drive has no dead time.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class SteppedRun:
         first = checked_start(plant, start)
         self.plant, self.tolerance, self.time = plant, tolerance, 0.0
         self._code = plant_code(plant.structure.equations)
-        # The engine takes late currents from the samples of a run, which a step has not: they are stored here.
+        # The engine reads a delayed current from earlier samples of the run, which a step lacks; they are stored here.
         self._dead_time = 0.0 if plant.structure.delay is None else plant[plant.structure.delay]
         late = {} if plant.structure.delay is None else {plant.structure.delay: 0.0}
         values = {**plant.values, **late}
@@ -48,7 +48,7 @@ class SteppedRun:
         self._modes = initial_modes(plant, self._states)
         self._carry = initial_carry(plant, 1, plant.sample_time)
         self._extremes = np.stack([self._states, self._states], axis=1)
-        #: Future changes of the late current (seconds from now, A), and the acting current.
+        #: Future changes of the delayed current (seconds from now, A), and the current that acts now.
         self._coming: list[tuple[float, float]] = []
         self._acting: float | None = None
 
@@ -61,12 +61,12 @@ class SteppedRun:
         return self._modes[0].copy()
 
     def advance(self, current: float, force: float, duration: float) -> None:
-        """Go on by `duration` [s] with the system's two inputs held: current [A] and outer force [N] for the EHSA.
+        """Advance by `duration` [s] with both inputs held: for the EHSA current [A] and external force [N].
 
         Raises
         ------
-        InputError: an input that is not finite, a duration that is negative.
-        SimulationError: the engine could not go on; the message has time and cause. The run stays where it was before.
+        InputError: an input that is not finite, a negative duration or one of more than LONGEST.
+        SimulationError: the engine stopped; the message has time and cause. The run keeps its state before the step.
         """
         if not all(isinstance(value, int | float | np.number) for value in (current, force, duration)):
             raise InputError(
@@ -84,10 +84,10 @@ class SteppedRun:
         self.time += duration
 
     def _pieces(self, current: float, duration: float) -> list[tuple[float, float]]:
-        """(length, current that acts) of the parts of a step between changes of the late current."""
+        """(length, acting current) of the parts of a step between changes of the delayed current."""
         if self._dead_time == 0.0:
             return [(duration, current)]
-        # As in `simulate`, the current was its first value ever since.
+        # As in `simulate`, the current before the run equals its first value.
         acting = current if self._acting is None else self._acting
         coming = [*self._coming, (self._dead_time, current)]
         pieces, done = [], 0.0
@@ -103,7 +103,7 @@ class SteppedRun:
         return pieces
 
     def _piece(self, current: float, force: float, duration: float, before: dict[str, Any]) -> None:
-        # A sample of the engine is at most one of the plant's: it counts the events in one.
+        # Divided into samples no longer than the plant's, because the engine limits the number of events per sample.
         parts = max(1, ceil(duration / self.plant.sample_time - 1e-6))
         states, _, _, status = self._run(current, force, duration / parts, parts + 1)
         if status != DONE:
@@ -115,7 +115,7 @@ class SteppedRun:
     def _run(
         self, current: float, force: float, dt: float, samples: int
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-        """States, modes, force in the cell at each sample, and a status; the run is then at the last sample."""
+        """Advance to the last sample; returns states, modes and load cell force at each sample, and a status."""
         states = np.full((1, samples, self._states.size), np.nan)
         modes = np.zeros((1, samples, self._modes.size), dtype=np.int8)
         cells, status = np.full((1, samples), np.nan), np.zeros(1, dtype=np.int64)
@@ -139,18 +139,18 @@ class SteppedRun:
         return states[0], modes[0], cells[0], int(status[0])
 
     def cell_force(self, current: float, force: float) -> float:
-        """What a load cell between rod and load feels [N] at this instant under these inputs; 0 where there is none."""
+        """Force in a load cell between rod and load [N] at this instant under these inputs; 0 without one."""
         acting = current if self._dead_time == 0.0 or self._acting is None else self._acting
         return float(self._run(acting, force, self.plant.sample_time, 1)[2][0])
 
     def sticks(self, contact: str) -> bool:
-        """Whether the contact, "shaft" or "rod", is at rest and held by friction."""
+        """Whether friction holds the contact, "shaft" or "rod", at rest."""
         contacts = self.plant.structure.system.contacts
         column = [c.name for c in contacts].index(contact)
         return bool(self._modes[0, column] == 0 and self.plant.structure.law(contacts[column]).sticks)
 
     def snapshot(self) -> dict[str, Any]:
-        """All that the rest of the run depends on, as plain lists and numbers; `restore` takes it back."""
+        """The complete state of the run as plain lists and numbers, for `restore`."""
         return {
             "time": self.time,
             "states": self._states[0].tolist(),
@@ -161,7 +161,7 @@ class SteppedRun:
         }
 
     def restore(self, snapshot: dict[str, Any]) -> None:
-        """Be where the run, or another one of the same plant, was when it gave this snapshot."""
+        """Return to the state of a snapshot, of this run or another one of the same plant."""
         self.time = float(snapshot["time"])
         self._states[0], self._modes[0], self._carry[0] = snapshot["states"], snapshot["modes"], snapshot["carry"]
         self._coming = [(float(at), float(value)) for at, value in snapshot["coming"]]

@@ -1,4 +1,4 @@
-"""What makes a run need more steps than any actuator does: the fastest state, and the numbers that make it so."""
+"""Find the cause of a run that is too stiff: its fastest mode, and the parameters that determine it."""
 
 from __future__ import annotations
 
@@ -9,19 +9,18 @@ from ..plant.linearise import OperatingPoint, jacobian
 from ..plant.plain import evaluator
 from ..plant.plant import Plant
 
-#: Faster than this [1/s], a state is called stiff: the fastest one of an actuator with sharp valves is near 1e5.
+#: Rate [1/s] above which a mode is stiff. The fastest mode of an actuator with steep valves is near 1e5.
 STIFF = 1e6
 
-#: A number counts as a cause where it changes the fastest rate by this part of its own relative change.
+#: Relative change of the fastest rate per relative change of a parameter from which the parameter counts as a cause.
+#: Engineering judgement.
 COUNTS = 0.3
 
 
 def stiffest(plant: Plant, states: np.ndarray, inputs: np.ndarray, modes: np.ndarray) -> str:
-    """Sentence on the stiffest state where a run stopped; empty if none is stiff.
+    """Sentence on the stiffest mode at the point where a run stopped; empty if none is stiff.
 
-    Parameters
-    ----------
-    states: (n,) where it stopped. inputs: (2,). modes: (contacts,) sliding directions.
+    states: (n,) at that point. inputs: (2,). modes: (contacts,) sliding directions.
     """
     equations = plant.structure.equations
     point = OperatingPoint(
@@ -36,7 +35,7 @@ def stiffest(plant: Plant, states: np.ndarray, inputs: np.ndarray, modes: np.nda
         rates = np.abs([signals[rate] for rate in equations.rates]) / scales
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return ""
-    # What was set far from the file's value is most likely the mistake.
+    # A value set far from the file's is the most likely mistake.
     far = "".join(f"; {parameter.far}" for parameter in plant.parameters.values() if parameter.far)
     driven = int(np.argmax(np.where(np.isfinite(rates), rates, np.inf)))
     if rates[driven] > max(fastest, STIFF):
@@ -59,7 +58,7 @@ def stiffest(plant: Plant, states: np.ndarray, inputs: np.ndarray, modes: np.nda
 
 
 def _fastest(plant: Plant, point: OperatingPoint, parameters: np.ndarray, scales: np.ndarray) -> tuple[float, int]:
-    """Largest modulus of the eigenvalues [1/s] at a point, and the state that takes part in it most."""
+    """Largest modulus of the eigenvalues [1/s] at a point, and the state that is largest in its eigenvector."""
     J, _ = jacobian(plant, point, parameters)
     values, vectors = np.linalg.eig(J * scales / scales[:, None])
     first = int(np.argmax(np.abs(values)))

@@ -1,4 +1,4 @@
-"""What a run gives: states over time, when each contact stuck, which limits were passed, how it was computed."""
+"""The result of a run: states over time, sticking of each contact, exceeded limits, solver and versions."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ def versions() -> dict[str, str]:
 
 @dataclass(frozen=True, repr=False)
 class Trajectory(Result):
-    """One run of a plant, sampled.
+    """A sampled run of a plant.
 
     Attributes
     ----------
     plant: the plant of this run.
     time: (N,) s.
-    current: (N,) A, acting on the motor from each sample on; the first input of a system other than the EHSA.
-    outer_force: (N,) N, F_D(t), positive when it resists extension; the second input of another system.
+    current: (N,) A, that acts on the motor from each sample on; for a system other than the EHSA its first input.
+    outer_force: (N,) N, F_D(t), positive when it resists extension; for another system its second input.
     states: (N, n) in the order of the structure's states, SI units.
-    modes: (N, contacts) sliding direction of shaft and rod, 0 while it sticks.
-    cell_force: (N,) N, force in a load cell between rod and load; zero where the system has none.
-    extremes: (2, n) smallest and largest value of each state, between the samples too.
+    modes: (N, contacts) sliding directions of shaft and rod, 0 while they stick.
+    cell_force: (N,) N, force in a load cell between rod and load; zero for a system without one.
+    extremes: (2, n) smallest and largest value of each state, also between samples.
     hold: "zero_order" or "first_order".
-    tolerance: relative tolerance of the engine.
-    stopped: why the run ended before its input did, in a sentence; empty for a run that was finished.
+    tolerance: tolerance of the engine, see `simulate`.
+    stopped: sentence on why the run stopped early; empty for a finished run.
     """
 
     plant: Plant
@@ -75,7 +75,7 @@ class Trajectory(Result):
 
     @property
     def _inputs(self) -> dict[str, np.ndarray]:
-        """The engine's two inputs by the names that the system has for them."""
+        """The two inputs, by their names in the system."""
         first, second = self.plant.structure.system.inputs
         return {first: self.current, second: self.outer_force}
 
@@ -83,7 +83,7 @@ class Trajectory(Result):
         return len(self.time)
 
     def sticks(self, contact: str) -> np.ndarray:
-        """(N,) bool: the contact, "shaft" or "rod", is at rest and held by friction."""
+        """(N,) bool: whether friction holds the contact, "shaft" or "rod", at rest."""
         names = [c.name for c in self.plant.structure.system.contacts]
         column = names.index(contact)
         held = self.plant.structure.law(self.plant.structure.system.contacts[column]).sticks
@@ -91,13 +91,13 @@ class Trajectory(Result):
 
     @cached_property
     def exceeded(self) -> tuple[Exceedance, ...]:
-        """Limits of the plant that this run exceeded, as sentences."""
+        """Limits of the plant that this run exceeded."""
         return tuple(exceedances(self.plant, self.time, self.current, self.states, self.extremes))
 
     def explained(self) -> Trajectory:
-        """This run, if it was finished or ended because it had passed a limit of the plant.
+        """This run, if it was finished or exceeded a limit of the plant before it stopped.
 
-        Raises SimulationError with the reason for one that ended though it had passed none.
+        Raises SimulationError, with the reason, for a run that stopped within all limits.
         """
         if self.stopped and not self.exceeded:
             raise SimulationError(self.stopped)
@@ -105,10 +105,7 @@ class Trajectory(Result):
 
     @property
     def pressure_level_drift(self) -> float:
-        """How far (P_1 + P_2)/2 has moved from P_0 at the end [Pa]; (12) lets it climb with work done.
-
-        nan for a system without pressures.
-        """
+        """(P_1 + P_2) / 2 - P_0 at the end [Pa]; in (12) it grows with the pumping work. nan without pressures."""
         if "P_0" not in self.plant.parameters:
             return float("nan")
         return float((self["P_1"][-1] + self["P_2"][-1]) / 2 - self.plant["P_0"])
@@ -119,7 +116,7 @@ class Trajectory(Result):
 
         names = [state.name for state in self.plant.structure.equations.states]
         system = self.plant.structure.system
-        # A force from outside is seen in the load cell; a motion from outside is seen nowhere else.
+        # F_cell contains an external force; a prescribed motion needs its own column.
         inputs = system.inputs if system.cell is None else system.inputs[:1]
         columns: dict[str, Any] = {"time": self.time} | {name: self._inputs[name] for name in inputs}
         columns |= {name: self[name] for name in names}
@@ -128,17 +125,17 @@ class Trajectory(Result):
         return pandas.DataFrame(columns)
 
     def to_response(self) -> control.TimeResponseData:
-        """As a time response of python-control: inputs, states and outputs by the names of `to_iosystem`, SI units."""
+        """Time response for python-control: inputs, states and outputs named as in `to_iosystem`, SI units."""
         from .response import to_response
 
         return to_response(self)
 
     def plot(self) -> Figure:
-        """Current, speed, pressures, position over time; stuck phases shaded."""
+        """Figure of current, speed, pressures and position over time; sticking is shaded."""
         return draw(self)
 
     def summary(self) -> str:
-        """Length, range of each state and sticking, without the limits that were passed."""
+        """Length, range of each state and share of sticking, without the exceeded limits."""
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
@@ -154,5 +151,5 @@ class Trajectory(Result):
             yield f"  {contact.name} sticks {100 * np.mean(self.sticks(contact.name)):.1f} % of the samples"
 
     def __str__(self) -> str:
-        passed = [f"  limit passed: {exceedance}" for exceedance in self.exceeded]
+        passed = [f"  limit exceeded: {exceedance}" for exceedance in self.exceeded]
         return "\n".join([self.summary(), *passed, *([f"  {self.stopped}"] if self.stopped else [])])

@@ -86,7 +86,7 @@ def test_a_load_beyond_the_stroke_is_a_trip(run, tmp_path):
     (tmp_path / "pushed.toml").write_text(scenario_text(a=force, b=limits))
     status, out, _ = run("run", "pushed.toml")
     assert status == 1
-    assert "trip: stroke: the rod's distance from the middle reached" in " ".join(out.split())
+    assert "trip: stroke (distance from mid-stroke) reached" in " ".join(out.split())
 
     found = json.loads((tmp_path / "results" / "results.json").read_text())["scenarios"][0]["trips"]
     asserted = f"expect_trips = {json.dumps([trip['limit'] for trip in found])}\nplant ="

@@ -34,9 +34,7 @@ def test_a_stroke_is_said_as_the_distance_from_the_middle():
     """Half of a stroke of 200 mm lies to either side, so that a rod at 43 mm is on 43 % of its way to 100 mm."""
     use = LimitUse("stroke", "m", allowed=0.2, reached=0.086, worst=0.12, share=0.43, worst_share=0.6)
 
-    assert str(use) == (
-        "stroke: the rod's distance from the middle 43 mm (43 % of the way to 100), at worst 60 mm (60 %)"
-    )
+    assert str(use) == ("stroke (distance from mid-stroke) 43 mm (43 % of the way to 100), at worst 60 mm (60 %)")
 
 
 def test_the_limits_are_kept_on_the_plant_and_its_variations(plant, proposal):

@@ -12,7 +12,7 @@ from ehsa_ctrl.identification.logged_inputs import acting_drive, undo_sensor
 from ehsa_ctrl.identification.residuals import simulate_window
 from ehsa_ctrl.identification.shooting import shooting_windows
 from ehsa_ctrl.plant.plant import Sensor
-from ehsa_ctrl.simulation.sensors import shown
+from ehsa_ctrl.simulation.sensors import noise_free_reading
 
 CURRENT = np.random.default_rng(1).uniform(-2.0, 2.0, 400)
 
@@ -24,7 +24,7 @@ def with_sensor(plant, sensor):
 def test_what_a_drives_sensor_did_is_undone_exactly(truth):
     """Filter, delay of whole samples, scale and bias: the held current comes back but for its last samples."""
     sensor = Sensor("current", "A", filter=7e-3, delay=0.008, scale=1.1, bias=0.2)
-    log = Log(0.004 * np.arange(400), {"current": shown(sensor, CURRENT, 0.004, held=True)})
+    log = Log(0.004 * np.arange(400), {"current": noise_free_reading(sensor, CURRENT, 0.004, held=True)})
 
     undone = undo_sensor(with_sensor(truth, sensor), log, "current")
 
@@ -37,7 +37,7 @@ def test_a_smooth_signals_filter_is_undone_to_the_slopes_error(truth):
     sine = 1e5 * np.sin(2 * np.pi * 3.0 * time)
     sensor = Sensor("p1", "Pa", filter=7e-3)
 
-    undone = undo_sensor(with_sensor(truth, sensor), Log(time, {"p1": shown(sensor, sine, 0.004)}), "p1")
+    undone = undo_sensor(with_sensor(truth, sensor), Log(time, {"p1": noise_free_reading(sensor, sine, 0.004)}), "p1")
 
     np.testing.assert_allclose(undone[10:-1], sine[10:-1], atol=1e2)
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lsim
 
 from ehsa_ctrl.plant.plant import Sensor
-from ehsa_ctrl.simulation.sensors import Sensors, by_filter, first_order, shown
+from ehsa_ctrl.simulation.sensors import Sensors, first_order, first_order_by_lag, noise_free_reading
 
 DT = 0.004
 SIGNAL = np.cumsum(np.random.default_rng(3).standard_normal((300, 2)), axis=0)
@@ -52,14 +52,14 @@ def test_the_derivative_by_the_filter_is_its_difference_quotient(lag, moving):
         lag + h - lower
     )
 
-    np.testing.assert_allclose(by_filter(signal, lag, DT, moving=moving), quotient, rtol=1e-3, atol=0.05)
+    np.testing.assert_allclose(first_order_by_lag(signal, lag, DT, moving=moving), quotient, rtol=1e-3, atol=0.05)
 
 
 def test_a_sensor_filters_then_delays_then_scales_and_biases():
     """Two whole samples late, doubled, and five on top."""
     sensor = Sensor("p1", "Pa", filter=6e-3, delay=2 * DT, scale=2.0, bias=5.0)
 
-    out = shown(sensor, SIGNAL[:, 0], DT)
+    out = noise_free_reading(sensor, SIGNAL[:, 0], DT)
 
     np.testing.assert_allclose(out[2:], 2.0 * first_order(SIGNAL[:, 0], 6e-3, DT)[:-2] + 5.0, atol=1e-12)
     np.testing.assert_allclose(out[:2], 2.0 * SIGNAL[0, 0] + 5.0, atol=1e-12)

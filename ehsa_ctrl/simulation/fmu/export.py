@@ -1,4 +1,4 @@
-"""Write a plant as an FMU: pythonfmu's binary, its Python side, and the plant's files in one zip."""
+"""Write a plant as an FMU: a zip with pythonfmu's binary, a Python script and the plant's files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .exported import write_exported
 if TYPE_CHECKING:
     from ...plant.plant import Plant
 
-#: What the FMU's binary loads: a name of its own for every plant, as a process may hold several FMUs.
+#: Script that the FMU's binary loads. Its class has the plant's name, because a process may load several FMUs.
 SCRIPT = '''\
 """Loaded by the FMU: {title}."""
 
@@ -43,21 +43,21 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
     Inputs, outputs and parameters are those of `variables_of`, in SI units: for the EHSA inputs current and F_D,
     outputs speed, p1, p2, velocity, position, force, shaft_sticks and rod_sticks, and every symbol of the plant as a
     parameter that can be set before the run. The FMU contains friction laws, effects and nominal values, but no
-    sensors: outputs are true signals. The engine of `simulate` runs inside, inputs held over each step of the master.
+    sensors: outputs are true signals. It runs the engine of `simulate`, with inputs held over each step of the master.
 
-    The FMU needs Python with ehsa_ctrl where it is run, and Windows or Linux on 64-bit Intel, for which pythonfmu has
-    binaries. On Linux a tool that is not itself Python has to be started with LD_PRELOAD=libpython3.X.so.
-    pythonfmu up to 0.7.0 may abort a Linux process that ran an FMU when that process ends, after all results: its
-    binary releases an object twice. A script whose exit status matters ends with os._exit(0).
+    The machine that runs the FMU needs Python with ehsa_ctrl, and Windows or Linux on 64-bit Intel, for which pythonfmu
+    has binaries. On Linux, start a tool not written in Python with LD_PRELOAD=libpython3.X.so. With pythonfmu up to
+    0.7.0, a Linux process that ran an FMU may abort at its end, after all results, because the binary releases an
+    object twice; end a script whose exit status matters with os._exit(0).
 
     Parameters
     ----------
     path: the file, ending in .fmu.
-    force: replace one that is there.
+    force: replace an existing file.
 
     Raises
     ------
-    InputError: pythonfmu is missing, the path is no .fmu or is there already, or the plant came from no TOML.
+    InputError: pythonfmu is missing, the path does not end in .fmu or exists, or the plant does not come from a TOML.
     """
     path = Path(path)
     if path.suffix != ".fmu":
@@ -73,7 +73,7 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
     known_paths, module = list(sys.path), f"{name}_slave"
     with atomic_write(path) as draft, tempfile.TemporaryDirectory() as folder:
         files = write_exported(plant, Path(folder))
-        # The same plant gives the same identifier, so that FMUs with one identifier behave alike.
+        # The same plant gives the same identifier, as FMI demands of FMUs that behave alike.
         guid = uuid.uuid5(uuid.NAMESPACE_URL, "".join(file.read_text(encoding="utf-8") for file in files))
         script = Path(folder) / f"{module}.py"
         title = plant.title.replace("\\", " ").replace('"', "'")
@@ -88,16 +88,16 @@ def export_fmu(plant: Plant, path: str | Path, *, force: bool = False) -> Path:
                 canSerializeFMUstate=True,
             )
         finally:
-            # The builder imports the script by name, from a folder that is about to go.
+            # The builder has imported the script by name, from the temporary folder.
             sys.path[:] = known_paths
             sys.modules.pop(module, None)
     return path
 
 
 def identifier(name: str) -> str:
-    """A plant's name as FMI wants a model's: letters, digits and underscores, no digit first.
+    """A plant's name as an FMI model identifier: letters, digits and underscores, no digit first.
 
-    It is also the name of a Python class, so that keywords and built-in names get a leading underscore.
+    It is also the name of a Python class, so keywords and built-in names get a leading underscore.
     """
     word = re.sub(r"\W", "_", name, flags=re.ASCII)
     own = keyword.iskeyword(word) or hasattr(builtins, word) or word == "PlantSlave"

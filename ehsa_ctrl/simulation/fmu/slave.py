@@ -21,9 +21,9 @@ TOLERANCE = 1e-6
 
 
 class PlantSlave(Fmi2Slave):  # type: ignore[misc]
-    """A plant as an FMI 2.0 slave: held inputs over each step, a step of any length, state that can be set back.
+    """A plant as an FMI 2.0 slave: steps of any length with held inputs, and a state that can be saved and restored.
 
-    The plant is that in the FMU's resources. Parameters can be set until the initialisation is over; the run starts at
+    The plant is in the FMU's resources. Parameters can be set until the end of the initialisation; the run starts at
     rest: x = x_0, P_1 = P_2 = P_0.
     """
 
@@ -71,7 +71,7 @@ class PlantSlave(Fmi2Slave):  # type: ignore[misc]
 
     @property
     def run(self) -> SteppedRun:
-        """The run, begun anew whenever a parameter has changed."""
+        """The run; a new one after a parameter has changed."""
         if self._run is None:
             self._run = SteppedRun(self._plant.set(**self._changed), tolerance=self._tolerance)
         return self._run
@@ -100,17 +100,17 @@ class PlantSlave(Fmi2Slave):  # type: ignore[misc]
         return self.run.sticks(contact)
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
-        """The tool's relative tolerance is the engine's, which weighs errors by the states' scales."""
+        """Use the tool's relative tolerance as that of the engine, which is relative to the states' scales."""
         if tolerance:
             self._tolerance, self._run = float(tolerance), None
 
     def exit_initialization_mode(self) -> None:
-        """Fix the parameters. Raises InputError for one that is physically impossible."""
+        """Fix the parameters. Raises InputError for a physically impossible one."""
         self.run  # noqa: B018 - it checks them
         self._begun = True
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Go on by one step; False, with a sentence in the log, where the equations no longer hold."""
+        """Advance by one step; False, with a sentence in the log, if the engine stops."""
         try:
             current, force = self._inputs.values()
             self.run.advance(current, force, step_size)
@@ -135,7 +135,7 @@ class PlantSlave(Fmi2Slave):  # type: ignore[misc]
         self.run.restore(state["run"])
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
-        """The model description, with what pythonfmu leaves out: units, ranges, all digits, unknowns at the start."""
+        """The model description, with what pythonfmu omits: units, ranges, all digits, initial unknowns."""
         root: Element = super().to_xml(model_options or {})
         root.set("generationTool", f"ehsa_ctrl {version('ehsa_ctrl')}, {root.get('generationTool')}")
         described = {v.name: v for v in self._variables.values() if v.kind != "flag"}
@@ -162,7 +162,7 @@ def _unit_definitions(units: set[str]) -> Element:
     for unit in sorted(units):
         entry = SubElement(definitions, "Unit", {"name": unit})
         exponents = base_units(unit)
-        # A root of a pascal has no place in FMI's whole exponents; such a unit stays a name.
+        # FMI only has whole exponents; a unit with a root of a pascal remains a name.
         if all(exponent == int(exponent) for exponent in exponents.values()):
             SubElement(entry, "BaseUnit", {base: str(int(exponent)) for base, exponent in exponents.items()})
     return definitions

@@ -8,12 +8,12 @@ from math import isfinite
 
 from ...plant.plant import Plant
 
-#: Inputs of the systems, with unit and meaning.
+#: Input of a system -> unit and meaning.
 INPUTS = {
     "current": ("A", "motor current; positive extends the rod"),
-    "F_D": ("N", "force from outside, on top of the load's own; positive when it resists positive motion"),
+    "F_D": ("N", "external force in addition to the load; positive when it resists positive motion"),
     "F_M": ("N", "drive force; positive moves the carriage forward"),
-    "v": ("m/s", "prescribed speed of the rod; positive extends"),
+    "v": ("m/s", "prescribed velocity of the rod; positive extends"),
 }
 
 #: State -> channel of the log, and meaning.
@@ -21,17 +21,17 @@ CHANNELS = {
     "omega": ("speed", "shaft speed omega"),
     "P_1": ("p1", "pressure in chamber 1, gauge"),
     "P_2": ("p2", "pressure in chamber 2, gauge"),
-    "v": ("velocity", "speed v; positive extends the rod"),
+    "v": ("velocity", "velocity v; positive extends the rod"),
     "x": ("position", "position x; positive extends the rod"),
 }
 
-#: Bounds and values beyond this mean "none" or "never" and are not exported.
+#: Bounds and values beyond this mean "none" or "never" and are not exported; see `core.definition.LARGEST`.
 ENDLESS = 1e29
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable; `signal` is its name in the equations, lower and upper are None where there is no bound."""
+    """A variable of the FMU. signal: its name in the equations. lower, upper: None without a bound."""
 
     name: str
     kind: str
@@ -46,10 +46,10 @@ class Variable:
 def variables_of(plant: Plant) -> tuple[Variable, ...]:
     """Inputs, outputs, parameters, in this order; SI units.
 
-    Inputs and parameters have the symbols of the equations, outputs the names of the channels of a log where they have
-    one; `shaft_sticks` and `rod_sticks` are true while friction holds. Outputs are true signals, without sensors.
+    Inputs and parameters have the symbols of the equations; outputs have the names of log channels, if there is one.
+    `shaft_sticks` and `rod_sticks` are true during sticking. Outputs are true signals, without sensors.
 
-    An infinite parameter ("never") is left out: a tool could not write it.
+    Infinite parameters ("never") are left out, because tools can't write them.
     """
     return (*_inputs(plant), *_outputs(plant), *_parameters(plant))
 
@@ -72,7 +72,7 @@ def _outputs(plant: Plant) -> Iterator[Variable]:
         yield Variable("force", "output", "N", meaning, "F_cell")
     for contact in structure.system.contacts:
         if structure.law(contact).sticks:
-            meaning = f"the {contact.name} is at rest and held by friction"
+            meaning = f"friction holds the {contact.name} at rest"
             yield Variable(f"{contact.name}_sticks", "flag", "", meaning, contact.name)
 
 
