@@ -167,7 +167,7 @@ def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, 
 
 @njit(error_model="numpy")
 def switch(functions, shape, y, u, f, d, fresh, c):
-    """Change the mode of every contact with a margin of 0 or less: stop, break away, or reverse. True if one changed."""
+    """Change the mode of every contact with a margin of 0 or less: stop, break away, reverse. True if one changed."""
     changed = False
     for i in range(shape[CONTACTS]):
         if not shape[SPEEDS + 2 * i + 1]:
