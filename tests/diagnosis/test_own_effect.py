@@ -67,10 +67,10 @@ def test_neutral_changes_nothing_and_more_holds_the_rod_back(project, plant):
     current = 1.5 * np.sin(np.linspace(0, 12, 751))
     base = e.simulate(plant, current)
     neutral = e.simulate(plant.with_effects("seal_pressure_friction", k_seal=0.0), current)
-    felt = e.simulate(plant.with_effects("seal_pressure_friction", k_seal=5e-5), current)
+    typical = e.simulate(plant.with_effects("seal_pressure_friction", k_seal=5e-5), current)
 
     assert (neutral["x"] == base["x"]).all()
-    assert f"{1e3 * base['x'].max():.1f} mm, with the effect {1e3 * felt['x'].max():.1f} mm" in PAGE.read_text()
+    assert f"{1e3 * base['x'].max():.1f} mm, with the effect {1e3 * typical['x'].max():.1f} mm" in PAGE.read_text()
 
 
 def test_a_changed_file_is_read_again(project, plant):

@@ -191,7 +191,7 @@ def test_a_name_that_a_system_lacks_is_an_error():
         ({"outputs": {"position": "y"}}, "outputs: unknown state 'y'"),
         ({"drives": {"F_X": "drive_force"}}, "drives: unknown input 'F_X'"),
         ({"outputs": {"tilt": "x"}, "scored": ()}, "units: missing channel 'tilt'"),
-        ({"units": {"position": "mm"}}, "channel position in mm; it is known in m"),
+        ({"units": {"position": "mm"}}, "channel position in mm; expected m"),
         ({"scored": (ScoredSignal("heat", "heat"),)}, "scored: unknown output 'heat'"),
         (
             {"balances": (replace(carriage.balances[0], entries=2 * carriage.balances[0].entries),)},
