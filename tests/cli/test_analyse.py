@@ -62,7 +62,10 @@ def test_a_single_spring_is_a_condition(run):
         (["--controller", "pid_position", "--covariance", "x.json"], "give their number with --draws"),
         (["--controller", "pid_position", "--draws", "2", "--covariance", "x.json"], "x.json: no such file"),
         (["--controller", "pid_positon"], "did you mean 'pid_position'"),
-        (["--controller", "pid_position", "--draws", "2", "--spread", "0"], "nothing is known of the errors of ehsa"),
+        (
+            ["--controller", "pid_position", "--draws", "2", "--spread", "0"],
+            "no parameter of ehsa (linear) has an uncertainty",
+        ),
     ],
 )
 def test_wrong_input_is_one_sentence(run, arguments, says):
