@@ -12,7 +12,7 @@ EXAMPLES = [
     for example in sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.py"))
     if example.stem != "build_notebooks"
 ]
-SLOW = {"design_script"}
+SLOW = {"design_script", "paper_figures"}
 
 
 @pytest.mark.parametrize(

@@ -46,13 +46,9 @@ def compiled_pipeline(law: Callable[..., float], uses: tuple[Callable[..., Any],
     # numba caches no function with a function as argument, but one that uses a global function.
     text.append(f"law = {law.__name__}")
     text.append(f'@njit(inline="always")\n{pointer_text(_pipeline.pipeline, without="law")}')
-    text.append(
-        "@cached_njit(float64(VECTOR, VECTOR, VECTOR, VECTOR), error_model='numpy', nogil=True)\n"
-        "def step(reference, measured, memory, settings):\n"
-        "    return pipeline(pointer(reference), pointer(measured), pointer(memory), pointer(settings))\n"
-    )
+    text.append(entry_text(_pipeline.pipeline, without="law"))
     module = load_compiled("\n\n\n".join(text), f"the controller law {law.__name__}")
-    step: Callable[..., float] = module.step
+    step: Callable[..., float] = module.pipeline_of_arrays
     return step
 
 
@@ -70,16 +66,25 @@ def pointer_function(function: Callable[..., Any]) -> str:
     return f'@njit(error_model="numpy")\n{pointer_text(function)}'
 
 
+def entry_text(function: Callable[..., Any], without: str = "") -> str:
+    """Text of FUNCTION_of_arrays, which takes arrays and calls a function that is compiled for pointers.
+
+    It is compiled, or loaded, with the module: for the function's annotations, vectors and numbers.
+    """
+    vectors = {n: kind == "np.ndarray" for n, kind in function.__annotations__.items() if n not in ("return", without)}
+    signature = ", ".join("VECTOR" if vector else "float64" for vector in vectors.values())
+    given = ", ".join(f"pointer({name})" if vector else name for name, vector in vectors.items())
+    return (
+        f"@cached_njit(float64({signature}), error_model='numpy', nogil=True)\n"
+        f"def {function.__name__}_of_arrays({', '.join(vectors)}):\n    return {function.__name__}({given})"
+    )
+
+
 def pointer_text(function: Callable[..., Any], without: str = "") -> str:
-    """`source_text` with pointers for vectors. Raises InputError for a slice that a pointer lacks."""
-    tree = _Pointers(function).visit(ast.parse(source_text(function, without)))
-    return ast.unparse(ast.fix_missing_locations(tree))
+    """Source of a function with pointers for vectors, without annotations and the argument `without`.
 
-
-def source_text(function: Callable[..., Any], without: str = "") -> str:
-    """Source of a function for the compiled module, without annotations and the argument `without`.
-
-    It has no comments and docstrings, so that rewording them does not compile it anew.
+    It has no comments and docstrings, so that rewording them does not compile it anew. Raises InputError for a slice
+    or an index that a pointer lacks.
     """
     tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     assert isinstance(tree, ast.FunctionDef)
@@ -89,7 +94,7 @@ def source_text(function: Callable[..., Any], without: str = "") -> str:
         argument.annotation = None
     if ast.get_docstring(tree) is not None:
         tree.body = tree.body[1:]
-    return ast.unparse(tree)
+    return ast.unparse(ast.fix_missing_locations(_Pointers(function).visit(tree)))
 
 
 class _Pointers(ast.NodeTransformer):

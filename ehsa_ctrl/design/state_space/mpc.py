@@ -143,12 +143,13 @@ SAMPLE_FUNCTIONS = (
 def _compiled() -> Any:
     """SAMPLE_FUNCTIONS compiled; the first compilation takes about 3 s."""
     from ...core.compiled import load_compiled
-    from ..stages.compiled import IMPORTS, source_text
+    from ..stages.compiled import IMPORTS, entry_text, pointer_function
 
     names = ("VIOLATED", "_STATUS", "_REASON", "_VIOLATION", "_LAST", "_AGE", "_PLAN")
     constants = "\n".join(f"{name} = {globals()[name]!r}" for name in names)
     text = [IMPORTS, constants]
-    text += [f'@cached_njit(error_model="numpy")\n{source_text(function)}' for function in SAMPLE_FUNCTIONS]
+    text += [pointer_function(function) for function in SAMPLE_FUNCTIONS]
+    text += [entry_text(function) for function in (pose_problem, apply_plan)]
     return load_compiled("\n\n\n".join(text), "the estimate of an MPC")
 
 
@@ -281,7 +282,7 @@ class Mpc:
         functions, own = _compiled(), memory[self._behind :]
         (v, parameters), bounds = self.condensed.F.shape, self.condensed.lower.size
         begin = perf_counter()
-        target = functions.pose_problem(reference, measured, memory, settings, float(extra), float(hold))
+        target = functions.pose_problem_of_arrays(reference, measured, memory, settings, float(extra), float(hold))
         plan, multipliers, problem = (
             own[_PLAN:][:v],
             own[_PLAN + v :][:bounds],
@@ -298,7 +299,7 @@ class Mpc:
         own[_REASON], own[_ITERATIONS], own[_TIME] = reason, solution.iterations, seconds
         if reason == SOLVED:
             plan[:], multipliers[:] = solution.x, solution.y
-        return float(functions.apply_plan(reference, memory, settings, float(extra), target))
+        return float(functions.apply_plan_of_arrays(reference, memory, settings, float(extra), target))
 
     def __str__(self) -> str:
         limits = [f"|current| <= {self.problem.current_limit:g} A"]
