@@ -216,11 +216,11 @@ def test_bounds_hold_on_every_model_given(model):
 @pytest.mark.parametrize(
     ("asked", "sentence"),
     [
-        ({"Ms": 1.2, "crossover": "200 rad/s"}, "no PID controller keeps Ms at most 1.2.*the nearest one has"),
+        ({"Ms": 1.2, "crossover": "200 rad/s"}, "no PID controller satisfies Ms at most 1.2.*the nearest one has"),
         ({"crossover": "800 rad/s"}, "Nyquist frequency 785.4 rad/s"),
         (
             {"terms": "P", "response": "reference", "crossover": "20 rad/s"},
-            "no P controller keeps .*the nearest one has Ms",
+            "no P controller satisfies .*the nearest one has Ms",
         ),
     ],
 )

@@ -51,15 +51,15 @@ def law_state_space(law: Any, sample_time: float) -> control.StateSpace:
 def linear_law(controller: Any) -> control.StateSpace:
     """The controller's linear law without structurally unreachable or unobservable states.
 
-    An integrator whose gain is zero would otherwise add a pole on the unit circle to every closed loop. Only the
-    structure (zero or not) decides, so that no tolerance is involved.
+    An integrator with zero gain would otherwise add a pole on the unit circle to every closed loop. Only the pattern of
+    nonzero entries counts, so that no tolerance is needed.
 
     Raises InputError for a controller without a linear law, or with one of the wrong shape or sample time.
     """
     import control
 
     if not hasattr(controller, "linear"):
-        raise InputError(f"controller {controller.name} has no linear law to analyse")
+        raise InputError(f"controller {controller.name} has no linear law to analyse; expected a method linear()")
     law = control.ss(controller.linear())
     if (law.ninputs, law.noutputs) != (len(REFERENCE) + len(MEASURED), 1):
         raise InputError(
@@ -81,8 +81,8 @@ def linear_law(controller: Any) -> control.StateSpace:
 
 def closed_loop_matrix(a: np.ndarray, b: np.ndarray, c: np.ndarray, law: control.StateSpace) -> np.ndarray:
     """State matrix of the closed loop, from the sampled plant's A, B (current first) and C."""
-    push, k_y, d_y = b[:, :1], law.B[:, len(REFERENCE) :], law.D[:, len(REFERENCE) :]
-    return np.block([[a + push @ d_y @ c, push @ law.C], [k_y @ c, law.A]])
+    current, k_y, d_y = b[:, :1], law.B[:, len(REFERENCE) :], law.D[:, len(REFERENCE) :]
+    return np.block([[a + current @ d_y @ c, current @ law.C], [k_y @ c, law.A]])
 
 
 def closed_loop(plant: control.StateSpace, law: control.StateSpace) -> control.StateSpace:
@@ -95,9 +95,9 @@ def closed_loop(plant: control.StateSpace, law: control.StateSpace) -> control.S
     references = len(REFERENCE)
     k_r, k_y = law.B[:, :references], law.B[:, references:]
     d_r, d_y = law.D[:, :references], law.D[:, references:]
-    push, force = plant.B[:, :1], plant.B[:, 1:]
+    current, force = plant.B[:, :1], plant.B[:, 1:]
     a = closed_loop_matrix(plant.A, plant.B, plant.C, law)
-    b = np.block([[push @ d_r, push @ d_y, force, push], [k_r, k_y, np.zeros((law.nstates, 2))]])
+    b = np.block([[current @ d_r, current @ d_y, force, current], [k_r, k_y, np.zeros((law.nstates, 2))]])
     c = np.block([[plant.C, np.zeros((len(MEASURED), law.nstates))], [d_y @ plant.C, law.C]])
     d = np.zeros((len(OUTPUTS), len(INPUTS)))
     d[-1, : law.ninputs] = law.D[0]
@@ -107,7 +107,7 @@ def closed_loop(plant: control.StateSpace, law: control.StateSpace) -> control.S
 def close_loop(
     system: control.StateSpace, controller: Any, delay: float = 0.0
 ) -> tuple[control.StateSpace, control.StateSpace, control.StateSpace]:
-    """Sampled plant, linear law and closed loop of a controller on a continuous model, its current `delay` [s] late.
+    """Sampled plant, linear law and closed loop of a controller with a continuous model; `delay` [s] of the current.
 
     Raises InputError as `linear_law` and `sampled_plant` do.
     """
@@ -117,14 +117,14 @@ def close_loop(
 
 
 def spectral_radius(a: np.ndarray) -> float:
-    """Largest |eigenvalue|; 0 without states."""
+    """Largest |eigenvalue| of a (n, n); 0 without states."""
     return float(np.max(np.abs(np.linalg.eigvals(a)), initial=0.0))
 
 
 def transfer(a: np.ndarray, b: np.ndarray, c: np.ndarray, z: np.ndarray) -> np.ndarray:
     """C (zI - A)^-1 B (m, outputs, inputs) at the points z (m,).
 
-    One batched solve for all points: for small systems some ten times as fast as python-control's loop over them.
+    One batched solve for all points: for small systems about ten times as fast as python-control's loop over them.
     """
     shifted = z[:, None, None] * np.eye(a.shape[0]) - a
     return np.asarray(c @ np.linalg.solve(shifted, np.broadcast_to(b, (z.size, *b.shape))))
@@ -141,7 +141,7 @@ def discrete_response(system: control.StateSpace, omega: Any) -> np.ndarray:
 def unit_step(system: control.StateSpace, source: int, outputs: list[int], samples: int) -> np.ndarray:
     """Response (samples, outputs) of a discrete system to a unit step of the input `source`.
 
-    The recursion by hand: scipy's dlsim has no systems without states, which a proportional law is.
+    An own recursion, because scipy's dlsim can't do systems without states, such as a proportional law.
     """
     x, found = np.zeros(system.nstates), np.empty((samples, len(outputs)))
     for k in range(samples):
@@ -152,12 +152,12 @@ def unit_step(system: control.StateSpace, source: int, outputs: list[int], sampl
 
 @dataclass(frozen=True)
 class StepResponse:
-    """Step responses of the linear loop: feedback law alone, no limits, no friction.
+    """Step responses of the linear loop, without trajectory, limits and friction.
 
     Attributes
     ----------
-    controller: name, for the title. time: (N,) s.
-    position [m], current [A]: "reference" -> (N,) after a step of 1 m, "force" -> (N,) after 1 N on the rod.
+    controller: its name. time: (N,) s.
+    position [m], current [A]: "reference" -> (N,) after a step of 1 m, "force" -> (N,) after a step of 1 N on the rod.
     """
 
     controller: str
@@ -167,12 +167,12 @@ class StepResponse:
 
     @property
     def overshoot(self) -> float:
-        """Overshoot as a share of the reference step."""
+        """Overshoot as a fraction of the reference step."""
         return float(max(np.max(self.position["reference"]) - 1.0, 0.0))
 
     @property
     def settling_time(self) -> float:
-        """Time after which the position stays within 2 % of the reference step [s]; inf if it does not."""
+        """Time [s] after which the position stays within 2 % of the reference step; inf if it does not."""
         outside = np.flatnonzero(np.abs(self.position["reference"] - 1.0) > 0.02)
         last = -1 if outside.size == 0 else int(outside[-1])
         return float(self.time[last + 1]) if last + 1 < self.time.size else float("inf")
@@ -185,7 +185,7 @@ def step_response(system: control.StateSpace, controller: Controller, duration: 
     """
     _, _, closed = close_loop(system, controller)
     if spectral_radius(closed.A) >= 1.0:
-        raise InputError(f"the loop with {controller.name} is not stable; it has no step response to show")
+        raise InputError(f"the loop with {controller.name} is not stable, so that it has no step response")
     samples = max(round(duration / controller.sample_time), 1) + 1
     rows = [OUTPUTS.index("position"), OUTPUTS.index("current")]
     found = {

@@ -1,4 +1,4 @@
-"""Loop analysis: the sampled position loop broken at the current; margins, sensitivities, noise, compliance."""
+"""Loop analysis: the sampled position loop, broken at the current; margins, sensitivities, noise, compliance."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-#: A closed loop with a pole nearer to the unit circle than this counts as unstable.
+#: A closed loop with a pole nearer to the unit circle than this counts as unstable: rounding of eigenvalues.
 STABILITY_TOLERANCE = 1e-9
-#: A static compliance below this share of its peak is rounding: integral action leaves none.
+#: Static compliance over its peak below which it is rounding, and integral action makes it zero.
 NEGLIGIBLE = 1e-9
 #: Scalar results with their units, as tables show them.
 FIGURES = {
@@ -34,9 +34,10 @@ FIGURES = {
     "Mks": "A/m", "current_noise": "A", "compliance": "m/N", "static_compliance": "m/N", "sample_time": "s",
     "delay": "s",
 }  # fmt: skip
-#: Largest number of points of a frequency grid.
+#: Largest number of points of a frequency grid, a limit on memory and time. Engineering judgement.
 MOST_POINTS = 20_000
-#: Longest delay margin, in samples, that is computed from the closed loop's poles; a longer one is that of the phase.
+#: Longest delay margin [samples] computed from the poles of the closed loop, whose delay line grows with it; a longer
+#: one follows from the phase, which is accurate there.
 LONGEST = 60
 
 
@@ -46,15 +47,15 @@ class LoopAnalysis(Result, Margins):
 
     Attributes
     ----------
-    those of Margins, the delay margin being that of the sampled loop, any fraction of a sample, and
-    controller: name, for the title.
+    those of Margins, with the delay margin exact for the sampled loop, and
+    controller: its name.
     omega: (n,) rad/s up to the Nyquist frequency. response: (n,) of the open loop.
     stable: all poles of the closed sampled loop lie inside the unit circle.
     noise_gain: channel -> RMS current per RMS of white noise on its readings [A per SI unit].
-    current_noise: RMS current from the sensors' own noise [A]; nan where that was not given.
-    compliance: m/N, peak of |position / force|; static_compliance: steady-state value.
+    current_noise: RMS current from the sensors' noise [A]; nan if that is unknown.
+    compliance: m/N, peak of |position / force|; static_compliance: its steady-state value.
     Mks: A/m, peak from noise on the position to the current.
-    sample_time, delay: s; the delay is the one added to the loop.
+    sample_time: s. delay: s, added to the loop.
     poles: (m,) of the closed loop, in z.
     """
 
@@ -82,7 +83,7 @@ class LoopAnalysis(Result, Margins):
         return disk_range(self.disk_margin)[2]
 
     def figure(self, name: str) -> float:
-        """A scalar result by name; noise_gain is that of the position."""
+        """A scalar result by name; noise_gain means that of the position."""
         return self.noise_gain["position"] if name == "noise_gain" else float(getattr(self, name))
 
     @property
@@ -139,9 +140,9 @@ def analyse_loop(
     ----------
     system: continuous linear model, inputs current and F_D, outputs by name, as three_state(plant) returns it.
     controller: with a linear law `linear()`.
-    lag: whole samples between a measurement and its current, as in run_closed_loop. delay: s, any additional time.
+    lag: whole samples between a measurement and its current, as in run_closed_loop. delay: s, in addition.
     noise: channel -> standard deviation of the sensor's noise (SI units), for `current_noise`.
-    points: of the frequency grid; peaks and crossovers are refined between its points.
+    points: of the frequency grid, between which peaks and crossovers are refined.
 
     Raises InputError for a controller without a linear law, or a model that does not fit (see sampled_plant).
     """
@@ -194,9 +195,9 @@ def analyse_loop(
 
 
 def _delay_margin(system: control.StateSpace, law: control.StateSpace, guess: float, late: float) -> float:
-    """Additional delay [s] at which a pole of the sampled loop reaches the unit circle, near a guess from the phase.
+    """Additional delay [s] at which a pole of the sampled loop reaches the unit circle.
 
-    The phase of a delay between two samples is not -w tau in a sampled loop, so that the guess is not exact.
+    guess: from the phase margin; not exact, as a delay of a fraction of a sample has a phase other than -w tau.
     """
     from scipy.optimize import brentq
 
@@ -245,7 +246,7 @@ def _static_gain(closed: control.StateSpace, output: str, source: str) -> float:
 def _balanced_channel(
     closed: control.StateSpace, output: str, source: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """A, B (n, 1), C (1, n) and D of one channel, in balanced states."""
+    """A (n, n), B (n, 1), C (1, n) and D of one channel, in balanced states."""
     from scipy.linalg import matrix_balance
 
     row, column = OUTPUTS.index(output), INPUTS.index(source)
@@ -255,7 +256,7 @@ def _balanced_channel(
 
 
 def _total_noise(gains: Mapping[str, float], noise: Mapping[str, float] | None) -> float:
-    """RMS current of independent noises on all readings: their variances add."""
+    """RMS current [A] of independent noise on all readings, whose variances add."""
     if noise is None:
         return nan
     unknown = set(noise) - set(MEASURED)

@@ -1,7 +1,7 @@
 """Stability margins of a sampled loop: gain, phase, delay and disk margins, peaks of S and T.
 
-The loop gain L(e^{i w h}) is given as a function of frequency; S = 1 / (1 + L), T = L / (1 + L). python-control's
-stability_margins interpolates the grid that it is given; here crossovers and peaks are refined between its points.
+The loop gain L(e^{i w h}) is a function of frequency; S = 1 / (1 + L), T = L / (1 + L). python-control's
+stability_margins interpolates on its grid; here L itself is evaluated between its points.
 
 The disk margin is the balanced one of P. Seiler, A. Packard, P. Gahinet, "An introduction to disk margins", IEEE
 Control Systems Magazine 40(5), 2020: the loop stays stable for every complex factor (2 + d) / (2 - d) with
@@ -22,8 +22,8 @@ LoopGain = Callable[[np.ndarray], np.ndarray]
 def frequency_grid(sample_time: float, poles: np.ndarray, *, points: int) -> np.ndarray:
     """Frequencies (n,) [rad/s] up to pi / sample_time, dense around resonances.
 
-    poles: of open and closed loop, in z. A pole at a distance s from the unit circle (seen in ln z / sample_time) makes
-    a peak of about that width at its own frequency; ten points are put around each, none on the pole itself.
+    poles: of open and closed loop, in z. A pole p = ln z / sample_time causes a peak at |Im p| about |Re p| wide; ten
+    points surround each, none of them on the pole itself.
     """
     nyquist = np.pi / sample_time
     continuous = np.log(poles[np.abs(poles) > 1e-3].astype(complex)) / sample_time
@@ -36,9 +36,9 @@ def frequency_grid(sample_time: float, poles: np.ndarray, *, points: int) -> np.
 
 
 def refined_peak(curve: LoopGain, omega: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """Maximum of a real curve and its frequency [rad/s], refined between the points of a grid with `values` (n,).
+    """Maximum of a real curve and its frequency [rad/s], refined between the points omega (n,) with `values` (n,).
 
-    Every local maximum of the grid within 10 % of the largest is refined.
+    It refines every local maximum within 10 % of the largest, in five steps that each shrink the interval by eight.
     """
     best = float(np.max(values)), float(omega[int(np.argmax(values))])
     before, after = np.r_[-inf, values[:-1]], np.r_[values[1:], -inf]
@@ -56,7 +56,7 @@ def refined_peak(curve: LoopGain, omega: np.ndarray, values: np.ndarray) -> tupl
 
 
 def _zero_crossings(function: Callable[[float], float], omega: np.ndarray, values: np.ndarray) -> list[float]:
-    """Frequencies at which a curve, known on a grid, changes sign."""
+    """Frequencies [rad/s] at which a curve with `values` (n,) at omega (n,) changes sign."""
     from scipy.optimize import brentq
 
     found = [float(w) for w in omega[values == 0.0]]
@@ -67,14 +67,14 @@ def _zero_crossings(function: Callable[[float], float], omega: np.ndarray, value
 
 @dataclass(frozen=True, kw_only=True)
 class Margins:
-    """Margins of a stable loop; of an unstable one only Ms and Mt, the disk margin is 0 and the others nan.
+    """Margins of a loop. An unstable one has Ms and Mt, a disk margin of 0, and nan for all others.
 
     Attributes
     ----------
     crossover: frequency [rad/s] of the gain crossover with the smallest phase margin; nan without any.
-    phase_margin: deg, smallest of all crossovers, lag or lead; inf without a crossover.
+    phase_margin: deg, smallest over all crossovers, lag or lead; inf without a crossover.
     gain_margin: smallest factor above 1 on the gain that destabilises the loop; gain_reduction: largest below 1.
-    gain_frequency: rad/s, where the gain margin is read (phase -180 deg); nan without any.
+    gain_frequency: rad/s, phase crossover of the gain margin; nan without any.
     delay_margin: s, additional delay that destabilises the loop, from the phase margins; inf without a crossover.
     Ms, Mt: peaks of |S| and |T|. disk_margin: alpha. disk_frequency: rad/s, where |S - 1/2| peaks.
     """
@@ -94,14 +94,14 @@ class Margins:
 def margins(
     gain: LoopGain, omega: np.ndarray, response: np.ndarray, *, static: float = inf, stable: bool = True
 ) -> Margins:
-    """Margins of a loop from its gain on a grid, refined between the grid's points.
+    """Margins of a loop from its gain on a grid, refined between the points.
 
     Parameters
     ----------
     gain: L at frequencies [rad/s], (n,) -> (n,) complex.
     omega: (n,) rad/s from `frequency_grid`, up to the Nyquist frequency. response: (n,) the gain there.
     static: gain at zero frequency, inf with an integrator.
-    stable: whether the closed loop is, which its frequency response does not tell.
+    stable: whether the closed loop is stable, which does not follow from the frequency response.
     """
 
     def at(w: float) -> complex:
@@ -120,7 +120,7 @@ def margins(
         if abs(here) < phase:
             phase, crossover = float(abs(here)), w
         delay = min(delay, float(here % (2 * np.pi)) / w)
-    # At the last point, z = -1, the gain is real: stability can be lost there without a change of sign before it.
+    # At the last point, z = -1, the gain is real, so that its imaginary part has no sign change there.
     inner = slice(None, -1)
     real = _zero_crossings(lambda w: at(w).imag, omega[inner], response[inner].imag)
     edges = [(at(w).real, w) for w in real] + [(float(response[-1].real), float(omega[-1]))]
@@ -142,7 +142,7 @@ def margins(
 
 
 def disk_range(alpha: float) -> tuple[float, float, float]:
-    """Guarantees of a disk margin alpha: smallest and largest factor on the gain alone, and phase alone [deg].
+    """What a disk margin alpha guarantees: smallest and largest factor on the gain alone, phase alone [deg].
 
     (2 - alpha) / (2 + alpha), its inverse, and 2 atan(alpha / 2) (Seiler, Packard, Gahinet 2020).
     """

@@ -1,4 +1,4 @@
-"""Robustness of one controller over many plants: worst margins, and the plant of each."""
+"""Robustness of one controller over many plants: worst margins with their plants."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MARGINS = {"Ms": 1, "Mt": 1, "disk_margin": -1, "phase_margin": -1, "gain_margin
 
 
 class WorstMargin(NamedTuple):
-    """The worst value of a margin among many plants, and the label of that plant."""
+    """The worst value of a margin over many plants, and the label of that plant."""
 
     value: float
     label: str
@@ -47,7 +47,7 @@ class RobustMargins(Result):
 
     @cached_property
     def worst(self) -> dict[str, WorstMargin]:
-        """The worst value of each of MARGINS with the plant's label; an unstable loop is the worst in all."""
+        """The worst value of each margin with the plant's label; an unstable loop is the worst in all of them."""
         found = {}
         for name, sign in MARGINS.items():
             badness = {k: sign * getattr(loop, name) if loop.stable else inf for k, loop in self.loops.items()}
@@ -57,12 +57,12 @@ class RobustMargins(Result):
 
     @property
     def Ms(self) -> float:
-        """The largest; inf if a loop is unstable."""
+        """The largest Ms; inf if a loop is unstable."""
         return self.worst["Ms"].value if self.stable else inf
 
     @property
     def disk_margin(self) -> float:
-        """The smallest; 0 if a loop is unstable."""
+        """The smallest disk margin; 0 if a loop is unstable."""
         return self.worst["disk_margin"].value
 
     @property
@@ -88,7 +88,7 @@ class RobustMargins(Result):
             raise InputError(f"band of {of!r}: expected 'S' or 'T'")
         loops = [loop for loop in self.loops.values() if loop.stable]
         if not loops:
-            raise InputError(f"no loop with {self.controller} is stable: there is no band to show")
+            raise InputError(f"no loop with {self.controller} is stable, so that there is no band")
         low = max(loop.omega[0] for loop in loops)
         omega = np.geomspace(low, min(loop.omega[-1] for loop in loops), 400)
         curves = []
@@ -121,7 +121,7 @@ class RobustMargins(Result):
         )  # fmt: skip
 
     def _quantiles(self, name: str) -> dict[str, float]:
-        """Of the stable loops, by rank: interpolation would average infinite margins."""
+        """Quantiles over the stable loops, by rank, because interpolation would average infinite margins."""
         values = np.sort([getattr(loop, name) for loop in self.loops.values() if loop.stable])
         if not values.size:
             values = np.array([np.nan])

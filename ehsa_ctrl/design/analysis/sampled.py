@@ -12,14 +12,14 @@ from ...core.errors import InputError
 if TYPE_CHECKING:
     import control
 
-#: Longest delay of the current, in samples: each sample of delay is a state.
+#: Longest delay of the current [samples]: each sample adds a state.
 LATEST = 100
-#: Scale of each state: rad/s, Pa and m differ by ten decades, too much for a Riccati equation or a QP solver.
+#: Typical magnitude of each state [SI]: rad/s, Pa and m differ by ten decades, too much for Riccati and QP solvers.
 SCALES = {"omega": 100.0, "dP": 1e6, "P_1": 1e6, "P_2": 1e6, "v": 0.1, "x": 0.01}
-#: Channel -> its expressions in the model's outputs; the first whose outputs the model has is taken.
+#: Channel -> expressions in the model's outputs; the first one whose outputs the model has applies.
 READINGS: dict[str, tuple[dict[str, float], ...]] = {
     "speed": ({"omega": 1.0},),
-    # (7) has the pressure difference alone: P_1 - P_2 = dP.
+    # (7) has only the pressure difference dP = P_1 - P_2.
     "p1": ({"P_1": 1.0}, {"dP": 0.5}),
     "p2": ({"P_2": 1.0}, {"dP": -0.5}),
     "position": ({"x": 1.0},),
@@ -50,8 +50,8 @@ def readings(system: control.StateSpace) -> np.ndarray:
 def state_scales(system: control.StateSpace) -> np.ndarray:
     """Scale (n,) of each state by its name, see SCALES; 1 for other names.
 
-    Not by matrix balancing: a linearised model has 1e-10 instead of 0 from rounding, from which balancing concludes
-    that the position hardly moves.
+    Matrix balancing would fail: a linearised model has entries of 1e-10 instead of 0 from rounding, and balancing would
+    take them for real couplings of the position.
     """
     return np.array([SCALES.get(name, 1.0) for name in system.state_labels])
 
@@ -86,7 +86,7 @@ def scale_model(system: control.StateSpace) -> ScaledModel:
 
 
 def sample(model: ScaledModel, sample_time: float, delay: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Matrices A, B, C of the sampled plant whose current acts `delay` [s] late, see `sampled_plant`."""
+    """Matrices A, B, C of the sampled plant with a delay [s] of the current, see `sampled_plant`."""
     from scipy.linalg import block_diag, expm
 
     a, inputs, c = model
@@ -105,7 +105,7 @@ def sample(model: ScaledModel, sample_time: float, delay: float) -> tuple[np.nda
     whole = int(np.floor(delay / sample_time + 1e-12))
     late = max(delay - whole * sample_time, 0.0)
     rest, new = hold(sample_time - late)
-    # Delay line behind the plant's states, newest current first: u[k-1], u[k-2] ... u[k-whole-1].
+    # The delay line follows the plant's states, newest current first: u[k-1], u[k-2] ... u[k-whole-1].
     line = whole + 1
     A, B = block_diag(transition, np.eye(line, k=-1)), np.zeros((n + line, 2))
     A[:n, n + line - 1] = rest @ hold(late)[1][:, 0]
@@ -148,9 +148,9 @@ def sampled_plant(system: control.StateSpace, sample_time: float, *, delay: floa
 
 
 def remove_constant_states(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Reduce a model a (n, n), b (n, m), c (p, n) by the combinations that no input ever changes, as P_1 + P_2 in (6).
+    """Remove the combinations of states that no input changes, as P_1 + P_2 in (6), from a (n, n), b (n, m), c (p, n).
 
-    w' A = 0 and w' B = 0 keep w' x constant; deviations from rest start at 0, so that x stays in the plane w' x = 0.
+    If w' A = 0 and w' B = 0, w' x is constant; deviations from rest start at 0, so that x stays in the plane w' x = 0.
     """
     left, values, _ = np.linalg.svd(np.hstack([a / _norm(a), _unit_columns(b)]))
     constant = values < RANK_TOLERANCE
@@ -171,7 +171,7 @@ def hidden_modes(a: np.ndarray, b: np.ndarray) -> list[complex]:
         mode = complex(eigenvalue) if abs(eigenvalue) > RANK_TOLERANCE * size else 0j
         pencil = np.hstack([(mode * np.eye(a.shape[0]) - a) / size, _unit_columns(b)])
         lost = int(np.count_nonzero(np.linalg.svd(pencil, compute_uv=False) < RANK_TOLERANCE))
-        # A double eigenvalue may be hidden only once.
+        # Of a multiple eigenvalue some may be controllable: count each hidden one once.
         if sum(abs(mode - known) <= RANK_TOLERANCE * size for known in found) < lost:
             found.append(mode)
     return found
@@ -182,6 +182,6 @@ def _norm(a: np.ndarray) -> float:
 
 
 def _unit_columns(b: np.ndarray) -> np.ndarray:
-    """Columns scaled to length 1; zero columns are left out."""
+    """Columns scaled to length 1, without zero columns."""
     lengths = np.linalg.norm(b, axis=0)
     return b[:, lengths > 0] / lengths[lengths > 0]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import control
     import pandas
 
-#: Analysed outputs with the unit of their gain per ampere, and their keys in results.
+#: Outputs to analyse -> unit of the output, and -> key in results.
 OUTPUTS = {"omega": "rad/s", "dP": "Pa", "v": "m/s", "x": "m"}
 KEYS = {"omega": "speed", "dP": "dP", "v": "rod_speed", "x": "position"}
 
@@ -26,7 +26,7 @@ class Analysis(Result):
     Attributes
     ----------
     system: the model.
-    poles, natural_frequencies, damping: (n,) rad/s, rad/s, 1; sorted by frequency.
+    poles, natural_frequencies, damping: (n,) [rad/s, rad/s, 1], sorted by frequency.
     zeros: output -> zeros from the current, rad/s.
     dc_gains: output -> steady value per ampere, inf for an integrator.
     """
@@ -69,7 +69,7 @@ class Analysis(Result):
 
 
 def analyse(system: control.StateSpace) -> Analysis:
-    """Poles, zeros of each channel and DC gains of a linear model, through python-control.
+    """Poles, zeros and DC gains of a linear model, by python-control.
 
     system: the current is the first input; outputs are named omega, dP, v, x.
     """
@@ -85,14 +85,14 @@ def analyse(system: control.StateSpace) -> Analysis:
             continue
         part = system if output == "x" else _without_free_position(system)
         channel = part[part.output_labels.index(output), 0]
-        # The pencil of a strictly proper system has zeros at infinity too, large numbers after rounding.
+        # A strictly proper system has zeros at infinity, which rounding makes large numbers.
         zeros[output] = np.array([zero for zero in _balanced(channel).zeros() if abs(zero) < 1e3 * fastest])
         gains[output] = float(np.real(channel.dcgain()))
     return Analysis(system, poles, frequency, damping, zeros, gains)
 
 
 def _without_free_position(system: control.StateSpace) -> control.StateSpace:
-    """Without the position if nothing depends on it: it would add a pole and a zero at 0 to every channel."""
+    """Remove the position if nothing depends on it: it would add a pole and a zero at 0 to every channel."""
     import control
 
     if "x" not in system.state_labels or np.any(system.A[:, system.state_labels.index("x")]):
@@ -105,7 +105,7 @@ def _without_free_position(system: control.StateSpace) -> control.StateSpace:
 
 
 def _balanced(system: control.StateSpace) -> control.StateSpace:
-    """The same system in balanced states: speeds in rad/s and pressures in Pa differ by ten decades."""
+    """The system in balanced states: speeds in rad/s and pressures in Pa differ by ten decades."""
     import control
     from scipy.linalg import matrix_balance
 

@@ -1,11 +1,11 @@
 """The tuner's specification, the sampled PID loop, and bounds on it as smooth constraints.
 
-The loop is exact (zero-order hold of the plant, difference equation of the law) and fast enough for thousands of
-evaluations; it is broken at the current.
+The loop, broken at the current, is exact (zero-order hold of the plant, difference equation of the law) and fast enough
+for thousands of evaluations.
 
-Every bound becomes numbers log(allowed / actual), at least 0 where the bound holds. Each band of frequencies gives the
-peak in it, refined by a parabola so that its derivative is that of the true peak; with one number per band the
-optimiser sees all peaks of a loop, not only the largest.
+Every bound becomes constraints log(allowed / actual) >= 0. There is one for the peak in each band of frequencies, so
+that the optimiser sees all peaks of a loop, not only the largest; a parabola refines each peak between grid points, so
+that its derivative is that of the true peak.
 
 The disk margin is the balanced one, 2 / max |S - T| (P. Seiler, A. Packard, P. Gahinet, "An Introduction to Disk
 Margins", IEEE Control Systems Magazine 40(5), 2020).
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
     from ..kinds.pid import Gains
 
-#: Points of the frequency grid, decades below the Nyquist frequency, and bands.
+#: Points of the frequency grid, its decades below the Nyquist frequency, and bands. Engineering judgement.
 POINTS, DECADES, BANDS = 360, 5.0, 9
-#: Bounds from below; the others are bounds from above.
-LEAST = ("disk_margin", "crossover")
+#: Lower bounds; all others are upper bounds.
+LOWER_BOUNDS = ("disk_margin", "crossover")
 
 
 class Tuning(Definition):
@@ -64,8 +64,8 @@ class Tuning(Definition):
     def _check_criterion(self) -> Tuning:
         if "I" not in self.terms and (self.minimise == "IE" or self.response == "load"):
             raise ValueError(
-                f"terms = {self.terms!r} leaves a steady-state error after a load step, so that there is nothing to "
-                "minimise; use PI or PID, or minimise IAE or ITAE of response = 'reference'"
+                f"terms = {self.terms!r} leaves a steady-state error after a load step, so that its integral is "
+                "infinite; use PI or PID, or minimise IAE or ITAE with response = 'reference'"
             )
         if self.minimise == "IE" and self.response == "reference":
             raise ValueError("minimise = 'IE' is the integrated error of a load step; take response = 'load' or ITAE")
@@ -74,14 +74,14 @@ class Tuning(Definition):
         return self
 
     def bounds(self) -> dict[str, float]:
-        """The bounds that are given, by name."""
+        """The given bounds by name."""
         names = ("Ms", "Mt", "disk_margin", "noise_gain", "crossover")
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
 
 @dataclass(frozen=True)
 class SampledPlant:
-    """Current to position, with the current held over each sample.
+    """The plant from current to position, with the current held over each sample.
 
     Attributes
     ----------
@@ -100,21 +100,18 @@ class SampledPlant:
 
 
 def position_plant(system: control.StateSpace, sample_time: float, *, lag: int = 0) -> SampledPlant:
-    """Current to position, the current `lag` whole samples late.
-
-    Raises InputError for a model that does not fit (see sampled.sampled_plant).
-    """
+    """The plant from current to position, with `lag` whole samples of delay. Raises InputError as `sampled_plant`."""
     plant = sampled_plant(system, sample_time, delay=lag * sample_time)
     return SampledPlant(plant.A, plant.B[:, 0], plant.C[MEASURED.index("position")], sample_time)
 
 
 @dataclass(frozen=True)
 class PidLoop:
-    """A plant under PID control.
+    """A plant with a PID.
 
     Attributes
     ----------
-    plant, gains: the open loop.
+    plant, gains: plant and controller.
     b, c: setpoint weights of the proportional and the derivative part.
     """
 
@@ -124,15 +121,15 @@ class PidLoop:
     c: float = 0.0
 
     def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Closed loop x+ = A x + B w, (y, u) = C x + D w with w = (reference, current from outside, noise).
+        """A, B, C, D of the closed loop from w = (reference, load current, noise) to (position, current).
 
-        States: the plant's, the integral part and the memory of the derivative.
+        States: the plant's, integral part, memory of the derivative part.
         """
         p, g, T_s = self.plant, self.gains, self.plant.sample_time
         n = p.b.size
         keep = g.T_f / (g.T_f + T_s)
         slope = g.k_d / (g.T_f + T_s)
-        # The law's current from (x, integral, memory) and from (reference, current, noise).
+        # The law's current as rows over the states and over w.
         u_x = np.concatenate([-(g.k_p + slope) * p.c, [1.0, 1.0]])
         u_w = np.array([g.k_p * self.b + slope * self.c, 0.0, -(g.k_p + slope)])
         a, b = np.zeros((n + 2, n + 2)), np.zeros((n + 2, 3))
@@ -151,11 +148,11 @@ class PidLoop:
         return spectral_radius(self.matrices()[0])
 
     def error(self, samples: int, kind: str) -> np.ndarray:
-        """r - y (samples,) after a step of 1 m of the reference ("reference") or of 1 A from outside ("load")."""
+        """r - y (samples,) after a step of the reference by 1 m ("reference") or of the load by 1 A ("load")."""
         a, b, c, _ = self.matrices()
         column = {"reference": 0, "load": 1}[kind]
         n = a.shape[0]
-        # The step as a constant state: free response of the extended system, its rows by doubling.
+        # The step is a constant state: free response of the extended system, whose rows double in each pass.
         whole = np.zeros((n + 1, n + 1))
         whole[:n, :n], whole[:n, n], whole[n, n] = a, b[:, column], 1.0
         rows, power = np.append(c[0], 0.0)[None, :], whole
@@ -168,10 +165,7 @@ class PidLoop:
 
 @dataclass(frozen=True)
 class LoopConstraints:
-    """Bounds on one plant's loop as constraints on the gains.
-
-    plant: to be controlled. bounds: as `Tuning.bounds` returns them.
-    """
+    """Bounds on the loop with one plant as constraints on the gains; `bounds` as from `Tuning.bounds`."""
 
     plant: SampledPlant
     bounds: Mapping[str, float]
@@ -194,8 +188,8 @@ class LoopConstraints:
         z = np.exp(1j * np.array([self.bounds["crossover"]]) * self.plant.sample_time)
         return z, self.plant.response(z)
 
-    def room(self, gains: Gains) -> np.ndarray:
-        """log(allowed / actual) of all bounds, some numbers each, and last the distance to instability."""
+    def slack(self, gains: Gains) -> np.ndarray:
+        """log(allowed / actual) of all bounds, for the peaks one per band, and last the distance to instability."""
         b = self.bounds
         C = gains.response(self.z, self.plant.sample_time)
         S = 1.0 / (1.0 + C * self.G)

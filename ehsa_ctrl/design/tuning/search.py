@@ -1,7 +1,7 @@
 """The search for tuned PID gains.
 
-A grid of classic designs finds feasible gains; sequential quadratic programming in the logarithms of the gains
-continues from the best few of them. Where no design of the grid is feasible, it first minimises the largest violation.
+A grid of designs by crossover and phase finds feasible gains; sequential quadratic programming in the logarithms of the
+gains improves the best few. If the grid has no feasible design, the search first minimises the largest violation.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from itertools import product
 import numpy as np
 
 from ..kinds.pid import Gains
-from .constraints import LEAST, LoopConstraints, PidLoop, SampledPlant, Tuning
+from .constraints import LOWER_BOUNDS, LoopConstraints, PidLoop, SampledPlant, Tuning
 
-#: Starts of the local search, and rounding by which a bound may be violated.
-STARTS, TOLERANCE = 3, 1e-6
+#: Number of starts of the local search (engineering judgement), relative violation of a bound that counts as rounding,
+#: and violation (logarithm) up to which gains count as feasible during the search.
+STARTS, TOLERANCE, SEARCH_TOLERANCE = 3, 1e-6, 1e-4
 
 
 class GainSearch:
-    """The optimisation over the logarithms of k_p, k_i / k_p, k_d / k_p and T_f."""
+    """The optimisation over theta, the logarithms of k_p, k_i / k_p, k_d / k_p and T_f."""
 
     def __init__(self, plants: list[SampledPlant], tuning: Tuning, b: float, c: float) -> None:
         self.plants, self.tuning, self.b, self.c = plants, tuning, b, c
@@ -28,14 +29,14 @@ class GainSearch:
         self.samples = 1024
 
     def tighten(self, amounts: dict[str, float]) -> None:
-        """Make bounds stricter by these factors (logarithms)."""
+        """Make bounds stricter by these factors, given as logarithms."""
         bounds = dict(self.constraints[0].bounds)
         for name, amount in amounts.items():
-            bounds[name] *= float(np.exp(amount if name in LEAST else -amount))
+            bounds[name] *= float(np.exp(amount if name in LOWER_BOUNDS else -amount))
         self.constraints = [LoopConstraints(plant, bounds) for plant in self.plants]
 
     def feasible(self, gains: Gains) -> bool:
-        return bool(np.min(self.room(gains)) > -1e-4)
+        return bool(np.min(self.slack(gains)) > -SEARCH_TOLERANCE)
 
     def gains(self, theta: np.ndarray) -> Gains:
         values = iter(np.exp(theta))
@@ -51,11 +52,11 @@ class GainSearch:
             values += [gains.k_d / gains.k_p, gains.T_f]
         return np.log(values)
 
-    def room(self, gains: Gains) -> np.ndarray:
-        return np.concatenate([one.room(gains) for one in self.constraints])
+    def slack(self, gains: Gains) -> np.ndarray:
+        return np.concatenate([one.slack(gains) for one in self.constraints])
 
     def objective(self, gains: Gains) -> float:
-        """Logarithm of the criterion."""
+        """Logarithm of the criterion; a large finite number for an unstable loop."""
         if self.tuning.minimise == "IE":
             return float(-np.log(gains.k_i))
         T_s = self.plants[0].sample_time
@@ -66,32 +67,32 @@ class GainSearch:
         return float(np.log(np.clip(total, 1e-300, 1e100))) if np.isfinite(total) else 230.0
 
     def solve(self) -> Gains:
-        """The best gains found; those with the smallest violation if none are feasible."""
+        """The best gains found, or those with the smallest violation if none is feasible."""
         grid = self.grid()
-        rooms = np.array([np.min(self.room(gains)) for gains in grid])
-        feasible = [grid[k] for k in np.flatnonzero(rooms >= 0.0)]
+        slacks = np.array([np.min(self.slack(gains)) for gains in grid])
+        feasible = [grid[k] for k in np.flatnonzero(slacks >= 0.0)]
         if not feasible:
-            tried = [self.nearest_to_feasible(grid[k]) for k in np.argsort(-rooms)[:STARTS]]
-            feasible = [max(tried, key=lambda gains: float(np.min(self.room(gains))))]
+            tried = [self.nearest_to_feasible(grid[k]) for k in np.argsort(-slacks)[:STARTS]]
+            feasible = [max(tried, key=lambda gains: float(np.min(self.slack(gains))))]
             if not self.feasible(feasible[0]):
                 return feasible[0]
-        # The best is among the strongest; their responses decide.
+        # Strong gains reject a load best: compare the responses of the 40 strongest only.
         feasible = sorted(feasible, key=lambda gains: -(gains.k_i or gains.k_p))[:40]
         self.set_horizon(feasible)
         feasible.sort(key=self.objective)
         return min([*(self.search(gains) for gains in spread(feasible, self.theta)), feasible[0]], key=self._rank)
 
     def _rank(self, gains: Gains) -> tuple[float, float]:
-        miss = -float(np.min(self.room(gains)))
-        return (miss if miss > 1e-4 else 0.0), self.objective(gains)
+        violation = -float(np.min(self.slack(gains)))
+        return (violation if violation > SEARCH_TOLERANCE else 0.0), self.objective(gains)
 
     def set_horizon(self, candidates: list[Gains]) -> None:
-        """Simulate so many samples that the faster half of the loops has settled."""
+        """Choose the number of samples for which the faster half of the loops settles, 128 to 8192."""
         radius = np.median([PidLoop(self.plants[0], gains).radius() for gains in candidates])
         self.samples = int(2 ** np.clip(np.ceil(np.log2(12.0 / max(1.0 - radius, 1e-6))), 7, 13))
 
     def grid(self) -> list[Gains]:
-        """Classic designs over a grid of crossover, phase lead, integral and filter corner."""
+        """Designs over a grid of crossover, phase lead, and corners of integral action and filter."""
         T_s = self.plants[0].sample_time
         nyquist = np.pi / T_s
         integral = (0.03, 0.1, 0.3) if "I" in self.tuning.terms else (0.0,)
@@ -118,44 +119,44 @@ class GainSearch:
         return spans
 
     def search(self, start: Gains) -> Gains:
-        """The best gains near a start."""
+        """The local optimum from a start."""
         theta = self.theta(start)
         found = _minimise(
-            lambda t: self.objective(self.gains(t)), theta, self.limits(theta), lambda t: self.room(self.gains(t))
+            lambda t: self.objective(self.gains(t)), theta, self.limits(theta), lambda t: self.slack(self.gains(t))
         )
         return self.gains(found)
 
     def nearest_to_feasible(self, start: Gains) -> Gains:
-        """Gains with the smallest violation of the worst bound."""
-        theta, slack = self.theta(start), -float(np.min(self.room(start)))
+        """Gains with the smallest largest violation near a start."""
+        theta, slack = self.theta(start), -float(np.min(self.slack(start)))
         found = _minimise(
             lambda t: t[-1],
             np.append(theta, slack),
             [*self.limits(theta), (-0.02, None)],
-            lambda t: self.room(self.gains(t[:-1])) + t[-1],
+            lambda t: self.slack(self.gains(t[:-1])) + t[-1],
         )
-        return max((start, self.gains(found[:-1])), key=lambda gains: float(np.min(self.room(gains))))
+        return max((start, self.gains(found[:-1])), key=lambda gains: float(np.min(self.slack(gains))))
 
 
 def _minimise(
     objective: Callable[[np.ndarray], float],
     start: np.ndarray,
     limits: Sequence[tuple[float, float | None]],
-    room: Callable[[np.ndarray], np.ndarray],
+    slack: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Minimise subject to room >= 0 by sequential quadratic programming."""
+    """Minimise subject to slack >= 0 by sequential quadratic programming."""
     from scipy.optimize import minimize
 
     with np.errstate(all="ignore"):
         result = minimize(
-            objective, start, method="SLSQP", bounds=limits, constraints={"type": "ineq", "fun": room},
+            objective, start, method="SLSQP", bounds=limits, constraints={"type": "ineq", "fun": slack},
             options={"maxiter": 100, "ftol": 1e-9},
         )  # fmt: skip
     return np.asarray(result.x)
 
 
 def spread(sorted_gains: list[Gains], theta: Callable[[Gains], np.ndarray]) -> list[Gains]:
-    """The first few of a sorted list that are distinct."""
+    """The first few gains of a sorted list that differ by more than exp(0.5) in one of theta."""
     chosen: list[Gains] = []
     for gains in sorted_gains:
         if all(np.max(np.abs(theta(gains) - theta(other))) > 0.5 for other in chosen):
