@@ -1,7 +1,7 @@
-"""A page as data: sentences of the verdict, then sections of text, facts, tables and figures.
+"""A page as data: sentences of the verdict, then sections with text, facts, tables and figures.
 
-Every kind of result is turned into a `Page` (see `kinds`), and one template renders all of them. `check` makes sure
-that every text is one, so that a JSON that was edited is refused while its file can still be named.
+Every kind of result becomes a `Page` (see `kinds`), and one template renders all of them. `check` verifies that all
+texts are strings, so that an edited JSON is rejected while the message can still name the file.
 """
 
 from __future__ import annotations
@@ -12,36 +12,36 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-#: How a number begins as pages show them, with or without a unit; nothing, a dash and "n/a" count as numbers.
+#: Start of a cell that counts as a number, with or without a unit; nothing, a dash and "n/a" count as numbers.
 NUMBER = re.compile(r"(● )?\(?[-−+]?(\d|∞)|–?$|n/a$")
-#: Neither right nor wrong: the reader should have a look.
+#: State of a sentence that the reader should check.
 DOUBT: Literal["doubt"] = "doubt"
 State = bool | Literal["doubt"] | None
-#: A sentence and its state; None where there is nothing to judge.
+#: A sentence and its state; None for a sentence without a verdict.
 Sentence = tuple[str, State]
-#: Mark and class of colour of a state; marks differ without colour too.
+#: State -> mark and CSS class; the marks differ without colour too.
 LOOKS: dict[State, tuple[str, str]] = {
     True: ("✓", "good"), False: ("✗", "bad"), DOUBT: ("△", "doubt"), None: ("–", "soft")
 }  # fmt: skip
-#: Class of the banner of a state.
+#: State -> CSS class of the banner.
 BANNERS: dict[State, str] = {True: "", False: " fail", DOUBT: " look", None: " plain"}
-#: Sentences to look at that an overview repeats of one result.
+#: Sentences to check that an overview repeats for each result.
 REPEATED = 3
 
 
 def worst_of(sentences: Iterable[Sentence]) -> State:
-    """The worst state: False, else "doubt", else True; None if none of the sentences is judged."""
+    """The worst state: False, then "doubt", then True; None if no sentence has a verdict."""
     states = {state for _, state in sentences}
     return next((state for state in (False, DOUBT, True) if state in states), None)
 
 
 def mark(good: bool, words: str) -> str:
-    """Words with a tick or a cross, as tables have them."""
+    """Text with a tick or a cross, for tables."""
     return f"{'✓' if good else '✗'} {words}"
 
 
 def unique(names: Iterable[str]) -> list[str]:
-    """The names; one that occurs again gets a number."""
+    """The names, with a number appended to repeated ones."""
     found: list[str] = []
     for name in names:
         candidate, count = name, 2
@@ -52,12 +52,12 @@ def unique(names: Iterable[str]) -> list[str]:
 
 
 def anchors(names: Iterable[str]) -> list[str]:
-    """Unique ids of sections: anything but letters, digits, - and _ becomes a hyphen."""
+    """Unique HTML ids of sections; characters other than letters, digits, - and _ become hyphens."""
     return unique(re.sub(r"[^A-Za-z0-9_-]+", "-", name) for name in names)
 
 
 class Link(str):
-    """A text that leads to the section with the key `target`."""
+    """A text that links to the section with the key `target`."""
 
     target: str
 
@@ -68,7 +68,7 @@ class Link(str):
 
 
 class Paragraph(NamedTuple):
-    """A paragraph, with a mark where its state is not None; `code` is shown in letters of equal width."""
+    """A paragraph, with a mark if its state is not None; `code` selects a monospaced font."""
 
     words: str
     state: State = None
@@ -76,7 +76,7 @@ class Paragraph(NamedTuple):
 
 
 class Points(NamedTuple):
-    """A list of sentences; one with a state has its mark."""
+    """A list of sentences, with a mark for those that have a state."""
 
     items: Sequence[str | Sentence]
 
@@ -86,15 +86,15 @@ class Points(NamedTuple):
 
 
 class Facts(NamedTuple):
-    """Names and what they are."""
+    """Pairs of name and value."""
 
     rows: Sequence[tuple[str, str]]
 
 
 class Table(NamedTuple):
-    """A table of texts; the first column names the row, "\n" in a heading breaks the line.
+    """A table of texts; the first column names the row, and "\n" in a heading breaks the line.
 
-    A cell that begins with ✓ is shown as good, with ✗ as bad, with △ as one to look at.
+    Cells that start with ✓ are shown as good, with ✗ as bad, with △ as to be checked.
     """
 
     caption: str
@@ -103,15 +103,15 @@ class Table(NamedTuple):
 
     @property
     def numbers(self) -> list[bool]:
-        """Whether each column holds numbers alone."""
+        """For each column, whether it contains only numbers."""
         columns = zip(*self.rows, strict=True)
         return [k > 0 and all(NUMBER.match(cell) for cell in column) for k, column in enumerate(columns)]
 
 
 class Picture(NamedTuple):
-    """A figure that lies beside the JSON: its file without the ending, what it shows, and what to look for.
+    """A figure beside the JSON: file stem, heading and caption.
 
-    It is left out where the file is absent. In a page it has a heading of its own only with `headed`.
+    The page omits it if the file does not exist, and shows its heading only if `headed`.
     """
 
     stem: str
@@ -121,7 +121,7 @@ class Picture(NamedTuple):
 
 
 class Section(NamedTuple):
-    """A heading and the blocks below it, sections among them. key: for links, unique in a page."""
+    """A heading and its blocks, which may be sections. key: target of links, unique in a page."""
 
     heading: str
     blocks: Sequence[Any]
@@ -135,11 +135,11 @@ class Page:
 
     Attributes
     ----------
-    title: what it is about. sentences: the verdict.
-    notes: how the numbers came about, in paragraphs below the verdict.
-    sections: in the order in which they are shown; an empty one is left out.
-    facts: settings and conditions. versions: of the software that computed it.
-    covers: folders below whose results are a part of this one, so that an overview does not show them again.
+    title: heading of the page. sentences: the verdict.
+    notes: paragraphs below the verdict on how the numbers were computed.
+    sections: in display order; empty ones are omitted.
+    facts: settings and conditions. versions: of the software that computed the result.
+    covers: subfolders whose results are part of this one; an overview does not show them again.
     """
 
     title: str
@@ -152,12 +152,12 @@ class Page:
 
     @property
     def state(self) -> State:
-        """The worst of its sentences."""
+        """The worst state of its sentences."""
         return worst_of(self.sentences)
 
     @property
     def lead(self) -> list[str]:
-        """For an overview: the first sentence, and those to look at; of many the first ones and how many more."""
+        """Sentences for an overview: the first one, those to check up to REPEATED, and the number of the others."""
         first = [words for words, _ in self.sentences][:1]
         doubtful = [words for words, state in self.sentences[1:] if state in (False, DOUBT)]
         left = len(doubtful) - REPEATED
@@ -168,9 +168,8 @@ class Page:
 class Kind:
     """A kind of result.
 
-    name: of its JSON. word: what it is called. page: file of its page in the same folder.
-    read: turns the JSON's content and its folder into a Page; what it raises for the content of another program's file
-        is caught.
+    name: of its JSON file. word: noun for the result. page: file of its page in the same folder.
+    read: makes a Page from the content of the JSON and its folder; its exceptions for foreign content are caught.
     """
 
     name: str
@@ -180,9 +179,9 @@ class Kind:
 
 
 def check(content: Any) -> None:
-    """Check some blocks, or the texts of a page, with all that is in them.
+    """Check blocks or texts of a page recursively.
 
-    Raises TypeError for what is neither text nor a state, ValueError for a ragged table.
+    Raises TypeError for anything that is neither text nor a state, ValueError for a ragged table.
     """
     if isinstance(content, list | tuple):
         if isinstance(content, Table) and any(len(row) != len(content.head) for row in content.rows):
@@ -194,7 +193,7 @@ def check(content: Any) -> None:
 
 
 def pictures_in(blocks: Iterable[Any]) -> Iterator[Picture]:
-    """Every figure of some sections."""
+    """All figures of some blocks."""
     for block in blocks:
         if isinstance(block, Picture):
             yield block

@@ -1,4 +1,4 @@
-"""Signals on axes and in tables: words, and the units in which they are shown."""
+"""Names and display units of signals on axes and in tables."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from ..core.log import CHANNELS, Log
 from ..core.unit import factor
 from .text import unit
 
-#: The unit shown for an SI unit of a logged channel.
+#: SI unit of a logged channel -> display unit.
 SHOWN = {"rad/s": "rpm", "Pa": "bar", "m": "mm", "m/s": "mm/s", "N": "kN"}
-#: Units shown for unknown inputs and the variables that they depend on; forces stay in N.
+#: Display units of unknown inputs and the variables that they depend on; forces stay in N.
 SHOWN_OF_BALANCES = SHOWN | {"m3/s": "cm3/s", "Pa/s": "bar/s", "rad/s Pa": "rad bar/s", "N": "N", "m3": "cm3"}
-#: Name of a channel on an axis, where its own is not a word.
+#: Channel -> name on an axis, if it differs from the channel's own.
 WORDS = {"p1": "pressure P₁", "p2": "pressure P₂", "velocity": "rod speed", "drive_force": "drive force"}
-#: The unknown input of each balance.
+#: Balance -> name of its unknown input.
 BALANCES = {
     "torque": "unknown torque", "flow_1": "unknown flow into chamber 1", "flow_2": "unknown flow into chamber 2",
     "force": "unknown force",
 }  # fmt: skip
-#: The part of a log that is shown in detail: longest [s], largest share of the log, fewest samples.
+#: Part of a log shown in detail: longest duration [s], largest share of the log, smallest number of samples
+#: (engineering judgement).
 DETAIL, SHARE, FEWEST = 1.0, 0.25, 50
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A signal of a simulated run on an axis: what it is, its SI unit, the unit shown, the least span of the axis."""
+    """A signal of a simulated run: name, SI unit, display unit, and smallest span of its axis in display units."""
 
     words: str
     unit: str
@@ -37,7 +38,7 @@ class Signal:
 
     @property
     def scale(self) -> float:
-        """SI units in one shown unit."""
+        """SI value of one display unit."""
         return factor(self.shown, self.unit)
 
     @property
@@ -45,7 +46,7 @@ class Signal:
         return f"{self.words}\n({unit(self.shown)})"
 
     def read(self, values: np.ndarray) -> np.ndarray:
-        """Values (N,) in SI units in the unit shown."""
+        """Convert values (N,) from SI to display units."""
         return np.asarray(values, dtype=float) / self.scale
 
 
@@ -62,7 +63,7 @@ SIGNALS = {
 
 
 class Shown(NamedTuple):
-    """How a logged channel is shown: its words, the unit, and the SI units in one of that."""
+    """Display of a logged channel: name, display unit, and SI value of that unit."""
 
     words: str
     unit: str
@@ -78,32 +79,32 @@ class Shown(NamedTuple):
 
 
 def shown(channel: str) -> Shown:
-    """How a channel is shown: in its SI unit where no other is usual."""
+    """Display of a channel; in its SI unit unless another one is usual."""
     own = CHANNELS[channel].unit
     usual = SHOWN.get(own, own)
     return Shown(WORDS.get(channel, channel), usual, factor(usual, own))
 
 
 def signal_shown(signal: str) -> Shown:
-    """How a signal that has a gap is shown."""
+    """Display of a scored signal."""
     return shown(signal if signal in CHANNELS else "velocity")
 
 
 def unit_of_balance(si: str) -> tuple[str, float]:
-    """The unit shown for an unknown input or its variable, and the SI units in one of it."""
+    """Display unit of an unknown input or its variable, and the SI value of that unit."""
     usual = SHOWN_OF_BALANCES.get(si, si)
     return usual, factor(usual, si) if usual != si else 1.0
 
 
 def unit_of_number(si: str, value: float) -> tuple[str, float]:
-    """The unit shown for a number of an effect or a sensor, and the SI units in one of it; short times are in ms."""
+    """Display unit of a parameter of an effect or a sensor, and its SI value; times below 0.2 s are in ms."""
     if si == "s":
         return ("ms", 1e-3) if abs(value) < 0.2 else ("s", 1.0)
     return unit_of_balance(si) if si in SHOWN else (si, 1.0)
 
 
-def liveliest(log: Log, channel: str) -> slice:
-    """Samples of the second (or the quarter of a short log) in which a channel varies most."""
+def most_active_part(log: Log, channel: str) -> slice:
+    """Samples of the second (or a quarter of a short log) in which a channel has the largest variance."""
     samples = len(log)
     length = min(DETAIL, SHARE * samples * log.sample_time)
     width = min(max(int(round(length / log.sample_time)), FEWEST), samples)

@@ -19,7 +19,7 @@ from ehsa_ctrl.report.figures import (
     to_svg,
 )
 from ehsa_ctrl.report.figures.estimates import COLOURS, VERDICTS
-from ehsa_ctrl.report.signals import liveliest, shown
+from ehsa_ctrl.report.signals import most_active_part, shown
 from ehsa_ctrl.report.style import ROLES
 
 from .reading import axes_of, whole_and_detail, words_are_apart
@@ -133,9 +133,9 @@ def test_the_detail_is_where_the_drive_varies_most():
     time = 0.01 * np.arange(1000)
     burst = np.where((time >= 6.0) & (time < 7.0), np.sin(40 * time), 0.0)
 
-    assert abs(liveliest(Log(time, {"current": burst}), "current").start - 600) <= 1
-    assert liveliest(Log(time, {"current": np.full(1000, 2.0)}), "current").stop <= 1000
-    assert liveliest(Log(time[:40], {"current": burst[:40]}), "current") == slice(0, 40)
+    assert abs(most_active_part(Log(time, {"current": burst}), "current").start - 600) <= 1
+    assert most_active_part(Log(time, {"current": np.full(1000, 2.0)}), "current").stop <= 1000
+    assert most_active_part(Log(time[:40], {"current": burst[:40]}), "current") == slice(0, 40)
 
 
 def test_a_detail_of_a_replay_is_a_part_of_it(fitting):

@@ -1,6 +1,6 @@
-"""Figures of results. Each function returns a matplotlib Figure that is the caller's own; none of them uses pyplot.
+"""Figures of results. Each function returns a new matplotlib Figure, without pyplot.
 
-Importing this package registers the figures that results draw by `plot()`, see `core.plotting`.
+Importing this package registers the figures for `plot()` of the results, see `core.plotting`.
 """
 
 from .campaigns import experiment_figure, montecarlo_figure

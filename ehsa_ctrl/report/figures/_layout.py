@@ -35,14 +35,14 @@ def sheet(
     note_color: str = BLACK,
     extra: float = XLABEL,
 ) -> Iterator[tuple[Sheet, dict[str, Axes]]]:
-    """A sheet with its axes, laid out when the block ends; drawing within the block has the style of all figures.
+    """A sheet and its axes, laid out when the block ends; drawing within the block uses the common style.
 
     Parameters
     ----------
     mosaic: rows of names of axes, as for `Figure.subplot_mosaic`.
     heights: of the rows, in. widths: of the columns, relative.
     header: height for a legend above the panels, in; the axes are then called "header".
-    notes: sentences at the top of the header. extra: height that labels need beside the panels, in.
+    notes: sentences at the top of the header. extra: height for labels in addition to the panels, in.
     """
     lines = [part for line in title.splitlines() for part in textwrap.wrap(line, TITLE_WIDTH)]
     noted = [line for note in notes for line in textwrap.wrap(note, NOTE_WIDTH)]
@@ -66,25 +66,25 @@ def sheet(
             axes["header"].text(LEFT, 1.0, "\n".join(noted), in_layout=False, **look)
         yield figure, axes
         figure.align_ylabels()
-        # Laid out once: it costs more than the drawing, and a PNG and an SVG of the figure are the same then.
+        # Laid out once, as layout costs more than drawing, and PNG and SVG must be identical.
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
         # A notebook displays a figure at its own resolution, a file has DPI.
         figure.set_dpi(RC["figure.dpi"])
-        # The solver's last digits depend on the order of its variables in memory.
+        # Rounded for reproducibility: the solver's last digits depend on the order of its variables in memory.
         for ax in figure.axes:
             ax.set_position(Bbox(ax.get_position(original=True).get_points().round(5)))
 
 
 def share_x(axes: Sequence[Axes]) -> None:
-    """Panels below each other share the axis of the last one."""
+    """Let stacked panels share the x axis of the last one."""
     for ax in axes[:-1]:
         ax.sharex(axes[-1])
         ax.tick_params(labelbottom=False)
 
 
 def header_legend(header: Axes, lines: Sequence[Artist], *, ncols: int = 0, fontsize: float = 9, **look: Any) -> Legend:
-    """One legend for all panels, in the header; in one row by default."""
+    """Add one legend for all panels to the header, in one row by default."""
     figure = header.get_figure()
     assert figure is not None
     legend = header.legend(

@@ -1,4 +1,4 @@
-"""Panels over time: ranges of axes, strips that show phases, limits of the plant that were exceeded."""
+"""Panels over time: axis ranges, strips with phases, exceeded plant limits."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ def column(
 
 
 def draw(ax: Axes, time: np.ndarray, values: np.ndarray, how: Mapping[str, Any]) -> Artist:
-    """A line of values (N,), already in the shown unit; every point is kept."""
+    """Draw values (N,), already in display units, as a line with every point."""
     (line,) = ax.plot(time, values, **how)
     line.set_rasterized(len(time) > RASTER_POINTS)
     return line
 
 
 def set_range(ax: Axes, signal: Signal) -> None:
-    """Label the panel and give it a range that contains its lines without magnifying the noise about a constant."""
+    """Label the panel and set a range that contains its lines but does not magnify noise around a constant."""
     ax.set_ylabel(signal.label)
     low, high = ax.dataLim.y0, ax.dataLim.y1
     if not np.isfinite([low, high]).all():
@@ -67,7 +67,7 @@ def set_range(ax: Axes, signal: Signal) -> None:
 
 
 def set_range_around(ax: Axes, signals: Iterable[np.ndarray], before: np.ndarray | None) -> None:
-    """A range that contains the given signals, and of a run before what is not far off."""
+    """Set a range that contains the signals, and the run `before` up to one span beyond them."""
     low, high = _extremes(signals)
     span = max(high - low, 1e-6 * max(abs(low), abs(high), 1e-300))
     if before is not None:
@@ -84,7 +84,7 @@ def _extremes(signals: Iterable[np.ndarray]) -> tuple[float, float]:
 
 
 def panel_legend(ax: Axes, lines: Sequence[Artist]) -> None:
-    """A legend of this panel's own, to its right."""
+    """Add a legend to the right of the panel."""
     if lines:
         ax.legend(
             list(lines), [str(line.get_label()) for line in lines], loc="center left", bbox_to_anchor=(1.0, 0.5),
@@ -93,14 +93,14 @@ def panel_legend(ax: Axes, lines: Sequence[Artist]) -> None:
 
 
 def phases(time: np.ndarray, on: np.ndarray) -> list[Phase]:
-    """Stretches (start, end, "") [s] in which `on` (N,) holds; a sample's stretch lasts until the next sample."""
+    """Intervals (start, end, "") [s] in which `on` (N,) is true; a sample's interval lasts until the next sample."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
     ends = np.append(time, time[-1])
     return [(float(time[a]), float(ends[b]), "") for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def levels(time: np.ndarray, force: np.ndarray) -> list[Phase]:
-    """Stretches (start, end, "3 kN") [s] of constant force (N,) [N], without those of none."""
+    """Intervals (start, end, "3 kN") [s] of constant nonzero force (N,) [N]."""
     edges = np.flatnonzero(np.diff(np.concatenate([[np.nan], force, [np.nan]])) != 0)
     ends = np.append(time, time[-1])
     signal = SIGNALS["force"]
@@ -112,7 +112,7 @@ def levels(time: np.ndarray, force: np.ndarray) -> list[Phase]:
 
 
 def strip(ax: Axes, rows: Mapping[str, tuple[Sequence[Phase], str]]) -> None:
-    """Rows of bars that show when something holds: name -> (phases, colour); a phase's words are in its bar."""
+    """Rows of bars that show phases: name -> (phases, colour); the text of a phase is written in its bar."""
     ax.set_gid("strip")
     ax.grid(axis="y", visible=False)
     start, end = ax.get_xlim()
@@ -133,14 +133,14 @@ def strip(ax: Axes, rows: Mapping[str, tuple[Sequence[Phase], str]]) -> None:
 
 
 def shade(axes: Iterable[Axes], bars: Sequence[Phase]) -> None:
-    """The same phases, faintly, behind other panels."""
+    """Tint the phases in the background of other panels."""
     for ax in axes:
         for start, end, _ in bars:
             ax.axvspan(start, end, color=BLUE, alpha=0.07, linewidth=0, zorder=0.5)
 
 
 def exceeded_limits(panels: Mapping[str, Axes], run: Trajectory) -> dict[str, list[Artist]]:
-    """Draw each limit that the run exceeded as a line, with a cross where a sample first lay beyond it.
+    """Draw each exceeded limit as a line, with a cross at the first sample beyond it.
 
     Returns the lines of each panel, for its legend.
     """
@@ -171,12 +171,12 @@ def exceeded_limits(panels: Mapping[str, Axes], run: Trajectory) -> dict[str, li
 
 
 def exceeded_words(trips: Iterable[Exceedance], expected: Sequence[str] = ()) -> list[str]:
-    """The limits that were exceeded, for the header: an average has no line that would show it."""
+    """Sentences about exceeded limits for the header, as limits on averages have no line."""
     return [f"limit exceeded{', as expected' if trip.limit in expected else ''}: {trip}" for trip in trips]
 
 
 def _watched(run: Trajectory, trip: Exceedance) -> np.ndarray:
-    """The signal (N,) that a limit watches, in the unit of its panel."""
+    """The signal (N,) that a limit applies to, in the unit of its panel."""
     panel = WHERE[trip.limit]
     if panel == "pressures":
         highest = trip.limit == "pressure_max"
@@ -187,7 +187,7 @@ def _watched(run: Trajectory, trip: Exceedance) -> np.ndarray:
 
 
 def _bounds(run: Trajectory, trip: Exceedance) -> tuple[float, float]:
-    """A limit as lower and upper bound of the signal in its panel: a torque as its current, half of the stroke."""
+    """Lower and upper bound of the panel's signal: a torque limit as a current, a stroke as half to either side."""
     bound = trip.allowed / SIGNALS[WHERE[trip.limit]].scale
     if trip.limit == "pressure_max":
         return -np.inf, bound

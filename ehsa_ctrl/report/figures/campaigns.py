@@ -57,7 +57,7 @@ def experiment_figure(experiment: ExperimentDesign) -> Figure:
 
 
 def _accuracy(ax: Axes, relative: dict[str, float], worst: dict[str, float]) -> None:
-    """Relative sd of each parameter, %, on a logarithmic axis; an empty bar for one that is not determined."""
+    """Relative sd [%] of each parameter on a logarithmic axis; an empty bar for an undetermined one."""
     every = [100 * value for value in (*relative.values(), *worst.values()) if np.isfinite(value) and value > 0.0]
     largest = max([*every, 2 * 100 * POOR]) * 1.5
     smallest = max(min([*every, 1.0]) / 2.0, SMALLEST)
@@ -87,7 +87,7 @@ def _accuracy(ax: Axes, relative: dict[str, float], worst: dict[str, float]) -> 
 
 @draw.register
 def montecarlo_figure(result: MonteCarlo) -> Figure:
-    """Number of runs that pass and that fail over each decisive parameter, SI units.
+    """Number of passing and failing runs over each of the most influential parameters, SI units.
 
     Bars: runs that pass in blue, the others in vermilion on top.
     """

@@ -1,4 +1,4 @@
-"""A diagnosis: where the gap lies, what the balances lack, hypotheses that were fitted, how far the gap shrinks."""
+"""A diagnosis: location of the gap, unknown inputs, fitted hypotheses, gap of each model."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LEFT: dict[str, Any] = {"facecolor": GREEN, "hatch": "xxxx"} | EDGE
 #: Unknown inputs over time, and along the variable that they depend on.
 OVER_TIME: dict[str, Any] = {"color": BLUE, "linewidth": 0.7}
 CURVE: dict[str, Any] = {"color": VERMILION, "linewidth": 1.5, "marker": "o", "markersize": 3.5, "zorder": 2.5}
-#: Characters in a line below a panel; more samples than POINTS are pixels.
+#: Characters in a line below a panel; longer signals than POINTS samples are rasterised.
 LABEL_WIDTH, POINTS = 36, 1500
 #: Height of a hypothesis, of each line of its name beyond two, in; hypotheses that are drawn.
 ROW, LINE, DRAWN = 0.29, 0.11, 12
@@ -46,7 +46,7 @@ OUTCOMES: dict[str, tuple[str, dict[str, Any]]] = {
     "tried": ("tried", {"facecolor": SKY}),
     "possible": ("possible", {"facecolor": "#f3c9a8", "hatch": "////"}),
 }
-#: Height of a bar and of the room below a signal's bars, in; a bar longer than FARTHEST times the others is cut.
+#: Height of a bar and of the gap below a signal's bars, in; a bar longer than FARTHEST times the nominal one is cut.
 BAR, REST, FARTHEST = 0.15, 0.12, 3.0
 #: Look of each model's bar: lightness and hatching distinguish them without colour.
 LOOKS: dict[str, dict[str, Any]] = {
@@ -58,12 +58,12 @@ LOOKS: dict[str, dict[str, Any]] = {
 
 
 def where_figure(diagnosis: Diagnosis) -> Figure:
-    """Shares of the gap by place [%], and the squared gap second by second [% of all of it].
+    """Shares of the gap by place [%], and the squared gap per second [% of the total].
 
-    Left, where causes were named: their shares beside those of the balances, which use no catalogue. Right: the gap of
-    the nominal plant, and what is left of it once the unknown inputs are put into the balances.
+    Left: shares from the named causes, if any, and from the balances, which use no catalogue. Right: gap of the nominal
+    plant, and gap that remains with the estimated unknown inputs.
 
-    Raises InputError if there is no gap and so no place.
+    Raises InputError if there is no gap.
     """
     if not diagnosis.where:
         raise InputError("where_figure got a diagnosis without a gap; there is no place to show")
@@ -98,7 +98,7 @@ def _shares(ax: Axes, rows: list[tuple[dict[str, float], dict[str, Any]]]) -> No
 
 
 def _bar_rows(ax: Axes, names: list[str], **look: Any) -> None:
-    """Names of horizontal bars, the first one on top."""
+    """Label horizontal bars, the first one on top."""
     ax.set_yticks(range(len(names)), names, **look)
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.tick_params(axis="y", length=0)
@@ -112,7 +112,7 @@ def _gap_over_time(ax: Axes, location: Location) -> None:
     ax.bar(start, 100.0 * before, widths, align="edge", **BEFORE)
     handles = [Patch(label="nominal plant", **BEFORE)]
     top = 100.0 * max(float(np.max(before, initial=0.0)), 1e-6)
-    # An error of a sensor is put into no balance: nothing is left to compare.
+    # A sensor error is not an input of any balance, so there is no corrected run.
     if location.place != "sensor":
         ax.bar(start, 100.0 * left, widths, align="edge", **LEFT)
         handles.append(Patch(label="with the unknown inputs", **LEFT))
@@ -128,12 +128,12 @@ def _gap_over_time(ax: Axes, location: Location) -> None:
 
 
 def unknown_inputs_figure(diagnosis: Diagnosis) -> Figure:
-    """A row for each balance that lacks an input: the input over time, and along the variables that it depends on.
+    """Unknown input of each balance over time, and over the two variables that explain it best.
 
-    Right: mean in bins of the variable, the band is one standard deviation within a bin; above it how much of the
-    unknown input the dependence explains on data that was not fitted, for the two best variables.
+    Right: mean per bin of the variable, with a band of one standard deviation; the title gives the share of the unknown
+    input that the dependence explains on data that was not fitted.
 
-    Raises InputError if no balance lacks anything that could be shown.
+    Raises InputError if no balance has an unknown input.
     """
     location = diagnosis.location
     rows = regimes_by_balance(location)
@@ -168,7 +168,7 @@ def _over_time(ax: Axes, location: Location, balance: str) -> None:
     line.set_rasterized(values.size > POINTS)
     known = values[np.isfinite(values)]
     if known.size:
-        # A few samples at reversals of the motion are far off; they would flatten all the others.
+        # A few outliers at reversals of the motion would compress the axis.
         low, high = np.quantile(known, [0.005, 0.995])
         span = max(float(high - low), 1e-9 * float(np.max(np.abs(known))), 1e-30)
         ax.set_ylim(min(low, 0.0) - 0.25 * span, max(high, 0.0) + 0.25 * span)
@@ -202,11 +202,11 @@ def _along(ax: Axes, regime: Regime, title: str) -> None:
 
 
 def candidates_figure(diagnosis: Diagnosis) -> Figure:
-    """The best hypotheses with their distance in log-likelihood from the best of all, logarithmic; beside it their gap.
+    """The best hypotheses with twice their distance in log-likelihood from the best one, and their largest gap.
 
-    Bars are twice the difference of the log-likelihoods: the longer a bar, the worse. What lies below 1 is drawn at 1.
+    Logarithmic axis: the longer a bar, the worse the hypothesis. Values below 1 are drawn at 1.
 
-    Raises InputError if none was refitted.
+    Raises InputError if no hypothesis was fitted.
     """
     if not diagnosis.candidates:
         raise InputError("candidates_figure got a diagnosis without candidates; there is nothing to compare")
@@ -241,7 +241,7 @@ def _hypotheses(ax: Axes, rows: tuple[RankedHypothesis, ...], outcomes: list[str
 
 
 def _name_lines(candidate: RankedHypothesis, longest: int = 48) -> list[str]:
-    """The name of a hypothesis, in as many lines as that takes."""
+    """The name of a hypothesis, broken into lines of at most `longest` characters."""
     lines: list[str] = []
     for member in candidate.members:
         if lines and len(lines[-1]) + 3 + len(member) <= longest:
@@ -252,7 +252,7 @@ def _name_lines(candidate: RankedHypothesis, longest: int = 48) -> list[str]:
 
 
 def shrinkage_figure(diagnosis: Diagnosis) -> Figure:
-    """The gap of each signal and in total [%] on held-out data, a bar for each model that means something."""
+    """The gap of each signal and in total [%] on held-out data, one bar per model."""
     models = models_shown(diagnosis.verdict, diagnosis.gap)
     signals = list(diagnosis.gap["nominal"])
     row = BAR * len(models) + REST
@@ -290,7 +290,7 @@ def shrinkage_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def _reach(diagnosis: Diagnosis, models: list[str], signals: list[str]) -> float:
-    """As far as the longest bar that is not out of all proportion."""
+    """End of the axis: the longest bar that is at most FARTHEST times the nominal one."""
     gaps = sorted(100.0 * diagnosis.gap[m][s] for m in models for s in signals if math.isfinite(diagnosis.gap[m][s]))
     floor = 1.3 * 100.0 * diagnosis.threshold
     if not gaps:

@@ -1,4 +1,4 @@
-"""Estimates of an identification: how well the logs determine them, how they correlate, what the residuals contain."""
+"""Estimates of an identification: accuracy, correlation, residuals."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from ._layout import header_legend, share_x, sheet
 ROW = 0.27
 #: Deviations up to this are drawn on a linear scale, larger ones on a logarithmic one, %.
 LINEAR = 1.0
-#: Farthest start and widest interval that the axis of deviations makes room for, and where a wider one is drawn to, %.
+#: Largest start deviation and interval that determine the axis of deviations, and end of wider intervals, %.
 FARTHEST, UNKNOWN, BEYOND = 1e5, 200.0, 1e6
 #: Smallest and largest standard deviation that the axis shows, %.
 SMALLEST, LARGEST = 1e-3, 1e3
@@ -48,10 +48,10 @@ CELL, ALL, CHARACTER = 0.6, 5.6, 0.075
 
 
 def parameters_figure(identification: Identification) -> Figure:
-    """Each parameter's 95 % interval and start [% off the identified value], and its standard deviation [%].
+    """95 % interval and start of each parameter [% from the estimate], and its standard deviation [%].
 
-    Left, linear up to 1 % and logarithmic beyond: the start of the search, against the interval that the logs leave.
-    Right, logarithmic: standard deviations, by shape and colour of the verdict, with the bounds of the verdicts.
+    Left, linear up to 1 % and logarithmic beyond: start of the search and 95 % interval. Right, logarithmic: standard
+    deviations, with shape and colour by verdict, and the bounds of the verdicts.
 
     Raises InputError if nothing was estimated.
     """
@@ -100,7 +100,7 @@ def _deviation(ax: Axes, row: int, estimate: Estimate) -> None:
 
 
 def _off(estimate: Estimate) -> tuple[float, float]:
-    """Half of the interval, and the deviation of the start, % of the value; infinite for an estimate of zero."""
+    """Half width of the interval and deviation of the start, % of the value; infinite for an estimate of zero."""
     half = estimate.interval[1] - estimate.value if math.isfinite(estimate.sd) else math.inf
     start = estimate.start - estimate.value
     if estimate.value == 0.0:
@@ -109,7 +109,7 @@ def _off(estimate: Estimate) -> tuple[float, float]:
 
 
 def _spread(ax: Axes, row: int, estimate: Estimate) -> None:
-    """Standard deviation, % of the value, as a number too."""
+    """Standard deviation, % of the value, as marker and number."""
     look = VERDICTS[estimate.verdict]
     percent = 100.0 * estimate.relative_sd
     place = min(max(percent, SMALLEST), LARGEST)
@@ -121,7 +121,7 @@ def _spread(ax: Axes, row: int, estimate: Estimate) -> None:
 
 
 def _deviation_axis(ax: Axes, estimates: Iterable[Estimate]) -> None:
-    """As far as the starts are; an interval may run out of it where nothing is known."""
+    """Set a range that contains the starts; very wide intervals may exceed it."""
     ax.set_xscale("symlog", linthresh=LINEAR, linscale=0.6)
     off = [(half, abs(start)) for half, start in map(_off, estimates)]
     farthest = [10.0, *(start for _, start in off if start < FARTHEST), *(half for half, _ in off if half < UNKNOWN)]
@@ -148,10 +148,10 @@ def _spread_axis(ax: Axes) -> None:
 
 
 def correlation_figure(identification: Identification) -> Figure:
-    """Correlation of each pair of estimates, as a triangle of numbers in coloured cells.
+    """Correlation of each pair of estimates, as a triangle of coloured cells with numbers.
 
-    A pair beyond +-0.9 has a frame: the logs determine the sum or the ratio of the two better than each. A dash marks a
-    parameter of which the logs show nothing, and all of them if they are from balances.
+    A frame marks a pair beyond +-0.9: the logs determine the sum or ratio of the two better than each. A dash marks
+    parameters that the logs do not determine, and all parameters if they were estimated from balances.
 
     Raises InputError if nothing was estimated.
     """
@@ -160,7 +160,7 @@ def correlation_figure(identification: Identification) -> Figure:
     if not count:
         raise InputError("correlation_figure got an identification without parameters; estimate at least one")
     matrix = found.correlation
-    # Balances are solved one after the other: the correlation of their errors is not known.
+    # Balances are solved one after the other, so the correlation of their errors is unknown.
     blind = ~np.isfinite(found.sd) | (found.sd <= 0.0) | (identification.method == "balances")
     cell = min(CELL, ALL / count)
     names = list(map(label, found.names))
@@ -191,8 +191,8 @@ def correlation_figure(identification: Identification) -> Figure:
 
 
 def _cell(ax: Axes, row: int, column: int, value: float, size: float) -> None:
-    """The number in its cell, a frame around a strong one."""
-    # Rounded first, so that no zero has a sign.
+    """Write the number in its cell, with a frame around a strong correlation."""
+    # Rounded first, to avoid a negative zero.
     words = "–" if np.isnan(value) else f"{round(value, 2) + 0.0:.2f}".replace("-", "−")
     ink = "white" if abs(value) > 0.78 else BLACK
     ax.text(column + 0.5, row + 0.5, words, ha="center", va="center", fontsize=size, color=ink)
@@ -204,8 +204,8 @@ def _cell(ax: Axes, row: int, column: int, value: float, size: float) -> None:
 def residuals_figure(identification: Identification) -> Figure:
     """Correlation of each channel's whitened residual with itself, the drive, sign(v) and x over the lag [samples].
 
-    A row a channel, a column a signal that it is correlated with. In 99 of 100 logs a right model stays in the bands at
-    all lags of all panels; values outside are drawn darker, and above each panel is the largest.
+    One row per channel, one column per signal that it is correlated with. For 99 of 100 logs, a correct model stays in
+    the bands at all lags of all panels; values outside are highlighted, and above each panel is the largest value.
 
     Raises InputError if there are no residual tests.
     """
@@ -217,7 +217,7 @@ def residuals_figure(identification: Identification) -> Figure:
     by_place = {(test.channel, test.against): test for test in tests}
     rows = [[f"{channel} {name}" for name in against] for channel in channels]
     plant = identification.plant
-    note = f"correlation over the lag; a right model stays in all grey bands for {100 * LEVEL:g} of 100 logs"
+    note = f"correlation over the lag; a correct model stays in all grey bands for {100 * LEVEL:g} of 100 logs"
     title = f"{plant.name} ({plant.model}): correlation of the residuals"
     with sheet(title, rows, [1.0] * len(rows), header=0.1, notes=[note], extra=0.7 + 0.2 * len(rows)) as (figure, axes):
         for column, name in enumerate(against):

@@ -1,4 +1,4 @@
-"""Measured and simulated signals: free runs of a log, before and after an identification or a diagnosis."""
+"""Measured and simulated signals: free runs on a log, before and after an identification or a diagnosis."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ...diagnosis.signals import scored_signals
 from ...identification.comparison import Comparison
 from ...identification.identification import Identification
 from ..outcome import after_model, after_words
-from ..signals import Shown, Signal, liveliest, shown, signal_shown
+from ..signals import Shown, Signal, most_active_part, shown, signal_shown
 from ..style import BLACK, BLUE, GREY, ROLES
 from ..text import percent
 from . import _panels as panel
@@ -29,7 +29,7 @@ from ._layout import LEGEND_LINE, header_legend, share_x, sheet
 if TYPE_CHECKING:
     import pandas
 
-#: More samples than this are pixels where the whole log is shown: there it matters where runs drift, not each sample.
+#: Lines with more samples are rasterised: over the whole log, drift is of interest rather than each sample.
 POINTS = 1500
 #: Height of a row, in; share of the width that the detail has.
 ROW, WIDTHS = 0.95, (1.0, 0.85)
@@ -82,12 +82,12 @@ def overlay_figure(
 
 
 def replay_figure(replays: Sequence[Comparison], *, detail: bool = False) -> Figure:
-    """The drives, and each output of the log with every replay of it, over the log's time.
+    """Inputs and outputs of the log, and the simulated outputs of each model, over time [s].
 
     Parameters
     ----------
     replays: of one log by different models, each model once.
-    detail: show only the second in which the drive varies most.
+    detail: show only the second in which the input varies most.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def replay_figure(replays: Sequence[Comparison], *, detail: bool = False) -> Fig
         raise InputError("replay_figure got no replay; give at least one")
     log, system = replays[0].log, replays[0].plant.structure.system
     drives = list(system.drives.values())
-    rows = liveliest(log, drives[0]) if detail else slice(None)
+    rows = most_active_part(log, drives[0]) if detail else slice(None)
     panels: dict[str, dict[str, np.ndarray]] = {}
     for channel in (*drives, *replays[0].fit_percent):
         how = shown(channel)
@@ -105,7 +105,7 @@ def replay_figure(replays: Sequence[Comparison], *, detail: bool = False) -> Fig
         for replay in replays:
             if channel in replay.simulated:
                 panels[how.label][replay.plant.model] = np.asarray(replay.simulated[channel])[rows] / how.scale
-    part = ", the second in which the drive varies most" if detail else ""
+    part = ", the second in which the input varies most" if detail else ""
     return overlay_figure(log.time[rows], panels, title=f"{replays[0].plant.name} and {log.name}{part}")
 
 
@@ -116,9 +116,9 @@ def _(replay: Comparison) -> Figure:
 
 @dataclass(frozen=True)
 class Trace:
-    """A row of a figure: a signal measured, before and after, or a drive.
+    """A row of a figure: an input, or a signal measured, before and after.
 
-    how: its words and unit. lines: role -> (N,) in SI units; all of it nan where a run stopped. words: beside it.
+    how: name and display unit. lines: role -> (N,) in SI units; all nan if the run stopped early. words: text beside.
     """
 
     name: str
@@ -137,9 +137,9 @@ def _whole_and_detail(
     detail: str,
     held_from: float | None = None,
 ) -> Figure:
-    """A row for each trace: the whole log on the left, a part of it on the right with words beside.
+    """One row per trace: the whole log on the left, a part of it on the right.
 
-    labels: role -> words in the legend. detail: what the part is. held_from: where the held-out data begins, s.
+    labels: role -> legend text. detail: description of the part. held_from: start of the held-out data [s].
     """
     rows = [[f"{trace.name} whole", f"{trace.name} detail"] for trace in traces]
     roles = [role for role in ROLES if any(role in trace.lines for trace in traces)]
@@ -188,15 +188,14 @@ def _trace(ax: Axes, time: np.ndarray, trace: Trace, samples: slice, labels: Map
 
 @draw.register
 def identification_figure(identification: Identification, index: int = 0) -> Figure:
-    """A log with the free runs of the nominal and of the identified plant; a detail on the right.
+    """A log with the free runs of the nominal and the identified plant.
 
-    One row for each drive and output, as in Fig. 7 and 8 of the paper. Left the whole log, right the second in which
-    the drive varies most. Beside each output is its fit in percent. A run that leaves the measured range far behind
-    also leaves the panel.
+    One row for each input and output, as in Fig. 7 and 8 of the paper: left the whole log, right the second in which
+    the input varies most, with the fit of each output in percent. A run far from the measurement leaves its panel.
 
     Parameters
     ----------
-    index: which of the logs that were held out, or of those used where none was.
+    index: of the log among the held-out logs, or among the logs used if none was held out.
 
     Raises
     ------
@@ -219,15 +218,15 @@ def identification_figure(identification: Identification, index: int = 0) -> Fig
         ]
         traces.append(Trace(name, shown(name), lines, "\n".join(["fit", *fits])))
     title = f"{plant.name} ({plant.model}) and {log.name}, {'held out' if held_out else 'used to identify'}"
-    return _whole_and_detail(title, log.time, traces, liveliest(log, drives[0]), {}, detail="detail")
+    return _whole_and_detail(title, log.time, traces, most_active_part(log, drives[0]), {}, detail="detail")
 
 
 @draw.register
 def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
-    """A log with the free runs of the nominal plant and of that with the causes; the largest error on the right.
+    """A log with the free runs of the nominal plant and the plant with causes; right, the part of largest error.
 
-    One row for the drive, each signal that has a gap, and the position. Beside a signal is its gap on held-out data in
-    percent, before and after. Held-out data is shaded, where it is a part of this log.
+    One row for the input, each scored signal, and the position, with the gap of each signal on held-out data in percent
+    before and after. Held-out data of this log is shaded.
     """
     log, plant = diagnosis.log, diagnosis.plant
     drive = plant.structure.system.drive
@@ -235,13 +234,13 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
     before = "simulated, nominal" if diagnosis.verdict == "no_gap" else str(ROLES["before"]["label"])
     traces = [Trace(drive, shown(drive), {"drive": np.asarray(log[drive])}), *diagnosis_traces(diagnosis)]
     return _whole_and_detail(
-        f"{plant.name} ({plant.model}) and {log.name}", log.time, traces, widest(diagnosis),
+        f"{plant.name} ({plant.model}) and {log.name}", log.time, traces, largest_error_part(diagnosis),
         {"before": before, "after": f"after, {after}"}, detail="largest error", held_from=diagnosis.held_from,
     )  # fmt: skip
 
 
 def diagnosis_traces(diagnosis: Diagnosis) -> list[Trace]:
-    """Every scored signal of the log, and the position where the plant has one."""
+    """The scored signals of the log, and the position if the plant has one."""
     log = diagnosis.log
     signals = diagnosis.plant.structure.system.scored
     drifting = [one.channel for one in signals if one.span and one.channel in log.channels]
@@ -256,7 +255,7 @@ def diagnosis_traces(diagnosis: Diagnosis) -> list[Trace]:
         lines = {"measured": read(log.channels)[name]}
         for role, model in models.items():
             if model is not None:
-                # A run that stopped was not kept.
+                # The result does not contain runs that stopped early.
                 runs = diagnosis.simulated.get(model)
                 nothing = np.full(len(log), np.nan)
                 lines[role] = nothing if runs is None else read(runs)[name]
@@ -268,8 +267,8 @@ def diagnosis_traces(diagnosis: Diagnosis) -> list[Trace]:
     return found
 
 
-def widest(diagnosis: Diagnosis) -> slice:
-    """Samples of the part in which the nominal plant is farthest off, all scored signals together."""
+def largest_error_part(diagnosis: Diagnosis) -> slice:
+    """Samples of the part in which the error of the nominal plant is largest, over all scored signals."""
     log = diagnosis.log
     width = min(max(int(round(DETAIL / log.sample_time)), 2), len(log))
     off = np.zeros(len(log))
@@ -284,7 +283,7 @@ def widest(diagnosis: Diagnosis) -> slice:
 
 
 def signals_table(diagnosis: Diagnosis) -> pandas.DataFrame:
-    """A row a sample, SI units: t, the drive, and each signal measured, before (nominal) and after."""
+    """One row per sample, SI units: t, the input, and each signal measured, before (nominal) and after."""
     import pandas
 
     log, drive = diagnosis.log, diagnosis.plant.structure.system.drive

@@ -1,4 +1,4 @@
-"""Bode plots: of the linear model, and of a loop with its margins."""
+"""Bode plots of the linear model and of a loop with its margins."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BAR: dict[str, Any] = {
 def bode_figure(analysis: Analysis) -> Figure:
     """Magnitude [rad/s, bar, mm/s, mm per A] and phase [deg] from the current to each output over frequency [rad/s].
 
-    One row an output; poles are marked at their natural frequency.
+    One row per output; dotted lines mark the natural frequencies of the poles.
     """
     outputs = [name for name in OUTPUTS if name in analysis.system.output_labels]
     poles = _poles(analysis)
@@ -62,13 +62,13 @@ def bode_figure(analysis: Analysis) -> Figure:
 
 
 def phase(response: np.ndarray) -> np.ndarray:
-    """Phase (n,) [deg], unwrapped, on the turn on which it begins between -270 and 90 deg."""
+    """Phase (n,) [deg], unwrapped, shifted by multiples of 360 deg to start between -270 and 90 deg."""
     unwrapped = np.degrees(np.unwrap(np.angle(response)))
     return unwrapped - 360 * np.floor((unwrapped[0] + 270 - 1e-6) / 360)
 
 
 def _poles(analysis: Analysis) -> list[tuple[float, str]]:
-    """Natural frequency [rad/s] and words of each pole or pair that is not an integrator."""
+    """Natural frequency [rad/s] and description of each pole or pole pair that is not an integrator."""
     found: dict[str, tuple[float, str]] = {}
     for pole, frequency, damping in zip(analysis.poles, analysis.natural_frequencies, analysis.damping, strict=True):
         if frequency > 0:
@@ -131,7 +131,7 @@ def _closed(ax: Axes, loop: LoopAnalysis) -> None:
 
 
 def _margins(loop: LoopAnalysis, crossover: float | None, turnover: float | None) -> Iterator[str]:
-    """The margins in words, above the panels."""
+    """The margins as sentences for the header."""
     if crossover is not None:
         delay = f", delay margin {number(1e3 * loop.delay_margin)} ms" if np.isfinite(loop.delay_margin) else ""
         yield f"crossover {number(crossover)} rad/s: phase margin {number(loop.phase_margin)}°{delay}"
@@ -141,7 +141,7 @@ def _margins(loop: LoopAnalysis, crossover: float | None, turnover: float | None
 
 
 def _loop_phase(loop: LoopAnalysis) -> np.ndarray:
-    """Phase (n,) [deg], unwrapped, on the turn on which the phase margin at the crossover is the one reported."""
+    """Phase (n,) [deg], unwrapped, shifted by multiples of 360 deg to match the phase margin at the crossover."""
     unwrapped = np.degrees(np.unwrap(np.angle(loop.response)))
     if not np.isfinite([loop.crossover, loop.phase_margin]).all():
         return unwrapped - 360 * np.round(unwrapped[0] / 360)
@@ -150,25 +150,25 @@ def _loop_phase(loop: LoopAnalysis) -> np.ndarray:
 
 
 def decibel(gain: np.ndarray | float) -> np.ndarray:
-    """20 log10 of a gain; far below every panel where it is nearly zero."""
+    """20 log10 of a gain, with a floor of -240 dB."""
     return np.asarray(20 * np.log10(np.maximum(gain, 1e-12)))
 
 
 def decibel_axis(ax: Axes, low: float, high: float) -> None:
-    """Range and round ticks of a gain in dB, with a line at 0 dB."""
+    """Set range and ticks of a gain axis in dB, with a line at 0 dB."""
     ax.axhline(0.0, color=BLACK, linewidth=0.7, zorder=1.5)
     ax.set_ylim(low, high)
     ax.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
 
 
 def mark(axes: Sequence[Axes], frequency: float) -> None:
-    """A dotted line at a frequency [rad/s] through the panels."""
+    """Draw a dotted line at a frequency [rad/s] through the panels."""
     for ax in axes:
         ax.axvline(frequency, color=GREY, linestyle=(0, (2, 2)), linewidth=0.9)
 
 
 def few_ticks(axes: Iterable[Axes]) -> None:
-    """Minor ticks at 2 and 5 only, on each logarithmic axis: all eight take half of the time of drawing."""
+    """Keep only minor ticks at 2 and 5 on logarithmic axes, as all eight take half of the drawing time."""
     for ax in axes:
         for axis in (ax.xaxis, ax.yaxis):
             if axis.get_scale() == "log":
@@ -177,7 +177,7 @@ def few_ticks(axes: Iterable[Axes]) -> None:
 
 
 def degrees(ax: Axes) -> None:
-    """Ticks at multiples of 45 or 90 deg, and the range that the curve takes."""
+    """Set ticks at multiples of 45 or 90 deg, and a range that contains the curve."""
     low, high = ax.dataLim.y0, ax.dataLim.y1
     step = 45 if high - low <= 200 else 90
     middle, half = (low + high) / 2, max((high - low) / 2 * 1.12, 60.0)

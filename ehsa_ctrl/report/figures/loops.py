@@ -1,4 +1,4 @@
-"""Linear loops: Nyquist plot, robustness over many plants, steps of reference and force."""
+"""Linear loops: Nyquist plot, robustness over several plants, reference and force steps."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from .frequency import decibel, decibel_axis, few_ticks
 
 #: Range of the complex plane that is shown, and the panel's height, in.
 REAL, IMAGINARY, HEIGHT = (-3.2, 1.6), (-2.0, 2.0), 5.6
-#: Other plants that are drawn at most; more would only blacken the panel.
+#: Largest number of other plants drawn; more would only fill the panel.
 MOST = 150
 #: |S| and |T| over many plants are not shown below this, dB.
 FLOOR = -25.0
-#: Characters of a plant's name in a legend.
+#: Largest number of characters of a plant's name in a legend.
 NAME = 62
 #: Steps of the linear loop: 1 mm of reference, 1 kN of force.
 STEPS = {"reference": (1e-3, "reference 1 mm"), "force": (1e3, "force on the rod 1 kN")}
 
 
 def nyquist_figure(loop: LoopAnalysis, robust: RobustMargins | None = None) -> Figure:
-    """L(e^{iwh}) around -1 [1], up to half of the sampling's frequency, with the disk of the disk margin.
+    """L(e^{iwh}) around -1, up to the Nyquist frequency, with the disk of the disk margin.
 
-    The filled disk is all -1/f for the factors f that the disk margin guarantees; the dashed circle is |1 + L| = 1/Ms.
-    With `robust`, thin lines are the loop with each of its plants, and the disk is that of the worst.
+    The filled disk contains -1/f for all factors f that the disk margin guarantees; the dashed circle is
+    |1 + L| = 1/Ms. With `robust`, thin lines show the loop with each of its plants, and the disk is that of the worst.
     """
     alpha = loop.disk_margin if robust is None else robust.disk_margin
     plants = "" if robust is None else f", {len(robust.loops)} plants"
@@ -49,11 +49,11 @@ def nyquist_figure(loop: LoopAnalysis, robust: RobustMargins | None = None) -> F
             label = "other plants" if k == 0 else None
             ax.plot(*_parts(other), color=SKY, linewidth=0.5, zorder=1.8, label=label)
         ax.plot(*_parts(loop), color=BLUE, linewidth=1.8, zorder=2.4, label="loop gain L")
-        # The circle on which the phase margin is read.
+        # The unit circle, on which the phase margin is read.
         unit = {"fill": False, "edgecolor": GREY, "linestyle": (0, (2, 2)), "linewidth": 0.9, "zorder": 1.7}
         ax.add_patch(Circle((0.0, 0.0), 1.0, label="|L| = 1", **unit))
         if alpha > 0:
-            # Beyond 2 the set is no disk any more; the one drawn then is larger than the panel.
+            # For alpha >= 2 the set is not a disk; the one drawn instead exceeds the panel.
             centre, radius = disk_of(min(alpha, 1.99))
             look = {"facecolor": VERMILION, "alpha": 0.25, "edgecolor": VERMILION, "linewidth": 1.2, "zorder": 1.6}
             name = "disk margin" if robust is None else "worst disk margin"
@@ -72,20 +72,20 @@ def nyquist_figure(loop: LoopAnalysis, robust: RobustMargins | None = None) -> F
 
 
 def disk_of(alpha: float) -> tuple[float, float]:
-    """Centre and radius of the disk that L stays out of: diameter from -(2 + a) / (2 - a) to -(2 - a) / (2 + a)."""
+    """Centre and radius of the disk that L avoids: diameter from -(2 + a) / (2 - a) to -(2 - a) / (2 + a)."""
     far, near = -(2 + alpha) / (2 - alpha), -(2 - alpha) / (2 + alpha)
     return (far + near) / 2, (near - far) / 2
 
 
 def _parts(loop: LoopAnalysis) -> tuple[np.ndarray, np.ndarray]:
-    """Real and imaginary part where they are not far off the panel: an integrator's branch goes to infinity."""
+    """Real and imaginary parts of L with |L| < 50, far beyond the panel; the branch of an integrator is unbounded."""
     near = np.abs(loop.response) < 50.0
     return loop.response.real[near], loop.response.imag[near]
 
 
 @draw.register
 def robustness_figure(robust: RobustMargins) -> Figure:
-    """|S| (above) and |T| [dB] over frequency [rad/s]: the band of all plants, the first and the worst one.
+    """|S| (top) and |T| [dB] over frequency [rad/s]: the band of all plants, the first and the worst plant.
 
     Raises InputError if no loop is stable.
     """
@@ -123,7 +123,7 @@ def _band(ax: Axes, robust: RobustMargins, name: str, margin: str, colour: str) 
 
 
 def step_figure(steps: StepResponse) -> Figure:
-    """Position [mm] and current [A] over time [s]: left after 1 mm of reference, right after 1 kN on the rod."""
+    """Position [mm] and current [A] over time [s]: left after a reference step of 1 mm, right after 1 kN on the rod."""
     title = f"Linear loop with {steps.controller}: steps of reference and force, no limit, no friction"
     rows = [[f"{name} {signal}" for name in STEPS] for signal in ("x", "current")]
     with sheet(title, rows, [1.8, 1.5], extra=XLABEL + 0.2) as (figure, axes):

@@ -1,4 +1,4 @@
-"""Simulated runs over time: one run, a scenario, a run and its baseline, one loop on two plants."""
+"""Simulated runs over time: one run, a scenario, a run with its baseline, one loop on two plants."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def trajectory_figure(run: Trajectory) -> Figure:
     nonlinear = run.plant.model == "nonlinear"
     contacts = [contact.name for contact in run.plant.structure.system.contacts] if nonlinear else []
     heights = dict.fromkeys(names, panel.PANEL) | ({"strip": panel.ROW * len(contacts)} if contacts else {})
-    # Dashes distinguish overlaid models; alone they would only hide what happens between them.
+    # A single model needs no dashes, which only distinguish overlaid models.
     look = {"color": ROLES[run.plant.model]["color"], "linewidth": 1.2, "label": f"{run.plant.model} model"}
     held = HELD if run.hold == "zero_order" else {}
     signals = {"force": run.outer_force} | {name: run[name] for name in ("current", "omega", "x")}
@@ -124,7 +124,7 @@ def _loop(places: Mapping[str, Axes], loop: ClosedLoop, look: dict[str, Any], ot
     for name in others:
         panel.draw(places[name], run.time, SIGNALS[name].read(run[name]), look)
     panel.draw(places["error"], run.time, SIGNALS["error"].read(loop.error), look)
-    # Thinner: the sensors' noise would make the current a broad band.
+    # Thinner lines, as sensor noise turns the current into a broad band.
     thin = look | {"linewidth": 0.7 * look["linewidth"]} | HELD
     panel.draw(places["current"], run.time, SIGNALS["current"].read(run.current), thin)
     return panel.draw(places["x"], run.time, SIGNALS["x"].read(run["x"]), look)
@@ -161,9 +161,9 @@ def closed_figure(loops: Mapping[str, ClosedLoop], title: str) -> Figure:
 
     Parameters
     ----------
-    loops: name of each plant -> its run, the one before first.
+    loops: name of each plant -> its run; the first is drawn as "before", the second as "after".
 
-    Raises InputError for no run and for more than two.
+    Raises InputError unless there are one or two runs.
     """
     if not 1 <= len(loops) <= 2:
         raise InputError(f"closed_figure got {len(loops)} runs; expected one or two")

@@ -1,4 +1,4 @@
-"""The page of an identification: is each parameter determined, does the model hold on other logs, what is left over."""
+"""The page of an identification: accuracy of the parameters, fit on held-out logs, residual tests."""
 
 from __future__ import annotations
 
@@ -17,25 +17,26 @@ from ._tables import findings_section, fit_table, fit_text, plant_name, settings
 
 Model = Mapping[str, Any]
 
-#: Mark of each verdict on a parameter.
+#: Verdict on a parameter -> mark.
 MARKS = {"well determined": "✓", "poorly determined": "△", "not identifiable from this log": "✗"}
-#: Logs whose fits are drawn; further ones are in the table of runs only.
+#: Largest number of logs whose fits are drawn; the table of runs lists all logs.
 DRAWN = 4
 INFINITE = float("inf")
 NOTE = (
-    f"A fit of 100 % is exact, 0 % is no better than the mean; from {GOOD:g} % on it is called good, below {POOR:g} % "
-    "poor, and fair between. Free runs begin at the log's first state and follow the logged drive alone. A parameter "
-    "is well determined if its standard deviation is at most 10 % of its value, poorly determined up to 50 %."
+    "A fit of 100 % is exact, 0 % is no better than the mean of the measurement. A fit of at least "
+    f"{GOOD:g} % is good, below {POOR:g} % poor, otherwise fair. Free runs start from the log's first state and use "
+    "the logged input alone. A parameter is well determined if its standard deviation is at most 10 % of its value, "
+    "poorly determined up to 50 %."
 )
 METHODS_DIFFER = (
-    "The balances weight the error of a force or flow at every instant, the simulation the sum of such errors over "
-    "time: an effect that the model lacks goes into other parameters in the one than in the other. Noise in the "
-    "regressors of a balance biases its estimate beyond its standard deviation."
+    "The balances weight the error of a force or flow at every instant, the simulation its integral over time: an "
+    "unmodelled effect biases different parameters in the two methods. Noise in the regressors of a balance biases its "
+    "estimate beyond its standard deviation."
 )
 
 
 def fit_stem(end: str, index: int) -> str:
-    """Name of the figure of the free runs on one log; end: of the model, where there are several."""
+    """File stem of the figure of the free runs on one log; end: suffix of the model if there are several."""
     return f"fit{end}" if index == 0 else f"fit{end}-{index + 1}"
 
 
@@ -71,8 +72,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
         facts=[
             *settings_of({**content, "model": ""}),
             ("logs used", join_words(map(str, content["logs"]["train"]))),
-            ("held out", join_words(map(str, content["logs"]["validate"])) or "none"),
-            *([("plant with these values", str(content["written"]))] if content.get("written") else []),
+            ("logs held out", join_words(map(str, content["logs"]["validate"])) or "none"),
+            *([("file of the identified plant", str(content["written"]))] if content.get("written") else []),
             *(fact for name, each in models.items() for fact in _facts(each, f"{name}: " if several else "")),
         ],
         versions=content["provenance"],
@@ -89,7 +90,7 @@ def _side_by_side(models: Mapping[str, Model]) -> list[Any]:
 
 
 def _model(name: str, each: Model, end: str) -> Iterator[Any]:
-    """One model's parameters, fits, figures and tests."""
+    """Parameters, fits, figures and residual tests of one model."""
     yield Table(
         "Parameters, with one standard deviation",
         ["name", "value", "unit", "relative", "verdict", "start", "95 % interval", "meaning"],
@@ -109,28 +110,29 @@ def _model(name: str, each: Model, end: str) -> Iterator[Any]:
         yield Picture(
             fit_stem(end, index),
             f"Before and after{f' on {log}' if log else ''}",
-            "Free runs, driven by the logged drive alone. Right: the second in which the drive varies most. A run far "
-            "off the measurement leaves its panel.",
+            "Free runs, driven by the logged input alone. Right: the second in which the input varies most. A run far "
+            "from the measurement leaves its panel.",
             True,
         )
     yield Picture(
         f"parameters{end}",
         "Parameters",
-        "Left: deviation of the start, and the 95 % interval; linear up to 1 %, logarithmic beyond. Right: standard "
-        "deviations on a logarithmic axis.",
+        "Left: start value and 95 % interval relative to the estimate; linear up to 1 %, logarithmic beyond. Right: "
+        "standard deviations on a logarithmic axis.",
         True,
     )
     yield Picture(
         f"correlation{end}",
         "Correlation",
-        "Two parameters near ±1 compensate each other: a log with other motions is needed to separate them.",
+        "Two parameters with a correlation near ±1 compensate each other; only another excitation can separate them.",
         True,
     )
     yield Picture(
         f"residuals{end}",
         "Residuals",
-        f"Of the simulation{beside}. Residuals of a right model are correlated neither with each other nor with the "
-        "drive, the direction of motion or the position. Above each panel: passed or not, and the largest correlation.",
+        f"Residuals of the simulation{beside}. With a correct model they are correlated neither with each other nor "
+        "with the input, the direction of motion or the position. Above each panel: test result and largest "
+        "correlation.",
         True,
     )
     yield _weights_table(each)
@@ -161,8 +163,8 @@ def _run(run: Model) -> list[str]:
     known = {channel: fit for channel, fit in run["fit_percent"].items() if fit is not None}
     worst = min(known, key=lambda channel: known[channel], default="")
     fit = f"{fit_text(known[worst])} % ({worst})" if worst else NOTHING
-    story = f"starts {run['start']}" + (f"; {run['stopped']}" if run["stopped"] else "")
-    return [run["log"], "used" if run["use"] == "train" else "held out", fit, story]
+    remark = f"starts {run['start']}" + (f"; {run['stopped']}" if run["stopped"] else "")
+    return [run["log"], "used" if run["use"] == "train" else "held out", fit, remark]
 
 
 def _weights_table(each: Model) -> Table:
@@ -170,8 +172,8 @@ def _weights_table(each: Model) -> Table:
     for channel, (sd, own) in weights(each).items():
         how = shown(channel)
         rows.append([how.words, value_text(sd, how.scale), value_text(own, how.scale), unit(how.unit)])
-    head = ["channel", "weight", "sensor's noise", "unit"]
-    return Table("Standard deviations by which residuals were weighted", head, rows)
+    head = ["channel", "weight", "sensor noise", "unit"]
+    return Table("Weights of the residuals: standard deviation assumed for each channel", head, rows)
 
 
 def _tests(each: Model) -> Table:
@@ -180,14 +182,12 @@ def _tests(each: Model) -> Table:
          percent(test.get("outside"), 4), mark(test["passed"], "yes" if test["passed"] else "no")]
         for test in each["residual_tests"]
     ]  # fmt: skip
-    caption = (
-        "Residual tests: a correlation beyond the band at any lag fails; a correct model fails any in 1 of 100 logs"
-    )
+    caption = "Residual tests: a correlation outside the band at any lag fails; a correct model fails in 1 of 100 logs"
     return Table(caption, ["residual of", "with", "largest", "band", "lags outside", "passed"], rows)
 
 
 def _other_method(each: Model) -> Iterator[Any]:
-    """The same parameters by the other method, and how well the balances close."""
+    """Estimates by the other method, and the residuals of the balances."""
     other = each["beside"]
     rows = []
     for name, p in each["parameters"].items():
@@ -199,7 +199,7 @@ def _other_method(each: Model) -> Iterator[Any]:
             values = (uncertain(p["value"], sds[0]), uncertain(its["value"], sds[1]))
             rows.append([label(name), *values, unit(p["unit"]), apart])
     head = ["name", f"by {each['method']}", f"by {other['method']}", "unit", "difference\nstandard deviations"]
-    yield Table(f"Estimates by {other['method']}: a difference of more than 2 is significant", head, rows)
+    yield Table(f"Estimates by {other['method']}; a difference of more than 2 is significant", head, rows)
     if rows:
         yield Paragraph(METHODS_DIFFER)
     if other["without"]:
@@ -220,7 +220,7 @@ def _other_method(each: Model) -> Iterator[Any]:
 
 
 def _ranges(each: Model) -> Iterator[Any]:
-    """How far the estimates move when an assumed parameter is at an end of its range."""
+    """Change of the estimates when an assumed parameter is at an end of its range."""
     ranges = each["assumed_ranges"]
     yield Points([range_sentence(each, tried) for tried in ranges])
     ends = [(tried, end) for tried in ranges for end in tried["ends"]]
@@ -245,7 +245,7 @@ def _moved(value: float | None, estimate: float) -> str:
 
 
 def _facts(each: Model, before: str) -> Iterator[tuple[str, str]]:
-    """How the estimate was made."""
+    """Method, data and computation time of the estimation."""
     by = "simulation error"
     if each["method"] == "balances" and each["balances"] is not None:
         by = f"balances, {each['balances']['method']}"
@@ -259,11 +259,11 @@ def _facts(each: Model, before: str) -> Iterator[tuple[str, str]]:
         )
         starts: Sequence[Model] = cost["starts"]
         yield (
-            f"{before}starts tried, with their cost",
+            f"{before}starts, with their final cost",
             ", ".join(f"{s['name']}: {value_text(s['cost'])}" for s in starts),
         )
-        yield f"{before}residuals", f"{cost['residuals']}, {value_text(cost['reduced'])} times the weights"
-    yield f"{before}time", f"{value_text(each['seconds'])} s"
+        yield f"{before}residuals", f"{cost['residuals']}, variance {value_text(cost['reduced'])} times the weights'"
+    yield f"{before}computation", f"{value_text(each['seconds'])} s"
 
 
 KIND = Kind("identification.json", "identification", _read)
