@@ -8,9 +8,10 @@ Without such a context the work runs on this machine, in threads or processes as
 
 from __future__ import annotations
 
+import threading
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, Literal, TypeVar
 
 from .errors import InputError, choices
@@ -20,6 +21,34 @@ BACKENDS = ("loky", "threading")
 Prefer = Literal["threads", "processes"]
 T = TypeVar("T")
 R = TypeVar("R")
+
+
+_blas_lock = threading.Lock()
+#: Calls within `one_blas_thread`, and the limit that the first of them has set.
+_blas_calls = 0
+_blas_limit: Any = None
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit BLAS to one thread in this process, also as a decorator; the last call to leave restores the user's number.
+
+    Matrices are small here: threads of BLAS would mostly wait for each other, all the more on a busy machine.
+    """
+    global _blas_calls, _blas_limit
+    from threadpoolctl import threadpool_limits
+
+    with _blas_lock:
+        if _blas_calls == 0:
+            _blas_limit = threadpool_limits(1, user_api="blas")
+        _blas_calls += 1
+    try:
+        yield
+    finally:
+        with _blas_lock:
+            _blas_calls -= 1
+            if _blas_calls == 0:
+                _blas_limit.restore_original_limits()
 
 
 def worker_count(jobs: int | None) -> int:

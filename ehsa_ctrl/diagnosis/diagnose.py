@@ -17,6 +17,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.log import Log, named
+from ..core.parallel import one_blas_thread
 from ..identification.checks import check_log, raise_on_error
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
@@ -77,6 +78,7 @@ class Segments:
     held_out: Segment
 
 
+@one_blas_thread()
 def diagnose(
     plant: Plant,
     log: Log,

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.log import Log, named
+from ..core.parallel import one_blas_thread
 from ..plant.arrays import needed_to_simulate
 from ..plant.plant import Plant
 from .balances import BalanceEstimate, estimate_by_balances, first_estimate
@@ -31,6 +32,7 @@ Method = Literal["simulation", "balances"]
 DOUBTFUL = 3.0
 
 
+@one_blas_thread()
 def identify(
     plant: Plant,
     logs: Log | Sequence[Log],

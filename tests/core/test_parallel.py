@@ -8,9 +8,10 @@ from math import sqrt
 import joblib
 import pytest
 from joblib.parallel import ThreadingBackend
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.parallel import as_completed, in_rounds, parallel_backend, worker_count
+from ehsa_ctrl.core.parallel import as_completed, in_rounds, one_blas_thread, parallel_backend, worker_count
 
 
 @pytest.mark.parametrize("backend", ["threading", "loky"])
@@ -90,3 +91,23 @@ def test_a_registered_backend_is_used(generator, monkeypatch):
 def test_an_unknown_backend_is_refused():
     with pytest.raises(InputError, match="backend 'slurm' is not known"):
         parallel_backend("slurm")
+
+
+def test_the_limit_of_blas_ends_with_the_last_call():
+    """One thread as long as any call needs it, whichever ends first; then the number that the user had."""
+
+    def threads():
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    with threadpool_limits(2, user_api="blas"):
+        before = threads()
+        first, second = one_blas_thread(), one_blas_thread()
+        first.__enter__()
+        second.__enter__()
+        within = threads()
+        first.__exit__(None, None, None)
+        still = threads()
+        second.__exit__(None, None, None)
+
+        assert within == still == {1}
+        assert threads() == before == {2}
