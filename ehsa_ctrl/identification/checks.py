@@ -21,17 +21,19 @@ from .sample_checks import clipped_drive, clipped_output, hold_length, jump, lon
 
 Severity = Literal["error", "warning"]
 
-#: A channel that stays constant this long [s], and for this share of the log, while others move is stuck.
+# The thresholds are engineering judgement: loose, so that a sound log is not rejected.
+
+#: A channel is stuck if it stays constant for this time [s] and this share of the log while others move.
 STUCK_TIME, STUCK_SHARE = 0.5, 0.05
-#: A noisy channel repeats no value for this time [s] and this many samples.
+#: A noisy channel is stuck if it repeats a value for this time [s] and this many samples.
 FROZEN_TIME, FROZEN_SAMPLES = 0.2, 10
-#: A plant under a constant input reverses at most this often.
+#: Largest number of reversals of a plant under a constant input.
 REVERSALS = 4
 #: An input that varies by less than this multiple of its noise is constant.
 CONSTANT = 12.0
 #: Gauge pressure of vacuum [Pa].
 VACUUM = -1.013e5
-#: A position beyond the stroke by more than this share of it is no matter of sensor errors.
+#: A position beyond the stroke by more than this share of it is not explained by sensor errors.
 BEYOND = 0.02
 #: A channel that varies by less than this multiple of its noise is too weak to identify much.
 WEAK = 10.0
@@ -39,7 +41,7 @@ WEAK = 10.0
 
 @dataclass(frozen=True)
 class LogFinding:
-    """An error or a doubt about a log.
+    """An error in a log, or a warning.
 
     kind: time_unit, missing, spike, rows_missing, no_motion, dead, same, drive_constant, stuck, held, unit, late, sign,
     drive_clipped, output_clipped, stroke, vacuum, no_reversal or weak.
@@ -64,8 +66,8 @@ class LogFinding:
 def check_log(log: Log, plant: Plant) -> tuple[LogFinding, ...]:
     """Check motion, sample time, dead, stuck and clipped channels, spikes, signs and units; errors first.
 
-    Signs and units are compared with a free run of `plant` with the log's inputs, which is accurate enough for both.
-    They are left out where nothing moves or the run says too little. Check a log as it will be used, after preparation.
+    Signs and units are compared with a free run of `plant` with the log's inputs, if this run moves enough. Check a log
+    as it will be used, after preparation.
     """
     return tuple(sorted(_findings(log, plant), key=lambda finding: finding.severity != "error"))
 
@@ -96,12 +98,12 @@ def _findings(log: Log, plant: Plant) -> Iterator[LogFinding]:
     drives = [channel for channel in system.drives.values() if channel in log.channels]
     for channel, sentence in missing_information(log, plant).items():
         if channel in system.outputs:
-            yield _warning("missing", channel, f"{sentence}; log it if there is a sensor")
+            yield _warning("missing", channel, f"{sentence}; record it if there is a sensor")
     clean = dict(log.channels)
     for channel in (*drives, *outputs):
         sd = sensor_sd(plant, log, channel)
         rows, usual = spikes(log[channel], sd)
-        # A pulse of an input that is constant otherwise is an experiment.
+        # A pulse of an otherwise constant input is a test signal.
         if rows.size and (channel in outputs or np.ptp(usual) > 20.0 * sd):
             clean[channel] = usual
             yield _spike(log, channel, rows, usual, drives=channel in drives)
@@ -111,8 +113,8 @@ def _findings(log: Log, plant: Plant) -> Iterator[LogFinding]:
         what = ", ".join(f"{name} by {np.ptp(log[name]):.3g} {CHANNELS[name].unit}" for name in outputs)
         yield _error(
             "no_motion", None,
-            f"nothing moves in this log ({what}: no more than noise); drive it harder, or check that its columns are "
-            "these",
+            f"nothing moves in this log ({what}: no more than noise); increase the input, or check the mapping of the "
+            "columns",
         )  # fmt: skip
         return
     dead = [channel for channel in (*drives, *outputs) if np.ptp(log[channel]) == 0.0]
@@ -121,7 +123,7 @@ def _findings(log: Log, plant: Plant) -> Iterator[LogFinding]:
         yield _error(
             "dead", channel,
             f"{channel} is {log[channel][0]:g} {CHANNELS[channel].unit} throughout while the log moves "
-            f"({', '.join(moving)}): the channel is dead or another column is meant; leave it out or map it",
+            f"({', '.join(moving)}): the channel is dead, or the wrong column is mapped; remove it, or map the right one",
         )  # fmt: skip
     alive = [channel for channel in outputs if channel not in dead]
     for one, other in combinations(alive, 2):
@@ -137,7 +139,7 @@ def _findings(log: Log, plant: Plant) -> Iterator[LogFinding]:
         yield _error("time_unit", "t", sentence)
         return
     noisy = {channel for channel in alive if _noisy(plant, log, channel)}
-    # Exact repeats mean something only where the other sensors are noisy; a simulated log may have no noise.
+    # Exact repeats are a fault only if the other sensors are noisy: a simulated log may have no noise.
     telling = [c for c in alive if 2 * len(noisy - {c}) >= max(len(alive) - 1, 1)]
     yield from _stuck(plant, log, alive, telling, noisy)
     held = {channel: length for channel in alive if (length := hold_length(log[channel])) > 1}
@@ -168,19 +170,16 @@ def _findings(log: Log, plant: Plant) -> Iterator[LogFinding]:
 
 
 def _moves(plant: Plant, log: Log, channel: str) -> bool:
-    """Whether the channel's changes stand out of its noise.
-
-    Differences of means of ten samples, so that a drift of the noise's own size over a log is no motion.
-    """
+    """Whether the channel changes by more than its noise, by means over ten samples."""
     blocks = log[channel][: len(log) // 10 * 10].reshape(-1, 10).mean(axis=1)
     sd = sensor_sd(plant, log, channel) / np.sqrt(10.0)
     return bool(np.ptp(blocks) > 8.0 * sd) if np.ptp(log[channel]) > 0.0 else False
 
 
 def _noisy(plant: Plant, log: Log, channel: str) -> bool:
-    """Whether second differences of each 25 samples are as large as the sensor's noise makes them.
+    """Whether the second differences of every 25 samples have the size of the sensor's noise.
 
-    The longest run of one value is left out unless the log begins with it: there the channel may be stuck.
+    The longest run of one value is left out unless the log begins with it, because the channel may be stuck there.
     """
     values = log[channel]
     first, length = longest_run(values)
@@ -192,16 +191,16 @@ def _noisy(plant: Plant, log: Log, channel: str) -> bool:
 
 
 def _spike(log: Log, channel: str, rows: np.ndarray, clean: np.ndarray, *, drives: bool) -> LogFinding:
-    """Samples that stand out; an error in an input, or if they have more energy than the rest of the channel."""
+    """Spikes: an error in an input, or if they have more energy than the rest of the channel, else a warning."""
     off = log[channel] - clean
     worst = int(rows[np.argmax(np.abs(off[rows]))])
     heavy = drives or float(np.sum(off**2)) > float(np.sum((clean - np.mean(clean)) ** 2))
     unit = CHANNELS[channel].unit
     return LogFinding(
         "spike", channel, "error" if heavy else "warning",
-        f"{channel} jumps to {log[channel][worst]:.4g} {unit} at {log.time[worst]:g} s and back, where otherwise it "
-        f"goes from {np.min(clean):.4g} to {np.max(clean):.4g} {unit} (samples like this: {rows.size}): put the value "
-        "before it there, or leave that part out (from, to)",
+        f"{channel} jumps to {log[channel][worst]:.4g} {unit} at {log.time[worst]:g} s and back; otherwise it is "
+        f"between {np.min(clean):.4g} and {np.max(clean):.4g} {unit} (samples like this: {rows.size}): replace them by "
+        "the value before, or leave that part out (from, to)",
     )  # fmt: skip
 
 
@@ -226,15 +225,15 @@ def _constant_drive(plant: Plant, log: Log, drives: list[str], outputs: list[str
             yield _error(
                 "drive_constant", drive,
                 f"{drive} is {np.mean(log[drive]):.4g} {CHANNELS[drive].unit} throughout while {channel} reverses "
-                f"{reversals} times: another column is meant; map the one that drives {plant.name}",
+                f"{reversals} times: the wrong column is mapped; map the one that drives {plant.name}",
             )  # fmt: skip
             return
 
 
 def _stuck(plant: Plant, log: Log, channels: list[str], telling: list[str], noisy: set[str]) -> Iterator[LogFinding]:
-    """Channels of `telling` that repeat one value exactly: noisy ones for a short time, others while the rest moves.
+    """Channels of `telling` that repeat one value: noisy ones for a short time, others while the rest moves.
 
-    Several in the same rows are one finding: the logger stopped.
+    Several channels in the same rows are one finding, because the logger stopped.
     """
     runs: dict[tuple[int, int], list[str]] = {}
     for channel in telling:
@@ -261,7 +260,7 @@ def _constant_while_others_move(
         return False
     piece = log.segment(log.time[first], log.time[first + length - 1])
     moving = [other for other in channels if other != channel and len(piece) >= 20 and _moves(plant, piece, other)]
-    # Friction may hold the rod while the shaft still turns a little; only larger motion is a contradiction.
+    # Friction may hold the rod while the shaft still turns a little; only larger motion is inconsistent.
     return any(np.ptp(piece[other]) > 0.3 * np.ptp(log[other]) for other in moving)
 
 
@@ -287,20 +286,20 @@ def _impossible(plant: Plant, log: Log, channels: list[str]) -> Iterator[LogFind
             yield _warning(
                 "rows_missing", channel,
                 f"{channel} goes from {log[channel][row - 1]:.4g} to {log[channel][row]:.4g} {CHANNELS[channel].unit} "
-                f"within one sample at {log.time[row]:g} s, faster than it ever moves: did rows get lost or repeated "
-                "there? Use one side alone (from, to)",
+                f"within one sample at {log.time[row]:g} s, faster than it ever moves: rows were probably lost or "
+                "repeated there; use the part before or after it (from, to)",
             )  # fmt: skip
         median = float(np.median(log[channel]))
         if system.outputs[channel] in system.pressures and median < VACUUM - 10.0 * sd:
             yield _warning(
                 "vacuum", channel,
-                f"{channel} is {median / 1e5:.4g} bar by median, and a gauge pressure can't be below -1.013 bar: set "
-                f"its zero by a rest (--zero {channel}), or its offset or sign in the plant's [log] table",
+                f"{channel} has a median of {median / 1e5:.4g} bar, but a gauge pressure can't be below -1.013 bar: "
+                f"correct its zero at rest (--zero {channel}), or its offset or sign in the plant's [log] table",
             )  # fmt: skip
 
 
 def _beyond_stroke(plant: Plant, log: Log, channel: str) -> Iterator[LogFinding]:
-    """A position outside the stroke has another zero than the middle, or another unit."""
+    """A position outside the stroke: its zero is not in the middle, or it is in another unit."""
     stroke = plant.limits.get("stroke")
     if stroke is None:
         return
@@ -308,14 +307,14 @@ def _beyond_stroke(plant: Plant, log: Log, channel: str) -> Iterator[LogFinding]
     if max(-low, high) > half + BEYOND * stroke.value:
         yield _warning(
             "stroke", channel,
-            f"{channel} goes from {1e3 * low:.4g} to {1e3 * high:.4g} mm, and {plant.name} has {1e3 * half:.4g} mm to "
-            "each side of its middle: is it counted from an end, or in another unit? Give its offset or scale in the "
+            f"{channel} goes from {1e3 * low:.4g} to {1e3 * high:.4g} mm, but {plant.name} has {1e3 * half:.4g} mm to "
+            "each side of its middle: is the zero at an end, or the unit another one? Give offset or scale in the "
             "plant's [log] table",
         )  # fmt: skip
 
 
 def _too_little(plant: Plant, log: Log, moving: list[str]) -> Iterator[LogFinding]:
-    """Motion in one direction only, or hardly above the noise, of the first speed that is measured."""
+    """Motion in one direction only, or hardly above the noise, by the first measured speed."""
     system = plant.structure.system
     speeds = {contact.velocity for contact in system.contacts}
     channel = next((channel for channel in moving if system.outputs[channel] in speeds), None)
@@ -327,13 +326,13 @@ def _too_little(plant: Plant, log: Log, moving: list[str]) -> Iterator[LogFindin
         yield _warning(
             "no_reversal", channel,
             f"{channel} is {'positive' if high > -low else 'negative'} all the time, up to {max(-low, high):.3g} "
-            f"{unit}: friction of the other direction, and Coulomb friction apart from an offset, can't be determined; "
-            "let it move both ways",
+            f"{unit}: friction in the other direction can't be determined, nor Coulomb friction separated from an "
+            "offset; move it in both directions",
         )  # fmt: skip
     ratio = float(np.std(log[channel])) / sd
     if ratio < WEAK:
         yield _warning(
             "weak", channel,
             f"{channel} varies by {np.std(log[channel]):.3g} {unit}, only {ratio:.1f} times its noise: too little "
-            "excitation to identify much; drive it harder",
+            "excitation to identify much; increase the input",
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Faults that show against a free run of the plant: wrong units, sample time, signs, and delays of channels."""
+"""Faults found by comparison with a free run of the plant: wrong units, sample time and signs, delayed channels."""
 
 from __future__ import annotations
 
@@ -16,9 +16,11 @@ from .comparison import replay
 from .initial_state import sensor_sd
 from .logged_inputs import simulate_log
 from .plant_log import column_of, log_table_entry
-from .preparation import LEAST_CORRELATION, LONGEST_DELAY, delay_of
+from .preparation import MIN_CORRELATION, LONGEST_DELAY, delay_of
 
-#: Units that rigs log in, by the SI unit.
+# The thresholds are engineering judgement: loose, so that a sound log is not rejected.
+
+#: SI unit -> units in which logs are often recorded.
 USUAL = {
     "Pa": ("kPa", "bar", "MPa", "psi"),
     "rad/s": ("rpm", "deg/s", "rev/s"),
@@ -27,26 +29,26 @@ USUAL = {
     "A": ("mA",),
     "N": ("kN",),
 }
-#: A size agrees with a unit within the first factor; a size off by less than the second is no matter of units.
-AGREES, OFF = 1.9, 4.0
+#: A ratio of sizes agrees with a unit within the first factor; within the second, the unit is plausible as it is.
+UNIT_FACTOR, PLAUSIBLE_FACTOR = 1.9, 4.0
 #: A simulated channel moves if its standard deviation exceeds this multiple of the sensor's.
-MOVES = 10.0
-#: Position is compared by its change over this time [s], because in free run it drifts: for sizes, and for agreement.
+MIN_MOTION = 10.0
+#: A position is compared by its change over this time [s], because it drifts in free run: for sizes, for agreement.
 SIZE_TIME, AGREEMENT_TIME = 0.1, 0.02
 #: Correlation from which a direction is certain, and the shortest run that shows it [samples].
 DIRECTION, SHORTEST_RUN = 0.3, 50
-#: Agreement with a free run from which a sample time is plausible, and by how much another one has to be better:
-#: without further evidence, and where the rod's travel says the same.
+#: Agreement with a free run from which a sample time is plausible, and by how much another sample time has to be
+#: better: by the agreement alone, and if the rod's travel confirms it.
 PLAUSIBLE, BETTER, BETTER_BY_TRAVEL = 0.5, 0.25, 0.1
 #: Units of time, in s, that are tried.
 UNITS = {60.0: "minutes", 1e-3: "ms"}
 #: A sample time is tried within this factor of the plant's.
-FARTHEST = 50.0
-#: Ratios of travel to pumped volume that effects can cause: another displacement or area changes it too, and two
-#: per cent of free air at 8 bar take up half of what the pump delivers.
+LARGEST_RATIO = 50.0
+#: Ratios of travel to pumped volume that physical effects can cause: a wrong displacement or area, or free air (2 % at
+#: 8 bar store half of what the pump delivers).
 BY_EFFECTS = (0.3, 3.5)
-#: Delay from which a channel is late [s], longest delay, and the necessary gain of the correlation of rates.
-LATE, LONGEST, HIGHER = 0.03, 1.0, 0.1
+#: Smallest and largest delay of a late channel [s], and the necessary increase of the correlation of rates.
+LATE, LONGEST_SHIFT, MIN_GAIN = 0.03, 1.0, 0.1
 
 
 class _Pair(NamedTuple):
@@ -100,7 +102,7 @@ def wrong_units(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
                 scaled = _sizes(plant, Log(log.time, {**log.channels, name: scale * log[name]}))
                 if scaled and sum(map(_plausible, scaled.values())) > len(scaled) / 2:
                     level = float(np.max(np.abs(log[name])))
-                    why = f"{name} goes to {level:.3g}, which {plant.name} can't follow"
+                    why = f"{name} reaches {level:.3g}, which is implausible for {plant.name}"
                     yield name, _unit_sentence(plant, name, unit, why, scale)
                     return
     ratio = travel_ratio(plant, log)
@@ -114,12 +116,12 @@ def wrong_units(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
         if CHANNELS[channel].unit in ("rad/s", "m") and ratio is not None and _plausible(ratio):
             continue
         times = f"{size:.3g} times" if size >= 1.0 else f"1/{1 / size:.3g} of"
-        why = f"{channel} varies {times} what {plant.name} would with this drive"
+        why = f"{channel} varies {times} what {plant.name} does with this input in simulation"
         yield channel, _unit_sentence(plant, channel, unit, why, scale)
 
 
 def _plausible(size: float) -> bool:
-    return 1 / OFF < size < OFF
+    return 1 / PLAUSIBLE_FACTOR < size < PLAUSIBLE_FACTOR
 
 
 def _sizes(plant: Plant, log: Log) -> dict[str, float]:
@@ -127,7 +129,7 @@ def _sizes(plant: Plant, log: Log) -> dict[str, float]:
     sizes = {}
     for channel, (measured, simulated) in _compare(plant, log, SIZE_TIME).items():
         noise = plant.sensors[channel].sd if channel in plant.sensors else sensor_sd(plant, log, channel)
-        if np.std(simulated) > MOVES * noise and np.std(measured) > 0.0:
+        if np.std(simulated) > MIN_MOTION * noise and np.std(measured) > 0.0:
             sizes[channel] = float(np.std(measured) / np.std(simulated))
     return sizes
 
@@ -143,7 +145,7 @@ def _nearest_unit(plant: Plant, channel: str, size: float) -> tuple[str, float] 
     if at is not None and abs(at.scale) != 1.0:
         tried = [(unit, factor(unit, si) / abs(at.scale)) for unit in (si, *usual)] + tried
     best = min(tried, key=lambda one: abs(math.log(size * one[1])), default=None)
-    return best if best is not None and abs(math.log(size * best[1])) < math.log(AGREES) else None
+    return best if best is not None and abs(math.log(size * best[1])) < math.log(UNIT_FACTOR) else None
 
 
 def _level_agrees(plant: Plant, log: Log, channel: str, scale: float) -> bool:
@@ -177,10 +179,10 @@ def _unit_sentence(plant: Plant, channel: str, unit: str, why: str, scale: float
 
 
 def wrong_sample_time(plant: Plant, log: Log) -> str:
-    """A sentence if the log moves as the plant does at another sample time than its time column gives; else empty.
+    """A sentence if the plant would move as in the log with another sample time than that of the time column, else "".
 
-    Tried are other units, the plant's own sample time, and the one at which the rod travels as far as the pump
-    delivers. Where both speed and position are logged, that travel has to agree.
+    Candidates are other units, the plant's own sample time, and the one at which the rod's travel equals the pumped
+    volume. If both speed and position are logged, the travel has to confirm the candidate.
     """
     ratio = plant.sample_time / log.sample_time
     scales = [*UNITS, ratio]
@@ -188,7 +190,9 @@ def wrong_sample_time(plant: Plant, log: Log) -> str:
     if travel:
         by_travel = [] if BY_EFFECTS[0] < travel < BY_EFFECTS[1] else [travel]
         scales = [scale for scale in scales if 0.8 < scale / travel < 1.25] or by_travel
-    scales = [scale for scale in scales if 1.0 / FARTHEST < scale / ratio < FARTHEST and not 0.9 < scale < 1.1]
+    scales = [
+        scale for scale in scales if 1.0 / LARGEST_RATIO < scale / ratio < LARGEST_RATIO and not 0.9 < scale < 1.1
+    ]
     as_logged = _agreement(plant, log, 1.0)
     if not scales or (not travel and as_logged > PLAUSIBLE):
         return ""
@@ -196,9 +200,9 @@ def wrong_sample_time(plant: Plant, log: Log) -> str:
     best = max(agreements, key=lambda scale: agreements[scale])
     if agreements[best] < max(PLAUSIBLE, as_logged + (BETTER_BY_TRAVEL if travel else BETTER)):
         return ""
-    probably = f"it is probably in {UNITS[best]}" if best in UNITS else "the logger's rate is probably another one"
+    probably = f"it is probably in {UNITS[best]}" if best in UNITS else "the logger probably had another sampling rate"
     return (
-        f"column {column_of(plant, 't')!r} has steps of {1e3 * log.sample_time:.3g} ms, and {plant.name} moves as in "
+        f"column {column_of(plant, 't')!r} has steps of {1e3 * log.sample_time:.3g} ms, but {plant.name} moves as in "
         f"this log if they are {1e3 * best * log.sample_time:.3g} ms: {probably}; write "
         f"{log_table_entry(plant, 't', best, digits=4)} in the plant's [log] table"
     )
@@ -225,32 +229,32 @@ def late_channels(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
     shifts = {}
     for channel in run.fit_percent:
         measured, simulated = log[channel], run.simulated[channel]
-        delay, correlation = delay_of(measured, simulated, log.sample_time, longest=LONGEST)
+        delay, correlation = delay_of(measured, simulated, log.sample_time, longest=LONGEST_SHIFT)
         rates = np.diff(measured), np.diff(simulated)
         unshifted = float(np.corrcoef(*rates)[0, 1]) if min(map(np.std, rates)) > 0.0 else 1.0
-        if abs(delay) > LATE and correlation > max(LEAST_CORRELATION, abs(unshifted) + HIGHER):
+        if abs(delay) > LATE and correlation > max(MIN_CORRELATION, abs(unshifted) + MIN_GAIN):
             shifts[channel] = delay
     if len(shifts) == len(run.fit_percent) > 1 and np.ptp(list(shifts.values())) < LATE:
         (name, *_), shift = plant.structure.system.drives.values(), -float(np.mean(list(shifts.values())))
-        cure = f", or say --set delay.{name}={shift:.3g}" if shift > 0.0 else ""
-        yield name, _shifted(name, shift) + f"bring it to the clock of the others{cure}"
+        cure = f", or set its delay (--set delay.{name}={shift:.3g})" if shift > 0.0 else ""
+        yield name, _shifted(name, shift) + f"correct its time{cure}"
         return
     for channel, shift in shifts.items():
         cure = f"--align {channel}" if abs(shift) < LONGEST_DELAY else "a shift of that column in the file"
-        yield channel, _shifted(channel, shift) + f"where its clock is the reason, put it right with {cure}"
+        yield channel, _shifted(channel, shift) + f"if its clock is wrong, correct it with {cure}"
 
 
 def _shifted(channel: str, delay: float) -> str:
-    return f"{channel} comes {abs(delay):.3g} s {'later' if delay > 0.0 else 'earlier'} than the other channels say: "
+    return f"{channel} is {abs(delay):.3g} s {'late' if delay > 0.0 else 'early'} relative to the other channels: "
 
 
 # Signs
 
 
 def wrong_signs(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
-    """(channel, sentence) for each output against a free run, or for the input if all outputs are.
+    """(channel, sentence) for each output with the wrong sign, or for the input if all outputs are inverted.
 
-    Both pressures against it while the other channels agree are exchanged, not each inverted.
+    If both pressures are inverted and the other channels agree, the pressures are exchanged.
     """
     pairs = _compare(plant, log, AGREEMENT_TIME, shortest=SHORTEST_RUN)
     ways = {channel: float(np.corrcoef(pair)[0, 1]) for channel, pair in pairs.items() if min(map(np.std, pair)) > 0.0}
@@ -261,7 +265,7 @@ def wrong_signs(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
     system = plant.structure.system
     drives = list(system.drives.values())
     if not along and len(ways) > 1:
-        why = f"all of {', '.join(against)} run against {' or '.join(drives)}"
+        why = f"{', '.join(against)} all move opposite to {' or '.join(drives)}"
         yield drives[0], _inverted(plant, drives[0], why)
         return
     pressures = [channel for channel in against if system.outputs[channel] in system.pressures]
@@ -270,18 +274,18 @@ def wrong_signs(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
         yield (
             first,
             (
-                f"{first} and {second} run against {' and '.join(along) or 'the drive'} (correlation with the replay "
-                f"{ways[first]:.2f} and {ways[second]:.2f}): they are exchanged; write "
+                f"{first} and {second} move opposite to {' and '.join(along) or 'the drive'} (correlation with the "
+                f"simulation {ways[first]:.2f} and {ways[second]:.2f}): they are exchanged; write "
                 f"{log_table_entry(plant, first, source=second)} and {log_table_entry(plant, second, source=first)} "
                 "in the plant's [log] table"
             ),
         )
         against = [channel for channel in against if channel not in pressures]
     for channel in against:
-        other = " and ".join(along) if along else f"the replay with {' and '.join(drives)}, or that is swapped"
-        why = f"{channel} runs against {other} (correlation with the replay {ways[channel]:.2f})"
+        other = " and ".join(along) if along else f"the simulation (or {' and '.join(drives)} has the wrong sign)"
+        why = f"{channel} moves opposite to {other} (correlation with the simulation {ways[channel]:.2f})"
         yield channel, _inverted(plant, channel, why)
 
 
 def _inverted(plant: Plant, channel: str, why: str) -> str:
-    return f"{why}: its sign is swapped; write {log_table_entry(plant, channel, -1.0)} in the plant's [log] table"
+    return f"{why}: its sign is wrong; write {log_table_entry(plant, channel, -1.0)} in the plant's [log] table"

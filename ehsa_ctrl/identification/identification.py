@@ -63,19 +63,19 @@ class Identification(Result):
     ----------
     plant: with the identified values; `write_plant` makes a TOML of it. nominal: the plant before.
     method: "simulation" or "balances", which gave `estimates`.
-    estimates: one row a parameter: value, sd, interval, verdict, and what it trades off against.
-    other_estimates: the same by the other method, where there is one; no_simulation: why the simulation gave none.
+    estimates: value, sd, interval and verdict of each parameter, and the parameters that it is correlated with.
+    other_estimates: the same by the other method, if there is one; no_simulation: why the simulation gave none.
     uncertainty: covariance and correlation.
     fit: the minimum of the simulation error; None if only the balances were used.
     balances: the estimate from balances, if the system has any.
     starts: name of each start and the cost that it reached. starts_agree, disagreement: see
         `multi_start.SearchResult`.
     train, validation: free runs of the logs used, and of those held out.
-    residual_tests: whether the residuals hold anything that a better model could explain.
+    residual_tests: correlation of the residuals, which a better model could explain.
     findings: results of `check_log`.
-    window: length of the windows of the cost in s; None for whole logs in free run. fell_back: these windows replace
-        the logs, which no start could follow in free run.
-    interrupted: the search was stopped by hand; this is its best so far.
+    window: length of the windows of the cost [s]; None for whole logs in free run. fell_back: short windows were
+        fitted, because no start fitted the whole logs in free run.
+    interrupted: the search was stopped by Ctrl-C; this is its best result so far.
     """
 
     plant: Plant
@@ -109,14 +109,15 @@ class Identification(Result):
 
     @property
     def explained(self) -> bool:
-        """True if the residuals are no larger than the sensors' noise makes them."""
+        """Whether the noise of sensors and input explains the size of the residuals."""
         return self.fit is not None and within_noise(self.fit)
 
     @property
     def noise_ratio(self) -> float:
-        """Mean square of the residuals over the variance due to the sensors' noise; 1 for pure noise.
+        """Mean square of the residuals over the variance due to noise; 1 for pure noise.
 
-        Of whitened residuals, so that the noise of the logged input is included, unless residuals are the weights.
+        The residuals are whitened, which includes the noise of the logged input, unless they are weighted by
+        themselves.
         """
         if self.fit is None:
             return math.nan
@@ -131,7 +132,7 @@ class Identification(Result):
 
     @property
     def noise_sd(self) -> dict[str, float]:
-        """Standard deviation that weights each channel, and that of the input."""
+        """Input and channels -> standard deviation by which the cost weights them, SI units."""
         if self.fit is None:
             return {}
         measured, system = self.fit.iterate.runs[0].measured, self.plant.structure.system
@@ -140,29 +141,30 @@ class Identification(Result):
 
     @property
     def search_warnings(self) -> tuple[str, ...]:
-        """Why the minimum may be a local one, in sentences."""
+        """Reasons why the minimum may be a local one, in sentences."""
         if self.method != "simulation":
             return ()
         found = []
         if self.fell_back:
             found.append(
-                f"no start could follow the logs in free run, so that windows of {self.window:.3g} s were fitted: "
-                "where the rod hardly moves, noise decides when it slips; use a log that moves more (see excite)"
+                f"no start fits the logs in free run, so windows of {self.window:.3g} s were fitted: where the rod "
+                "hardly moves, noise decides when it slips; use a log with more motion (see ehsa-ctrl excite)"
             )
         if not self.starts_agree:
             count = len(self.starts)
-            starts = "the only start does not fit as well as noise allows"
+            starts = "the only start leaves more than noise"
             if count != 1:
                 starts = f"no two of {count} starts reached the same minimum"
             found.append(
-                f"{starts}: a lower one may exist, so that no parameter counts as well determined; try more with "
-                "--starts"
+                f"{starts}: a lower one may exist, so no parameter counts as well determined; try more starts "
+                "(--starts)"
             )
         if self.disagreement is not None:
             low, high = self.disagreement
             found.append(
                 f"starts agree in the parameters but not in the cost ({low:.5g} and {high:.5g} times the noise's "
-                "variance): slips of the rod separate local minima, and a lower one may exist; try more with --starts"
+                "variance): slips of the rod separate local minima, and a lower one may exist; try more starts "
+                "(--starts)"
             )
         return tuple(found)
 
@@ -174,15 +176,15 @@ class Identification(Result):
         failed = [test for test in self.residual_tests if not test.passed]
         if not self.explained:
             left = (
-                f"residuals have {self.noise_ratio:.3g} times the noise's variance: the model misses something, and "
-                "true errors may be larger than the standard deviations"
+                f"residuals have {self.noise_ratio:.3g} times the noise's variance: the model is incomplete, and "
+                "parameter errors may be larger than the standard deviations"
             )
             return (*self.search_warnings, left)
         if failed:
             tests = ", ".join(f"{test.channel} with {test.against}" for test in failed[:3])
             tests += f" and {len(failed) - 3} more" if len(failed) > 3 else ""
             left = (
-                f"residuals are as small as noise but not as random ({tests}): true errors may be larger than the "
+                f"residuals are as small as noise but correlated ({tests}): parameter errors may be larger than the "
                 "standard deviations"
             )
             return (*self.search_warnings, left)
@@ -190,7 +192,7 @@ class Identification(Result):
 
     @property
     def differing(self) -> tuple[str, ...]:
-        """Parameters on which the two methods differ by more than two standard deviations of both together."""
+        """Parameters whose estimates by both methods differ by more than two standard deviations of the difference."""
         other = {estimate.name: estimate for estimate in self.other_estimates}
         return tuple(
             e.name
@@ -201,7 +203,7 @@ class Identification(Result):
         )
 
     def _meaning(self, name: str) -> str:
-        """What a parameter is, in words; a sensor's number is named WORD.CHANNEL."""
+        """Meaning of a parameter of the plant, or of a sensor (SETTING.CHANNEL), in words."""
         word, dot, channel = name.partition(".")
         if dot:
             return f"{word} of the sensor of {channel}"
@@ -264,7 +266,7 @@ class Identification(Result):
         )  # fmt: skip
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a parameter."""
+        """One row per parameter."""
         return as_table(
             self.estimates,
             "unit start value sd lower upper verdict trades_with",
@@ -274,7 +276,7 @@ class Identification(Result):
         )
 
     def plot(self) -> Figure:
-        """Measured, before and after, on the validation logs if there are any, else on those used."""
+        """Measured signals and free runs before and after, on the validation logs if there are any, else on those used."""
         return draw(self)
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""The text of an identification: parameters, how well they are determined, fits, and what is left in the residuals."""
+"""The text of an identification: parameters and their accuracy, fits, and residual tests."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def identification_text(found: Identification) -> str:
-    """Some lines for a terminal."""
+    """The result as text for a terminal."""
     return "\n".join(_lines(found))
 
 
@@ -27,7 +27,7 @@ def _lines(found: Identification) -> Iterator[str]:
     used = ", ".join(run.log.name for run in found.train.after)
     yield f"{found.plant.name} ({found.plant.model}) identified from {used}, {how}; computed in {found.seconds:.1f} s"
     if found.interrupted:
-        yield "  interrupted: this is the best so far, not the minimum"
+        yield "  interrupted: this is the best result so far, not the minimum"
     yield from _parameter_lines(found)
     yield from _typical_lines(found)
     if by_balances is not None:
@@ -37,7 +37,7 @@ def _lines(found: Identification) -> Iterator[str]:
     elif found.fit is not None:
         yield (
             f"  residuals {found.noise_ratio:.3g} times the noise's variance"
-            + ("" if found.explained else ": more than noise is left, standard deviations are from the residuals")
+            + ("" if found.explained else "; standard deviations are computed from the residuals")
             + (", and so are the channels' weights" if found.fit.weighted else "")
         )
     yield from (f"  warning: {sentence}" for sentence in found.warnings)
@@ -53,7 +53,7 @@ def _lines(found: Identification) -> Iterator[str]:
     if failed:
         largest = ", ".join(f"{test.channel} with {test.against} ({test.largest:.2g})" for test in failed[:4])
         more = f" and {len(failed) - 4} more" if len(failed) > 4 else ""
-        yield f"  left in the residuals, largest correlation: {largest}{more}"
+        yield f"  residuals are correlated, largest coefficients: {largest}{more}"
 
 
 def _parameter_lines(found: Identification) -> Iterator[str]:
@@ -65,13 +65,13 @@ def _parameter_lines(found: Identification) -> Iterator[str]:
         if e.at_bound:
             words += f", at its {e.at_bound} bound"
         if e.trades and not e.identifiable:
-            words += f", trades with {', '.join(map(label, e.trades))}"
+            words += f", correlated with {', '.join(map(label, e.trades))}"
         numbers = f"  {label(e.name):<{width}} {e.value:>11.5g} {_sd_cell(e):>9} {relative:>8} {e.start:>11.5g}"
         yield f"{numbers} {e.unit:<10} {words}".rstrip()
 
 
 def _typical_lines(found: Identification) -> Iterator[str]:
-    """The sizes of effects for which the plant's file gives no value."""
+    """Effects whose size is a typical value, because the plant's file gives none."""
     estimated = {e.name for e in found.estimates}
     for effect in found.plant.structure.effects:
         for size in EFFECTS[effect].parameters[:1]:
@@ -82,7 +82,7 @@ def _typical_lines(found: Identification) -> Iterator[str]:
 
 
 def _other_method_lines(found: Identification, free_run: str) -> Iterator[str]:
-    """The estimate by simulation beside that from balances, and why they may differ."""
+    """The estimate by simulation for comparison with that from balances, and why they may differ."""
     if found.no_simulation:
         yield f"  no estimate by simulation: {found.no_simulation}"
     if not found.other_estimates:
@@ -93,9 +93,9 @@ def _other_method_lines(found: Identification, free_run: str) -> Iterator[str]:
         yield f"    {label(e.name):<10} {e.value:>11.5g} {_sd_cell(e):>9} {e.unit:<10} {words}".rstrip()
     differ = ", ".join(map(label, found.differing))
     yield (
-        (f"  {differ} differ: " if differ else "  no parameter differs by more than two deviations: ")
-        + "balances weight the error of a force at every instant, the simulation its accumulated effect; what the "
-        "model lacks changes different parameters in each"
+        (f"  {differ} differ: " if differ else "  no parameter differs by more than two standard deviations: ")
+        + "balances weight the error of a force at every instant, the simulation its accumulated effect, so that model "
+        "errors bias different parameters in each"
     )
 
 

@@ -27,9 +27,9 @@ from .uncertainty import Estimate, ParameterCovariance, balance_estimates, estim
 
 Method = Literal["simulation", "balances"]
 
-#: Residuals above this multiple of the noise's variance, unless they are the weights, come from a run that misses what
-#: happened; no standard deviation describes that.
-DOUBTFUL = 3.0
+#: Residuals above this multiple of the noise's variance mean that the run misses events of the log, which no standard
+#: deviation describes; unless they are the weights. Engineering judgement.
+MAX_NOISE_RATIO = 3.0
 
 
 @one_blas_thread()
@@ -49,32 +49,32 @@ def identify(
     watch: Callable[[Progress], None] | None = None,
     check: bool = True,
 ) -> Identification:
-    """Estimate a plant's parameters by the error of its simulation, eq. (13), each signal weighted by its noise.
+    """Estimate a plant's parameters by minimising the simulation error, eq. (13), each signal weighted by its noise.
 
-    A plant whose file asks for it is estimated from its balances instead (inverse dynamics), with the estimate by
+    If the plant's file says so, they are estimated from its balances instead (inverse dynamics), with the estimate by
     simulation for comparison where the simulation depends on the parameters.
 
-    Every log, or window of one, has an initial state of its own. The noise of the logged input is part of the model
-    (see `innovations`). A start is first fitted over short windows, then over the whole logs. The search ends when two
+    Every log, or window of one, has its own initial state. The noise of the logged input is part of the model (see
+    `innovations`). A start is first fitted over short windows, then over the whole logs. The search ends when two
     starts have reached the same minimum.
 
     Parameters
     ----------
-    plant: start values, noise of the sensors, what is free.
+    plant: gives start values, noise of the sensors, and the free parameters.
     logs: one log or several of the same plant; see `read_plant_log`.
     validate: logs that are not used for the estimate; their free runs are scored.
     free, fix, bounds, priors: see `free_parameters`.
-    method: "simulation" or "balances"; what the plant's file says by default.
+    method: "simulation" or "balances"; by default that of the plant's file.
     window: length of the windows of the last stage, s; by default each log as a whole, in free run from its first
         sample. The sample time gives one-step prediction.
     starts: largest number of starts: the balances' estimate, the plant's values, then random ones around the best.
     seed: of these random starts.
-    watch: is called after every step.
-    check: refuse logs in which `check_log` finds an error.
+    watch: progress callback, called after every step.
+    check: reject logs in which `check_log` finds an error.
 
     Returns
     -------
-    Identification. Ctrl-C ends the search and keeps the best so far: `interrupted` is then True.
+    Identification. Ctrl-C ends the search and keeps the best result so far: `interrupted` is then True.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def identify(
     balances = _balances(plant, logs, parameters)
     if chosen == "balances" and balances is None:
         raise InputError(
-            f"{plant.name} has no balances for {', '.join(p.name for p in parameters)}; use its simulation"
+            f'{plant.name} has no balances for {", ".join(p.name for p in parameters)}; use method = "simulation"'
         )
     search, no_simulation, interrupted = None, "", False
     if simulated := _simulated_parameters(plant, parameters, chosen):
@@ -165,7 +165,10 @@ def _balances(plant: Plant, logs: Sequence[Log], parameters: Sequence[FreeParame
 def _simulated_parameters(
     plant: Plant, parameters: tuple[FreeParameter, ...], method: Method
 ) -> tuple[FreeParameter, ...]:
-    """Parameters to fit by simulation. A rod with prescribed motion, for one, shows nothing of its friction."""
+    """Parameters to fit by simulation: with the method "balances" only those on which the simulation depends.
+
+    A rod with prescribed motion, for example, does not show its friction in a simulation.
+    """
     if method == "simulation":
         return parameters
     if not plant.estimation.beside:
@@ -193,7 +196,7 @@ def _simulation_estimates(
     covariance = parameter_covariance(best, search.spread)
     pairs = zip(best.parameters, best.values, strict=True)
     sizes = np.array([parameter.reference_size(float(value), logs) for parameter, value in pairs])
-    sure = search.agree and (best.weighted or best.noise_ratio < DOUBTFUL)
+    sure = search.agree and (best.weighted or best.noise_ratio < MAX_NOISE_RATIO)
     return estimates(best, covariance, sizes, sure=sure), covariance
 
 

@@ -19,7 +19,7 @@ from ..simulation.trajectory import Trajectory
 from .parameters import FreeParameter, bounds_of, with_values
 
 #: Amplitudes below this share of the first trial are not searched; the largest amplitude without any limit [A].
-LEAST_AMPLITUDE, MOST_AMPLITUDE = 1e-2, 1e4
+MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-2, 1e4
 
 
 @dataclass(frozen=True)
@@ -198,14 +198,14 @@ class AdmissibleRuns:
 def largest_amplitude(exceeded: Callable[[float], str], top: float | None, refine: int) -> tuple[float, str]:
     """The largest amplitude [A] that exceeds nothing, within some percent, and what a larger one exceeds.
 
-    0 if there is none down to LEAST_AMPLITUDE of the first trial.
+    0 if there is none down to MIN_AMPLITUDE of the first trial.
     """
     low, high = 0.0, top or 1.0
-    while not (beyond := exceeded(high)) and top is None and high < MOST_AMPLITUDE:
+    while not (beyond := exceeded(high)) and top is None and high < MAX_AMPLITUDE:
         low, high = high, 2.0 * high
     if not beyond:
         return high, ""
-    trial, least = high, LEAST_AMPLITUDE * high
+    trial, least = high, MIN_AMPLITUDE * high
     while low == 0.0 or refine:
         if low == 0.0:
             trial *= 0.6

@@ -17,7 +17,7 @@ from ..core.errors import InputError, SimulationError
 from ..plant.plant import Plant
 from ..simulation.trajectory import Trajectory
 from .input_limits import (
-    LEAST_AMPLITUDE,
+    MIN_AMPLITUDE,
     AdmissibleRuns,
     LimitUse,
     largest_amplitude,
@@ -36,15 +36,15 @@ CRITERIA = ("worst", "D")
 SCREENING = 8.0
 #: Shares of the largest amplitude that are tried first, because friction shows better at slow motion, and the number of
 #: further runs between the best of them and its neighbours.
-FRACTIONS, REFINED = (1.0, 0.6, 0.35), 4
+FRACTIONS, N_REFINE = (1.0, 0.6, 0.35), 4
 #: Seeds of a random input, and how many single shapes and pairs are tried in full.
-SEEDS, SINGLES, PAIRS = 2, 4, 3
+N_SEEDS, N_SINGLES, N_PAIRS = 2, 4, 3
 #: Pairs are formed of this many of the best screened inputs.
-PAIRED = 60
+N_PAIRED = 60
 #: Largest number of candidates that are checked on simulated logs.
-CHECKED = 3
+N_CHECK = 3
 #: Score of an input that moves nothing.
-NOTHING = 1e9
+NO_MOTION = 1e9
 
 Watch = Callable[[str, int, int], None]
 Rank = tuple[int, float]
@@ -157,7 +157,7 @@ class InputSearch:
 
     def candidates(self, kind: str) -> list[InputCandidate]:
         """Inputs tried in full, the best first. Raises InputError where there is none."""
-        shapes = list(single_shapes(kind, self.seed, SEEDS))
+        shapes = list(single_shapes(kind, self.seed, N_SEEDS))
         self.runs.check_rest(self.short)
         screening, screened = self.stiff, self._screen_all(shapes, self.stiff)
         if not screened and self.stiff is not self.plant:
@@ -185,13 +185,13 @@ class InputSearch:
         """The first candidate that passes the check on simulated logs, else the one with the smallest errors; and the
         checks made."""
         made: dict[int, MonteCarloCheck] = {}
-        for number, candidate in enumerate(candidates[: CHECKED if logs else 0]):
+        for number, candidate in enumerate(candidates[: N_CHECK if logs else 0]):
             made[number] = check_accuracy(
                 candidate.forecast, self.parameters, candidate.current, centre=candidate.centre, logs=logs,
                 seed=self.seed, jobs=self._threads,
             )  # fmt: skip
             if self.watch is not None:
-                self.watch("rehearsals", number + 1, min(CHECKED, len(candidates)))
+                self.watch("rehearsals", number + 1, min(N_CHECK, len(candidates)))
             if made[number].passed:
                 return candidate, made
         return candidates[min(made, key=lambda number: made[number].ratio, default=0)], made
@@ -263,18 +263,18 @@ class InputSearch:
             amplitude = float(np.exp(logarithm)) * largest
             here = self._accuracy(self.runs.run(time, shape.current(time, amplitude), plant))
             if here is None:
-                return NOTHING
+                return NO_MOTION
             information = here.fit.information
             ranked = rank(information, here.sizes, self.criterion)
             found.append(ScreenedInput(shape, amplitude, information, here.sizes, ranked))
-            return min(1e3 * ranked[0] + ranked[1], NOTHING)
+            return min(1e3 * ranked[0] + ranked[1], NO_MOTION)
 
         scores = [score(float(np.log(fraction))) for fraction in FRACTIONS] if largest > 0.0 else []
         if found:
             # One neighbour more on each side, down to half of the smallest.
             grid = np.log([1.0, *FRACTIONS, 0.5 * FRACTIONS[-1]])
             best = int(np.argmin(scores)) + 1
-            options = {"maxiter": REFINED, "xatol": 0.05}
+            options = {"maxiter": N_REFINE, "xatol": 0.05}
             minimize_scalar(score, bounds=(grid[best + 1], grid[best - 1]), method="bounded", options=options)
         return found
 
@@ -287,9 +287,9 @@ class InputSearch:
             singles.setdefault(part.kind if kind == "best" else str(one.shape), one)
             if part.kind == "noise" and part.pace == 1.0:
                 singles.setdefault("as in the paper", one)
-        chosen = list(singles.values()) if kind == "best" else list(singles.values())[:SINGLES]
+        chosen = list(singles.values()) if kind == "best" else list(singles.values())[:N_SINGLES]
         wanted = list({id(one): (one.shape, one.amplitude) for one in chosen}.values())
-        return wanted + (self._pairs(best[:PAIRED]) if kind == "best" else [])
+        return wanted + (self._pairs(best[:N_PAIRED]) if kind == "best" else [])
 
     def _pairs(self, screened: Sequence[ScreenedInput]) -> list[tuple[InputShape, float]]:
         """The best pairs by the mean of their information, each pair of kinds once."""
@@ -304,7 +304,7 @@ class InputSearch:
         for _, a, b in scored:
             pair = frozenset({a.shape.kind, b.shape.kind})
             kinds.setdefault(pair, joined(a.shape, a.amplitude, b.shape, b.amplitude))
-            if len(kinds) == PAIRS:
+            if len(kinds) == N_PAIRS:
                 break
         return list(kinds.values())
 
@@ -313,7 +313,7 @@ class InputSearch:
         time = self.time
         # The two corners are the hardest variations; the random ones are checked at the end.
         amplitude, _ = largest_amplitude(lambda a: self.runs.exceeded_by_any(shape.current(time, a), time, 2), most, 2)
-        while amplitude > LEAST_AMPLITUDE * most:
+        while amplitude > MIN_AMPLITUDE * most:
             raw = shape.current(time, amplitude)
             if not self.runs.exceeded_by_any(raw, time, len(self.others)):
                 break

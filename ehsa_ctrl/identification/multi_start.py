@@ -15,25 +15,28 @@ from .initial_state import sensor_sd
 from .parameters import FreeParameter, bounds_of
 from .shooting import ShootingWindow, shooting_windows
 from .uncertainty import SLIP_DEVIATIONS, parameter_covariance, within_noise
-from .window_stage import LOOSE, MISFIT, SHORT, WindowEnd, WindowStage
+from .window_stage import LOOSE, MISFIT, SHORT, WindowOptimum, WindowStage
 
-#: Two ends whose costs differ by less than this (squared standard deviations) are the same minimum.
+# Costs are sums of squares in standard deviations of the noise. The numbers are engineering judgement.
+
+#: Two optima whose costs differ by less than this are the same minimum.
 SAME_COST = 10.0
-#: Ends whose costs differ by more than this (ten standard deviations, squared) differ by several slips.
-APART = 100.0
-#: Ends agree if all parameters are within this many standard deviations of the best; minimum number of such ends.
-SAME_DEVIATIONS, LEAST_ENDS = 3.0, 3
+#: Optima whose costs differ by more than this (ten standard deviations, squared) differ by several slips of the rod.
+DIFFERENT_COST = 100.0
+#: Optima agree if all parameters are within this many standard deviations of the best; minimum number of agreeing
+#: optima if no two have the same cost.
+EQUAL_DEVIATIONS, MIN_OPTIMA = 3.0, 3
 #: Residuals within this many standard deviations of the noise's size are acceptable as noise.
 ACCEPTABLE = 3.0
-#: If no two starts agree: number of further starts around the best end, and their spread in standard deviations.
+#: If no two starts agree: number of further starts around the best optimum, and their spread in standard deviations.
 NEAR_DRAWS, NEAR_DEVIATIONS = 4, 12.0
-#: Spread of random starts around the best end otherwise, in standard deviations.
+#: Spread of random starts around the best optimum otherwise, in standard deviations.
 FAR_DEVIATIONS = 30.0
 #: Largest number of missed slips to repair, and the samples on either side in which input errors are changed.
 REPAIRS, REPAIR_SAMPLES = 4, 20
 #: Input errors that are tried there, in standard deviations.
 REPAIR_ERRORS = (0.0, 1.5, -1.5, 3.0, -3.0)
-#: Above this multiple the logs could not be followed in free run; short windows may be.
+#: Above this multiple of the noise's variance no start fits the logs in free run; short windows may fit.
 NOT_FOLLOWED = 1.5
 #: Number of window-stage results from which the fallback to short windows starts.
 FALLBACK_STARTS = 3
@@ -49,9 +52,9 @@ class SearchResult:
 
     best: lowest minimum. windows: those of its cost. starts: (name, noise ratio or residual size) of each start.
     agree: two starts reached the same minimum, or all that fit within the noise have the same parameters. disagreement:
-    noise ratios of the two lowest of the latter, if their costs are far apart; else None. spread (k, k): mean square
-    distance of acceptable other ends from the best, zero if two have the same cost. fell_back: short windows were
-    fitted, because no start could follow the logs.
+    noise ratios of the two lowest of the latter if their costs are far apart, else None. spread (k, k): mean square
+    distance of acceptable other optima from the best, zero if two have the same cost. fell_back: short windows were
+    fitted, because no start fitted the whole logs.
     """
 
     best: Fit
@@ -77,20 +80,20 @@ def multi_start(
 ) -> SearchResult | Diverged:
     """Fit from several starts until two of them reach the same lowest minimum.
 
-    One start that fits as well as noise allows is not enough: with stick-slip, minima that miss a slip here and there
-    leave residuals hardly larger than the noise, with parameters ten deviations off.
+    One start whose residuals are noise is not enough: with stick-slip, a local minimum that misses single slips has
+    residuals hardly larger than noise, but parameters that may be ten standard deviations off.
 
     Parameters
     ----------
     first: estimates from the balances, by name; with the plant's own values they are the first two starts.
     window: length of the windows of the cost, s; None: each log in free run.
     starts: largest number of starts; seed: of the random ones.
-    watch: is called after each step of a fit.
+    watch: progress callback, called after each step of a fit.
 
     Returns
     -------
     SearchResult, or Diverged if the plant can't be simulated along the logs from any start. Ctrl-C before the first
-    complete step of the last stage raises KeyboardInterrupt; later it ends the search with the best so far.
+    complete step of the last stage raises KeyboardInterrupt; later it ends the search with the best result so far.
     """
     search = _Search(plant, logs, parameters, window, seed, watch)
     interrupted = False
@@ -109,7 +112,7 @@ def multi_start(
 
 
 class _Search:
-    """State of one search: ends of the starts so far and the best of them."""
+    """State of one search: optima of the starts so far and the best of them."""
 
     def __init__(
         self,
@@ -127,13 +130,13 @@ class _Search:
         self.bounds = bounds_of(parameters)
         self.best: Fit | None = None
         self.best_size = np.inf
-        self.ends: list[Fit] = []
+        self.optima: list[Fit] = []
         self.starts: list[tuple[str, float]] = []
         self.agree = self.fell_back = False
 
     @property
     def lowest(self) -> Fit:
-        assert self.best is not None, "a start has reached its end"
+        assert self.best is not None, "a start has converged"
         return self.best
 
     def run(self, first: Mapping[str, float], starts: int) -> Diverged | None:
@@ -141,18 +144,18 @@ class _Search:
         nominal = np.array([parameter.value for parameter in self.parameters])
         balances = np.array([first.get(parameter.name, parameter.value) for parameter in self.parameters])
         candidates = {"balances": balances, "plant": nominal} if first else {"plant": nominal}
-        ends = WindowStage(self.plant, self.parameters, self.short, self.watch).run(candidates, self.random)
-        if isinstance(ends, Diverged):
-            return ends
-        # One start with a bad fit is a bad start as long as another one fits; otherwise the model is wrong.
-        fitting = [end for end in ends if end.cost <= MISFIT]
+        optima = WindowStage(self.plant, self.parameters, self.short, self.watch).run(candidates, self.random)
+        if isinstance(optima, Diverged):
+            return optima
+        # If no start fits, the model is wrong; if only some don't, these starts are bad.
+        fitting = [optimum for optimum in optima if optimum.cost <= MISFIT]
         if not fitting:
-            return self._weight_by_residuals(ends, min(starts, 2))
+            return self._weight_by_residuals(optima, min(starts, 2))
         diverged: Diverged | None = None
         lost = False
         ordered = min(len(fitting), 2)
         for number in range(starts):
-            # The two best of the window stage; more of them would mostly lead to the same end.
+            # The two best of the window stage; more would mostly lead to the same minimum.
             name, values = f"draw {number - ordered + 1}", fitting[0].values
             if number < ordered:
                 name, values = fitting[number].name, fitting[number].values
@@ -163,18 +166,18 @@ class _Search:
                 diverged = failed
                 continue
             lost = number + 1 >= ordered and self.lowest.noise_ratio > MISFIT
-            if lost or (within_noise(self.lowest) and self._agreeing_ends() > 1):
+            if lost or (within_noise(self.lowest) and self._count_agreeing_optima() > 1):
                 break
         if self.best is None:
             return diverged
-        self.agree = self._agreeing_ends() > 1
+        self.agree = self._count_agreeing_optima() > 1
         if not self.agree and not lost and within_noise(self.best):
             self._search_near_best()
         if not lost:
             self._fit_log("best", begin=self.best.iterate)
             self._repair_missed_slips()
         if self.best.noise_ratio > NOT_FOLLOWED:
-            self._fall_back([end.values for end in fitting[:FALLBACK_STARTS]], lost)
+            self._fall_back([optimum.values for optimum in fitting[:FALLBACK_STARTS]], lost)
         return None
 
     # The logs as they are
@@ -201,27 +204,27 @@ class _Search:
         return found
 
     def _fit_from(self, name: str, values: np.ndarray) -> Diverged | None:
-        """One start over the logs, to its end."""
+        """Fit the logs from one start."""
         found = self._fit_log(name, start=values, steps=25, enough=1e-4)
         if isinstance(found, Diverged):
             return found
         self.starts.append((name, found.noise_ratio))
-        self.ends.append(found)
+        self.optima.append(found)
         return None
 
     def _search_near_best(self) -> None:
-        """Starts around the best end, where none from afar reached it: do they lead back to it, or lower?"""
+        """Starts around the best optimum, which no other start reached: do they lead back to it, or to a lower one?"""
         for number in range(NEAR_DRAWS):
             values = self._draw(self.lowest.values, NEAR_DEVIATIONS)
-            if self._fit_from(f"near {number + 1}", values) is None and self._agreeing_ends() > 1:
+            if self._fit_from(f"near {number + 1}", values) is None and self._count_agreeing_optima() > 1:
                 self.agree = True
                 return
 
     def _repair_missed_slips(self) -> None:
-        """Where a short piece fits clearly worse than noise, look for a slip that the simulation misses.
+        """If a short piece fits clearly worse than noise, search for a slip of the rod that the simulation misses.
 
-        The derivatives of a rod that sticks don't show what would break it away. Other input errors just before may:
-        none, or all somewhat larger or smaller.
+        The derivatives of a sticking rod are zero and do not show what would break it away. Therefore the fit is
+        repeated with other input errors just before that piece.
         """
         for attempt in range(REPAIRS):
             best = self.lowest
@@ -239,7 +242,7 @@ class _Search:
                 return
 
     def _draw(self, near: np.ndarray, deviations: float = FAR_DEVIATIONS) -> np.ndarray:
-        """Random values around the best end; around `near` while there is none that fits."""
+        """Random values around the best optimum, or around `near` if none fits yet."""
         if self.best is None or self.best.noise_ratio > MISFIT:
             values, spread = near, np.full(near.size, LOOSE / 3.0)
         else:
@@ -248,53 +251,53 @@ class _Search:
             spread = np.clip(deviations * np.where(np.isfinite(sd), sd, size) / size, 1e-3 * deviations, LOOSE)
         return np.clip(values * np.exp(spread * self.random.standard_normal(values.size)), *self.bounds)
 
-    # Agreement of ends
+    # Agreement of optima
 
-    def _agreeing_ends(self) -> int:
-        """Number of ends in the same minimum as the lowest one.
+    def _count_agreeing_optima(self) -> int:
+        """Number of optima in the same minimum as the lowest one.
 
-        With stick-slip a minimum splits into many that differ by a slip. Then it is enough, after LEAST_ENDS starts,
-        that all acceptable ends have the same parameters; ends that fit worse are not candidates.
+        With stick-slip a minimum splits into many that differ by a slip. Then it is enough, after MIN_OPTIMA starts,
+        that all acceptable optima have the same parameters; optima that fit worse are not candidates.
         """
-        low, acceptable = self._lowest_ends(), self._acceptable_ends()
-        if low > 1 or len(self.ends) < LEAST_ENDS or not acceptable:
+        low, acceptable = self._count_lowest_optima(), self._acceptable_optima()
+        if low > 1 or len(self.optima) < MIN_OPTIMA or not acceptable:
             return low
         sd = parameter_covariance(self.lowest).sd
         known = np.isfinite(sd) & (sd > 0.0)
-        limit, best = SAME_DEVIATIONS * sd[known], self.lowest.values
-        same = all(np.all(np.abs(end.values - best)[known] <= limit) for end in acceptable)
-        return len(self.ends) if same else low
+        limit, best = EQUAL_DEVIATIONS * sd[known], self.lowest.values
+        same = all(np.all(np.abs(optimum.values - best)[known] <= limit) for optimum in acceptable)
+        return len(self.optima) if same else low
 
-    def _acceptable_ends(self) -> list[Fit]:
+    def _acceptable_optima(self) -> list[Fit]:
         """Ends whose residuals could be noise."""
-        return [end for end in self.ends if within_noise(end, ACCEPTABLE)]
+        return [optimum for optimum in self.optima if within_noise(optimum, ACCEPTABLE)]
 
-    def _lowest_ends(self) -> int:
-        """Number of ends with the cost of the lowest one."""
-        lowest = min(end.objective for end in self.ends)
-        return sum(end.objective < lowest + SAME_COST for end in self.ends)
+    def _count_lowest_optima(self) -> int:
+        """Number of optima with the cost of the lowest one."""
+        lowest = min(optimum.objective for optimum in self.optima)
+        return sum(optimum.objective < lowest + SAME_COST for optimum in self.optima)
 
     def disagreement(self) -> tuple[float, float] | None:
-        """Noise ratios of the two lowest acceptable ends, if they agree in the parameters while their costs are far
+        """Noise ratios of the two lowest acceptable optima, if they agree in the parameters while their costs are far
         apart; else None."""
-        ends = sorted(self._acceptable_ends(), key=lambda end: end.objective)[:2]
-        if not self.agree or len(ends) < 2 or ends[1].objective - ends[0].objective < APART:
+        optima = sorted(self._acceptable_optima(), key=lambda optimum: optimum.objective)[:2]
+        if not self.agree or len(optima) < 2 or optima[1].objective - optima[0].objective < DIFFERENT_COST:
             return None
-        return ends[0].noise_ratio, ends[1].noise_ratio
+        return optima[0].noise_ratio, optima[1].noise_ratio
 
     def spread(self) -> np.ndarray:
-        """Mean square distance (k, k) of other plausible ends from the best, where no two have the same cost."""
+        """Mean square distance (k, k) of other plausible optima from the best, where no two have the same cost."""
         best = self.lowest
         level = NOT_FOLLOWED * max(best.noise_ratio, 1.0)
-        others = self._acceptable_ends() if self.agree else [end for end in self.ends if end.noise_ratio < level]
-        away = [end.values - best.values for end in others if np.any(end.values != best.values)]
-        if not away or self._lowest_ends() > 1:
+        others = self._acceptable_optima() if self.agree else [o for o in self.optima if o.noise_ratio < level]
+        away = [optimum.values - best.values for optimum in others if np.any(optimum.values != best.values)]
+        if not away or self._count_lowest_optima() > 1:
             return np.zeros((best.values.size, best.values.size))
         return np.asarray(np.mean([np.outer(step, step) for step in away], axis=0))
 
-    # Models that do not fit, and logs that can't be followed
+    # Models that do not fit, and logs that no start fits in free run
 
-    def _weight_by_residuals(self, ends: Sequence[WindowEnd], starts: int) -> Diverged | None:
+    def _weight_by_residuals(self, optima: Sequence[WindowOptimum], starts: int) -> Diverged | None:
         """Minimise the product of the channels' residual variances, from the first starts that can be simulated.
 
         The weights are the residuals of the iteration before: maximum likelihood with an unknown variance for each
@@ -303,7 +306,7 @@ class _Search:
         channels = [c for c in self.plant.structure.system.outputs if c in self.windows[0].log.channels]
         signals = {c: max(float(np.std(self.windows[0].log[c])), 1e-300) for c in channels}
         diverged: Diverged | None = None
-        for _, name, values in ends:
+        for _, name, values in optima:
             if len(self.starts) == starts:
                 break
             weights = signals
@@ -326,8 +329,8 @@ class _Search:
         return diverged if self.best is None else None
 
     def _fall_back(self, candidates: Sequence[np.ndarray], lost: bool) -> None:
-        """Fit short windows instead of the logs, which no start could follow; kept if they fit better."""
-        ends = []
+        """Fit short windows, because no start fitted the whole logs; the result is kept if it fits better."""
+        optima = []
         for number, values in enumerate(candidates):
             stage = f"windows of {SHORT:g} s, {number + 1}"
             found = fit(
@@ -335,11 +338,11 @@ class _Search:
             )
             if not isinstance(found, Diverged):
                 self.starts.append((stage, found.noise_ratio))
-                ends.append(found)
-        best = min(ends, key=lambda end: end.objective, default=self.lowest)
+                optima.append(found)
+        best = min(optima, key=lambda optimum: optimum.objective, default=self.lowest)
         if best.noise_ratio < self.lowest.noise_ratio:
-            self.best, self.windows, self.ends, self.fell_back = best, self.short, ends, lost
-            self.agree = self._agreeing_ends() > 1
+            self.best, self.windows, self.optima, self.fell_back = best, self.short, optima, lost
+            self.agree = self._count_agreeing_optima() > 1
 
 
 def _residual_rms(found: Fit) -> dict[str, float]:

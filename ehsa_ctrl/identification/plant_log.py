@@ -1,4 +1,4 @@
-"""Reading a measured log for a plant: its inputs, its outputs, and what missing channels leave undetermined."""
+"""Reading a measured log for a plant, and what can't be determined without a missing channel."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..core.log import Log
 from ..core.log_reader import read_log
 from ..plant.plant import Plant
 
-#: A log needs at least this many samples.
+#: Smallest number of samples of a log: 0.1 s at 250 Hz. Engineering judgement.
 SHORTEST = 25
 
 #: What can't be determined without the channel that shows the velocity of a contact, by the contact's name.
@@ -22,7 +22,8 @@ MISSING_POSITION = "where the rod is: leakage, load spring and end stops can't b
 MISSING_PRESSURE = "the pressure in chamber {}: the force on the rod can't be separated from the motor's"
 MISSING_FORCE = "the force on the rod: the load can't be separated from the rod's friction"
 
-#: No logger samples faster than this share of the plant's sample time; more than SLOWEST times it is no time in s.
+#: Sample times, as multiples of the plant's, that are plausible in s. Between milliseconds and seconds lies a factor of
+#: 1000, so that neither is mistaken for the other. Engineering judgement.
 FASTEST, SLOWEST = 1.0 / 300.0, 100.0
 
 
@@ -36,13 +37,12 @@ def read_plant_log(
 ) -> Log:
     """Read a log of this plant through the plant's [log] table.
 
-    The channels of the plant's inputs and at least one of its outputs are required; absent others are listed in
-    `missing` of the log. span: rows outside these times [s] are ignored, so that a gap or a bad value there does no
-    harm.
+    The channels of the plant's inputs and at least one of its outputs are required; the `missing` of the log lists the
+    outputs that it lacks. span: rows outside these times [s] are ignored, with any gaps and bad values there.
 
     Raises
     ------
-    InputError: as `read_log`; no output at all; a sample time that only another unit of time explains.
+    InputError: as `read_log`; no output at all; a time column that is not in s.
     """
     system = plant.structure.system
     wanted = [*system.outputs, *([system.cell_channel] if system.cell else [])]
@@ -52,8 +52,8 @@ def read_plant_log(
     if not any(channel in log.channels for channel in system.outputs):
         unread = "".join(f"; {note.partition(': ')[2]}" for note in log.notes if "[log]" in note)
         raise InputError(
-            f"{path}: has none of the channels {', '.join(system.outputs)} that show what {plant.name} did; name their "
-            f"columns so, or map them in the plant's [log] table{unread}"
+            f"{path}: has none of the output channels {', '.join(system.outputs)} of {plant.name}; rename the columns, or "
+            f"map them in the plant's [log] table{unread}"
         )
     wrong = wrong_time_unit(log, plant)
     if wrong:
@@ -83,7 +83,7 @@ def log_table_entry(plant: Plant, channel: str, scale: float = 1.0, *, source: s
 
 
 def wrong_time_unit(log: Log, plant: Plant) -> str:
-    """A sentence if the sample time rules out time in s, else empty. Minutes are found by `wrong_sample_time`."""
+    """A sentence if the time can't be in s, else empty. `wrong_sample_time` detects minutes."""
     ratio = log.sample_time / plant.sample_time
     if FASTEST <= ratio < SLOWEST:
         return ""
@@ -112,7 +112,7 @@ def missing_information(log: Log, plant: Plant) -> dict[str, str]:
     found = {}
     for channel in missing:
         state = outputs.get(channel, "")
-        # A speed without a channel is the slope of the position.
+        # A speed without a channel follows from the position.
         if system.slopes.get(state) not in shown:
             what = MISSING_FORCE if channel == system.cell_channel else words.get(state, f"what {channel} shows")
             found[channel] = f"without {channel} the log does not show {what}"

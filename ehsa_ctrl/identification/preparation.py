@@ -23,9 +23,9 @@ REST_BAND = 5.0
 #: The shortest rest that gives a zero [s].
 SHORTEST_REST = 0.1
 #: Longest delay that alignment looks for [s], and the least correlation of rates that it accepts.
-LONGEST_DELAY, LEAST_CORRELATION = 0.25, 0.6
+LONGEST_DELAY, MIN_CORRELATION = 0.25, 0.6
 #: Resampling makes at most this many samples.
-MOST_SAMPLES = 10_000_000
+MAX_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,8 @@ def resample(log: Log, plant: Plant, rate: float) -> tuple[Log, Step]:
         raise InputError(f"resample to {rate:g} Hz: the rate must be a number greater than 0")
     usual = float(np.median(np.diff(log.time)))
     count = int(np.floor((log.time[-1] - log.time[0]) * rate * (1 + 1e-9))) + 1
-    if not SHORTEST <= count <= MOST_SAMPLES:
-        raise InputError(f"resample to {rate:g} Hz: leaves {count} samples; expected {SHORTEST} to {MOST_SAMPLES}")
+    if not SHORTEST <= count <= MAX_SAMPLES:
+        raise InputError(f"resample to {rate:g} Hz: leaves {count} samples; expected {SHORTEST} to {MAX_SAMPLES}")
     time = log.time[0] + np.arange(count) / rate
     system = plant.structure.system
     held = set(system.drives.values()) if system.hold == "zero_order" else set()
@@ -235,9 +235,9 @@ def align(
         delay, correlation = delay_of(measured, simulated, dt)
         halves = [delay_of(measured[part], simulated[part], dt) for part in (slice(middle), slice(middle, None))]
         apart = abs(halves[0][0] - halves[1][0])
-        if correlation < LEAST_CORRELATION:
-            why = f"its rate and the replay's correlate by {correlation:.2f} only, {LEAST_CORRELATION:g} is needed"
-        elif min(each for _, each in halves) >= LEAST_CORRELATION and apart > max(2 * dt, abs(delay)):
+        if correlation < MIN_CORRELATION:
+            why = f"its rate and the replay's correlate by {correlation:.2f} only, {MIN_CORRELATION:g} is needed"
+        elif min(each for _, each in halves) >= MIN_CORRELATION and apart > max(2 * dt, abs(delay)):
             why = (
                 f"the log's halves give {1e3 * halves[0][0]:.3g} and {1e3 * halves[1][0]:.3g} ms: its peak is too broad"
             )

@@ -5,43 +5,45 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import median_filter
 
-#: Rows of the running median: spikes of up to three samples stand out of it.
+# The thresholds are engineering judgement: loose, so that a sound log is not rejected.
+
+#: Rows of the running median, which removes spikes of up to three samples.
 MEDIAN_ROWS = 7
-#: A spike differs from the median by this multiple of what 99 % of the samples do, and of the noise.
-UNUSUAL, NOISE = 10.0, 30.0
-#: More spikes than this are no accidents.
-FEW = 10
-#: Number of changes of value from which a regular pattern of their rows is no coincidence.
-PATTERN = 30
-#: An input is clipped if this share of the samples, and this multiple of the neighbouring bins, lies at one end.
+#: A spike differs from the median by this multiple of the 99 % quantile of all samples, and of the noise.
+SPIKE_RATIO, NOISE_RATIO = 10.0, 30.0
+#: Largest number of spikes; more are a property of the signal.
+MAX_SPIKES = 10
+#: Number of changes of value from which a regular pattern of their rows is not a coincidence.
+MIN_CHANGES = 30
+#: An input is clipped if this share of the samples, and this multiple of the neighbouring bins, is at one end.
 CLIPPED_SHARE, CLIPPED_RATIO = 0.01, 5.0
 #: A continuous signal has at most this share of the inner samples in its ten fullest bins.
 CONTINUOUS = 0.5
-#: Bins of a histogram from which on it tells a continuous signal from steps.
-LEAST_BINS = 20
-#: Exact repeats in a row from which an output may be clipped, and the number of such runs that chance may explain.
+#: Smallest number of bins of a histogram that can separate a continuous signal from steps.
+MIN_BINS = 20
+#: Number of exact repeats in a row from which an output may be clipped, and expected number of such runs by chance.
 REPEATS, BY_CHANCE = 5, 0.01
 
 
 def spikes(values: np.ndarray, sd: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (k,) that stand out of their neighbours, and the values (N,) with the neighbours' median in their place.
+    """Rows (k,) of spikes, and the values (N,) with spikes replaced by the median of their neighbours.
 
-    A spike exceeds the range of the other samples by as much as that range, or is zero, as lost samples are logged.
+    A spike deviates by more than the range of the other samples, or is zero, as a lost sample is often logged.
     """
     usual = median_filter(values, MEDIAN_ROWS, mode="nearest")
     off = np.abs(values - usual)
-    out = off > max(UNUSUAL * float(np.quantile(off, 0.99)), NOISE * sd)
+    out = off > max(SPIKE_RATIO * float(np.quantile(off, 0.99)), NOISE_RATIO * sd)
     if not out.any() or out.all():
         return np.empty(0, dtype=int), values
     out &= (off > np.ptp(values[~out])) | (values == 0.0)
     rows = np.flatnonzero(out)
-    return (rows, np.where(out, usual, values)) if rows.size <= FEW else (np.empty(0, dtype=int), values)
+    return (rows, np.where(out, usual, values)) if rows.size <= MAX_SPIKES else (np.empty(0, dtype=int), values)
 
 
 def hold_length(values: np.ndarray) -> int:
     """Number of rows for which each value is repeated, if values change only at multiples of it; else 1."""
     changes = np.flatnonzero(np.diff(values) != 0.0)
-    return int(np.gcd.reduce(np.diff(changes))) if changes.size > PATTERN else 1
+    return int(np.gcd.reduce(np.diff(changes))) if changes.size > MIN_CHANGES else 1
 
 
 def jump(position: np.ndarray, sd: float) -> int | None:
@@ -52,7 +54,7 @@ def jump(position: np.ndarray, sd: float) -> int | None:
     step = np.abs(np.diff(position))
     at = int(np.argmax(step))
     fastest = float(np.max(np.abs(position[5:] - position[:-5]))) / 5.0
-    return at + 1 if step[at] > 3.0 * fastest + NOISE * sd else None
+    return at + 1 if step[at] > 3.0 * fastest + NOISE_RATIO * sd else None
 
 
 def longest_run(values: np.ndarray) -> tuple[int, int]:
@@ -83,14 +85,14 @@ def clipped_drive(values: np.ndarray, sd: float, unit: str) -> str:
         share = held[0] / values.size
         beside = held[1:3].mean() + np.sqrt(held[1:3].mean()) + 1.0
         continuous = inner[1:11].sum() < CONTINUOUS * max(inner[1:].sum(), 1)
-        if share >= CLIPPED_SHARE and held[0] > CLIPPED_RATIO * beside and continuous and count > LEAST_BINS:
+        if share >= CLIPPED_SHARE and held[0] > CLIPPED_RATIO * beside and continuous and count > MIN_BINS:
             level = float(np.median(values[place == 0]))
             parts.append(f"{level:.3g} {unit} ({100 * share:.1f} % of the samples)")
     if not parts:
         return ""
     return (
-        f"is clipped at {' and '.join(parts)}: what acts there is right only if the log holds the clipped values; log "
-        "the measured drive, or drive it less hard"
+        f"is clipped at {' and '.join(parts)}: the log is valid only if the plant was driven by the clipped values; "
+        "record the measured drive, or reduce the input"
     )
 
 
@@ -109,4 +111,6 @@ def clipped_output(values: np.ndarray, unit: str) -> str:
             parts.append(f"{extreme:g} {unit} ({int(at.sum())} samples, up to {length} in a row)")
     if not parts:
         return ""
-    return f"is cut off at {' and '.join(parts)}: its sensor or converter has no more range; leave those parts out"
+    return (
+        f"is clipped at {' and '.join(parts)}: the range of its sensor or converter ends there; leave those parts out"
+    )

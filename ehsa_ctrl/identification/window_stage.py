@@ -15,18 +15,21 @@ from .parameters import FreeParameter, bounds_of
 from .shooting import ShootingWindow
 from .uncertainty import SLIP_DEVIATIONS, within_noise
 
-#: Length of the windows of the first stage [s]: some events of sticking, not many.
+# Engineering judgement.
+
+#: Length of the windows of the first stage [s]: long enough for a few slips, too short to diverge.
 SHORT = 0.4
 #: Relative standard deviation of the priors that hold the parameters near their start in that stage.
 LOOSE = 0.3
-#: Largest number of random starts of the first stage, their relative spread, and how many in a row may gain nothing.
+#: Largest number of random starts of the first stage, their relative spread, and number of starts in a row without an
+#: improvement after which the stage ends.
 WINDOW_DRAWS, WINDOW_SPREAD, PATIENCE = 10, 0.15, 3
-#: Residuals of short windows above this multiple of the noise's variance are model error, which no parameters remove.
+#: Residuals of short windows above this multiple of the noise's variance are model errors, which no parameters remove.
 #: The channels are then weighted by their residuals instead of their noise, and the logged input is taken as exact.
 MISFIT = 3.0
 
 
-class WindowEnd(NamedTuple):
+class WindowOptimum(NamedTuple):
     """Result of the window stage: cost per residual, name of the start, parameter values."""
 
     cost: float
@@ -43,13 +46,13 @@ class WindowStage:
     windows: Sequence[ShootingWindow]
     watch: Callable[[Progress], None] | None
 
-    def run(self, candidates: Mapping[str, np.ndarray], random: np.random.Generator) -> list[WindowEnd] | Diverged:
-        """Each candidate fitted over short windows, the best first.
+    def run(self, candidates: Mapping[str, np.ndarray], random: np.random.Generator) -> list[WindowOptimum] | Diverged:
+        """Fit each candidate over short windows; the best first.
 
-        Windows have wrong minima too, but a fit to them is cheap and its cost shows it: while none is as small as
-        noise, values between the candidates are drawn, until some in a row gain nothing.
+        Short windows have local minima too, but fits are cheap, and the cost shows them: until one is as small as
+        noise, further starts are drawn between the candidates.
         """
-        ends: list[WindowEnd] = []
+        optima: list[WindowOptimum] = []
         best: Fit | None = None
         diverged: Diverged | None = None
         named, first = list(candidates.items()), np.array(list(candidates.values()))
@@ -68,7 +71,7 @@ class WindowStage:
                 continue
             lowest = best.reduced_cost if best is not None else np.inf
             without_gain = 0 if found.reduced_cost < 0.995 * lowest else without_gain + 1
-            ends.append(WindowEnd(found.reduced_cost, name, found.values))
+            optima.append(WindowOptimum(found.reduced_cost, name, found.values))
             best = found if found.reduced_cost < lowest else best
             fine = fine or within_noise(found, 1.0)
             if number + 1 >= len(named) and (fine or without_gain >= PATIENCE):
@@ -76,20 +79,20 @@ class WindowStage:
         if best is None:
             assert diverged is not None
             return diverged
-        ends.sort(key=lambda end: end.cost)
+        optima.sort(key=lambda optimum: optimum.cost)
         if best.reduced_cost <= MISFIT:
-            ends[:0] = self._without_missed_slips(best)
-        return ends
+            optima[:0] = self._without_missed_slips(best)
+        return optima
 
-    def _without_missed_slips(self, best: Fit) -> list[WindowEnd]:
-        """The best start again over the windows that fit: one with a missed slip biases the parameters."""
+    def _without_missed_slips(self, best: Fit) -> list[WindowOptimum]:
+        """Fit the best start again without windows that miss a slip, because these bias the parameters."""
         excess = [size for size, _ in best.worst_blocks]
         windows = [w for w, size in zip(self.windows, excess, strict=True) if size < 2.0 * SLIP_DEVIATIONS]
         if len(windows) == len(self.windows) or 2 * len(windows) < len(self.windows):
             return []
         name = "without misses"
         found = self._fit(name, best.values, windows)
-        return [] if isinstance(found, Diverged) else [WindowEnd(found.reduced_cost, name, found.values)]
+        return [] if isinstance(found, Diverged) else [WindowOptimum(found.reduced_cost, name, found.values)]
 
     def _fit(self, name: str, values: np.ndarray, windows: Sequence[ShootingWindow]) -> Fit | Diverged:
         """Fit over short windows with a loose prior around the start values."""

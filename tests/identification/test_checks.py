@@ -115,7 +115,7 @@ def test_a_rod_beyond_its_stroke_is_counted_from_elsewhere(bench):
     shifted = changed(log, position=log["position"] + 0.1)
 
     assert ("stroke", "position") not in found(log, plant)
-    assert "100 mm to each side of its middle: is it counted from an end" in str(
+    assert "100 mm to each side of its middle: is the zero at an end" in str(
         found(shifted, plant)["stroke", "position"]
     )
 
@@ -232,7 +232,7 @@ def test_a_finding_is_a_sentence_and_a_dictionary(bench):
     [
         (1 / 60, ("has steps of 0.0667 ms", "are 4 ms", "in minutes; write t = {", "scale = 60 }")),
         (1 / 3600, ("in h: write t = {", "scale = 3600 }")),
-        (0.5, ("has steps of 2 ms", "are 4 ms", "the logger's rate is probably another one", "scale = 2 }")),
+        (0.5, ("has steps of 2 ms", "are 4 ms", "the logger probably had another sampling rate", "scale = 2 }")),
         (0.8, ("has steps of 3.2 ms", "are 4 ms", "scale = 1.25 }")),
         (10.0, ("has steps of 40 ms", "are 4 ms", "scale = 0.1 }")),
     ],
