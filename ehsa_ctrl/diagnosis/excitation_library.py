@@ -1,4 +1,4 @@
-"""Library of inputs for the next experiment: excitations of the bench, slow ramps, one-sided steps, multisines."""
+"""Library of inputs for the next experiment: excitations of the bench, triangle waves, one-sided steps, multisines."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def library_inputs(seed: int = 0) -> tuple[LibraryInput, ...]:
         return InputShape((part,)).current
 
     noise = ("band-limited noise (0.2-15 Hz) with peaks of", shape(InputPart("noise", seed=seed)))
-    steps = ("steps to both sides of", shape(InputPart("steps")))
-    slow = ("slow ramps through zero at 0.1 Hz of", _triangle(0.1))
+    steps = ("steps in both directions of", shape(InputPart("steps")))
+    slow = ("a slow triangle wave (0.1 Hz) of", _triangle(0.1))
     bands = ((f"a multisine of {low:g}-{high:g} Hz with peaks of", _multisine(low, high, seed)) for low, high in BANDS)
     return (
         LibraryInput(*noise, excitation="noise"),
@@ -48,12 +48,12 @@ def library_inputs(seed: int = 0) -> tuple[LibraryInput, ...]:
         LibraryInput(*steps, share=0.4, excitation="steps"),
         LibraryInput(*slow),
         LibraryInput(*slow, share=0.4),
-        LibraryInput("ramps through zero at 0.4 Hz of", _triangle(0.4)),
+        LibraryInput("a triangle wave (0.4 Hz) of", _triangle(0.4)),
         LibraryInput("a sine at 2 Hz of", shape(InputPart("sine")), excitation="sine"),
         LibraryInput("a sine at 0.5 Hz of", shape(InputPart("sine", pace=0.25))),
         LibraryInput("a chirp (0.2-20 Hz) of", shape(InputPart("chirp")), excitation="chirp"),
-        LibraryInput("steps that only extend of", _pulses(1.0)),
-        LibraryInput("steps that only retract of", _pulses(-1.0)),
+        LibraryInput("extending steps of", _pulses(1.0)),
+        LibraryInput("retracting steps of", _pulses(-1.0)),
     )
 
 

@@ -270,7 +270,7 @@ def _load_factor(trial: ExperimentTrial) -> float:
 
 
 def _describe_input(trial: ExperimentTrial) -> str:
-    """For example "slow ramps through zero at 0.1 Hz of 1.2 A with a 50 kN/m spring"."""
+    """For example "a slow triangle wave (0.1 Hz) of 1.2 A with a 50 kN/m spring"."""
     added = trial.outputs.change.get(SPRING_STIFFNESS, 0.0)
     load = f" with a {added / 1e3:g} kN/m spring" if added > 0.0 else " without the spring" if added else ""
     loop = ", with the loop that centres the rod" if trial.centre else ""

@@ -123,7 +123,8 @@ def _findings(log: Log, plant: Plant) -> Iterator[LogFinding]:
         yield _error(
             "dead", channel,
             f"{channel} is {log[channel][0]:g} {CHANNELS[channel].unit} throughout while the log moves "
-            f"({', '.join(moving)}): the channel is dead, or the wrong column is mapped; remove it, or map the right one",
+            f"({', '.join(moving)}): the channel is dead, or the wrong column is mapped; remove it, or map the right "
+            "one",
         )  # fmt: skip
     alive = [channel for channel in outputs if channel not in dead]
     for one, other in combinations(alive, 2):

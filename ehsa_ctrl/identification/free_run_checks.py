@@ -16,7 +16,7 @@ from .comparison import replay
 from .initial_state import sensor_sd
 from .logged_inputs import simulate_log
 from .plant_log import column_of, log_table_entry
-from .preparation import MIN_CORRELATION, LONGEST_DELAY, delay_of
+from .preparation import LONGEST_DELAY, MIN_CORRELATION, delay_of
 
 # The thresholds are engineering judgement: loose, so that a sound log is not rejected.
 

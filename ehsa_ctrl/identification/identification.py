@@ -276,7 +276,7 @@ class Identification(Result):
         )
 
     def plot(self) -> Figure:
-        """Measured signals and free runs before and after, on the validation logs if there are any, else on those used."""
+        """Measured signals and free runs before and after, on the validation logs, else on those used."""
         return draw(self)
 
     def __str__(self) -> str:

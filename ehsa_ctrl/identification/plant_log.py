@@ -52,8 +52,8 @@ def read_plant_log(
     if not any(channel in log.channels for channel in system.outputs):
         unread = "".join(f"; {note.partition(': ')[2]}" for note in log.notes if "[log]" in note)
         raise InputError(
-            f"{path}: has none of the output channels {', '.join(system.outputs)} of {plant.name}; rename the columns, or "
-            f"map them in the plant's [log] table{unread}"
+            f"{path}: has none of the channels {', '.join(system.outputs)}, the outputs of {plant.name}; rename the "
+            f"columns, or map them in the plant's [log] table{unread}"
         )
     wrong = wrong_time_unit(log, plant)
     if wrong:

@@ -111,6 +111,4 @@ def clipped_output(values: np.ndarray, unit: str) -> str:
             parts.append(f"{extreme:g} {unit} ({int(at.sum())} samples, up to {length} in a row)")
     if not parts:
         return ""
-    return (
-        f"is clipped at {' and '.join(parts)}: the range of its sensor or converter ends there; leave those parts out"
-    )
+    return f"is clipped at {' and '.join(parts)}: its sensor or converter reached its range; leave those parts out"

@@ -86,7 +86,7 @@ def test_the_slow_loop_is_that_of_the_bench(plant):
     assert np.max(np.abs(error)) < 0.15 * np.max(np.abs(added))
 
 
-@pytest.mark.parametrize("what", ["noise", "slow ramps", "sine at 2", "only extend"])
+@pytest.mark.parametrize("what", ["noise", "slow triangle", "sine at 2", "extending"])
 def test_every_input_is_as_large_as_the_limits_allow(plant, what):
     """The bench passes no limit at the amplitude that is found for an input, whichever candidate is true, and passes
     one at half as much again."""

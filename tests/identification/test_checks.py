@@ -331,7 +331,7 @@ def test_a_channel_that_comes_late_is_named_with_its_delay(bench, channel):
 
     assert late(5) == {}
     assert set(late(25)) == {("late", channel)}
-    assert re.search(rf"{channel} comes 0\.(1|0999) s later", str(late(25)["late", channel]))
+    assert re.search(rf"{channel} is 0\.(1|0999) s late", str(late(25)["late", channel]))
     assert f"--align {channel}" in str(late(25)["late", channel])
 
 

@@ -211,7 +211,7 @@ def test_wrong_logs_are_sentences(truth, noise_log):
 
     for log, said in (
         (still, "nothing moves"),
-        (turned, "speed runs against"),
+        (turned, "speed moves opposite"),
         (bar, "in bar"),
         (crossed, "exchanged"),
     ):
