@@ -58,17 +58,18 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
 
 
 def _sentence(name: str, model: Mapping[str, Any]) -> Sentence:
+    title = f"{name.capitalize()} model"
     known = {channel: fit for channel, fit in model["fit_percent"].items() if fit is not None}
     if model["stopped"]:
-        return f"{name} model: no fit, as the free run stopped early: {model['stopped'].rstrip('.')}.", False
+        return f"{title}: no fit, as the free run stopped early: {model['stopped'].rstrip('.')}.", False
     if not known:
-        return f"{name} model: no fit, as all channels are constant.", False
+        return f"{title}: no fit, as all channels are constant.", False
     ordered = sorted(known, key=lambda channel: known[channel])
     worst, best = ordered[0], ordered[-1]
     ends = f"{value_text(known[worst])} % ({worst})"
     if len(ordered) > 1:
         ends = f"from {ends} to {value_text(known[best])} % ({best})"
-    return f"{name} model: the fit is {ends}: {fit_words(known)}.", FITS[quality(known[worst])]
+    return f"{title}: the fit is {ends}: {fit_words(known)}.", FITS[quality(known[worst])]
 
 
 KIND = Kind("comparison.json", "comparison", _read)
