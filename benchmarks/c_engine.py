@@ -1,4 +1,4 @@
-"""The same algorithm in C, compiled on demand with several sets of usual flags."""
+"""The engine's algorithm in C, compiled on demand with several common sets of flags."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""First use of a plant: user CPU seconds with an empty cache, and with a full one.
+"""User CPU time of the first use of a plant, with an empty and with a full cache.
 
     python benchmarks/cold_start.py
 
-Each row is a process of its own with a cache folder of its own; the time to import numpy and the package is left out.
+Each row runs in a new process with its own cache folder; importing numpy and the package does not count.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 
-#: What is done first, after the imports. `cpu()` is the user time of the process so far [s].
+#: Program before the timed statement. `cpu()` is the user time of the process so far [s].
 HEAD = """
 import resource
 import numpy as np
@@ -27,7 +27,7 @@ everything = with_every_effect(plant)
 controller = ehsa_ctrl.load_controller("pid_position", ehsa_ctrl.three_state(linear))
 current, reference = np.zeros(10), np.zeros((10, 3))
 """
-#: Rows of the table: what is timed, and what has run in the same cache before.
+#: Row of the table -> timed statement, and statement that fills the cache before.
 LOOPS = "ehsa_ctrl.simulate(linear, current); ehsa_ctrl.sensitivities(linear, ['K_T'], current)"
 CASES = {
     "first run on a machine": ("ehsa_ctrl.simulate(plant, current)", ""),
@@ -40,7 +40,7 @@ CASES = {
 
 
 def seconds(statement: str, before: str, cache: str) -> float:
-    """User CPU time of a statement in a process of its own."""
+    """User CPU time [s] of a statement in a new process."""
     environment = {**os.environ, "EHSA_CTRL_CACHE": cache}
     if before:
         subprocess.run([sys.executable, "-c", HEAD + before], env=environment, check=True)

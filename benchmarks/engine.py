@@ -2,8 +2,8 @@
 
     python benchmarks/engine.py [--quick] [--json FILE]
 
-Times are CPU times per simulated second and hold for the machine they were taken on; what carries over are ratios.
-Errors are against an event-driven DOP853 at rtol 1e-12 that shares no code with the package.
+Times are CPU times per simulated second and depend on the machine; their ratios do so much less. Errors are relative to
+an event-driven DOP853 solution with rtol 1e-12 that shares no code with the package.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ def parameter_rows(case: Case, runs: int = 1) -> Array:
 
 
 def ours(case: Case, tol: float) -> Run:
-    """One run on the compiled engine; buffers are made once, as for the C engine."""
+    """One run of the compiled engine; buffers are allocated once, as for the C engine."""
     return ours_batch(case, tol, parameter_rows(case), 1)
 
 
 def ours_batch(case: Case, tol: float, parameters: Array, threads: int) -> Run:
-    """Runs with varied parameters; gives the states of the first."""
+    """Runs with varied parameters; the function returns the states of the first run."""
     code = plant_code(NONLINEAR.equations)
     runs, n = len(parameters), case.current.size
     current, force = np.ascontiguousarray(case.current), np.zeros(n)
@@ -99,7 +99,7 @@ def ours_batch(case: Case, tol: float, parameters: Array, threads: int) -> Run:
 
 
 def contenders() -> list[Row]:
-    """All rows of the table. `ours` also runs on the short records, for factors over peers that only do those."""
+    """All rows of the table. `ours` also runs on the short records, for comparison with peers that only run those."""
     rows = [Row(f"ours {tol:.0e}", partial(ours, tol=tol)) for tol in TOLERANCES]
     for tol in TOLERANCES:
         rows += [
@@ -118,7 +118,7 @@ def contenders() -> list[Row]:
     return rows
 
 
-#: Compiled peers, the first one for the headline: the choice for speed.
+#: Compiled peers; the first one is the usual choice for speed.
 PEERS = {
     "CasADi CVODES 1e-6, E3": casadi_cvodes,
     "diffrax Kvaerno3 1e-6, E3": partial(by_diffrax, solver="Kvaerno3", widths=E3),
@@ -163,7 +163,7 @@ def ratio_lines(timings: Timings, names: list[str]) -> dict[str, Any]:
 
 
 def factor_lines(timings: Timings, names: list[str], peer: str) -> dict[str, Any]:
-    """How many times faster ours is on the same short record, at the coarsest tolerance that is not less accurate.
+    """Speed-up of ours on the same short record, at the coarsest tolerance that is at least as accurate.
 
     Median of the rounds, 5 and 95 %.
     """
@@ -211,7 +211,7 @@ def batch_rates(case: Case, runs: int, rounds: int) -> dict[str, dict[str, float
 
 
 def references(records: dict[str, Case], quick: bool, console: Console) -> dict[str, Array]:
-    """DOP853 for all; Radau checks it where that does not take minutes."""
+    """Reference states by DOP853; Radau verifies them on cases where it does not take minutes."""
     solutions: dict[str, Solution] = {}
     for name, case in records.items():
         solution = solutions[name] = event_driven(case)

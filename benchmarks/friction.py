@@ -2,10 +2,10 @@
 
     python benchmarks/friction.py [CONTROLLER ...] [--seeds 5] [--draws 100]
 
-For each controller: settling time over the shortest one that the current limit allows, overshoot, steady-state error
-and slips in a hold of five seconds, the worst over noise seeds and both directions; the error in a sine of 1 Hz and
-10 mm with friction feed-forward and, with the same gains, without; margins over draws within two standard deviations
-(5 % each) of the linear set. Prints the table of docs/evidence.md and writes friction.json.
+For each controller: ratio of the settling time to the shortest one that the current limit allows, overshoot,
+steady-state error and slips in a hold of five seconds, each the worst over noise seeds and both directions; error in a
+sine of 1 Hz and 10 mm with friction feed-forward and, with the same gains, without; margins over draws within two
+standard deviations (5 % each) of the linear set. Prints the table of docs/evidence.md and writes friction.json.
 """
 
 from __future__ import annotations

@@ -3,10 +3,10 @@
     python benchmarks/identification.py [--seeds 200] [--kind noise [--amplitude 3]] [--jobs 2] [--cache FILE]
         [--json FILE] [--no-peer]
 
-Every log is 20 s at 250 Hz with the bench's noise on all channels. Each search starts with every free parameter of the
-nonlinear plant 30 % too large or too small. Results are appended to a file and reused unless the package
-has changed. Ctrl-C stops and prints the results so far. At the end the same logs go through scipy's least_squares on
-the package's engine; the time on python-control is extrapolated.
+Every log has 20 s at 250 Hz with the bench's noise on all channels. Each search starts with every free parameter of the
+nonlinear plant 30 % too large or too small. Results are appended to a file and reused until the package changes. Ctrl-C
+stops and prints the results so far. At the end, SciPy's least_squares identifies some of the logs with the package's
+engine; the time with python-control is extrapolated.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-#: Kind of log -> amplitude [A], and its share of the seeds.
+#: Kind of log -> amplitude [A], and share of the seeds.
 KINDS = {"noise": (3.0, 1.0), "steps": (1.5, 0.3), "multisine": (2.0, 0.3)}
 DURATION = 20.0  # s
 CACHE = Path(__file__).parent / "results" / "identification.jsonl"
-#: Seeds of each kind that go through scipy.
+#: Seeds of each kind that SciPy identifies too.
 PLAIN = 5
 
 
@@ -61,14 +61,14 @@ def lines(found: Summary) -> list[str]:
     least, middle, most = found.reduced_cost
     good = found.runs - len(found.failures)
     return [
-        f"called identifiable and within max(3 %, 2 sd): {found.near}",
+        f"identifiable parameters within max(3 %, 2 sd) of the truth: {found.near}",
         f"truth within the 95 % interval, all parameters: {found.covered}",
-        f"the same without {found.unsettled} logs that the tool calls unsettled: {found.covered_settled}",
-        f"held-out fit, points lost against the true parameters, worst (median): {lost}",
+        f"the same without {found.unsettled} logs on which no two starts agree: {found.covered_settled}",
+        f"held-out fit, percentage points below that of the true parameters, worst (median): {lost}",
         f"worst: {found.held_out[worst][0]:.3f} points of {worst[1]} on {worst[0]}",
-        f"reduced cost {least:.3f} to {most:.3f}, median {middle:.3f}; {found.explained} of {good} are as small as "
-        f"noise; {found.one_start} needed one start; {found.sd_from_residuals} took their sd from residuals",
-        f"seconds an identification, median and most: wall {found.wall[0]:.1f} and {found.wall[1]:.1f}, "
+        f"reduced cost {least:.3f} to {most:.3f}, median {middle:.3f}; {found.explained} of {good} at the noise level; "
+        f"{found.one_start} with one start; {found.sd_from_residuals} with sd scaled by the residuals",
+        f"seconds per identification, median and maximum: wall {found.wall[0]:.1f} and {found.wall[1]:.1f}, "
         f"CPU {found.cpu[0]:.1f} and {found.cpu[1]:.1f}",
         *(f"failed: {failure}" for failure in found.failures[:5]),
     ]
@@ -85,7 +85,7 @@ def plain_table(runs: Sequence[Plain]) -> Table:
     for column in columns:
         result.add_column(column, justify="right")
     for run in runs:
-        work = f"{run.evaluations} + {run.jacobians}{'' if run.ended else ', gave up'}"
+        work = f"{run.evaluations} + {run.jacobians}{'' if run.ended else ', not converged'}"
         result.add_row(
             f"{run.case.kind} {run.case.seed}", "truth" if run.from_truth else "30 % off", f"{run.reduced_cost:.3f}",
             f"{100 * run.near:.0f}", f"{100 * run.covered:.0f}", f"{run.worst[1]} {run.worst[0]:+.1f}", work,
@@ -95,7 +95,7 @@ def plain_table(runs: Sequence[Plain]) -> Table:
 
 
 def peer_lines(found: Peer, runs: Sequence[Plain]) -> list[str]:
-    """Measured and extrapolated cost of the same search over python-control."""
+    """Measured and extrapolated cost of the same search with python-control."""
     searches = [run for run in runs if not run.from_truth]
     evaluations = float(np.median([run.evaluations for run in searches]))
     jacobians = float(np.median([run.jacobians for run in searches]))
@@ -112,11 +112,11 @@ def peer_lines(found: Peer, runs: Sequence[Plain]) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=200, help="logs; the other kinds get 30 in 100 of them")
+    parser.add_argument("--seeds", type=int, default=200, help="number of noise logs; the other kinds get 30 %% of it")
     parser.add_argument("--kind", choices=list(KINDS), help="only this kind of log, with all seeds")
-    parser.add_argument("--amplitude", type=float, help="A, of --kind")
+    parser.add_argument("--amplitude", type=float, help="amplitude of --kind [A]")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
-    parser.add_argument("--cache", type=Path, default=CACHE, help="results, one a line")
+    parser.add_argument("--cache", type=Path, default=CACHE, help="file of results, one per line")
     parser.add_argument("--json", type=Path, help="write the figures here")
     parser.add_argument("--no-peer", action="store_true", help="leave out scipy and python-control")
     arguments = parser.parse_args()

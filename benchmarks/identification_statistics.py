@@ -11,13 +11,13 @@ from scipy import stats
 
 Result = dict[str, Any]
 
-#: An estimate is near if it is within this share of the truth, or within so many standard deviations.
+#: An estimate is near if it is within this share of the truth or within this number of standard deviations.
 NEAR, DEVIATIONS = 0.03, 2.0
 
 
 @dataclass(frozen=True)
 class Share:
-    """A share of `count` cases with its 95 % interval; errors within one log are correlated, so logs are the draws."""
+    """A share of `count` cases with its 95 % interval over logs, as errors within one log are correlated."""
 
     value: float
     lower: float
@@ -29,10 +29,10 @@ class Share:
 
 
 def share(hits: Sequence[Sequence[bool]]) -> Share:
-    """Pooled share of hits (one sequence a log). Interval by the ratio estimator over logs, never beyond [0, 1].
+    """Pooled share of hits (one sequence per log), with the ratio estimator's interval over logs, within [0, 1].
 
-    Source: W. G. Cochran, "Sampling Techniques", 3rd ed., section 9.7. Where all logs agree, that interval has no
-    width; one log counted as one draw (Clopper and Pearson) bounds it then.
+    Source: W. G. Cochran, "Sampling Techniques", 3rd ed., section 9.7. If all logs agree, that interval has zero width,
+    and the Clopper-Pearson interval with one draw per log replaces it.
     """
     sizes = np.array([len(log) for log in hits], dtype=float)
     sums = np.array([sum(log) for log in hits], dtype=float)
@@ -67,12 +67,12 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Summary:
-    """Of one kind of log.
+    """Statistics of one kind of log.
 
-    near: of parameters called identifiable. covered: of all parameters with a finite sd. held_out: (log, channel) ->
-    points of fit lost against the true parameters (worst, median). failures: sentences of those that gave nothing, each
-    of whose parameters counts as missed. unsettled: logs on which no two starts agreed, which the tool says;
-    covered_settled: of the others.
+    near: share of the identifiable parameters. covered: share of all parameters with a finite sd. held_out: (log,
+    channel) -> percentage points of fit below that of the true parameters (worst, median). failures: messages of failed
+    identifications, whose parameters all count as missed. unsettled: number of logs on which no two starts agree;
+    covered_settled: share over the other logs.
     """
 
     runs: int
@@ -115,7 +115,7 @@ def is_covered(row: Result) -> bool:
 
 
 def summary(results: Sequence[Result]) -> Summary:
-    """Figures of some identifications. Raises ValueError if none succeeded."""
+    """Statistics of several identifications. Raises ValueError if none succeeded."""
     good = [result for result in results if "failure" not in result]
     failures = tuple(result["failure"] for result in results if "failure" in result)
     if not good:
@@ -148,7 +148,7 @@ def summary(results: Sequence[Result]) -> Summary:
 
 
 def _lost(best: float, mine: float) -> float:
-    """Points of fit that the estimate loses against the truth; 100 for a run that ended early."""
+    """Percentage points of fit below that of the true parameters; 100 for a run that stopped early."""
     return best - mine if np.isfinite(mine) else 100.0
 
 

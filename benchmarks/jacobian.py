@@ -16,7 +16,7 @@ NAMES = ("J_M", "A_FM", "B_FM", "C_FM", "V_10", "V_20", "K_L", "M", "A_FR", "B_F
 
 @dataclass(frozen=True)
 class Row:
-    """Median CPU time [ms] and the largest error of any entry over its state's and parameter's peak."""
+    """Median CPU time [ms], and largest error relative to the peak of the same state and parameter."""
 
     method: str
     milliseconds: float

@@ -1,4 +1,4 @@
-"""The same task without the package's estimator: scipy's `least_squares` over free runs, and its cost."""
+"""The same task with SciPy's `least_squares` over free runs instead of the package's estimator, and its cost."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ehsa_ctrl.plant.plant import Plant
 
 #: Maximum number of evaluations, those for Jacobians not counted.
 PATIENCE = 100
-#: Residual, in standard deviations, of samples after the early end of a free run.
+#: Residual [standard deviations] of samples after the early stop of a free run: large enough to reject the point.
 LOST = 1e4
 
 
@@ -26,9 +26,9 @@ LOST = 1e4
 class Plain:
     """Result of `least_squares` on the package's engine, from start values 30 % off or from the truth.
 
-    worst: largest error of a parameter in percent, and its name. near: share of parameters within 3 % of the truth.
-    covered: share within 1.96 standard deviations, these from the Jacobian. simulations: all of them. ended: False if
-    it gave up.
+    worst: largest error of a parameter [%], and its name. near: share of parameters within 3 % of the truth.
+    covered: share within 1.96 standard deviations from the Jacobian. simulations: total number. ended: whether the
+    search converged.
     """
 
     case: Case
@@ -45,7 +45,7 @@ class Plain:
 
 
 def plain(case: Case, from_truth: bool = False) -> Plain:
-    """Free runs from rest, every channel over its sensor's sd, scipy's defaults: 2-point Jacobian, trust region.
+    """Free runs from rest, residuals over the sensors' sd, SciPy's defaults: 2-point Jacobian, trust region.
 
     Parameters are multiples of their start values, from a twentieth to twenty times.
     """
@@ -83,7 +83,7 @@ def plain(case: Case, from_truth: bool = False) -> Plain:
 
 def _missed(plant: Plant, log: Log) -> Array:
     """Measured minus simulated in standard deviations of the sensors, all channels in one vector."""
-    # Differences of two runs are taken: the engine's own error has to be smaller than at its default tolerance.
+    # Finite differences need a smaller integration error than the default tolerance gives.
     run = ehsa_ctrl.simulate(plant, log["current"], sample_time=DT, tolerance=1e-8, raise_on_failure=False)
     outputs = plant.structure.system.outputs
     missed = np.full((len(log), len(outputs)), LOST)
@@ -96,8 +96,7 @@ def _missed(plant: Plant, log: Log) -> Array:
 class Peer:
     """python-control on the beginning of a log: CPU seconds per simulated second of a run and of a Jacobian.
 
-    measured: seconds of log that each was timed on. error: of the run against the engine's, over the worst state's
-    peak.
+    measured: seconds of log for each timing. error: largest deviation from the engine's run, over the state's peak.
     """
 
     run: float
@@ -107,9 +106,9 @@ class Peer:
 
 
 def peer(case: Case, run_seconds: float = 2.0, jacobian_seconds: float = 0.5) -> Peer:
-    """`input_output_response` of `to_iosystem`, LSODA at 1e-6 with a tolerance for each state: its best, see engine.py.
+    """`input_output_response` of `to_iosystem`, LSODA at 1e-6 with one tolerance per state: its best, see engine.py.
 
-    The Jacobian is by forward differences, as `least_squares` takes it: a run for each parameter.
+    The Jacobian is by forward differences as in `least_squares`: one run per parameter.
     """
     plant = truth()
     current = bench_log(case.kind, case.amplitude, case.duration, case.seed)["current"]
@@ -117,7 +116,7 @@ def peer(case: Case, run_seconds: float = 2.0, jacobian_seconds: float = 0.5) ->
 
     def simulate(seconds: float, **changed: float) -> Array:
         t = DT * np.arange(round(seconds / DT) + 1)
-        # python-control joins samples by lines: each current is given twice, at both ends of its sample.
+        # python-control interpolates linearly: each current is given twice, at both ends of its sample.
         ends = np.sort(np.concatenate([t, t[1:] - 1e-9]))
         held = np.repeat(current[: t.size], 2)[:-1]
         response = control.input_output_response(

@@ -1,4 +1,4 @@
-"""Time per sample of the MPC with several embeddable solvers, and speed of closed loops.
+"""Time per sample of the MPC with several embedded solvers, and speed of closed loops.
 
     python benchmarks/mpc.py [--horizon 20] [--samples 750] [--json FILE]
 
@@ -31,7 +31,7 @@ from ehsa_ctrl.design.state_space.mpc_problem import Condensed, condense, motion
 from ehsa_ctrl.simulation.closed_loop import run_closed_loop
 from ehsa_ctrl.simulation.sensors import Sensors
 
-#: Samples from jump to jump of the reference.
+#: Samples between two steps of the reference.
 PERIOD = 150
 #: f, lower and upper bounds of a program -> its solution.
 Solve = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]

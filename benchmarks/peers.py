@@ -1,8 +1,8 @@
 """The same plant in other tools, as their users would write it.
 
-With python-control, scipy, casadi and diffrax sign(s) is smoothed to tanh(s / width). Time stepping and MuJoCo keep
-friction set-valued at a fixed step. Every peer is a function of a case that does all preparation and returns the run
-to be timed.
+With python-control, SciPy, CasADi and diffrax, sign(s) is smoothed to tanh(s / width). Time stepping and MuJoCo keep
+friction set-valued with a fixed step. Every peer is a function of a case that prepares the simulation and returns the
+function to be timed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 Run = Callable[[], Array]
 Widths = tuple[float, float]
 
-#: Smoothing widths in omega [rad/s] and v [m/s]: common values, and the narrowest that the solvers tolerate.
+#: Smoothing widths in omega [rad/s] and v [m/s]: common values, and the smallest that the solvers handle.
 E1: Widths = (1.0, 1e-3)
 E3: Widths = (0.01, 1e-5)
 
@@ -54,7 +54,7 @@ def smooth_rates(case: Case, widths: Widths) -> Callable[[list[float], float], l
 
 
 def python_control(case: Case, widths: Widths, **options: Any) -> Run:
-    """`input_output_response`. It joins samples by lines, so a held input has to be held inside the update function."""
+    """`input_output_response`; it interpolates the input, so the update function itself must hold a constant input."""
     import control
 
     f = smooth_rates(case, widths)
@@ -105,7 +105,7 @@ def scipy_event_driven(case: Case) -> Run:
 
 
 def casadi_cvodes(case: Case) -> Run:
-    """casadi's integrator with exact Jacobians; it restarts where its piecewise constant controls change."""
+    """CasADi's CVODES integrator with exact Jacobians; it restarts when a piecewise constant input changes."""
     import casadi as ca
 
     p = case.values
@@ -138,7 +138,7 @@ def casadi_cvodes(case: Case) -> Run:
 
 
 def by_diffrax(case: Case, solver: str, widths: Widths) -> Run:
-    """One of diffrax's solvers, compiled by XLA, restarted at every sample, where the current may jump."""
+    """A solver of diffrax, compiled by XLA and restarted at every sample, as the current may jump there."""
     import diffrax
     import jax
     import jax.numpy as jnp
@@ -247,9 +247,9 @@ def _moreau_jean() -> Callable[..., Array]:
 
 
 def mujoco_tendon(case: Case) -> Run:
-    """MuJoCo at steps of 0.1 ms: a hinge and a slide whose oil is a tendon's stiffness, dry friction as `frictionloss`.
+    """MuJoCo with 0.1 ms steps: hinge and slide, oil as a tendon stiffness, Coulomb friction as `frictionloss`.
 
-    It has neither a Stribeck peak, nor leakage, nor volumes that change with the stroke: a smaller model.
+    A simpler model: no Stribeck effect, no leakage, and no volumes that vary with the stroke.
     """
     import mujoco
 

@@ -1,4 +1,4 @@
-"""One identification of a known plant, and many of them on all cores with results appended to a file."""
+"""One identification of a known plant, and many in parallel with results appended to a file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ehsa_ctrl.plant.plant import Plant
 DT = 0.004  # s, 250 Hz
 #: Start values are the truth times one of these.
 OFF = (0.7, 1.3)
-#: Held out: excitation, amplitude [A], duration [s]. Their noise has other seeds.
+#: Held-out logs: excitation, amplitude [A], duration [s]; with other noise seeds.
 HELD_OUT = (("steps", 1.5, 10.0), ("sine", 1.5, 10.0))
 #: Folders of the package that an estimate depends on.
 FOLDERS = ("core", "physics", "plant", "simulation", "identification")
@@ -29,7 +29,7 @@ FOLDERS = ("core", "physics", "plant", "simulation", "identification")
 
 @dataclass(frozen=True)
 class Case:
-    """A bench log of the plant "ehsa" and where the search starts; the seed draws input, noise and start values."""
+    """A bench log of the plant "ehsa" and the start of the search; the seed draws input, noise and start values."""
 
     kind: str
     amplitude: float
@@ -96,8 +96,8 @@ def fingerprint() -> str:
     return digest.hexdigest()[:12]
 
 
-def kept(file: Path, package: str) -> dict[Case, dict[str, Any]]:
-    """Results of earlier runs with this package; a truncated line is ignored."""
+def read_results(file: Path, package: str) -> dict[Case, dict[str, Any]]:
+    """Results of earlier runs with this package; truncated lines are ignored."""
     found = {}
     for line in file.read_text().splitlines() if file.exists() else ():
         try:
@@ -110,9 +110,9 @@ def kept(file: Path, package: str) -> dict[Case, dict[str, Any]]:
 
 
 def recover_all(cases: list[Case], file: Path, jobs: int) -> Iterator[tuple[Case, dict[str, Any]]]:
-    """Results in order of completion, those in `file` first; new ones are appended to it."""
+    """Results in order of completion, those from `file` first; new ones are appended to it."""
     package = fingerprint()
-    known = kept(file, package)
+    known = read_results(file, package)
     for case in cases:
         if case in known:
             yield case, known[case]

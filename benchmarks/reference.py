@@ -1,8 +1,8 @@
 """Reference solution of the paper's (12) with friction (8), where sign(0) is a set.
 
-A contact either slides in a direction d, where (8) is smooth, or it sticks at zero speed while the net force stays
-below the breakaway force A + C. scipy integrates between mode changes and locates them. The file uses nothing of the
-package: the equations are implemented again.
+A contact either slides in a direction d, in which (8) is smooth, or sticks at zero speed while the net force is below
+the breakaway force A + C. SciPy integrates between mode changes and locates them. The file implements the equations
+independently of the package.
 """
 
 from __future__ import annotations

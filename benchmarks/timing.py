@@ -15,7 +15,7 @@ Run = Callable[[], Array]
 
 @dataclass
 class Row:
-    """A method. Peers run once a round on the beginning of the record, `slow` ones in the first rounds only."""
+    """A timed method. Peers run once per round on the beginning of the record, `slow` ones in the first rounds only."""
 
     label: str
     prepare: Callable[[Case], Run]
@@ -27,7 +27,7 @@ class Row:
 
 @dataclass
 class Timing:
-    """CPU ms per simulated second, one list a round, of one row on one case; or the reason for a failure."""
+    """CPU ms per simulated second of one row on one case, one list per round; or the reason of a failure."""
 
     duration: float
     rounds: list[list[float]] = field(default_factory=list)
@@ -36,7 +36,7 @@ class Timing:
 
     @property
     def best(self) -> Array:
-        """The least disturbed call of every round."""
+        """The fastest call of every round, which other processes disturb least."""
         return np.array([min(calls) for calls in self.rounds])
 
     @property
@@ -68,7 +68,7 @@ def measure(
 ) -> dict[tuple[str, str], Timing]:
     """Time all rows on all cases; keys of the result are (label, case name).
 
-    `short`: seconds of each record that slow and short rows get.
+    `short`: length [s] of the records for slow, peer and short rows.
     """
     runs: dict[tuple[str, str], Run] = {}
     result: dict[tuple[str, str], Timing] = {}

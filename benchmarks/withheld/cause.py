@@ -28,7 +28,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a draw depends on: the log of the bench without the effect, and the spring."""
+    """Inputs of a draw: the samples of the bench without the effect, and the spring."""
 
     rng: np.random.Generator
     samples: np.ndarray

@@ -64,8 +64,8 @@ def _attempt(rng: np.random.Generator, family: str, index: int, attempt: int) ->
     load_cell = bool(rng.random() < 0.75)
     operation = Operation.draw(rng, family, SAMPLES)
 
-    # Sizes and errors are measured with the current of a rehearsal, because the true log does not exist yet. The
-    # linear set has no friction to brake it; its rehearsal uses the nonlinear one.
+    # Sizes and errors are determined with the current of a rehearsal, as the true log does not exist yet. The
+    # linear set has no friction that would stop the rod, so its rehearsal uses the nonlinear set.
     rehearsal = operation.run(Bench(Rig(K_S=nominal_rig.K_S) if family == "linear" else nominal_rig), noise, rng)
     if not usable(rehearsal):
         return None
@@ -93,7 +93,7 @@ def _attempt(rng: np.random.Generator, family: str, index: int, attempt: int) ->
     causes = [effect_gap.of_effect(c.effect, c.size) for c in chosen]
     if family != "parameters" and not _consistent(family, causes, total):
         return None
-    # A log in which the noise of its current decides where the rod sticks says little about causes.
+    # Reject a log in which the noise of the logged current decides where the rod sticks: it tells little about causes.
     truth = gap(measured(log), simulated_signals(bench, drive_command(bench, log["current"])), floor)
     if family != "outside" and not _repeatable(truth, total):
         return None

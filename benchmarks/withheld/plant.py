@@ -1,9 +1,9 @@
 """The bench plant: (12) with (8) and all effects, stepped in time with set-valued friction.
 
-Pressures and position take half a step with the old speeds, the speeds a whole step with the pressures of the middle
-(dry friction as a set-valued law, solved exactly in each body), pressures and position the other half with the new
-speeds: second order while the motion is smooth, first order in the instant at which a body sticks or breaks away. No
-events are located and no step is adapted.
+Pressures and position take half a step with the old speeds; the speeds take a whole step with the mid-step pressures
+(dry friction as a set-valued law, solved exactly for each body); pressures and position take the other half with the
+new speeds. The scheme has order two while the motion is smooth, order one in a step in which a body sticks or breaks
+away. It neither locates events nor adapts the step.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ LOOPS = {"open": 0.0, "centring": 1.0, "position": 2.0}
 class Run:
     """Result of a run.
 
-    current: (N,) A asked of the drive at each sample. dense: (DENSE N + 1, 5) speed, port pressures 1 and 2, rod
+    current: (N,) current command [A] at each sample. dense: (DENSE N + 1, 5) speed, port pressures 1 and 2, rod
     position, force in the load cell, every ms. states: (N + 1, 5) speed, P1, P2, v, x at the samples.
     """
 

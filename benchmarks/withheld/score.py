@@ -123,13 +123,13 @@ def write(rows: list[AnswerScore], figures: dict[str, list[Figure]], folder: Pat
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Score `ehsa-ctrl diagnose` on logs whose effect is withheld.")
     parser.add_argument("cases", type=Path, help="folder of cases.py, or another with NAME.csv, NAME.json and key.json")
-    parser.add_argument("--answers", type=Path, help="where answers are kept and looked for (default: CASES/answers)")
-    parser.add_argument("--no-run", action="store_true", help="score the answers that are there, run nothing")
-    parser.add_argument("--retry", action="store_true", help="run again what failed before")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="these cases alone")
+    parser.add_argument("--answers", type=Path, help="folder of the answers (default: CASES/answers)")
+    parser.add_argument("--no-run", action="store_true", help="score the existing answers without running the tool")
+    parser.add_argument("--retry", action="store_true", help="repeat diagnoses that failed before")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="run only these cases")
     parser.add_argument("--tool", default="", help="command to run instead of ehsa-ctrl")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--timeout", type=float, default=600.0, help="seconds of one diagnosis")
+    parser.add_argument("--timeout", type=float, default=600.0, help="limit for one diagnosis [s]")
     options = parser.parse_args(arguments)
     answers = options.answers or options.cases / "answers"
     keyed = (options.cases / "key.json").exists()

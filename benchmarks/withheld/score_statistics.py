@@ -19,7 +19,7 @@ Rows = Sequence[AnswerScore]
 
 @dataclass(frozen=True)
 class Figure:
-    """One line of the table. `count` is of the cases that it is a share or a mean of."""
+    """One line of the table. `count`: number of cases of the share or mean."""
 
     label: str
     value: float
@@ -81,7 +81,7 @@ def losses(row: AnswerScore, guess: float | None = None) -> tuple[float, float]:
 
 
 def uniform_guess(rows: Rows) -> float:
-    """The best of all guesses that give every id the same probability: the share of causes among ids."""
+    """The best guess with the same probability for every id: the share of causes among ids."""
     labels = [label for row in rows for label in row.labels if label is not None]
     return sum(labels) / len(labels)
 
@@ -167,7 +167,7 @@ def sections(rows: Rows) -> dict[str, list[Figure]]:
         "One cause": single_figures(single),
         "Several causes": several_figures(several),
         "Outside the catalogue": [
-            share("said to be outside", [r.answer == OUTSIDE for r in outside]),
+            share("answered outside_catalogue", [r.answer == OUTSIDE for r in outside]),
             share("a wrong name", [r.answer in ("effect", "ambiguous") for r in outside]),
             share("abstained: underdetermined", [r.answer == "underdetermined" for r in outside]),
             share("missed: no gap", [r.answer == "no_gap" for r in outside]),
@@ -200,8 +200,7 @@ def sections(rows: Rows) -> dict[str, list[Figure]]:
 def confusion(rows: Rows) -> tuple[list[str], list[str], np.ndarray]:
     """Rows: every cause in the keys, "no_gap" without a cause. Columns: the first id, or the verdict.
 
-    A case with several causes stands once in the row of each; where what is on top is one of them, in that column
-    alone for its own row.
+    A case with several causes counts once in the row of each.
     """
     counts: Counter[tuple[str, str]] = Counter()
     for row in rows:
