@@ -119,7 +119,7 @@ print(diagnosis.sentence)
 diagnosis.plot()
 
 # %% [markdown]
-# ### Where
+# ### Location of the gap
 #
 # Without using the catalogue, free inputs are added to the balances of torque, flow and force, for example an unknown
 # torque at the shaft. The inputs needed to explain the log show where the model is wrong. The largest error of a
@@ -168,7 +168,7 @@ print(f"slope {slope / rig['D']:.3f} of D |P1 - P2|")
 # the truth: the nominal torque constant is too large and the shaft's friction too small, which adds to the missing
 # torque.
 #
-# ### Which
+# ### Cause
 #
 # Evidence is twice the difference of the log-likelihoods, with correlated residuals counted as less than
 # independent ones. The axis is logarithmic. The next candidates are the torque constant and its combinations with other
@@ -197,7 +197,7 @@ pd.DataFrame(
 # is 1.5 % too large is corrected only in part, and the pump friction compensates for the rest. Section 4 identifies the
 # value.
 #
-# ### How far
+# ### Remaining gap
 
 # %%
 assert diagnosis.gap["with_effects"]["total"] < 0.2 * diagnosis.gap["nominal"]["total"]
@@ -284,7 +284,7 @@ for line in difflib.unified_diff(before, after, lineterm="", n=0):
         print(line)
 
 # %% [markdown]
-# ## 5. When a log can't tell
+# ## 5. A log that does not determine the cause
 #
 # Another rig: its drive has a lag of 6 ms, and the log is a sine of 2 Hz.
 
@@ -399,7 +399,7 @@ moves_figure(loops, looks, currents=("the rig", "nominal"))
 plt.show()
 
 # %% [markdown]
-# The nominal plant promises 16 of 16 moves within 0.1 mm and a quiet current. The rig ends nearly all of them 0.1 to
+# The nominal plant predicts 16 of 16 moves within 0.1 mm and a quiet current. The rig ends nearly all of them 0.1 to
 # 0.2 mm off: the feed-forward is too small for this pump, friction stops the rod outside the rest band, and the
 # controller keeps working, with three times the current travel. The corrected plant predicts this, move by move. The
 # refit predicts the tendency, as it has more friction, but other end positions.
@@ -505,7 +505,7 @@ pd.DataFrame(others).T.round(0).astype(int)
 # They work: unmodelled friction is one more disturbance to them. So there are two answers to a gap: a controller that
 # tolerates it, or a corrected model. Only the second predicts the end of each move.
 #
-# ## What to keep
+# ## Summary
 #
 # - Compute the gap of each signal, without noise, before anything is fitted.
 # - A refit closes most of nearly every gap. The compensation fails at another load, another temperature, in another

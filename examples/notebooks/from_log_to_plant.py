@@ -192,7 +192,7 @@ correlation_figure(found)
 # %% [markdown]
 # ## 3. Residual tests
 #
-# Small residuals don't prove a model. The residuals of a right model are uncorrelated with their own past, with the
+# Small residuals don't prove a model. The residuals of a correct model are uncorrelated with their own past, with the
 # current, with the direction of motion (wrong friction would show there) and with the position (a wrong volume, a
 # missing spring).
 
@@ -208,7 +208,7 @@ residuals_figure(found)
 # is no proof; it says that this log contains no further information about the model.
 
 # %% [markdown]
-# ## 4. What this log can't tell
+# ## 4. What this log does not determine
 #
 # **Torque constant and bulk modulus** are not free in the plant's file, as the paper does not print them. The log does
 # determine them: area and displacement are known from the datasheet, and the pressures give the pump torque and so the
@@ -441,7 +441,7 @@ for line in difflib.unified_diff(before, after, "ehsa.toml", "identified.toml", 
 # %% [markdown]
 # It is in a folder `plants/` of the project and so is found by name: `ehsa-ctrl run --plant identified`.
 #
-# ## What to keep
+# ## Summary
 #
 # - Check the log first. Then read the line on the residuals, and only then the table.
 # - Standard deviations are realistic only if the noise of the logged current is in the model. The correlation figure

@@ -638,7 +638,7 @@ plt.show()
 # These numbers can be identified: a single log of the rig determines torque constant and bulk modulus to about a
 # percent or better, as the next notebook shows.
 #
-# ## What to keep
+# ## Summary
 #
 # - Every number has a source. Six of twenty are assumed, and one of them, $K_T$, affects nearly every result.
 # - (7) for design: an integrator, a slow pole at 1.4 Hz, a damped pair at 70 Hz. $\beta$ and $V$ act only as a ratio.
