@@ -177,7 +177,7 @@ def test_an_lqr_gets_its_bandwidth_from_the_position_weight(run, linear):
     ("arguments", "sentence"),
     [
         (("--kind", "pdi"), "--kind 'pdi': no such kind of controller; did you mean 'pid'?"),
-        (("--kind", "pid", "--bandwidth", "200 rad/s"), "no PID controller keeps"),
+        (("--kind", "pid", "--bandwidth", "200 rad/s"), "no PID controller satisfies"),
         (
             ("--kind", "pid", "--bandwidth", "200 rad/s", "--phase-margin", "60 deg"),
             "lower the crossover or the margin",

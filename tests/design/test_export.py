@@ -260,7 +260,7 @@ def test_what_is_outside_the_subset_is_a_sentence(tmp_path, text):
         ("def f(a: str) -> float:", "the argument a"),
         ("def f(a: float = 1.0) -> float:", "optional, keyword or starred arguments"),
         ("def f(a: float):", "a result ''"),
-        ("def f(a: float) -> float:\n    if a > 0.0:\n        return a", "a way through without `return`"),
+        ("def f(a: float) -> float:\n    if a > 0.0:\n        return a", "a path without `return`"),
     ],
 )
 def test_a_wrong_head_is_a_sentence(tmp_path, head, what):
@@ -456,7 +456,7 @@ def test_the_mpc_is_pythons_with_osqp(system, tmp_path):
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert "tolerance 1e-06 A" in done.stdout
-    assert "distance from the exact solution" in done.stdout
+    assert "from the exact solution" in done.stdout
     assert deployment.vector.distance < 1e-3
     assert 0 < deployment.vector.fallbacks < 15
     assert np.any(np.abs(deployment.vector.current) > 1.0)

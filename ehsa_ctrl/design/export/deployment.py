@@ -1,7 +1,7 @@
 """A controller as C99 files: the functions that run in Python, with a test vector and its test.
 
-The law exists once, in Python. PID, cascade and state feedback are translated whole; of an MPC the estimate, the
-problem and the fallback are translated, and OSQP generates its solver.
+PID, cascade and state feedback are translated completely; of an MPC the estimate, the problem and the fallback are
+translated, and OSQP generates its solver.
 """
 
 from __future__ import annotations
@@ -27,39 +27,39 @@ from ..stages.rest import rest
 from ..stages.supervision import supervise
 from ..stages.trajectory import plan
 from ..state_space.mpc import Mpc, solve_qp
-from .embedded import EmbeddedMpc, EmbeddedOsqp, exact_solver, replay_beside_exact, tuned_solver
+from .embedded import EmbeddedMpc, EmbeddedOsqp, exact_solver, replay_with_exact, tuned_solver
 from .expressions import CSignature
 from .program import Program, setting_names
 from .source import ARRAY, DOUBLE, literal
 
-#: Largest difference of the C from Python that the test accepts [A]. With the same libm there is none but an MPC's,
-#: whose solver file has 20 digits behind the point and so not all digits of a small number.
+#: Largest difference of C and Python that the test accepts [A]. With the same libm only an MPC differs at all: OSQP
+#: writes numbers with 20 decimals, which cuts digits off small ones.
 TOLERANCE, TOLERANCE_MPC = 1e-9, 1e-6
 TEMPLATES = Path(__file__).parent / "templates"
 VECTOR = "test_vector.csv"
-#: Files of every controller; an MPC has the solver as well.
+#: Files of every controller; an MPC also has the folder osqp/.
 FILES = ("controller.h", "controller.c", "test.c", "Makefile", "README.md", VECTOR)
-#: Title, function and range of settings of each stage.
+#: Title, function, first index and end of the settings of each stage.
 STAGE_SETTINGS = (
     ("supervision", supervise, 0, S_PLAN),
     ("trajectory", plan, S_PLAN, S_FEED),
     ("feed-forward", feedforward, S_FEED, S_REST),
     ("rest and dither", rest, S_REST, S_LAW),
 )
-#: Numbers without a name on a line of settings.
+#: Unnamed numbers per line of settings.
 COLUMNS = 4
 
 
 @dataclass(frozen=True)
 class TestVector:
-    """Inputs of a run and the currents of the Python controller.
+    """Inputs of a run, and the currents of the Python controller.
 
     Attributes
     ----------
     reference (N, 3), measured (N, 5): as in core.controller_interface; nan is a lost reading.
     current: (N,) of the Python controller [A].
-    exact: (N,) of an exact solver from the same memory [A]; None for a law without a solver.
-    unsolved: (N,) whether the law's own solver left the sample to the fallback.
+    exact: (N,) with an exact solver from the same memory [A]; None for a law without a solver.
+    unsolved: (N,) whether the sample took the fallback.
     """
 
     reference: np.ndarray
@@ -70,14 +70,14 @@ class TestVector:
 
     @property
     def distance(self) -> float | None:
-        """Largest distance of solved samples from the exact solution [A]; None for a law without a solver."""
+        """Largest difference [A] of solved samples from the exact solution; None for a law without a solver."""
         if self.exact is None or self.unsolved is None:
             return None
         return float(np.max(np.abs(self.current - self.exact)[~self.unsolved], initial=0.0))
 
     @property
     def fallbacks(self) -> int:
-        """Number of samples that were left to the fallback."""
+        """Number of samples that took the fallback."""
         return 0 if self.unsolved is None else int(np.count_nonzero(self.unsolved))
 
     @property
@@ -85,7 +85,7 @@ class TestVector:
         return [*INPUTS, "current", *([] if self.exact is None else ["exact"])]
 
     def to_csv(self) -> str:
-        """Text with a header row; every number is read back to the last bit."""
+        """CSV with a header row; numbers keep every bit."""
         last = [self.current] if self.exact is None else [self.current, self.exact]
         text = io.StringIO()
         rows = csv.writer(text, lineterminator="\n")
@@ -95,7 +95,7 @@ class TestVector:
 
 
 def replay(controller: SampledController, reference: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """Currents (N,) of the plain Python controller from its first sample on."""
+    """Currents (N,) [A] of the controller in Python from its initial memory."""
     memory = controller.initial_memory()
     return np.array([controller.step(r, y, memory) for r, y in zip(reference, measured, strict=True)])
 
@@ -106,9 +106,9 @@ class Deployment:
 
     Attributes
     ----------
-    name: the controller's. files: name -> text.
+    name: of the controller. files: name -> text.
     vector: the test vector. tolerance: of the test [A].
-    solver: generates its own C beside the files; None for a law without one. rho: its step size.
+    solver: generates its own C code; None for a law without one. rho: its step size.
     """
 
     name: str
@@ -119,9 +119,9 @@ class Deployment:
     rho: float | None = None
 
     def write(self, folder: str | Path, *, force: bool = False) -> None:
-        """Write all files; the solver's go to `osqp/`. force: replace an earlier export.
+        """Write all files; those of the solver go to `osqp/`. force: replace an earlier export.
 
-        Raises InputError for an earlier export without `force`, and for other files that are in the way.
+        Raises InputError for an earlier export without `force`, and for files that are not of an export.
         """
         with ResultFolder(Path(folder), "export", force, how=FORCE_ARGUMENT).draft() as draft:
             for name, text in self.files.items():
@@ -130,25 +130,27 @@ class Deployment:
                 self.solver.generate(draft / "osqp")
 
     def __str__(self) -> str:
-        lines = [f"{self.name}: {len(self.vector.current)} samples of a run, to be met within {self.tolerance:g} A"]
+        lines = [
+            f"{self.name}: {len(self.vector.current)} samples of a run as test vector, tolerance {self.tolerance:g} A"
+        ]
         if self.vector.distance is not None:
             unsolved = self.vector.fallbacks
             lines.append(
                 f"OSQP with step size {self.rho:g}: at most {self.vector.distance:.3g} A from the exact solution"
-                + (f", {unsolved} samples unsolved and left to the fallback" if unsolved else "")
+                + (f", {unsolved} unsolved samples took the fallback" if unsolved else "")
             )
         return "\n".join(lines)
 
 
 def export_controller(controller: SampledController, reference: np.ndarray, measured: np.ndarray) -> Deployment:
-    """Write a controller as C99.
+    """Translate a controller to C99.
 
     Parameters
     ----------
-    reference (N, 3), measured (N, 5): of a run, for the test vector; lost readings (nan) included.
+    reference (N, 3), measured (N, 5): of a run, for the test vector; may contain lost readings (nan).
 
-    Raises InputError if its law is outside the subset of Python that can be written as C, if OSQP does not solve its
-    MPC, and for shapes that don't fit.
+    Raises InputError for a law outside the translator's subset of Python, for an MPC that OSQP does not solve, and for
+    wrong shapes.
     """
     reference, measured = np.array(reference, dtype=float), np.array(measured, dtype=float)
     n = len(reference)
@@ -161,11 +163,11 @@ def export_controller(controller: SampledController, reference: np.ndarray, meas
     if not isinstance(law, Mpc):
         vector = TestVector(reference, measured, replay(controller, reference, measured))
         return Deployment(controller.name, _files(controller, vector, TOLERANCE), vector, TOLERANCE)
-    # Without a deadline, which no replay can repeat.
+    # No deadline: its effect is not reproducible.
     exact = replace(controller, law=replace(law, deadline=None, external=exact_solver(law)))
     solver, rho = tuned_solver(exact, reference, measured)
-    ours = replace(controller, law=replace(law, deadline=None, external=solver))
-    vector = TestVector(reference, measured, *replay_beside_exact(ours, exact, reference, measured))
+    embedded = replace(controller, law=replace(law, deadline=None, external=solver))
+    vector = TestVector(reference, measured, *replay_with_exact(embedded, exact, reference, measured))
     files = _files(replace(controller, law=EmbeddedMpc(law)), vector, TOLERANCE_MPC)
     return Deployment(controller.name, files, vector, TOLERANCE_MPC, solver, rho)
 
@@ -211,12 +213,12 @@ def _files(controller: SampledController, vector: TestVector, tolerance: float) 
 
 
 def _settings_lines(controller: SampledController) -> list[str]:
-    """Lines of the settings' initialiser, stage by stage, with the names from the code as comments."""
+    """Lines of the settings' initialiser, by stage, with the variables' names from the code as comments."""
     values, law = controller.settings(), controller.law
     lines = []
     for title, function, start, stop in STAGE_SETTINGS:
         lines += [f"/* {title} */", *_table(values[start:stop], setting_names(function, STAGES), {})]
-    # Matrices by name come last, in this order.
+    # Matrices come last, in the order of their names.
     matrices: Mapping[str, np.ndarray] = getattr(law, "matrices", {})
     names = setting_names(law.function, law.uses)
     return [*lines, f"/* {law.function.__name__} */", *_table(values[S_LAW:], names, matrices)]

@@ -1,8 +1,8 @@
-"""An MPC with the solver that can be generated as C: OSQP with a fixed step size and without polishing.
+"""An MPC with a solver that can be generated as C: OSQP with a fixed step size and without polishing.
 
-Generated code has neither step size adaptation nor polishing: each needs a new factorisation. A solution depends on its
-start and on nothing else of the past. The problem is posed in other unknowns z, theta = root z, with the cost z' z / 2:
-the eigenvalues of an MPC's own H are a million apart, and OSQP's residuals would say little of the current.
+Generated code has neither step size adaptation nor polishing, which need new factorisations. A solution depends on its
+warm start and on nothing else of the past. The unknowns are z with theta = root z and the cost z' z / 2, because the
+eigenvalues of an MPC's own H differ by a factor of a million and OSQP's residuals would say little about the current.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from ..qp.osqp import ITERATIONS, Osqp, osqp_workspace
 from ..stages.pipeline import M_LAW
 from ..state_space.mpc import SAMPLE_FUNCTIONS, Mpc, mpc_law
 
-#: Step sizes that are tried on the problems of a run.
+#: Step sizes to try on the problems of a run, around OSQP's default of 0.1.
 STEP_SIZES = (0.01, 0.03, 0.1, 0.3)
-#: Iterations of the exact solver, so many that it never stops early.
+#: Iterations of the exact solver, enough for it never to stop early.
 EXACT_ITERATIONS = 10_000
 
 
 class EmbeddedOsqp(Osqp):
-    """OSQP as generated code has it. rho: step size."""
+    """OSQP with the features of its generated code. rho: step size."""
 
     def __init__(self, H: np.ndarray, A: np.ndarray, iteration_limit: int, rho: float) -> None:
-        self._into, self._root = np.linalg.cholesky(H).T, root_of(H)
+        self._inverse_root, self._root = np.linalg.cholesky(H).T, root_of(H)
         rows = np.vstack([self._root, A @ self._root])
         self._problem: Any = osqp_workspace(
             np.eye(len(H)), rows, iteration_limit, polishing=False, adaptive_rho=False, rho=rho
         )
 
     def solve(self, f: np.ndarray, lower: np.ndarray, upper: np.ndarray, x: np.ndarray, y: np.ndarray) -> QpSolution:
-        inner = super().solve(self._root.T @ f, lower, upper, self._into @ x, y)
+        inner = super().solve(self._root.T @ f, lower, upper, self._inverse_root @ x, y)
         if inner.status != SOLVED:
             return inner
         return QpSolution(inner.status, self._root @ inner.x, inner.y, inner.iterations)
@@ -47,7 +47,7 @@ class EmbeddedOsqp(Osqp):
     def generate(self, folder: Path) -> None:
         """Write the solver with this problem as C into a new folder: plain files, no build system."""
         self._problem.codegen(str(folder), prefix="ehsa_", extension_name=None)
-        # Its example and its makefile, which ours replaces.
+        # OSQP's example and makefile; the export has a makefile of its own.
         for name in ("emosqp.c", "Makefile"):
             (folder / name).unlink(missing_ok=True)
 
@@ -77,10 +77,10 @@ class ProblemRecorder:
 def tuned_solver(
     controller: SampledController, reference: np.ndarray, measured: np.ndarray
 ) -> tuple[EmbeddedOsqp, float]:
-    """OSQP for a controller's MPC, and its step size: the one that leaves the fewest problems of a run unsolved, and of
-    these the one with the fewest iterations.
+    """OSQP for a controller's MPC, and its step size: with the fewest unsolved problems of a run, then the fewest
+    iterations.
 
-    Raises InputError if even that leaves more than one in ten.
+    Raises InputError if every step size leaves more than one problem in ten unsolved.
     """
     law: Mpc = controller.law  # type: ignore[assignment]
     condensed, best = law.condensed, 0.0
@@ -101,7 +101,7 @@ def tuned_solver(
     if not best:
         raise InputError(
             f"OSQP solves less than nine in ten of this MPC's problems within {ITERATIONS * law.iteration_limit} "
-            "iterations: raise [solver] iteration_limit, or take weights that are nearer to each other"
+            "iterations: raise [solver] iteration_limit, or choose weights of more similar size"
         )
     return EmbeddedOsqp(condensed.H, condensed.G, law.iteration_limit, best), best
 
@@ -109,7 +109,7 @@ def tuned_solver(
 def _problems_of_run(
     controller: SampledController, reference: np.ndarray, measured: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """f and bounds of every sample of a run with this controller, whose law is an MPC."""
+    """f and both bounds of every sample of a run with this controller, whose law is an MPC."""
     recorder = ProblemRecorder(controller.law.qp)  # type: ignore[attr-defined]
     recorded = replace(controller, law=replace(controller.law, external=recorder))  # type: ignore[type-var]
     memory = recorded.initial_memory()
@@ -118,17 +118,17 @@ def _problems_of_run(
     return recorder.problems
 
 
-def replay_beside_exact(
+def replay_with_exact(
     controller: SampledController, exact: SampledController, reference: np.ndarray, measured: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Currents (N,) of a controller with an MPC, of an exact one from the same memory, and unsolved samples (N,)."""
+    """Currents (N,) of a controller with an MPC and of an exact one from the same memory, and unsolved samples (N,)."""
     law: Mpc = controller.law  # type: ignore[assignment]
     memory, multipliers = controller.initial_memory(), law.multipliers
     currents, unsolved = np.empty((2, len(reference))), np.zeros(len(reference), dtype=bool)
     reason = controller.traces["solver_reason"]
     for k, (r, y) in enumerate(zip(reference, measured, strict=True)):
         other = memory.copy()
-        # Multipliers that are almost zero would be taken for active limits.
+        # DAQP would take OSQP's almost zero multipliers for active limits.
         other[M_LAW:][multipliers] = 0.0
         currents[:, k] = controller.step(r, y, memory), exact.step(r, y, other)
         unsolved[k] = memory[reason] != 0.0
@@ -137,7 +137,7 @@ def replay_beside_exact(
 
 @dataclass(frozen=True)
 class EmbeddedMpc:
-    """An MPC for the export, a design.controller.Law whose `function` is the text that becomes C."""
+    """An MPC for the export, a design.controller.Law whose `function` is translated to C."""
 
     mpc: Mpc
     function = staticmethod(mpc_law)

@@ -1,6 +1,6 @@
 """Expressions of the subset as C: the same operations in the same order.
 
-An expression whose order of evaluation C leaves open, as two calls that both write, is refused.
+An expression whose order of evaluation C leaves open, such as two calls that both write, is an InputError.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from .source import ARRAY, BOOL, DOUBLE, INT, FunctionSource, c_name, common_type, literal
 
-#: Precedence in C; an operand of lower precedence gets brackets.
+#: Precedence in C; an operand of lower precedence gets parentheses.
 CHOICE, OR, AND, COMPARE, SUM, PRODUCT, SIGN, ATOM = range(8)
 OPERATORS: dict[type[ast.operator], tuple[str, int]] = {
     ast.Add: ("+", SUM),
@@ -28,7 +28,7 @@ COMPARISONS: dict[type[ast.cmpop], str] = {
     ast.Gt: ">",
     ast.GtE: ">=",
 }
-#: Functions of one or two numbers whose C has the same value: exactly, or rounded by the libm that Python calls too.
+#: Functions of one or two numbers with the same value in C: exact, or from the libm that Python calls too.
 MATH_NAMES = "sqrt exp log log10 sin cos tan asin acos atan sinh cosh tanh fabs atan2 hypot"
 MATH: dict[Callable[..., Any], tuple[str, int]] = {
     getattr(math, name): (name, 2 if name in ("atan2", "hypot") else 1) for name in MATH_NAMES.split()
@@ -39,7 +39,7 @@ PREDICATES: dict[Callable[..., Any], str] = {getattr(math, name): name for name 
 class CSignature(NamedTuple):
     """Signature of a function in C.
 
-    name: in C. arguments: types. result: type or None. writes: for each argument whether the function writes into it.
+    name: in C. arguments: types. result: type or None. writes: for each argument, whether the function writes to it.
     """
 
     name: str
@@ -56,18 +56,18 @@ class CExpression(NamedTuple):
     precedence: int = ATOM
 
     def within(self, precedence: int) -> str:
-        """As an operand of an operator of this precedence."""
+        """The code as an operand of an operator of this precedence."""
         return self.code if self.precedence >= precedence else f"({self.code})"
 
 
 class Expressions:
-    """Writes the expressions of one function.
+    """Translates the expressions of one function.
 
     Attributes
     ----------
     source: the function. functions: those that it may call.
-    types: name -> type, of arguments and of variables that are assigned so far.
-    constants, helpers: those that were used.
+    types: name -> type of arguments and of variables assigned so far.
+    constants, helpers: those used so far.
     """
 
     def __init__(self, source: FunctionSource, functions: Mapping[Callable[..., Any], CSignature]) -> None:
@@ -104,7 +104,7 @@ class Expressions:
                 return self._binary(node)
             case ast.BoolOp():
                 sign, precedence = ("&&", AND) if isinstance(node.op, ast.And) else ("||", OR)
-                # Brackets around an "and" within an "or" too, which compilers ask for.
+                # Parentheses also around "and" within "or", without which compilers warn.
                 code = f" {sign} ".join(self.truth(value).within(COMPARE) for value in node.values)
                 return CExpression(code, BOOL, precedence)
             case ast.Compare():
@@ -143,7 +143,7 @@ class Expressions:
         return text.code if text.type == DOUBLE else f"(double){text.within(ATOM)}"
 
     def require_order(self, node: ast.expr) -> None:
-        """Refuse an expression whose value depends on an order of evaluation that C leaves open."""
+        """Raise InputError if the value depends on an order of evaluation that C leaves open."""
         calls = [n for n in ast.walk(node) if isinstance(n, ast.Call) and any(self._writes(n))]
         if not calls:
             return
@@ -164,7 +164,7 @@ class Expressions:
             self.source.fail(node, f"the name {node.id}", "a variable that is assigned before, or a constant number")
         before = self.constants.setdefault(node.id, value)
         if type(before) is not type(value) or before != value:
-            # Two modules use one name for two numbers.
+            # Two modules use the same name for different numbers.
             return _number(value)
         return CExpression(c_name(node.id), INT if isinstance(value, int) else DOUBLE)
 
@@ -253,6 +253,6 @@ class Expressions:
 
 
 def _number(value: float) -> CExpression:
-    """A literal; a negative one has the precedence of a sign."""
+    """A literal; a negative one has the precedence of its sign."""
     code = literal(value)
     return CExpression(code, INT if isinstance(value, int) else DOUBLE, SIGN if code.startswith("-") else ATOM)

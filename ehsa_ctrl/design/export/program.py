@@ -1,4 +1,4 @@
-"""Functions that call each other as one piece of C, and the names that they give to their settings."""
+"""Functions with their callees as C, and the names of their settings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .expressions import CSignature
 from .source import FunctionSource, c_name, literal, read_source
 from .statements import CFunction, write_function
 
-#: Python's min, max and % in C: the first of equals, and the sign of the divisor.
+#: Python's min and max, which return the first of equal values, and %, which has the sign of the divisor.
 HELPERS = {
     "smaller": "static double smaller(double a, double b)\n{\n    return b < a ? b : a;\n}",
     "larger": "static double larger(double a, double b)\n{\n    return b > a ? b : a;\n}",
@@ -31,7 +31,7 @@ static double remainder_of(double a, double b)
 class Program(Mapping[Callable[..., Any], CSignature]):
     """Functions as C, each after those that it calls.
 
-    A function is written when the first call of it is met; one that is not called does not appear.
+    The first call of a function translates it; functions without a call do not appear.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Program(Mapping[Callable[..., Any], CSignature]):
         return len(self._allowed - {*self._open})
 
     def text(self, *entries: Callable[..., Any]) -> str:
-        """C of these functions, of all that they call, and of the constants and helpers that they need."""
+        """C code of these functions, their callees, constants and helpers."""
         for entry in entries:
             self[entry]
         functions = self._done.values()
@@ -92,7 +92,7 @@ class Program(Mapping[Callable[..., Any], CSignature]):
 
 
 def setting_names(function: Callable[..., Any], allowed: tuple[Callable[..., Any], ...]) -> dict[int, str]:
-    """Index in `settings` -> the variable that `function`, or one of `allowed` that it calls, assigns it to."""
+    """Index in `settings` -> variable to which `function`, or one of `allowed` that it calls, assigns this entry."""
     source = read_source(function)
     found: dict[int, str] = {}
     for node in ast.walk(source.tree):
@@ -117,7 +117,7 @@ def _called(source: FunctionSource, node: ast.Call) -> Any:
 
 
 def _single_assignments(target: ast.expr, value: ast.expr) -> list[tuple[ast.expr, ast.expr]]:
-    """An assignment of a tuple as assignments of its parts."""
+    """Unpacking of a tuple or vector as single assignments."""
     match target, value:
         case ast.Tuple(elts=targets), ast.Tuple(elts=values):
             return list(zip(targets, values, strict=True))

@@ -1,4 +1,4 @@
-"""A Python function to be written as C: its syntax tree, its types, what its names mean, where its variables live."""
+"""A Python function to translate to C: syntax tree, types, global names, and scopes of its variables."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from typing import Any, NoReturn
 
 from ...core.errors import InputError
 
-#: Types of values: truth value, whole number, number, vector of numbers.
+#: Types of values; an array is a vector of doubles.
 BOOL, INT, DOUBLE, ARRAY = "bool", "int", "double", "array"
-#: Annotations of arguments and results -> type; None: nothing is returned.
+#: Annotation of an argument or result -> type; None for no result.
 ANNOTATIONS: dict[str, str | None] = {"float": DOUBLE, "int": INT, "bool": BOOL, "np.ndarray": ARRAY, "None": None}
-#: Names that C, its headers or the templates use; a Python name among them gets an underscore behind.
-WORDS = """
+#: Names in use by C, its headers or the templates; a Python name among them gets a trailing underscore.
+RESERVED_NAMES = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
 
@@ -26,7 +26,7 @@ WORDS = """
     hypot isfinite isinf isnan larger larger_int log log10 main memcpy memmove pow remainder_of round sin
     settings_of_all sinh smaller smaller_int solve_qp sqrt tan tanh true trunc INFINITY NAN NULL
 """
-RESERVED = frozenset(WORDS.split())
+RESERVED = frozenset(RESERVED_NAMES.split())
 BUILTINS: dict[str, Callable[..., Any]] = {
     "abs": abs,
     "min": min,
@@ -38,19 +38,19 @@ BUILTINS: dict[str, Callable[..., Any]] = {
 
 
 def common_type(a: str, b: str) -> str | None:
-    """The type of a variable that holds both; None if there is none."""
+    """The type of a variable for values of both types; None if there is none."""
     if a == b:
         return a
     return DOUBLE if {a, b} == {INT, DOUBLE} else None
 
 
 def c_name(name: str) -> str:
-    """A Python name in C, where a leading underscore belongs to the compiler."""
+    """A Python name in C, where the compiler reserves leading underscores."""
     return f"{name.lstrip('_')}_" if name in RESERVED or name.startswith("_") else name
 
 
 def literal(value: float) -> str:
-    """A number that C reads back to the last bit."""
+    """A C literal with every bit of the number."""
     if isinstance(value, int):
         return str(value)
     if math.isnan(value):
@@ -72,12 +72,12 @@ def comment_lines(text: str) -> list[str]:
 
 @dataclass(frozen=True)
 class FunctionSource:
-    """A function to be written as C.
+    """A function to translate to C.
 
     Attributes
     ----------
-    function: the Python function. tree: its syntax. lines: its text. file, first: its place.
-    substitutes: names inside it that mean another function, e.g. an argument that is a function.
+    function: the Python function. tree: its syntax tree. lines: its source. file, first: file and first line number.
+    substitutes: name inside it -> the function that it means, e.g. for an argument that is a function.
     """
 
     function: Callable[..., Any]
@@ -109,7 +109,7 @@ class FunctionSource:
 
     @property
     def result(self) -> str | None:
-        """Type of the result, None for nothing."""
+        """Type of the result; None for no result."""
         annotation = ast.unparse(self.tree.returns) if self.tree.returns else ""
         if annotation not in ANNOTATIONS or annotation == "np.ndarray":
             self.fail(self.tree, f"a result {annotation!r}", "one annotated as float, int, bool or None")
@@ -120,7 +120,7 @@ class FunctionSource:
         return inspect.cleandoc(ast.get_docstring(self.tree) or "")
 
     def comment_above(self, node: ast.stmt) -> list[str]:
-        """Comments on the lines directly above a statement."""
+        """Comment lines directly above a statement."""
         found: list[str] = []
         line = node.lineno - 2
         while line >= 0 and self.lines[line].strip().startswith("#"):
@@ -129,7 +129,7 @@ class FunctionSource:
         return found
 
     def meaning(self, node: ast.expr) -> Any:
-        """The Python object of a global or dotted name. Raises InputError if there is none."""
+        """The Python object of a global or dotted name. Raises InputError for an unknown name."""
         if isinstance(node, ast.Name):
             for names in (self.substitutes, self.function.__globals__, BUILTINS):
                 if node.id in names:
@@ -150,7 +150,7 @@ class FunctionSource:
 def read_source(
     function: Callable[..., Any], substitutes: Mapping[str, Callable[..., Any]] | None = None
 ) -> FunctionSource:
-    """Read a function's text. Raises InputError if it has none, or is no plain function."""
+    """Read the source of a function. Raises InputError if it has none or is no plain function."""
     try:
         lines, first = inspect.getsourcelines(function)
         file = Path(inspect.getsourcefile(function) or "").name
@@ -164,18 +164,18 @@ def read_source(
     return FunctionSource(function, tree, tuple(text.splitlines()), file, first, dict(substitutes or {}))
 
 
-#: A block of statements as the path of nested bodies to it.
+#: A block, as the path of nested bodies that leads to it.
 BlockPath = tuple[int, ...]
 
 
 @dataclass
 class LocalVariable:
-    """A name that a function assigns.
+    """A local variable of a function.
 
     Attributes
     ----------
-    uses: block and statement of every occurrence, in the text's order.
-    assigned: number of assignments. read: whether anything reads it. loops: the loops that count with it.
+    uses: block and statement of every occurrence, in order of the source.
+    assigned: number of assignments. read: whether anything reads it. loops: loops with this counter.
     """
 
     uses: list[tuple[BlockPath, ast.stmt]] = field(default_factory=list)
@@ -185,10 +185,10 @@ class LocalVariable:
 
     @property
     def declared_by(self) -> ast.stmt | None:
-        """The assignment that can declare it; None if it must be declared at the function's top.
+        """The assignment that can declare it; None if the top of the function must declare it.
 
-        Python's variables live in the whole function, C's in their block: the first assignment declares it if it always
-        runs before every other use.
+        The scope of a variable is the function in Python and the block in C: the first assignment can declare it if all
+        other uses are in its block or nested in it.
         """
         block, statement = self.uses[0]
         inside = all(other[: len(block)] == block for other, _ in self.uses)
@@ -196,7 +196,7 @@ class LocalVariable:
 
 
 def find_variables(source: FunctionSource) -> dict[str, LocalVariable]:
-    """Every name that the function assigns. Raises InputError for a loop's counter that is used outside its loop."""
+    """The local variables by name. Raises InputError for a loop counter that is used outside its loop."""
     names = [node for node in ast.walk(source.tree) if isinstance(node, ast.Name)]
     found = {node.id: LocalVariable() for node in names if not isinstance(node.ctx, ast.Load)}
     for block, statement, parts in _statements(source.tree.body, ()):

@@ -20,7 +20,7 @@ from .source import (
     find_variables,
 )
 
-#: Augmented assignments that C has as well.
+#: Augmented assignments that exist in C too.
 AUGMENTED: dict[type[ast.operator], str] = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*=", ast.Div: "/="}
 
 
@@ -41,12 +41,12 @@ def write_function(source: FunctionSource, functions: Mapping[Callable[..., Any]
     """
     arguments, result = source.arguments, source.result
     if result is not None and not _always_returns(source.tree.body):
-        source.fail(source.tree, "a way through without `return`", "a return at the end of each way")
+        source.fail(source.tree, "a path without `return`", "a return at the end of every path")
     variables = find_variables(source)
     final: dict[str, str] = dict(arguments)
     written: set[str] = set()
     while True:
-        # Types widen and vectors are found to be written as the text is read: again until both are known from the top.
+        # A later statement may widen a type or write to a vector: repeat until both are known from the first line on.
         before = dict(final), set(written)
         statements = Statements(source, functions, variables, final, written)
         body = statements.block(source.tree.body, 1)
@@ -81,13 +81,13 @@ def _always_returns(body: list[ast.stmt]) -> bool:
 
 
 class Statements(Expressions):
-    """Writes the body of one function.
+    """Translates the body of one function.
 
     Attributes
     ----------
-    variables: names that it assigns.
-    final: name -> type of all variables, widened from an int to a float where both are assigned.
-    written: names of the vectors that are written into.
+    variables: local variables by name.
+    final: name -> type of all variables, double where both int and double are assigned.
+    written: names of the vectors that the function writes to.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Statements(Expressions):
         self.temporaries = 0
 
     def block(self, body: list[ast.stmt], indent: int) -> list[str]:
-        """Lines of a block."""
+        """Lines of C of a block, indented."""
         lines: list[str] = []
         pad = "    " * indent
         for statement in body:
@@ -147,32 +147,32 @@ class Statements(Expressions):
         )
 
     def _inner(self, body: list[ast.stmt], indent: int) -> list[str]:
-        """A nested block and its closing bracket, for a line that `block` indents."""
+        """A nested block and its closing brace, without the indentation that `block` adds."""
         pad = "    " * indent
         return [*(line.removeprefix(pad) for line in self.block(body, indent + 1)), "}"]
 
     def _value(self, node: ast.expr) -> CExpression:
-        """An expression; notes which vectors its calls write into."""
+        """An expression; records the vectors that its calls write to."""
         text = self.write(node)
         for call in (inner for inner in ast.walk(node) if isinstance(inner, ast.Call)):
             for given, writes in zip(call.args, self._writes(call), strict=False):
                 if writes:
-                    self._write_into(given)
+                    self._mark_written(given)
         return text
 
-    def _write_into(self, vector: ast.expr) -> None:
+    def _mark_written(self, vector: ast.expr) -> None:
         name = vector.value if isinstance(vector, ast.Subscript) else vector
         assert isinstance(name, ast.Name)
         self.written.add(name.id)
 
     def _temporary(self, word: str, code: str, lines: list[str]) -> str:
-        """The name of a constant with this value, which is added to the lines."""
+        """The name of a new constant with this value, whose declaration is added to `lines`."""
         self.temporaries += 1
         lines.append(f"const {word} value_{self.temporaries} = {code};")
         return f"value_{self.temporaries}"
 
     def _assign_all(self, node: ast.Assign, targets: list[ast.expr]) -> list[str]:
-        """Several targets of a tuple or a vector; Python evaluates all values before it assigns the first."""
+        """Unpacking of a tuple or vector; Python evaluates all values before it assigns the first."""
         self.require_order(node.value)
         if isinstance(node.value, ast.Tuple):
             if len(node.value.elts) != len(targets):
@@ -197,7 +197,7 @@ class Statements(Expressions):
         if isinstance(target, ast.Subscript):
             if value.type not in (INT, DOUBLE):
                 self.fail(node, "a number in a vector's entry")
-            self._write_into(target)
+            self._mark_written(target)
             return [f"{self.write(target).code} = {value.code};"]
         if not isinstance(target, ast.Name):
             self.fail(node, "a variable or a vector's entry on the left")
@@ -206,7 +206,7 @@ class Statements(Expressions):
         if argument and self.types[target.id] == ARRAY:
             expected = "another name: an argument's vector keeps its name"
             self.source.fail(node, f"the new meaning of {target.id}", expected)
-        self._learn(node, target.id, value.type)
+        self._record_type(node, target.id, value.type)
         word, name, variable = self.final[target.id], c_name(target.id), self.variables[target.id]
         declares = variable.declared_by is node and not argument
         if word == ARRAY:
@@ -217,16 +217,16 @@ class Statements(Expressions):
         return [f"{fixed}{word} {name} = {value.code};", *([] if variable.read else [f"(void){name};"])]
 
     def _alias(self, node: ast.Assign, name: str, value: CExpression, declares: bool) -> list[str]:
-        """A name for a part of a vector."""
+        """A name for a vector or part of one, as a pointer."""
         if not declares or self.variables[name].assigned > 1:
             self.source.fail(node, f"the vector {name}, assigned more than once or not always", "one assignment")
         if name in self.written:
-            self._write_into(node.value)
+            self._mark_written(node.value)
         fixed = "" if name in self.written else "const "
         return [f"{fixed}double *{c_name(name)} = {value.code};"]
 
-    def _learn(self, node: ast.stmt, name: str, word: str) -> None:
-        """Note the type of an assigned value."""
+    def _record_type(self, node: ast.stmt, name: str, word: str) -> None:
+        """Record the type of a variable after an assignment."""
         before = self.final.get(name, word)
         both = common_type(before, word)
         if both is None or word == "nothing":
@@ -234,12 +234,12 @@ class Statements(Expressions):
         self.final[name] = self.types[name] = both
 
     def _copy(self, target: ast.Subscript, value: ast.expr) -> list[str]:
-        """A slice that takes the entries of another vector; like numpy, right where both overlap."""
+        """Assignment of a vector to a slice; memmove, because both may overlap, as in numpy."""
         part = target.slice
         assert isinstance(part, ast.Slice)
         if part.upper is None or part.step is not None:
             self.source.fail(target, f"`{ast.unparse(target)}` on the left", "a slice that says where it ends")
-        self._write_into(target)
+        self._mark_written(target)
         to, size = self.vector(target), self.whole(part.upper).code
         if part.lower is not None:
             start = self.whole(part.lower)
@@ -254,7 +254,7 @@ class Statements(Expressions):
             place, before = self.write(target).code, DOUBLE
             if isinstance(target.slice, ast.Slice):
                 self.fail(node, "a loop over the entries")
-            self._write_into(target)
+            self._mark_written(target)
         else:
             assert isinstance(target, ast.Name)
             self.require_order(node.value)
@@ -263,7 +263,7 @@ class Statements(Expressions):
             self.fail(node, "numbers on both sides")
         if isinstance(target, ast.Name):
             divides = isinstance(node.op, ast.Div | ast.Mod)
-            self._learn(node, target.id, str(common_type(before, DOUBLE if divides else value.type)))
+            self._record_type(node, target.id, str(common_type(before, DOUBLE if divides else value.type)))
         if isinstance(node.op, ast.Mod):
             self.helpers.add("remainder_of")
             return [f"{place} = remainder_of({place}, {value.code});"]
@@ -298,9 +298,9 @@ class Statements(Expressions):
         inner = [n for part in node.body for n in ast.walk(part) if isinstance(n, ast.Name)]
         changing = {n.id for n in inner if isinstance(n.ctx, ast.Store)}
         if any(isinstance(n, ast.Subscript | ast.Call) or getattr(n, "id", "") in changing for n in ast.walk(stop)):
-            # Python evaluates the range once, C at each turn.
+            # Python evaluates the range once, C in each iteration.
             last = self._temporary(INT, last, lines)
-        self._learn(node, counter, INT)
+        self._record_type(node, counter, INT)
         return [*lines, f"for (int {name} = {first}; {name} < {last}; {name}++) {{", *self._inner(node.body, indent)]
 
     def _return(self, node: ast.Return) -> list[str]:
@@ -317,7 +317,7 @@ class Statements(Expressions):
 
 
 def _touches(target: ast.expr, value: ast.expr) -> bool:
-    """Whether an assignment to `target` may change `value`: any entry may alias any other."""
+    """Whether an assignment to `target` may change `value`; vectors may alias."""
     if isinstance(target, ast.Subscript):
         return any(isinstance(node, ast.Subscript | ast.Call) for node in ast.walk(value))
     return any(isinstance(node, ast.Name) and node.id == getattr(target, "id", "") for node in ast.walk(value))
