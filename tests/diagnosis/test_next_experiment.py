@@ -74,7 +74,7 @@ def test_a_band_holds_its_frequencies_alone():
 def test_the_slow_loop_is_that_of_the_bench(plant):
     """The current with the loop's part is what the bench applies with its loop on, but for its steps of 0.1 s."""
     time = plant.sample_time * np.arange(2001)
-    one_input = next(one for one in library_inputs() if "only extend" in one.words)
+    one_input = next(one for one in library_inputs() if "extending" in one.words)
     models = CandidateModels.of(plant, {"one": {}, "other": {"K_L": 8e-13}}, NOISE, nominal_of(plant))
 
     trial = models.trial(one_input, 1.5, {}, time, centre=True)
