@@ -2,8 +2,8 @@
 
 Imports: cli -> report -> diagnosis -> scenario, identification -> simulation -> plant -> physics -> core, and beside it
 scenario -> design -> core.
-Names are loaded on first use, so that `import ehsa_ctrl` is fast; their types are in __init__.pyi. Where a function
-expects a plant, a log, a linear model or a controller, a name or a path will do; see `arguments`.
+Names are loaded on first use, so that `import ehsa_ctrl` is fast; their types are in __init__.pyi. For a plant, a log,
+a linear model or a controller, functions also accept a name or a path; see `arguments`.
 """
 
 from __future__ import annotations
@@ -67,10 +67,10 @@ _MODULES = {
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names.split()}
 
-# Results don't import the report: their figures are registered by type when the first one is drawn.
+# Results don't import the report: it registers their figures by type when the first one is drawn.
 load_figures_from("ehsa_ctrl.report.figures")
 
-#: Classes with constructors for users, and the methods whose arguments are converted as those of functions.
+#: Class with a constructor for users -> methods whose arguments are converted like those of functions.
 _BUILT = {
     "SteppedRun": ("__init__",),
     "Log": ("__init__", "from_pandas", "segment"),
@@ -93,7 +93,7 @@ def __getattr__(name: str) -> Any:
         from .arguments import convert_method_arguments
 
         convert_method_arguments(thing, _BUILT[name])
-    # The next access does not come here, and gives the same object.
+    # Stored, so that the next access gives the same object without this function.
     globals()[name] = thing
     return thing
 

@@ -1,4 +1,4 @@
-"""Types of the public names, which are loaded on first use; where a name or path will do, its type says so."""
+"""Types of the public names, which are loaded on first use; arguments that accept names or paths include str, Path."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path

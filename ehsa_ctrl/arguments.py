@@ -1,8 +1,8 @@
-"""Arguments of the public functions: names and paths are loaded, what does not fit is an InputError of one sentence.
+"""Convert and check the arguments of public functions: load names and paths, raise InputError for anything unsuitable.
 
-An argument of a name has one meaning in all public functions, so that one table (ARGUMENTS) says what each accepts; the
-few exceptions are in OVERRIDES. Only the names of `ehsa_ctrl` itself convert: inside the package functions get what
-their annotations say.
+An argument name has the same meaning in all public functions, so one table (ARGUMENTS) defines what each accepts; the
+few exceptions are in OVERRIDES. Only calls through the names in `ehsa_ctrl` convert; inside the package, functions get
+the types of their annotations.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ P = ParamSpec("P")
 R = TypeVar("R")
 Given = Mapping[str, Any]
 
-#: The largest number, in SI units.
+#: Largest magnitude of a number, in SI units, as in `core.definition`.
 LARGEST = 1e30
-#: Functions on the linear set of parameters: a plant that they are given by name is that one.
+#: Functions for which a plant given by name is its linear set.
 LINEAR = ("four_state", "three_state")
-#: Arguments with which others are loaded.
+#: Arguments that are converted first, because others are loaded with them.
 FIRST = ("plant", "system")
 LOADED = ("Plant", "Log", "SampledController", "Scenario")
 
 
 class MisfitError(Exception):
-    """A value that an argument does not accept; its text replaces the value in the message."""
+    """An argument does not accept a value. The text, if any, replaces the value in the message."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArgumentKind:
-    """A kind of argument: in words, and how a value is converted.
+    """A kind of argument.
 
-    convert: (value, arguments given so far) -> converted value; raises MisfitError.
+    expected: what it accepts, for messages. convert: (value, other arguments) -> converted value; raises MisfitError.
     """
 
     expected: str
     convert: Callable[[Any, Given], Any]
 
     def __or__(self, other: ArgumentKind) -> ArgumentKind:
-        """Either of two kinds."""
+        """A kind that accepts what either of the two accepts."""
 
         def convert(value: Any, given: Given) -> Any:
             try:
@@ -63,7 +63,7 @@ class ArgumentKind:
 
 
 def where(expected: str, fits: Callable[[Any], bool]) -> ArgumentKind:
-    """A kind whose values are used as they are."""
+    """A kind that accepts the values with `fits`, unchanged."""
     return ArgumentKind(expected, lambda value, given: _checked(value, fits(value)))
 
 
@@ -74,7 +74,7 @@ def _checked(value: Any, fits: bool) -> Any:
 
 
 def instance(name: str, expected: str = "") -> ArgumentKind:
-    """Instances of a class, told by its name: nothing is imported for that."""
+    """Instances of a class, recognised by its name, so that nothing is imported."""
     return where(expected or f"a {name}", lambda value: _is(value, name))
 
 
@@ -83,7 +83,7 @@ def one_of(*words: str) -> ArgumentKind:
 
 
 def dictionary(item: ArgumentKind) -> ArgumentKind:
-    """Dictionaries of one kind with texts as keys."""
+    """Dictionaries with strings as keys and values of one kind."""
 
     def convert(value: Any, given: Given) -> Any:
         if not isinstance(value, Mapping):
@@ -96,11 +96,11 @@ def dictionary(item: ArgumentKind) -> ArgumentKind:
                 raise MisfitError(f"a dictionary with {shown(content)} under {shown(key)}") from None
         return found
 
-    return ArgumentKind(f"a dictionary that has under each name {item.expected}", convert)
+    return ArgumentKind(f"a dictionary: each name with {item.expected}", convert)
 
 
 def several(item: ArgumentKind) -> ArgumentKind:
-    """Lists, tuples and the like of one kind; a name or path alone is a list of one."""
+    """Lists, tuples and other iterables of one kind; a single name or path is a list of one."""
 
     def convert(value: Any, given: Given) -> Any:
         if isinstance(value, str | os.PathLike):
@@ -117,7 +117,7 @@ def _is(value: Any, name: str) -> bool:
 
 
 def _is_number(value: Any, kind: type) -> bool:
-    """A number that can be computed with: neither nan nor beyond LARGEST."""
+    """Whether a value is a number of this kind, not nan and at most LARGEST."""
     if not isinstance(value, kind) or isinstance(value, bool | np.bool_):
         return False
     number: Any = value
@@ -144,7 +144,7 @@ def _to_seed(value: Any, given: Given) -> int:
 
 
 def _to_array(value: Any, given: Given) -> np.ndarray:
-    # numpy would stack the signals of a time response of python-control.
+    # Rejected, because numpy would stack the signals of a time response of python-control.
     return np.asarray(_checked(value, _is_array(value) and not _is(value, "TimeResponseData")))
 
 
@@ -154,7 +154,7 @@ def _to_numbers(value: Any, given: Given) -> tuple[float, ...]:
 
 
 def _to_names(value: Any, given: Given) -> Sequence[str]:
-    """Several names, or one text of names separated by commas."""
+    """Several names, or one string of names separated by commas."""
     if isinstance(value, str):
         return tuple(name.strip() for name in value.split(",") if name.strip())
     if isinstance(value, Mapping) or not isinstance(value, Iterable):
@@ -166,7 +166,7 @@ def _to_names(value: Any, given: Given) -> Sequence[str]:
 
 
 def as_plant(value: Any, given: Given) -> Any:
-    """A plant; by name or path its nonlinear set, for functions on the linear set that one."""
+    """A plant. A name or path gives its nonlinear set, or its linear set for the functions in LINEAR."""
     if isinstance(value, str | os.PathLike):
         from .plant.load import load_plant
 
@@ -175,7 +175,7 @@ def as_plant(value: Any, given: Given) -> Any:
 
 
 def as_log(value: Any, given: Given) -> Any:
-    """A log; by path it is read through the plant that is given beside it."""
+    """A log. A path is read with the [log] mapping of the argument `plant`."""
     plant: Any = given.get("plant")
     if isinstance(value, str | os.PathLike) and _is(plant, "Plant"):
         from .identification.plant_log import read_plant_log
@@ -185,7 +185,7 @@ def as_log(value: Any, given: Given) -> Any:
 
 
 def as_system(value: Any, given: Given) -> Any:
-    """A linear model; by name, path or linear plant that of its three states and the position."""
+    """A linear model. A name, path or linear plant gives (7) with the position."""
     from .plant.linear import three_state
     from .plant.load import load_plant
 
@@ -197,7 +197,7 @@ def as_system(value: Any, given: Given) -> Any:
 
 
 def as_controller(value: Any, given: Given) -> Any:
-    """A controller; by name it is designed on the linear model beside it, or on the linear set of the plant's file."""
+    """A controller. A name is designed on the argument `system`, or on the linear set of the file of `plant`."""
     if not isinstance(value, str | os.PathLike):
         return _checked(value, isinstance(value, Controller))
     from .design.load import load_controller
@@ -221,9 +221,9 @@ ANY_NUMBER = where(
     NUMBER.expected, lambda value: isinstance(value, Real | np.number) and not isinstance(value, bool | np.bool_)
 )
 WHOLE = ArgumentKind("a whole number", _to_whole)
-SEED = ArgumentKind("a whole number", _to_seed)
+SEED = ArgumentKind("a whole number, 0 or more", _to_seed)
 FLAG = where("True or False", lambda value: isinstance(value, bool | np.bool_))
-TEXT = where("a text", lambda value: isinstance(value, str))
+TEXT = where("a string", lambda value: isinstance(value, str))
 PATH = where("a path", lambda value: isinstance(value, os.PathLike))
 NONE = where("None", lambda value: value is None)
 ARRAY = ArgumentKind("an array of numbers", _to_array)
@@ -249,11 +249,11 @@ SCENARIO = instance(
 
 
 def _or_name(kind: ArgumentKind) -> ArgumentKind:
-    """What functions load by themselves."""
+    """A kind whose names and paths the function itself loads."""
     return ArgumentKind(kind.expected, (TEXT | PATH | kind).convert)
 
 
-#: ArgumentKind -> the arguments that have it, besides None where that is their default.
+#: ArgumentKind -> names of the arguments of this kind. Those with the default None accept None too.
 _NAMES = {
     NUMBER: "amplitude band current_limit delay distance duration excess from_ margin position pressure_level resample "
     "rtol sample_time speed_limit spread stop threshold to tolerance unknown velocity width window within",
@@ -297,7 +297,7 @@ _NAMES = {
     where("anything", lambda value: True): "result",
 }
 ARGUMENTS = {name: kind for kind, names in _NAMES.items() for name in names.split()}
-#: Arguments of single functions that mean something else.
+#: FUNCTION.ARGUMENT -> kind, for arguments with another meaning in a function.
 OVERRIDES: dict[str, ArgumentKind] = {
     **{f"{name}.plant": _or_name(PLANT) for name in ("run", "monte_carlo")},
     **{f"{name}.controller": _or_name(CONTROLLER) for name in ("run", "monte_carlo")},
@@ -320,9 +320,9 @@ OVERRIDES: dict[str, ArgumentKind] = {
 
 
 def convert_arguments(function: Callable[P, R]) -> Callable[P, R]:
-    """The function as users call it: names and paths are loaded, what does not fit is an InputError of one sentence.
+    """The function as users call it, with converted arguments. It raises InputError for anything unsuitable.
 
-    It has the name that it has in `ehsa_ctrl`, so that it can be sent to other processes.
+    It has the name of the function in `ehsa_ctrl`, so that it can be pickled for other processes.
     """
     signature = inspect.signature(function)
     name = function.__qualname__.removesuffix(".__init__")
@@ -337,7 +337,7 @@ def convert_arguments(function: Callable[P, R]) -> Callable[P, R]:
         try:
             given = signature.bind(*args, **kwargs)
         except TypeError:
-            # Python's own words name the function and the argument.
+            # Python's own message names the function and the argument.
             return function(*args, **kwargs)
         values = given.arguments
         for word in sorted((word for word in values if word in kinds), key=lambda word: word not in FIRST):
@@ -353,7 +353,7 @@ def convert_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def convert_method_arguments(owner: type, methods: Iterable[str]) -> None:
-    """Have these methods of a class convert their arguments, once."""
+    """Replace these methods of a class by ones that convert their arguments; a second call changes nothing."""
     for name in methods:
         method = inspect.getattr_static(owner, name)
         bare = getattr(method, "__func__", method)
@@ -364,13 +364,13 @@ def convert_method_arguments(owner: type, methods: Iterable[str]) -> None:
 
 
 def kind_of(function: str, parameter: inspect.Parameter) -> ArgumentKind:
-    """What an argument accepts. Raises LookupError for one that is in neither table."""
+    """Kind of an argument. Raises LookupError for one that is in neither table."""
     kind = OVERRIDES.get(f"{function}.{parameter.name}") or ARGUMENTS[parameter.name]
     return kind | NONE if parameter.default is None else kind
 
 
 def _convert(kind: ArgumentKind, where: str, value: Any, given: Given) -> Any:
-    """The value as the function takes it. Raises InputError for one that does not fit or can't be loaded."""
+    """The converted value. Raises InputError for a value that does not fit or can't be loaded."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     try:
@@ -378,6 +378,6 @@ def _convert(kind: ArgumentKind, where: str, value: Any, given: Given) -> Any:
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     except MisfitError as misfit:
-        loaded = type(value).__name__ in LOADED and kind.expected.startswith("a text")
-        use = "; it is loaded already, use it as it is" if loaded else ""
+        loaded = type(value).__name__ in LOADED and kind.expected.startswith("a string")
+        use = "; it is already loaded, so use it directly" if loaded else ""
         raise InputError(f"{where} is {str(misfit) or shown(value)}; expected {kind.expected}{use}") from None

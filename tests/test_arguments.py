@@ -141,7 +141,7 @@ def test_names_are_a_text_or_several(given):
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: e.load_plant(e.load_plant("ehsa")), "load_plant: name is a Plant; .* it is loaded already"),
+        (lambda: e.load_plant(e.load_plant("ehsa")), "load_plant: name is a Plant; .* it is already loaded"),
         (lambda: e.load_plant("ehsa", model="linaer"), r"load_plant: model is 'linaer'; expected 'linear' or 'nonlin"),
         (lambda: e.simulate("ehsa", "noise"), "simulate: current is 'noise'; expected an array of numbers"),
         (lambda: e.simulate("ehsa", [1.0], hold="first"), "simulate: hold is 'first'; expected 'zero_order' or"),

@@ -12,6 +12,8 @@ from .errors import InputError
 FAR = 1e3
 #: Smallest magnitude besides 0, as in `core.definition`.
 LEAST = 1e-30
+#: Largest magnitude of a finite bound, as in `core.definition`.
+MOST = 1e30
 
 SOURCES = ("datasheet", "identified", "literature", "assumed", "derived")
 
@@ -86,9 +88,10 @@ def check_range(where: str, value: float, unit: str, lower: float, upper: float,
         raise InputError(f"{where} = {value:g} {unit}: is too small; expected 0, or at least {LEAST:g}")
     if (isfinite(value) or infinite) and lower <= value <= upper and not (lower_open and value == lower):
         return
+    # A bound of MOST stands for none; the message names it only if the value exceeds it.
     left = f"greater than {lower:g}" if lower_open else f"at least {lower:g}"
-    expected = left if lower != -inf else ""
-    if upper != inf:
+    expected = left if lower > -MOST or value < lower != -inf else ""
+    if upper < MOST or value > upper != inf:
         expected += f"{' and ' if expected else ''}at most {upper:g}"
     raise InputError(
         f"{where} = {value:g} {unit}: must be {expected or 'a finite number'}" + (f" {unit}" if expected else "")

@@ -63,8 +63,10 @@ class LogTable:
                     f"{self.path}: column {column!r}, row {row}: the cell is empty; every row needs a number"
                 )
             comma = self.decimal == "." and re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text)
-            hint = f"; write decimals with a point, {text.strip().replace(',', '.')}" if comma else ""
-            raise InputError(f"{self.path}: column {column!r}, row {row}: {text!r} is not a finite number{hint}")
+            remedy = "correct it, or use a part of the log without it"
+            if comma:
+                remedy = f"write decimals with a point, {text.strip().replace(',', '.')}"
+            raise InputError(f"{self.path}: column {column!r}, row {row}: {text!r} is not a finite number; {remedy}")
         return values
 
 

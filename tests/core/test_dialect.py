@@ -111,7 +111,7 @@ def test_thousands_are_not_taken_for_decimals(tmp_path, sign):
             "t;current\n0.1;1,51\n0.2;1,60\n",
             r"has '1,51' with a decimal comma \(row 2\) and '0.1' with a decimal point \(row 2\)",
         ),
-        ("t;current\n0,0;1,5\n0,1;abc\n0,2;1\n", r"column 'current', row 3: 'abc' is not a finite number$"),
+        ("t;current\n0,0;1,5\n0,1;abc\n0,2;1\n", r"column 'current', row 3: 'abc' is not a finite number; correct it"),
         ("t;current\n0,0;1\n0,1;\n0,2;1\n", r"column 'current', row 3: the cell is empty"),
         ("t;current\n0,0;1\n0,1;1;2\n", r"row 3 has 3 cells, but the header has 2: there is a cell too many$"),
         ("# a\nt,current\n0,1\n# b\n0.1,x\n", r"column 'current', row 5: 'x'"),

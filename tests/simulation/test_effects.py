@@ -129,7 +129,7 @@ def test_a_dead_time_in_the_loop_is_a_lag(plant, linear):
 
 def test_derivatives_by_a_dead_time_are_refused_with_a_way_out(plant):
     """The sentence says what does the same."""
-    with pytest.raises(InputError, match=r"free delay\.CHANNEL instead"):
+    with pytest.raises(InputError, match=r"estimate delay\.CHANNEL instead"):
         plant_code(plant.with_effects("drive_delay").structure.equations, sensitivities=True)
 
 
