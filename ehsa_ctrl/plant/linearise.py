@@ -99,10 +99,9 @@ def operating_point(
         omega, half, _ = unknown * (100.0, 1e5, 1.0)
         values = {"omega": omega, "P_1": level + half, "P_2": level - half, "v": velocity, "x": position}
         for name, contact in bristles.items():
-            p = plant.values
-            speed = values[contact.velocity]
-            g = p[contact.symbol("A")] + p[contact.symbol("C")] * np.exp(-abs(speed) / p[contact.symbol("tau")])
-            values[name] = np.sign(speed) * g / p[contact.symbol("sigma_0")]
+            law = structure.law(contact)
+            parameters = {symbol: plant[contact.symbol(symbol)] for symbol in law.symbols}
+            values[name] = law.steady_state(values[contact.velocity], parameters)
         return values
 
     def imbalance(unknown: np.ndarray) -> list[float]:

@@ -108,21 +108,15 @@ def _friction(plant: Plant, contact: Contact) -> Callable[[float], float]:
     """Function speed >= 0 -> friction of a contact, with an inner state at its value for constant speed."""
     law = plant.structure.law(contact)
     symbols = {symbol: plant[contact.symbol(symbol)] for symbol in law.symbols if symbol != law.band}
-    bristle = law.state_rate
-    if bristle is None:
+    if law.state_rate is None:
         wanted = law.effort.__code__.co_varnames[: law.effort.__code__.co_argcount]
         if "direction" in wanted:
             return lambda speed: law.effort(direction=1.0, speed=speed, **symbols)
         return lambda speed: law.effort(speed=speed, **symbols)
-    needs = bristle.__code__.co_varnames[: bristle.__code__.co_argcount]
-    inner = {symbol: value for symbol, value in symbols.items() if symbol in needs}
     outer = law.effort.__code__.co_varnames[: law.effort.__code__.co_argcount]
 
     def effort(speed: float) -> float:
-        # The rate is linear in z, so two values give its zero.
-        moving = max(speed, 1e-9)
-        at_zero, at_one = (bristle(speed=moving, z=z, **inner) for z in (0.0, 1.0))
-        z = at_zero / (at_zero - at_one)
+        z = law.steady_state(max(speed, 1e-9), symbols)
         return law.effort(speed=speed, z=z, z_dot=0.0, **{k: v for k, v in symbols.items() if k in outer})
 
     return effort

@@ -112,6 +112,29 @@ def test_an_own_parameter_acts(drag):
     assert slower[1][v, v] - slower[0][v, v] == pytest.approx(-2 * 4e4 * 0.05 / mass, rel=1e-6)
 
 
+def test_a_law_with_a_state_may_have_its_own_parameters(plant, tmp_path, monkeypatch):
+    """Dahl's law with its level and stiffness under own symbols; the linear model is about steady sliding."""
+    (tmp_path / "friction").mkdir()
+    (tmp_path / "friction" / "dahl.py").write_text(
+        "from ehsa_ctrl.physics.friction import FrictionLaw, FrictionParameter\n"
+        "def state_rate(speed: float, z: float, F_c: float, s: float) -> float:\n"
+        "    return speed - s * abs(speed) * z / F_c\n"
+        "def effort(speed: float, z: float, z_dot: float, B: float, s: float) -> float:\n"
+        "    return s * z + B * speed\n"
+        "own = (FrictionParameter('F_c', '{effort}', 'Coulomb level', lower_open=True),\n"
+        "       FrictionParameter('s', '{effort}/{length}', 'stiffness', lower_open=True))\n"
+        "law = FrictionLaw('dahl', 's z + B v', effort, sticks=False, state_rate=state_rate, parameters=own)\n",
+        encoding="utf-8",
+    )
+    monkeypatch.chdir(tmp_path)
+    dahl = plant.with_structure(e.Structure("stribeck", "dahl"), F_c_FR=800.0, s_FR=1e7)
+    current = np.full(50, 2.0)
+
+    assert LAWS["dahl"].steady_state(-0.05, {"F_c": 800.0, "s": 1e7}) == pytest.approx(-8e-5)
+    assert e.simulate(dahl, current)["z_R"][-1] == pytest.approx(8e-5, rel=1e-3)
+    assert np.isfinite(linearise(dahl, velocity=0.05).A).all()
+
+
 @pytest.mark.slow
 def test_an_own_parameter_is_identified(drag):
     """From a wrong start, with its standard deviation; --set reads it with a unit."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -123,6 +123,17 @@ class FrictionLaw:
         used = self._asked if self.band is None else self._asked | {self.band}
         known = SYMBOLS | {parameter.symbol: parameter for parameter in self.parameters}
         return {symbol: parameter for symbol, parameter in known.items() if symbol in used}
+
+    def steady_state(self, speed: float, parameters: Mapping[str, float]) -> float:
+        """Inner state at a constant speed, by the law's parameters; `state_rate` must be linear in the state."""
+        assert self.state_rate is not None
+        if speed == 0.0:
+            return 0.0
+        code = self.state_rate.__code__
+        values = {name: parameters[name] for name in code.co_varnames[: code.co_argcount] if name in parameters}
+        # The rate is linear in z, so two values give its zero.
+        at_zero, at_one = (self.state_rate(speed=speed, z=z, **values) for z in (0.0, 1.0))
+        return at_zero / (at_zero - at_one)
 
 
 def held(rate: float, direction: float) -> float:
