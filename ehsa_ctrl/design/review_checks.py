@@ -226,7 +226,7 @@ def state_scaling(case: ReviewContext) -> Iterator[ReviewFinding]:
     computes = model is not None or hasattr(case.feedback, "horizon")
     yield ReviewFinding(
         "state scaling",
-        f"state magnitudes differ by {ratio:.1e} in {where}",
+        f"state magnitudes differ by a factor of {ratio:.2g} in {where}",
         _verdict(computes and ratio > MAX_STATE_RATIO),
         "design in units that give states of similar magnitude (rad/s, bar, mm)",
     )

@@ -186,7 +186,7 @@ def test_state_scaling_is_that_of_the_laws_own_model(system, name):
     found = review(system, load_controller(name, system))["state scaling"]
 
     assert found.verdict == "good" and "own model" in found.result
-    assert float(found.result.split("differ by ")[1].split()[0]) < 100
+    assert float(found.result.split("differ by a factor of ")[1].split()[0]) < 100
 
 
 def test_a_lag_counts(system):
