@@ -7,7 +7,7 @@ from ehsa_ctrl.core import catalogue
 from ehsa_ctrl.scenario.prepare import check_definition
 from ehsa_ctrl.simulation.fmu.export import identifier
 
-STROKE = 'stroke = { value = 200, unit = "mm", source = "datasheet", note = "Table 1; x = 0 in its middle" }'
+STROKE = 'stroke = { value = 200, unit = "mm", source = "datasheet", note = "Table 1; x = 0 at mid-stroke" }'
 TITLE = 'title = "'
 KEPT = 'SteadyStateError = { max = "200 um" }'
 
