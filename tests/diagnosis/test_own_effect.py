@@ -121,7 +121,7 @@ def test_it_is_diagnosed(project, plant):
         (
             "from ehsa_ctrl.physics.effects import Effect\n"
             "effect = Effect(name='torque_ripple', place='torque', summary='', fingerprint='')\n",
-            "the name 'torque_ripple' is taken",
+            "the name 'torque_ripple' is already in use",
         ),
     ],
 )
@@ -147,7 +147,7 @@ def test_an_argument_that_nothing_defines_is_an_error(project, plant):
     file = project / "effects" / "seal_pressure_friction.py"
     text = file.read_text(encoding="utf-8").replace("P_2", "PP_2").replace("seal_pressure_friction", "misspelt")
     file.write_text(text, encoding="utf-8")
-    says = rf"{re.escape(str(file))}, function friction, asks for 'PP_2'.* did you mean 'P_2'"
+    says = rf"{re.escape(str(file))}, function friction, needs 'PP_2'.* did you mean 'P_2'"
 
     with pytest.raises(e.InputError, match=says):
         _ = plant.with_effects("misspelt").parameters
@@ -159,7 +159,7 @@ def test_a_name_that_another_effect_has_is_an_error(project, plant):
     file = project / "effects" / "seal_pressure_friction.py"
     file.write_text(file.read_text(encoding="utf-8").replace("k_seal", "k_w"), encoding="utf-8")
 
-    with pytest.raises(e.InputError, match=r"'k_w' of '\w+' is also a name of the effect '\w+'; rename one"):
+    with pytest.raises(e.InputError, match=r"'k_w' of '\w+' is also a name in the effect '\w+'; rename one"):
         with_every_effect(plant)
 
 

@@ -193,7 +193,7 @@ def test_no_name_of_a_figure_leads_out_of_the_folder(tree, tmp_path):
 
 @pytest.mark.parametrize(
     ("value", "says"),
-    [*((value, "not a result of ehsa-ctrl") for value in (5, None, {}, [[1]])), ("[" * 100_000, "no valid JSON")],
+    [*((value, "not a result of ehsa-ctrl") for value in (5, None, {}, [[1]])), ("[" * 100_000, "not valid JSON")],
 )
 def test_a_json_of_other_types_is_no_result(tree, tmp_path, value, says):
     """It is said when it is read, not when a page is half made."""
