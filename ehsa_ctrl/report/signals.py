@@ -33,17 +33,17 @@ class Signal:
 
     words: str
     unit: str
-    shown: str
+    display_unit: str
     least: float
 
     @property
     def scale(self) -> float:
         """SI value of one display unit."""
-        return factor(self.shown, self.unit)
+        return factor(self.display_unit, self.unit)
 
     @property
     def label(self) -> str:
-        return f"{self.words}\n({unit(self.shown)})"
+        return f"{self.words}\n({unit(self.display_unit)})"
 
     def read(self, values: np.ndarray) -> np.ndarray:
         """Convert values (N,) from SI to display units."""
@@ -62,7 +62,7 @@ SIGNALS = {
 }
 
 
-class Shown(NamedTuple):
+class ChannelDisplay(NamedTuple):
     """Display of a logged channel: name, display unit, and SI value of that unit."""
 
     words: str
@@ -78,16 +78,16 @@ class Shown(NamedTuple):
         return f"{self.words}\n({unit(self.unit)})"
 
 
-def shown(channel: str) -> Shown:
+def channel_display(channel: str) -> ChannelDisplay:
     """Display of a channel; in its SI unit unless another one is usual."""
     own = CHANNELS[channel].unit
     usual = SHOWN.get(own, own)
-    return Shown(WORDS.get(channel, channel), usual, factor(usual, own))
+    return ChannelDisplay(WORDS.get(channel, channel), usual, factor(usual, own))
 
 
-def signal_shown(signal: str) -> Shown:
+def signal_display(signal: str) -> ChannelDisplay:
     """Display of a scored signal."""
-    return shown(signal if signal in CHANNELS else "velocity")
+    return channel_display(signal if signal in CHANNELS else "velocity")
 
 
 def unit_of_balance(si: str) -> tuple[str, float]:

@@ -19,7 +19,7 @@ from ehsa_ctrl.report.figures import (
     to_svg,
 )
 from ehsa_ctrl.report.figures.estimates import COLOURS, VERDICTS
-from ehsa_ctrl.report.signals import most_active_part, shown
+from ehsa_ctrl.report.signals import channel_display, most_active_part
 from ehsa_ctrl.report.style import ROLES
 
 from .reading import axes_of, whole_and_detail, words_are_apart
@@ -148,8 +148,8 @@ def test_a_detail_of_a_replay_is_a_part_of_it(fitting):
 
 def test_channels_are_shown_in_the_units_of_the_bench():
     """Speeds in rpm, pressures in bar, positions in mm; a current as it is."""
-    assert shown("speed").label == "speed (rpm)" and shown("p1").label == "pressure P₁ (bar)"
-    assert shown("position").scale == pytest.approx(1e-3) and shown("current").scale == 1.0
+    assert channel_display("speed").label == "speed (rpm)" and channel_display("p1").label == "pressure P₁ (bar)"
+    assert channel_display("position").scale == pytest.approx(1e-3) and channel_display("current").scale == 1.0
 
 
 def test_starts_and_intervals_stand_where_they_belong(fitting):

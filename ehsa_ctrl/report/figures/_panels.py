@@ -105,7 +105,7 @@ def levels(time: np.ndarray, force: np.ndarray) -> list[Phase]:
     ends = np.append(time, time[-1])
     signal = SIGNALS["force"]
     return [
-        (float(time[a]), float(ends[b]), quantity(force[a] / signal.scale, signal.shown))
+        (float(time[a]), float(ends[b]), quantity(force[a] / signal.scale, signal.display_unit))
         for a, b in zip(edges[:-1], edges[1:], strict=True)
         if force[a] != 0
     ]

@@ -19,7 +19,7 @@ from ...diagnosis.regimes import Regime
 from ...diagnosis.unknown_inputs import UNITS
 from ...physics.effects import PLACES
 from ..outcome import models_shown, outcome
-from ..signals import BALANCES, signal_shown, unit_of_balance
+from ..signals import BALANCES, signal_display, unit_of_balance
 from ..style import BLACK, BLUE, GREEN, PURPLE, SKY, VERMILION
 from ..text import number, percent, unit
 from ._layout import LEGEND_LINE, header_legend, sheet
@@ -275,7 +275,7 @@ def shrinkage_figure(diagnosis: Diagnosis) -> Figure:
                 ax.text(drawn + 0.008 * end, y, words, va="center", fontsize=7.5, zorder=3, bbox=box)
         line = ax.axvline(threshold, zorder=2, label=f"relevant from {threshold:g} % on", **look)
         ax.set_xlim(0.0, 1.12 * end)
-        names = [name if name == "total" else signal_shown(name).words for name in signals]
+        names = [name if name == "total" else signal_display(name).words for name in signals]
         _bar_rows(ax, names)
         ax.set_ylim(row * len(signals), 0.0)
         ax.set_yticks([(place + 0.5) * row for place in range(len(signals))], names)

@@ -19,7 +19,7 @@ from ...identification.identification import Identification
 from ...identification.residual_tests import LEVEL, Correlation
 from ...identification.uncertainty import POOR, TRADES, WELL, Estimate
 from ...plant.file import label
-from ..signals import shown
+from ..signals import channel_display
 from ..style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION
 from ..text import number
 from ._layout import header_legend, share_x, sheet
@@ -234,7 +234,7 @@ def residuals_figure(identification: Identification) -> Figure:
                 ax.yaxis.set_major_locator(MaxNLocator(3, symmetric=True, steps=[1, 2, 5, 10]))
                 ax.set_ylim(-reach, reach)
                 if column == 0:
-                    ax.set_ylabel(shown(channel).words)
+                    ax.set_ylabel(channel_display(channel).words)
             panels[-1].set_xlabel("lag (samples)")
     return figure
 

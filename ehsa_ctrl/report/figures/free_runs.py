@@ -20,7 +20,7 @@ from ...diagnosis.signals import scored_signals
 from ...identification.comparison import Comparison
 from ...identification.identification import Identification
 from ..outcome import after_model, after_words
-from ..signals import Shown, Signal, most_active_part, shown, signal_shown
+from ..signals import ChannelDisplay, Signal, channel_display, most_active_part, signal_display
 from ..style import BLACK, BLUE, GREY, ROLES
 from ..text import percent
 from . import _panels as panel
@@ -100,7 +100,7 @@ def replay_figure(replays: Sequence[Comparison], *, detail: bool = False) -> Fig
     rows = most_active_part(log, drives[0]) if detail else slice(None)
     panels: dict[str, dict[str, np.ndarray]] = {}
     for channel in (*drives, *replays[0].fit_percent):
-        how = shown(channel)
+        how = channel_display(channel)
         panels[how.label] = {"measured": log[channel][rows] / how.scale}
         for replay in replays:
             if channel in replay.simulated:
@@ -122,7 +122,7 @@ class Trace:
     """
 
     name: str
-    how: Shown
+    how: ChannelDisplay
     lines: Mapping[str, np.ndarray]
     words: str = ""
 
@@ -208,7 +208,7 @@ def identification_figure(identification: Identification, index: int = 0) -> Fig
     before, after = reach.before[index], reach.after[index]
     log, plant = after.log, identification.plant
     drives = list(after.plant.structure.system.drives.values())
-    traces = [Trace(name, shown(name), {"drive": np.asarray(log[name])}) for name in drives]
+    traces = [Trace(name, channel_display(name), {"drive": np.asarray(log[name])}) for name in drives]
     for name in after.fit_percent:
         runs = {"measured": after.log[name], "before": before.simulated.get(name), "after": after.simulated.get(name)}
         lines = {role: np.asarray(values) for role, values in runs.items() if values is not None}
@@ -216,7 +216,7 @@ def identification_figure(identification: Identification, index: int = 0) -> Fig
             f"{word} –" if math.isnan(fit) else f"{word} {fit:.1f} %".replace("-", "−")
             for word, fit in (("before", before.fit_percent[name]), ("after", after.fit_percent[name]))
         ]
-        traces.append(Trace(name, shown(name), lines, "\n".join(["fit", *fits])))
+        traces.append(Trace(name, channel_display(name), lines, "\n".join(["fit", *fits])))
     title = f"{plant.name} ({plant.model}) and {log.name}, {'held out' if held_out else 'used to identify'}"
     return _whole_and_detail(title, log.time, traces, most_active_part(log, drives[0]), {}, detail="detail")
 
@@ -232,7 +232,7 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
     drive = plant.structure.system.drive
     after = after_words(diagnosis.verdict, len(diagnosis.effects))
     before = "simulated, nominal" if diagnosis.verdict == "no_gap" else str(ROLES["before"]["label"])
-    traces = [Trace(drive, shown(drive), {"drive": np.asarray(log[drive])}), *diagnosis_traces(diagnosis)]
+    traces = [Trace(drive, channel_display(drive), {"drive": np.asarray(log[drive])}), *diagnosis_traces(diagnosis)]
     return _whole_and_detail(
         f"{plant.name} ({plant.model}) and {log.name}", log.time, traces, largest_error_part(diagnosis),
         {"before": before, "after": f"after, {after}"}, detail="largest error", held_from=diagnosis.held_from,
@@ -263,7 +263,7 @@ def diagnosis_traces(diagnosis: Diagnosis) -> list[Trace]:
         words = [f"{role} {gap}" for role, gap in gaps.items()] if len(gaps) > 1 else list(gaps.values())
         held_out_gaps = "\n".join(["held-out gap", *words])
         drifts = "no gap given:\nit drifts in\nfree run"
-        found.append(Trace(name, signal_shown(name), lines, drifts if name in drifting else held_out_gaps))
+        found.append(Trace(name, signal_display(name), lines, drifts if name in drifting else held_out_gaps))
     return found
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from ...core.text import join_words
 from ...plant.file import label
 from ..page import DOUBT, Facts, Paragraph, Points, Section, Table
-from ..signals import signal_shown, unit_of_number
+from ..signals import signal_display, unit_of_number
 from ..text import as_sentence, percent, uncertain, unit, value_text
 
 Content = Mapping[str, Any]
@@ -36,7 +36,9 @@ def cause_section(cause: Content, content: Content) -> Section:
         facts.append(("gap closed", f"{percent(cause['gap_closed'])} of the total gap on held-out data{part}"))
         words = "of this reduction, which a refit of the nominal parameters alone would also achieve"
         facts.append(("absorbed by a refit", f"{percent(cause['absorbed_by_refit'])} {words}"))
-    alone = [f"{signal_shown(n).words} {percent(gap, 2)}" for n, gap in cause.get("alone", {}).items() if n != "total"]
+    alone = [
+        f"{signal_display(n).words} {percent(gap, 2)}" for n, gap in cause.get("alone", {}).items() if n != "total"
+    ]
     if alone:
         facts.append(("gap due to this cause alone", f"{', '.join(alone)}; the larger of fitted and held-out data"))
     blocks.append(Facts(facts))

@@ -69,7 +69,7 @@ def _sentence(name: str, model: Mapping[str, Any]) -> Sentence:
     ends = f"{value_text(known[worst])} % ({worst})"
     if len(ordered) > 1:
         ends = f"from {ends} to {value_text(known[best])} % ({best})"
-    return f"{title}: the fit is {ends}: {fit_words(known)}.", FITS[quality(known[worst])]
+    return f"{title}: fit {ends}; {fit_words(known)}.", FITS[quality(known[worst])]
 
 
 KIND = Kind("comparison.json", "comparison", _read)

@@ -14,7 +14,7 @@ from ...plant.file import label
 from ..closed_loop import closed_loop_section, closed_loop_sentences
 from ..outcome import OUTCOMES, after_model, after_words, models_shown, outcome
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence, State, Table
-from ..signals import BALANCES, shown, signal_shown
+from ..signals import BALANCES, channel_display, signal_display
 from ..text import NOTHING, as_sentence, percent, quantity, unit, value_text
 from ._diagnosis_causes import cause_name, cause_section, causes_are_named, parameter_rows
 from ._tables import settings_of, steps_of
@@ -144,7 +144,7 @@ def _remaining_gap(content: Content) -> str:
     """The signals that still have a relevant gap, as a sentence."""
     after = after_model(content["verdict"])
     gaps, limit = content["gap"][after or "nominal"], content["threshold"]
-    left = [signal_shown(name).words for name, gap in gaps.items() if name != "total" and (gap or 0.0) >= limit]
+    left = [signal_display(name).words for name, gap in gaps.items() if name != "total" and (gap or 0.0) >= limit]
     model = "With the nominal parameters"
     if after is not None:
         model = as_sentence(after_words(content["verdict"], len(content["effects"]))).rstrip(".")
@@ -177,7 +177,7 @@ def _where(content: Content) -> Section:
     if location["sensor"] is not None and (balances.get("sensor") or 0.0) >= SENSOR_SHARE:
         blocks.append(Paragraph(f"Sensor indicated by the balances: {location['sensor']}."))
     by_signal = [
-        [signal_shown(name).words, percent(parts["gap"], 2),
+        [signal_display(name).words, percent(parts["gap"], 2),
          *(f"{round(100.0 * parts[place])} %" if parts.get(place) is not None else NOTHING for place in PLACES)]
         for name, parts in location["by_signal"].items()
     ]  # fmt: skip
@@ -248,7 +248,7 @@ def _gaps(content: Content) -> Section:
     models = [model for model in models_shown(content["verdict"], gaps) if model in MODELS]
     rows = []
     for name in gaps["nominal"]:
-        words = name if name == "total" else signal_shown(name).words
+        words = name if name == "total" else signal_display(name).words
         cells = [gaps[model].get(name) for model in models]
         marked = [f"{'● ' if cell is not None and cell >= limit else ''}{percent(cell, 2)}" for cell in cells]
         rows.append([words, percent(whole.get(name), 2), *marked])
@@ -277,7 +277,7 @@ def _recorded(content: Content) -> Section:
     """Data quality, preparation and noise of the log."""
     rows = []
     for channel, sd in content["noise_sd"].items():
-        how = shown(channel)
+        how = channel_display(channel)
         rows.append([how.words, value_text(sd, how.scale, 3), unit(how.unit)])
     findings, steps = content["findings"], steps_of(content)
     blocks: list[Any] = []

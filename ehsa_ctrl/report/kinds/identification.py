@@ -10,7 +10,7 @@ from ...core.text import join_words, unique_names
 from ...identification.comparison import GOOD, POOR
 from ...plant.file import label
 from ..page import Kind, Page, Paragraph, Picture, Points, Section, Table, mark
-from ..signals import shown
+from ..signals import channel_display
 from ..text import NOTHING, percent, uncertain, unit, value_text
 from ._identification_verdict import determined, range_sentence, value_at_end, verdict, weights
 from ._tables import findings_section, fit_table, fit_text, plant_name, settings_of
@@ -170,7 +170,7 @@ def _run(run: Model) -> list[str]:
 def _weights_table(each: Model) -> Table:
     rows = []
     for channel, (sd, own) in weights(each).items():
-        how = shown(channel)
+        how = channel_display(channel)
         rows.append([how.words, value_text(sd, how.scale), value_text(own, how.scale), unit(how.unit)])
     head = ["channel", "weight", "sensor noise", "unit"]
     return Table("Weights of the residuals: standard deviation assumed for each channel", head, rows)
