@@ -49,8 +49,8 @@ def row_filter(log: Log, method: Method, width: float | None, parallel: float | 
         samples = TEST_SAMPLES if width is None else int(round(width / dt))
         if not 3 <= samples <= len(log) // 4:
             raise InputError(
-                f"{log.path or 'the log'}: bumps of {samples} samples do not fit a log of {len(log)} samples; expected "
-                "at least 3 samples and at most a quarter of the log"
+                f"{log.path or 'the log'}: test functions of {samples} samples do not fit a log of {len(log)} samples; "
+                "expected at least 3 samples and at most a quarter of the log"
             )
         weights = np.sin(np.pi * (np.arange(samples) + 0.5) / samples) ** 2
         stride = max(samples * STRIDE // TEST_SAMPLES, 1)
@@ -103,7 +103,7 @@ def solve_balance(
         reasons[worst] = (
             f"{values[worst]:.3g} {kinds[worst].unit} would be impossible"
             if relative_sd[worst] == np.inf
-            else f"known to {100 * relative_sd[worst]:.0f} % only"
+            else f"its standard deviation is {100 * relative_sd[worst]:.0f} %"
         )
         values[worst], sd[worst] = nominal[worst], np.nan
 

@@ -198,7 +198,7 @@ def design_experiment(
     jobs: int | None = None,
     watch: Watch | None = None,
 ) -> ExperimentDesign:
-    """Propose an input that determines the free parameters as well as the limits allow.
+    """Propose an input, within the plant's limits, that determines the free parameters as accurately as possible.
 
     Parameters
     ----------
@@ -241,9 +241,7 @@ def design_experiment(
     if draws < 0 or seed < 0 or rehearsals < 0:
         raise InputError(f"draws = {draws}, seed = {seed}, rehearsals = {rehearsals}; expected 0 or more")
     if not plant.limits and amplitude is None:
-        raise InputError(
-            f"{plant.path or plant.name}: has no [limits], so that any input is allowed; give an amplitude"
-        )
+        raise InputError(f"{plant.path or plant.name}: has no [limits], so any input is allowed; give an amplitude")
     parameters = free_parameters(plant, free=free, fix=fix)
     search = InputSearch(plant, parameters, duration, amplitude, criterion, margin, spread, draws, seed, jobs, watch)
     candidates = search.candidates(kind)

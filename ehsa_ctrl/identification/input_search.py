@@ -169,8 +169,8 @@ class InputSearch:
         found = sorted((c for c in tried if c is not None), key=lambda candidate: candidate.rank)
         if not found:
             raise InputError(
-                f"{self.plant.name}: no input keeps the limits for all {len(self.others)} plants that it may be and "
-                "still moves shaft and rod; lower the spread of the parameters"
+                f"{self.plant.name}: no input that moves shaft and rod keeps the limits for all {len(self.others)} "
+                "variations of the plant; lower the spread of the parameters"
             )
         shown = np.any([np.diag(c.forecast.fit.information) > 0.0 for c in found], axis=0)
         hidden = [p.name for p, seen in zip(self.parameters, shown, strict=True) if not seen]
@@ -229,8 +229,8 @@ class InputSearch:
         elif self.amplitude is not None:
             within = f"of no more than {self.amplitude:g} A"
         return (
-            f"{self.plant.name}: no input {within} moves shaft and rod, so that nothing can be determined; look at "
-            "limits, load and friction"
+            f"{self.plant.name}: no input {within} moves shaft and rod, so nothing can be determined; check limits, "
+            "load and friction"
         )
 
     # Information

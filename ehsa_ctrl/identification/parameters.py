@@ -15,7 +15,7 @@ from ..core.unit import parse
 from ..plant.file import label, symbol_of
 from ..plant.plant import SENSOR_WORDS, Plant
 
-#: Lower bound of a mass, volume or inertia, as a share of its nominal value.
+#: Lower bound of a mass, volume or inertia, as a share of its nominal value; engineering judgement.
 SMALLEST = 0.2
 #: Physical ranges of a sensor's numbers [1, s, s]; a bias has none.
 SENSOR_RANGES = {"scale": (0.0, math.inf), "delay": (0.0, 0.5), "filter": (0.0, 0.5)}
@@ -23,7 +23,7 @@ SENSOR_RANGES = {"scale": (0.0, math.inf), "delay": (0.0, 0.5), "filter": (0.0, 
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """One number to estimate.
+    """A parameter to estimate.
 
     name: a symbol of the plant (J_M), or bias.CHANNEL, scale.CHANNEL, delay.CHANNEL, filter.CHANNEL of a sensor.
     value: nominal value; unit: SI. lower, upper: bounds. prior_sd: standard deviation of a prior around `value`; None
@@ -99,8 +99,8 @@ def free_parameters(
         )
     if not names:
         raise InputError(
-            f"nothing is left to estimate of {plant.name} ({plant.model}): its file calls nothing identified and names "
-            "nothing free; say which with --free"
+            f"{plant.name} ({plant.model}) has no free parameter: none in its file is marked as identified or free; "
+            "name some with --free"
         )
     limits = {symbol_of(name): pair for name, pair in bounds.items()}
     sds = {symbol_of(name): sd for name, sd in priors.items()}

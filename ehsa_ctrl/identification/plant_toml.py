@@ -156,15 +156,14 @@ def _rounded(value: float, sd: float | None) -> float:
 def sliding_linear(plant: Plant) -> Plant:
     """The linear model of the same file, with the numbers that it shares with a nonlinear `plant`.
 
-    A linear model fitted to a rig with dry friction takes the friction for damping, and a controller designed on it is
-    too aggressive where the rig slides (README, tour). Viscous friction, inertia, mass, volumes and leakage of the
-    nonlinear set make the linear model that is valid between two standstills. V is the mean of V_10 and V_20. Changed
-    numbers are marked as derived.
+    A linear model fitted to a rig with dry friction has too much damping, and a controller designed on it is too
+    aggressive while the rig slides. Viscous friction, inertia, mass, volumes and leakage of the nonlinear set give the
+    linear model that is valid during sliding. V is the mean of V_10 and V_20. Changed values are marked as derived.
 
     Raises InputError for a plant without a file, or whose file has no linear model.
     """
     if plant.path is None or plant.model != "nonlinear":
-        raise InputError("the linear set that goes with a plant needs its nonlinear model, loaded from a file")
+        raise InputError("a linear set is derived from a plant's nonlinear model, loaded from a file with load_plant")
     linear = load_plant(plant.path, model="linear")
     shared = {name: plant.parameters[name] for name in linear.parameters if name in plant.parameters}
     if {"V_10", "V_20"} <= set(plant.parameters) and "V" in linear.parameters:

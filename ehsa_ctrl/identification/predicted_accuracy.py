@@ -170,8 +170,8 @@ def _noise_free_log(run: Trajectory) -> Log:
         sensor = plant.sensors[channel]
         if channel in system.outputs and not sensor.sd > 0.0:
             raise InputError(
-                f"{plant.path or plant.name}: says nothing of the noise of {channel}, on which every standard "
-                f"deviation depends; give noise in [sensors.{channel}]"
+                f"{plant.path or plant.name}: gives no noise of {channel}, on which all standard deviations depend; "
+                f"give noise in [sensors.{channel}]"
             )
         held = run.hold == "zero_order" and channel not in system.outputs
         channels[channel] = noise_free_reading(sensor, run[signal], float(run.time[1] - run.time[0]), held=held)
@@ -180,7 +180,10 @@ def _noise_free_log(run: Trajectory) -> Log:
 
 @dataclass(frozen=True)
 class MonteCarloCheck:
-    """ratio: rms error of the estimates over the predicted sd, all directions together; logs: number of them."""
+    """Check of predicted standard deviations on simulated noisy logs.
+
+    ratio: RMS error of the estimates in predicted standard deviations. logs: their number.
+    """
 
     ratio: float
     logs: int

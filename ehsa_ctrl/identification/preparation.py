@@ -1,4 +1,4 @@
-"""Preparation of a log before it is used: only on request, and recorded step by step."""
+"""Preparation of a log on request: resampling, zeros at rest, alignment in time, a segment. Each step is recorded."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from .plant_log import SHORTEST
 
 #: A channel is at rest while it stays within this many standard deviations of its first samples' median.
 REST_BAND = 5.0
-#: The shortest rest that gives a zero [s].
+#: Shortest rest from which a zero is taken [s].
 SHORTEST_REST = 0.1
-#: Longest delay that alignment looks for [s], and the least correlation of rates that it accepts.
+#: Longest delay that alignment considers [s], and smallest correlation of rates that it accepts; engineering judgement.
 LONGEST_DELAY, MIN_CORRELATION = 0.25, 0.6
-#: Resampling makes at most this many samples.
+#: Largest number of samples after resampling.
 MAX_SAMPLES = 10_000_000
 
 
@@ -92,7 +92,7 @@ class Preparation:
 
 
 def resample(log: Log, plant: Plant, rate: float) -> tuple[Log, Step]:
-    """Resample all channels to a uniform `rate` [Hz]; also the remedy for jitter of the time.
+    """Resample all channels to a uniform `rate` [Hz]; this also removes jitter of the time column.
 
     A zero-order-held input is averaged over the new samples, which preserves its integral. Other channels are
     interpolated by cubics, downwards after a zero-phase anti-aliasing filter.
@@ -206,8 +206,8 @@ def find_rest(log: Log, plant: Plant) -> tuple[float, float]:
     count -= max(count // 20, 1) if moving.size else 0
     if count * log.sample_time < SHORTEST_REST or count < 5:
         raise InputError(
-            f"{log.path or 'the log'}: is not at rest for its first {SHORTEST_REST:g} s, so that no zero can be taken "
-            "there; give the rest by its time, from and to (--rest S:S)"
+            f"{log.path or 'the log'}: is not at rest for its first {SHORTEST_REST:g} s, so no zero can be taken "
+            "there; give start and end of a rest (--rest S:S)"
         )
     return float(log.time[0]), float(log.time[count - 1])
 
@@ -236,10 +236,11 @@ def align(
         halves = [delay_of(measured[part], simulated[part], dt) for part in (slice(middle), slice(middle, None))]
         apart = abs(halves[0][0] - halves[1][0])
         if correlation < MIN_CORRELATION:
-            why = f"its rate and the replay's correlate by {correlation:.2f} only, {MIN_CORRELATION:g} is needed"
+            why = f"its rate and the simulated one correlate by only {correlation:.2f}, {MIN_CORRELATION:g} is needed"
         elif min(each for _, each in halves) >= MIN_CORRELATION and apart > max(2 * dt, abs(delay)):
             why = (
-                f"the log's halves give {1e3 * halves[0][0]:.3g} and {1e3 * halves[1][0]:.3g} ms: its peak is too broad"
+                f"the halves of the log give {1e3 * halves[0][0]:.3g} and {1e3 * halves[1][0]:.3g} ms: the peak of the "
+                "correlation is too broad"
             )
     figures = {"channel": channel, "delay": None if why else delay, "correlation": correlation}
     if why:

@@ -136,7 +136,7 @@ class AssumptionRefit:
 
 @dataclass(frozen=True)
 class EstimateSensitivity:
-    """How far one assumed parameter moves the estimated ones over its range.
+    """Change of the estimated parameters over the range of an assumed one.
 
     parameter: as in the plant's file. low, high: refits at the ends. cost: per degree of freedom at the nominal value.
     """
@@ -159,8 +159,8 @@ class EstimateSensitivity:
 def assumption_sensitivities(found: Identification) -> tuple[EstimateSensitivity, ...]:
     """Fit again with each assumed parameter at both ends of its range, one at a time.
 
-    Where the cost rises the log itself excludes that end, and the parameter may be freed. Where it does not, the log
-    can't decide, and the change of the estimates is an error that no standard deviation covers.
+    If the cost rises, the log excludes that end, and the parameter can be estimated. If not, the log contains no
+    information on it, and the change of the estimates is an error that the standard deviations do not include.
 
     Raises InputError for an identification by balances, which has no simulation to fit again.
     """

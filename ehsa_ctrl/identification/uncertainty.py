@@ -16,6 +16,8 @@ from .parameters import FreeParameter
 
 Verdict = Literal["well determined", "poorly determined", "not identifiable from this log"]
 
+# The thresholds are engineering judgement.
+
 #: Relative standard deviation up to which a parameter is well, and poorly, determined.
 WELL, POOR = 0.10, 0.50
 #: Correlation from which two parameters trade off against each other.
@@ -37,8 +39,8 @@ QUANTILE = float(stats.norm.ppf(0.975))
 class Estimate:
     """One estimated parameter.
 
-    value, sd in `unit`; sd is infinite where the log shows nothing. start: value before. interval: 95 %. verdict in
-    words. trades: names of parameters that it trades off against, strongest first. at_bound: "lower", "upper" or "".
+    value, sd in `unit`; sd is infinite if the log does not show the parameter. start: value before. interval: 95 %.
+    trades: parameters with which it is strongly correlated, the strongest first. at_bound: "lower", "upper" or "".
     """
 
     name: str
@@ -124,9 +126,9 @@ def parameter_covariance(fit: Fit, spread: np.ndarray | None = None) -> Paramete
 
 
 def estimates(fit: Fit, found: ParameterCovariance, sizes: np.ndarray, *, sure: bool = True) -> tuple[Estimate, ...]:
-    """A verdict for each parameter; sizes (k,): what a standard deviation is compared with.
+    """Estimates with verdicts. sizes: (k,) with which the standard deviations are compared.
 
-    sure: that the minimum is the global one. If not, nothing is well determined, whatever its curvature.
+    sure: the minimum is the global one. If not, no parameter is well determined.
     """
     out = []
     correlation, null = found.correlation, _null_directions(fit.information)

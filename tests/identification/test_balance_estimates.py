@@ -225,7 +225,7 @@ def test_it_prints_and_tabulates(plant, log):
     [
         ({"wanted": ["J_N"]}, "no parameter 'J_N'; did you mean 'J_M'"),
         ({"method": "strong"}, "method = 'strong'.*known: filtered, weak"),
-        ({"width": 30.0}, "bumps of 7500 samples do not fit a log of 5001"),
+        ({"width": 30.0}, "test functions of 7500 samples do not fit a log of 5001"),
         ({"method": "filtered", "cutoff": 400.0}, "cutoff = 400 Hz; expected more than 0 and less than 125 Hz"),
         ({"method": "filtered", "parallel": 400.0}, "parallel = 400 Hz; expected"),
     ],

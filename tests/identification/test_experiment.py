@@ -272,11 +272,11 @@ def test_the_best_is_at_least_as_good_as_each_kind(plant):
             "the limit stroke = 200 mm less a margin of 15 % is passed without any input",
         ),
         (lambda p: p.set(F_0=5e3), {}, "less friction does not hold the load"),
-        (lambda p: replace(p, limits={}), {}, r"has no \[limits\], so that any input is allowed; give an amplitude"),
+        (lambda p: replace(p, limits={}), {}, r"has no \[limits\], so any input is allowed; give an amplitude"),
         (
             lambda p: replace(p, sensors={**p.sensors, "p1": replace(p.sensors["p1"], noise=0.0)}),
             {},
-            r"says nothing of the noise of p1",
+            r"gives no noise of p1",
         ),
     ],
 )
