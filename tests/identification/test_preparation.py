@@ -70,7 +70,7 @@ def test_no_rest_and_no_such_channel_are_sentences(bench):
     """What to do instead is said."""
     plant, log, _ = bench
 
-    with pytest.raises(InputError, match=r"is not at rest for its first 0.1 s.*give the rest"):
+    with pytest.raises(InputError, match=r"is not at rest for its first 0.1 s.*give start and end of a rest"):
         Preparation(zero=("p1",)).apply(replace(log.segment(0.3), before=None), plant)
     with pytest.raises(InputError, match="no zero of 'current'"):
         Preparation(zero=("current",)).apply(log, plant)
