@@ -99,7 +99,7 @@ def test_a_plant_that_has_the_ripple_has_no_gap(plant):
     found = ehsa_ctrl.diagnose(rig.set(phi_c=0.7), log)
 
     assert found.verdict == "no_gap"
-    assert any("measured angle" in sentence for sentence in found.findings)
+    assert any("measured shaft angle" in sentence for sentence in found.findings)
 
 
 @pytest.mark.slow
@@ -131,4 +131,4 @@ def test_a_ripple_is_named_with_its_size(plant):
     assert [cause.id for cause in found.effects] == ["torque_ripple"]
     assert found.effects[0].parameters["T_c"].value == pytest.approx(0.5, rel=0.05)
     assert found.gap["with_effects"]["total"] < 0.3 * found.gap["nominal"]["total"]
-    assert any("measured angle" in sentence for sentence in found.findings)
+    assert any("measured shaft angle" in sentence for sentence in found.findings)
