@@ -30,7 +30,7 @@ class Review(Result):
     Attributes
     ----------
     controller: its name.
-    findings: in the order of the checks. loop: the loop analysis behind them.
+    findings: in the order of the checks. loop: the loop analysis that they use.
     """
 
     controller: str

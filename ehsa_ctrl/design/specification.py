@@ -244,6 +244,7 @@ def bandwidth_of(system: control.StateSpace, controller: SampledController) -> f
     _, _, closed = close_loop(system, controller)
     if spectral_radius(closed.A) >= 1.0:
         return 0.0
+    # 2000 points resolve about 0.5 % of the frequency.
     omega = np.geomspace(0.1, np.pi / controller.sample_time, 2000)
     channel = closed[OUTPUTS.index("position"), INPUTS.index("r_position")]
     size = np.abs(discrete_response(channel, omega)[:, 0, 0])

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 #: Inputs of a closed loop: reference, noise on each reading, force on the rod, additional current.
 INPUTS = (*(f"r_{name}" for name in REFERENCE), *(f"n_{name}" for name in MEASURED), "F_D", "extra")
-#: Outputs: the plant's readings without noise, and the current that the law asks for.
+#: Outputs: the plant's readings without noise, and the current of the law.
 OUTPUTS = (*MEASURED, "current")
 
 

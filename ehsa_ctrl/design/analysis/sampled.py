@@ -25,7 +25,7 @@ READINGS: dict[str, tuple[dict[str, float], ...]] = {
     "position": ({"x": 1.0},),
     "force": ({"force": 1.0},),
 }
-#: Relative singular value below which a matrix counts as rank-deficient.
+#: Relative singular value below which a matrix is rank-deficient: well above rounding of a model in scaled states.
 RANK_TOLERANCE = 1e-9
 
 

@@ -150,7 +150,7 @@ class Expressions:
         inside = {id(n) for n in ast.walk(calls[0])}
         outside = [n for n in ast.walk(node) if isinstance(n, ast.Subscript) and id(n) not in inside]
         if len(calls) > 1 or outside:
-            self.fail(node, "a call that writes into a vector to stand in a statement of its own")
+            self.fail(node, "a call that writes into a vector in a statement of its own")
 
     def _writes(self, call: ast.Call) -> tuple[bool, ...]:
         function = self.source.meaning(call.func)

@@ -217,7 +217,7 @@ def find_variables(source: FunctionSource) -> dict[str, LocalVariable]:
         inside = {id(node) for loop in variable.loops for node in ast.walk(loop)}
         outside = any(id(statement) not in inside for _, statement in variable.uses)
         if variable.loops and (variable.assigned or outside):
-            source.fail(variable.loops[0], f"the counter {word}, used beside its loop,", "a name of its own for it")
+            source.fail(variable.loops[0], f"the counter {word}, used outside its loop,", "a name of its own for it")
     return found
 
 

@@ -238,7 +238,7 @@ class Statements(Expressions):
         part = target.slice
         assert isinstance(part, ast.Slice)
         if part.upper is None or part.step is not None:
-            self.source.fail(target, f"`{ast.unparse(target)}` on the left", "a slice that says where it ends")
+            self.source.fail(target, f"`{ast.unparse(target)}` on the left", "a slice with an end")
         self._mark_written(target)
         to, size = self.vector(target), self.whole(part.upper).code
         if part.lower is not None:
@@ -312,7 +312,7 @@ class Statements(Expressions):
         self.require_order(node.value)
         text = self._value(node.value)
         if common_type(text.type, wanted) != wanted:
-            self.fail(node, f"a {wanted}, as the function's annotation says")
+            self.fail(node, f"a {wanted}, as in the function's annotation")
         return [f"return {text.code};"]
 
 

@@ -229,7 +229,7 @@ def operating_point(
 ) -> control.StateSpace:
     """The model with `stiffness` [N/m] and `mass` [kg] added to the load, and another bulk modulus.
 
-    The column of input F_D tells how a force acts on the rod, so that no plant is needed.
+    The column of input F_D is the effect of a force on the rod, so that no plant is needed.
 
     Parameters
     ----------

@@ -70,12 +70,12 @@ def pose_problem(
     memory: the feedback's; traces, last current and age of the plan; the plan and its multipliers; the solver's
     unknowns; parameters, f, lower and upper bounds.
     """
-    begin, behind, horizon = int(settings[0]), int(settings[1]), int(settings[4])
+    begin, own_start, horizon = int(settings[0]), int(settings[1]), int(settings[4])
     unknowns, bounds, n, size = int(settings[5]), int(settings[6]), int(settings[7]), int(settings[8])
     shrink, F, T = int(settings[9]), int(settings[10]), int(settings[11])
     below, above = int(settings[12]), int(settings[13])
     feedback = settings[begin:]
-    own = memory[behind:]
+    own = memory[own_start:]
     p = own[_PLAN + 2 * unknowns + bounds :]
     f = p[size:]
     lower = f[unknowns:]
@@ -99,10 +99,10 @@ def apply_plan(reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, 
 
     memory, settings: as in `pose_problem`; the trace of the reason is 0 for a new plan. target: Gamma w [A].
     """
-    begin, behind, limit, change = int(settings[0]), int(settings[1]), settings[2], settings[3]
+    begin, own_start, limit, change = int(settings[0]), int(settings[1]), settings[2], settings[3]
     horizon, unknowns, bounds = int(settings[4]), int(settings[5]), int(settings[6])
     feedback = settings[begin:]
-    own = memory[behind:]
+    own = memory[own_start:]
     if own[_REASON] == 0.0:
         violation = 0.0
         for i in range(horizon, unknowns):
@@ -204,10 +204,10 @@ class Mpc:
     @property
     def traces(self) -> Mapping[str, int]:
         names = ("solver_status", "solver_reason", "solver_iterations", "solver_time", "limit_passed")
-        return {**self.feedback.traces, **{name: self._behind + i for i, name in enumerate(names)}}
+        return {**self.feedback.traces, **{name: self._own_start + i for i, name in enumerate(names)}}
 
     @cached_property
-    def _behind(self) -> int:
+    def _own_start(self) -> int:
         """Length of the feedback's memory, which precedes the MPC's own."""
         return int(self.feedback.initial_memory().size)
 
@@ -219,7 +219,7 @@ class Mpc:
     @property
     def multipliers(self) -> slice:
         """Places of the multipliers in memory."""
-        start = self._behind + _PLAN + len(self.condensed.F)
+        start = self._own_start + _PLAN + len(self.condensed.F)
         return slice(start, start + self.condensed.lower.size)
 
     @cached_property
@@ -245,7 +245,7 @@ class Mpc:
         head_size = HEAD + len(matrices) - len(self.matrices)
         begins = head_size + feedback.size + np.cumsum([0, *(part.size for part in matrices.values())])[:-1]
         sizes = self.horizon, len(c.F), c.lower.size, matrices["shrink"].size, c.F.shape[1]
-        head = [head_size, self._behind, self.problem.current_limit, self._largest_change, *sizes, *begins]
+        head = [head_size, self._own_start, self.problem.current_limit, self._largest_change, *sizes, *begins]
         return np.concatenate([np.array(head, dtype=float), feedback, *(part.ravel("F") for part in matrices.values())])
 
     @cached_property
@@ -279,7 +279,7 @@ class Mpc:
         hold: float,
     ) -> float:
         """One sample; arguments as in `pose_problem`."""
-        functions, own = _compiled(), memory[self._behind :]
+        functions, own = _compiled(), memory[self._own_start :]
         (v, parameters), bounds = self.condensed.F.shape, self.condensed.lower.size
         begin = perf_counter()
         target = functions.pose_problem_of_arrays(reference, measured, memory, settings, float(extra), float(hold))
@@ -331,9 +331,9 @@ def mpc_law(
     settings: as in `pose_problem`, with root as one more matrix: the solver's unknowns are z with theta = root z, and
     root' F replaces F.
     """
-    behind, unknowns, bounds, size = int(settings[1]), int(settings[5]), int(settings[6]), int(settings[8])
+    own_start, unknowns, bounds, size = int(settings[1]), int(settings[5]), int(settings[6]), int(settings[8])
     root = int(settings[14])
-    own = memory[behind:]
+    own = memory[own_start:]
     plan = own[_PLAN:]
     multipliers = plan[unknowns:]
     z = multipliers[bounds:]

@@ -93,6 +93,7 @@ class GainSearch:
 
     def grid(self) -> list[Gains]:
         """Designs over a grid of crossover, phase lead, and corners of integral action and filter."""
+        # Coarse, engineering judgement: every start only has to be near a local optimum.
         T_s = self.plants[0].sample_time
         nyquist = np.pi / T_s
         integral = (0.03, 0.1, 0.3) if "I" in self.tuning.terms else (0.0,)
@@ -112,6 +113,7 @@ class GainSearch:
         return found
 
     def limits(self, theta: np.ndarray) -> list[tuple[float, float]]:
+        # Wide enough never to matter: a factor of exp(9) = 8000 to either side of the start.
         spans = [(value - 9.0, value + 9.0) for value in theta]
         if "D" in self.tuning.terms:
             T_s = self.plants[0].sample_time
