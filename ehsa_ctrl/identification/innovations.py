@@ -48,7 +48,10 @@ def innovations_filter(
 
 @cached_njit(nogil=True)
 def _add_product(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
-    """out += a b; for matrices of a few rows a loop is faster than BLAS."""
+    """out += a b; for matrices of a few rows a loop is faster than BLAS.
+
+    Here and below loops replace slices and `np.outer`, which take seconds to compile.
+    """
     for i in range(a.shape[0]):
         for j in range(b.shape[1]):
             for m in range(a.shape[1]):
@@ -63,14 +66,18 @@ def propagate_sensitivities(by_state: np.ndarray, by_parameter: np.ndarray, begi
     """
     n, q = begin.shape
     out = np.zeros((by_parameter.shape[0] + 1, n, q + by_parameter.shape[2]))
-    out[0, :, :q] = begin
+    for i in range(n):
+        for j in range(q):
+            out[0, i, j] = begin[i, j]
     for s in range(by_parameter.shape[0]):
-        out[s + 1, :, q:] = by_parameter[s]
+        for i in range(n):
+            for j in range(by_parameter.shape[2]):
+                out[s + 1, i, q + j] = by_parameter[s, i, j]
         _add_product(by_state[s], out[s], out[s + 1])
     return out
 
 
-@cached_njit(nogil=True)
+@cached_njit(nogil=True, error_model="numpy")
 def _filter_gains(
     by_state: np.ndarray, by_input: np.ndarray, column: np.ndarray, scale: np.ndarray, sd: np.ndarray, input_sd: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -81,25 +88,31 @@ def _filter_gains(
     """
     samples, n, channels = by_state.shape[0] + 1, by_state.shape[1], column.size
     gains, spread = np.zeros((samples, channels, n)), np.empty((samples, channels))
-    P, variance = np.zeros((n, n)), input_sd * input_sd
+    P, updated, variance = np.zeros((n, n)), np.zeros((n, n)), input_sd * input_sd
     for s in range(samples):
         for c in range(channels):
             state, h = column[c], scale[c]
             S = h * h * P[state, state] + sd[c] * sd[c]
             spread[s, c] = np.sqrt(S)
             if variance > 0.0:
-                gains[s, c] = h * P[:, state] / S
-                updated = P - np.outer(gains[s, c] * h, P[state])
-                P = 0.5 * (updated + updated.T)
+                for i in range(n):
+                    gains[s, c, i] = h * P[i, state] / S
+                    for j in range(n):
+                        updated[i, j] = P[i, j] - gains[s, c, i] * h * P[state, j]
+                for i in range(n):
+                    for j in range(n):
+                        P[i, j] = 0.5 * (updated[i, j] + updated[j, i])
         if s + 1 < samples and variance > 0.0:
             moved = np.zeros((n, n))
             _add_product(by_state[s], P, moved)
-            P = np.outer(variance * by_input[s], by_input[s])
+            for i in range(n):
+                for j in range(n):
+                    P[i, j] = variance * by_input[s, i] * by_input[s, j]
             _add_product(moved, by_state[s].T, P)
     return gains, spread
 
 
-@cached_njit(nogil=True)
+@cached_njit(nogil=True, error_model="numpy")
 def whiten(run: InnovationsFilter, values: np.ndarray, errors: np.ndarray) -> np.ndarray:
     """Innovations (N, channels, q), in standard deviations, of q independent sequences of measurements.
 
@@ -110,14 +123,17 @@ def whiten(run: InnovationsFilter, values: np.ndarray, errors: np.ndarray) -> np
     out, estimate = np.empty(values.shape), np.zeros((run.by_state.shape[1], q))
     for s in range(samples):
         for c in range(channels):
-            innovation = values[s, c] - run.scale[c] * estimate[run.column[c]]
-            out[s, c] = innovation / run.spread[s, c]
-            estimate += np.outer(run.gains[s, c], innovation)
+            for j in range(q):
+                innovation = values[s, c, j] - run.scale[c] * estimate[run.column[c], j]
+                out[s, c, j] = innovation / run.spread[s, c]
+                for i in range(estimate.shape[0]):
+                    estimate[i, j] += run.gains[s, c, i] * innovation
         if s + 1 < samples:
             moved = np.zeros(estimate.shape)
             _add_product(run.by_state[s], estimate, moved)
             estimate = moved
-            estimate[:, 0] -= run.by_input[s] * errors[s]
+            for i in range(estimate.shape[0]):
+                estimate[i, 0] -= run.by_input[s, i] * errors[s]
     return out
 
 
