@@ -88,7 +88,7 @@ def profile(found: Identification, name: str) -> Profile:
         raise InputError(f"{name}: a profile needs an identification by simulation")
     estimate = found[name]
     if not math.isfinite(estimate.sd) or estimate.sd == 0.0:
-        raise InputError(f"{name} has no standard deviation to take steps of: the log does not show it")
+        raise InputError(f"{name} has no finite standard deviation: the log does not determine it")
     free = next(parameter for parameter in best.parameters if parameter.name == name)
     scale = 1.0 if found.uncertainty.source == "noise" else best.reduced_cost
     values, rise = [], []
