@@ -249,7 +249,7 @@ def test_a_log_is_prepared_as_asked(run, tmp_path, plant):
                          "--out", "all")  # fmt: skip
     rows = pandas.read_csv(tmp_path / "all" / "summary.csv").set_index("file")
     steps = json.loads((tmp_path / "all" / "log" / "diagnosis.json").read_text())["preparation"]
-    assert status == 0 and "resampling makes a gap of its own" in err
+    assert status == 0 and "resampling alone causes a gap" in err
     assert rows.loc["log.csv", "verdict"] == "no_gap" and rows.loc["no.csv", "error"] == "no.csv: no such file"
     assert [step["kind"] for step in steps] == ["resample", "zero", "zero", "segment", "caution"]
     assert json.loads((tmp_path / "all" / "summary.json").read_text())["preparation"] == steps

@@ -89,7 +89,7 @@ def test_an_interrupted_campaign_says_what_is_kept_and_goes_on(tmp_path):
         first = len(file.read_text().splitlines()) - 1
 
     assert running.returncode == 130, err
-    assert err.strip().splitlines()[-1].startswith("ehsa-ctrl: interrupted; the runs that were done are kept in mc")
+    assert err.strip().splitlines()[-1].startswith("ehsa-ctrl: interrupted; finished runs are kept in mc")
     assert "Traceback" not in err
     assert first < 400
     done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
