@@ -223,7 +223,10 @@ def test_leakages_are_told_apart_as_promised():
         model = HypothesisModel(plant, log)
         scale = ResidualScale.of(model, NOISE).scale
         objective = Objective(model, ResidualScale({c: s for c, s in scale.items() if c != "position"}), nominal)
-        cost = {name: refit(objective, free[name], candidates[name], {}, steps=12, fresh=4).cost for name in candidates}
+        cost = {
+            name: refit(objective, free[name], candidates[name], {}, steps=12, renew_after=4).cost
+            for name in candidates
+        }
         wrong = next(name for name in candidates if name != true)
         return np.sqrt(max(cost[wrong] - cost[true], 0.0))
 
