@@ -8,10 +8,13 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
-from ehsa_ctrl.physics.effects._shaft_angle import ANGLE, over_samples, strongest_orders, with_angle
+from ehsa_ctrl.physics.effects._shaft_angle import ANGLE, over_samples, strongest_orders, two_waves, with_angle
 
 DT = 0.004
 RIPPLE = {"T_c": 0.06, "n_c": 3.0, "phi_c": 1.0}
+SECOND = {"a_c2": 0.7, "n_c2": 5.0, "phi_c2": -1.5}
+
+CURRENT = 1.6 * np.sin(np.linspace(0.0, 6.0, 251))
 
 
 def logged(rig, amplitude, seconds=12.0):
@@ -32,6 +35,46 @@ def test_order_size_and_phase_are_read_off_the_balance(plant, amplitude):
     assert first[0] == 3.0
     assert first[1] == pytest.approx(0.06, rel=0.1)
     assert first[2] == pytest.approx(1.0, abs=0.15)
+
+
+def test_two_waves_are_read_off_the_balance_together(plant):
+    """Orders 3 and 5, the second with 0.7 times the amplitude; a plain ripple, or none, has no second order."""
+    log = logged(plant.with_effects("torque_ripple", **RIPPLE, **SECOND), 1.6)
+
+    (n, size, phase), (n_2, size_2, phase_2) = two_waves(plant.values, log)
+
+    assert (n, n_2) == (3.0, 5.0)
+    assert (size, size_2) == pytest.approx((0.06, 0.042), rel=0.1)
+    assert (phase, phase_2) == pytest.approx((1.0, -1.5), abs=0.15)
+    assert not two_waves(plant.values, logged(plant, 1.6))
+
+
+def test_a_second_wave_of_the_same_order_and_phase_adds_its_amplitude(plant):
+    """The limit in closed form: T_c (1 + a_c2); with a_c2 = 0 the second order and phase change no bit."""
+    one = ehsa_ctrl.simulate(plant.with_effects("torque_ripple", **{**RIPPLE, "T_c": 0.09}), CURRENT)
+    same = {"a_c2": 0.5, "n_c2": RIPPLE["n_c"], "phi_c2": RIPPLE["phi_c"]}
+    two = ehsa_ctrl.simulate(plant.with_effects("torque_ripple", **RIPPLE, **same), CURRENT)
+    plain = ehsa_ctrl.simulate(plant.with_effects("torque_ripple", **RIPPLE), CURRENT)
+    neutral = ehsa_ctrl.simulate(plant.with_effects("torque_ripple", **RIPPLE, **{**SECOND, "a_c2": 0.0}), CURRENT)
+
+    np.testing.assert_allclose(two["omega"], one["omega"], rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(neutral.states, plain.states)
+
+
+def test_a_second_order_decides_between_the_turns_that_the_first_leaves_open(plant):
+    """A third of a turn changes nothing for an order of three; the order of five tells where the shaft stood."""
+    rig = plant.with_effects("torque_ripple", **RIPPLE, **SECOND)
+    log = logged(rig, 1.6)
+    angle = 2.0 * np.pi / 3.0
+    turned = {
+        "phi_c": RIPPLE["phi_c"] + 3.0 * angle - 2.0 * np.pi,
+        "phi_c2": SECOND["phi_c2"] + 5.0 * angle - 2.0 * np.pi,
+    }
+    nominal = rig.set(**turned)
+
+    moved = with_angle(nominal.values, log)[ANGLE][0] - with_angle(rig.values, log)[ANGLE][0]
+
+    assert np.mod(-moved, 2.0 * np.pi) == pytest.approx(angle, abs=0.05)
 
 
 def test_a_mean_over_a_sample_is_the_integral():
@@ -132,3 +175,19 @@ def test_a_ripple_is_named_with_its_size(plant):
     assert found.effects[0].parameters["T_c"].value == pytest.approx(0.5, rel=0.05)
     assert found.gap["with_effects"]["total"] < 0.3 * found.gap["nominal"]["total"]
     assert any("measured shaft angle" in sentence for sentence in found.findings)
+
+
+@pytest.mark.slow
+def test_two_waves_are_named_as_one_ripple(plant):
+    """Of neither harmonic order; both amplitudes and orders are reported."""
+    rig = plant.with_effects("torque_ripple", **{**RIPPLE, "T_c": 0.3}, **SECOND)
+    time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=12.0, seed=2)
+    log, _ = ehsa_ctrl.record(rig, time, current, seed=3, centre=True)
+
+    found = ehsa_ctrl.diagnose(plant, log)
+
+    assert [cause.id for cause in found.effects] == ["torque_ripple"]
+    numbers = {name: one.value for name, one in found.effects[0].parameters.items()}
+    assert (numbers["n_c"], numbers["n_c2"]) == pytest.approx((3.0, 5.0), abs=1e-3)
+    assert numbers["T_c"] == pytest.approx(0.3, rel=0.05)
+    assert numbers["a_c2"] == pytest.approx(0.7, rel=0.1)
