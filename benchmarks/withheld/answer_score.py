@@ -6,15 +6,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from effect_gap import UNCERTAIN
 from effects import IDS, place_of
 from effects_outside import OUTSIDE
 from gap import SIGNALS
 
-#: A listed effect counts as named from this probability on; the first of "effect" and "ambiguous" always.
+#: A listed effect counts as named from this probability on; the first one always where the verdict names causes.
 NAMED = 0.5
+#: Verdicts that name causes.
+NAMING = ("effect", "ambiguous", "partly", "parameters")
 FAILED = "failed"
 #: A size is right within this share of the true one, or this many deviations.
 SIZE_SHARE, SIZE_SDS = 0.1, 2.0
+#: Half a 95 % interval in standard deviations.
+HALF_INTERVAL = 1.96
 
 Name = tuple[str, str | None]
 
@@ -23,14 +28,15 @@ Name = tuple[str, str | None]
 class AnswerScore:
     """One case.
 
-    truth: ids of the causes, empty without a gap. answer: verdict, or "failed".
+    truth: ids of the causes, largest first, empty without a gap. answer: verdict, or "failed".
     first: first id, or the verdict if nothing is named. in_set: the first one's set contains a cause.
-    found: causes that are named, alone or in a set. wrong: named, and neither a cause nor a true parameter error
-    below the threshold; minor: the latter. probabilities: (K,) of the ids; labels: (K,) 1 cause, 0 not, None for an
-    equivalent of a cause.
+    found: causes that are named, alone or in a set; listed: those among the effects with any probability.
+    missed: causes that are not named. wrong: named, and neither a cause nor a true change below the threshold; minor:
+    number of the latter. probabilities: (K,) of the ids; labels: (K,) 1 cause, 0 not, None for an equivalent of a
+    cause and for a true change below the threshold.
     on_truth: mean probability given to the causes.
     sizes: for each cause named by its own id, whether its parameters are within the larger of 10 % and two standard
-    deviations.
+    deviations. in_interval: for each of those parameters, whether its 95 % interval holds the true value.
     closed, closable: share of the nominal gap that the answer closed on held-out data, and that the truth closes.
     """
 
@@ -45,13 +51,16 @@ class AnswerScore:
     in_set: bool
     set_size: int
     found: int
-    wrong: int
+    listed: int
+    missed: tuple[str, ...]
+    wrong: tuple[str, ...]
     minor: int
     place_right: bool
     probabilities: tuple[float, ...]
     labels: tuple[int | None, ...]
     on_truth: float
     sizes: tuple[bool, ...]
+    in_interval: tuple[bool, ...]
     closed: float | None
     closable: float | None
     largest: float
@@ -67,19 +76,25 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
     catalogued = [cause for cause, id in zip(causes, truth, strict=True) if id != OUTSIDE]
     effects: list[Mapping[str, Any]] = list(answer["effects"]) if answer else []
     verdict = str(answer["verdict"]) if answer else FAILED
-    answered = verdict in ("effect", "ambiguous")
+    answered = verdict in NAMING
     named = [e for i, e in enumerate(effects) if float(e["probability"]) >= NAMED or (answered and i == 0)]
     if verdict in ("no_gap", "underdetermined"):
         named = []
     found = [any(_covers(e, cause) for e in named) for cause in catalogued]
-    off = {_PARAMETER_IDS[p] for p in key.get("parameter_errors", {})}
+    off = {UNCERTAIN[p] for p in key.get("parameter_errors", {})}
     off |= {e["id"] for e in key.get("below_threshold", [])}
     stray = [e for e in named if not any(_covers(e, cause) for cause in catalogued)]
-    minor = sum(e["id"] in off for e in stray)
+    wrong = tuple(e["id"] for e in stray if e["id"] not in off)
     first = effects[0] if effects and verdict != "no_gap" else None
-    probabilities, labels = _scored(effects, catalogued)
+    probabilities, labels = _scored(effects, catalogued, off)
     on_truth = [
         max((float(e["probability"]) for e in effects if _matches(e, cause)), default=0.0) for cause in catalogued
+    ]
+    sized = [
+        (effect, e)
+        for effect in key["effects"]
+        for e in named
+        if _matches(e, {_name(effect)}) and _common_sizes(effect, e)
     ]
     places = {p for effect in key["effects"] for p in _places(effect)}
     where = max(answer["where"], key=lambda w: w["share"], default=None) if answer and answer.get("where") else None
@@ -95,18 +110,16 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
         in_set=bool(first and answered and any(_covers(first, cause) for cause in catalogued)),
         set_size=1 + len(first.get("ambiguous_with") or []) if first and answered else 0,
         found=sum(found),
-        wrong=len(stray) - minor,
-        minor=minor,
+        listed=sum(any(_covers(e, cause) for e in effects) for cause in catalogued) if verdict != "no_gap" else 0,
+        missed=tuple(id for id, there in zip((i for i in truth if i != OUTSIDE), found, strict=True) if not there),
+        wrong=wrong,
+        minor=len(stray) - len(wrong),
         place_right=bool(where and where["place"] in places),
         probabilities=probabilities,
         labels=labels,
         on_truth=sum(on_truth) / len(on_truth) if on_truth else float("nan"),
-        sizes=tuple(
-            _size_right(effect, e)
-            for effect in key["effects"]
-            for e in named
-            if _matches(e, {_name(effect)}) and _common_sizes(effect, e)
-        ),
+        sizes=tuple(_size_right(effect, e) for effect, e in sized),
+        in_interval=tuple(inside for effect, e in sized for inside in _in_interval(effect, e)),
         closed=_closed(answer, "with_effects") if answer else None,
         closable=_closed(key.get("held_out"), "truth"),
         largest=max(key["gap"][s] for s in SIGNALS),
@@ -114,15 +127,6 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
         load_cell=bool(key.get("load_cell", True)),
         seconds=float(answer["seconds"]) if answer and answer.get("seconds") is not None else None,
     )
-
-
-_PARAMETER_IDS = {
-    "J_M": "rotor_inertia", "K_T": "torque_constant", "A_FM": "motor_friction", "B_FM": "motor_viscous_friction",
-    "C_FM": "motor_friction", "tau_FM": "motor_friction", "K_L": "internal_leakage",
-    "V_10": "chamber_volume_variation", "V_20": "chamber_volume_variation", "beta": "bulk_modulus",
-    "M": "payload_mass", "A_FR": "rod_friction", "B_FR": "rod_viscous_friction", "C_FR": "rod_friction",
-    "tau_FR": "rod_friction", "K_S": "load_spring",
-}  # fmt: skip
 
 
 def _places(effect: Mapping[str, Any]) -> list[str]:
@@ -155,6 +159,15 @@ def _size_right(effect: Mapping[str, Any], answered: Mapping[str, Any]) -> bool:
     return True
 
 
+def _in_interval(effect: Mapping[str, Any], answered: Mapping[str, Any]) -> list[bool]:
+    """Whether value +- 1.96 sd holds the truth, for each common parameter; without an sd the interval is a point."""
+    out = []
+    for name in sorted(_common_sizes(effect, answered)):
+        true, got = float(effect["parameters"][name]), answered["parameters"][name]
+        out.append(abs(float(got["value"]) - true) <= HALF_INTERVAL * float(got["sd"] or 0.0))
+    return out
+
+
 def _matches(effect: Mapping[str, Any], cause: set[Name]) -> bool:
     return (effect["id"], effect.get("channel")) in cause
 
@@ -165,11 +178,12 @@ def _covers(effect: Mapping[str, Any], cause: set[Name]) -> bool:
 
 
 def _scored(
-    effects: list[Mapping[str, Any]], causes: list[set[Name]]
+    effects: list[Mapping[str, Any]], causes: list[set[Name]], off: set[str]
 ) -> tuple[tuple[float, ...], tuple[int | None, ...]]:
     """Probability and label of each id. Equivalents of a cause share its probability."""
     p = dict.fromkeys(IDS, 0.0)
-    label: dict[str, int | None] = dict.fromkeys(IDS, 0)
+    # A true change below the threshold is neither: it is present and does not matter.
+    label: dict[str, int | None] = {id: None if id in off else 0 for id in IDS}
     for e in effects:
         if e["id"] in p:
             p[e["id"]] = max(p[e["id"]], float(e["probability"]))

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from equivalent_ids import Names
 from rig import Rig
 from sensors import Sensors
-
-Names = tuple[tuple[str, str | None], ...]
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from cause import Bench, Effect
+from equivalent_ids import equivalents
 from gap import gap, largest, of_samples
 from plant import simulate
 from rig import Rig
@@ -86,11 +87,6 @@ class EffectGap:
 
     def of_parameter_error(self, name: str, error: float) -> Cause:
         """A relative parameter error as a cause."""
-        same: dict[str, tuple[tuple[str, str | None], ...]] = {
-            "K_T": (("sensor_scale", "current"),),
-            "B_FR": (("line_pressure_drop", None),) if error > 0.0 else (),
-            "beta": (("chamber_volume_variation", None),),
-        }
         effect = Effect(
             UNCERTAIN[name],
             f"{name} off",
@@ -98,6 +94,6 @@ class EffectGap:
             0.01,
             0.15,
             lambda b: {name: getattr(b.rig, name)},
-            counts_as=same.get(name, ()),
+            counts_as=equivalents(UNCERTAIN[name], more_drag=error > 0.0),
         )
         return self.of_effect(effect, error)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from cause import Bench, Conditions, Effect, choose_law, random_sign, scale_parameter, set_parameter
+from equivalent_ids import equivalents
 
 
 def draw_flow(c: Conditions, id: str) -> Effect:
@@ -27,8 +28,9 @@ def draw_flow(c: Conditions, id: str) -> Effect:
 
             return Effect(id, "laminar, not quite alike", out, 3e-16, 3e-12, lambda b: {"K_e": b.rig.K_e1})
         case "bulk_modulus":
-            same = (("chamber_volume_variation", None),)
-            return scale_parameter("beta", id, "constant", float(c.rng.choice([-1.0, -1.0, 1.0])), 0.03, 1.8, also=same)
+            return scale_parameter(
+                "beta", id, "constant", float(c.rng.choice([-1.0, -1.0, 1.0])), 0.03, 1.8, also=equivalents(id)
+            )
         case "entrained_air":
             law, k = choose_law(c, "isothermal", "polytropic", "polytropic, dissolving")
             return set_parameter(id, law, "air", 3e-4, 0.08, label="air_fraction", air_law=k)

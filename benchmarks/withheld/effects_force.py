@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from cause import Conditions, Effect, Names, choose_law, random_sign, scale_parameter, set_parameter
+from cause import Conditions, Effect, choose_law, random_sign, scale_parameter, set_parameter
+from equivalent_ids import equivalents
 
 
 def draw_rod(c: Conditions, id: str) -> Effect:
@@ -13,7 +14,7 @@ def draw_rod(c: Conditions, id: str) -> Effect:
             return scale_parameter("A_FR", id, law, random_sign(c), 0.01, 0.6, *(["C_FR"] if k else []))
         case "rod_viscous_friction":
             way = random_sign(c)
-            same: Names = (("line_pressure_drop", None),) if way > 0.0 else ()
+            same = equivalents(id, more_drag=way > 0.0)
             return scale_parameter("B_FR", id, "constant", way, 0.01, 0.8, also=same)
         case "load_dependent_friction":
             law, k = choose_law(c, "|A dP|", "higher pressure")
@@ -36,7 +37,7 @@ def draw_rod(c: Conditions, id: str) -> Effect:
                 c, "laminar, oil at the pump", "turbulent, oil at the pump", "turbulent, oil at the cylinder"
             )
             if k == 0.0:
-                return set_parameter(id, law, "R_lam", 1e7, 5e9, also=(("rod_viscous_friction", None),))
+                return set_parameter(id, law, "R_lam", 1e7, 5e9, also=equivalents(id))
             return set_parameter(id, law, "R_turb", 3e10, 5e13, line_law=float(k == 2.0))
     raise KeyError(id)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from cause import Conditions, Effect, Names, random_sign
+from cause import Conditions, Effect, random_sign
+from equivalent_ids import equivalents
 from sensors import CHANNELS
 
 
@@ -21,10 +22,7 @@ def draw_sensor(c: Conditions, id: str) -> Effect:
         low, high = 3e-4, 0.03
         kind, to = ("delay" if id == "sensor_delay" else "lag"), lambda s: s
     way = random_sign(c)
-    same: Names = ()
-    if channel == "current":
-        same = (("torque_constant", None),) if id == "sensor_scale" else (("current_offset", None),)
     return Effect(
         id, channel, lambda b, s: b.with_sensor(kind, channel, to(s)), low, high,
-        lambda b: {"value": getattr(b.sensors, kind)[channel]}, channel, same,
+        lambda b: {"value": getattr(b.sensors, kind)[channel]}, channel, equivalents(id, channel),
     )  # fmt: skip

@@ -5,14 +5,13 @@ from __future__ import annotations
 from math import pi
 
 from cause import Conditions, Effect, choose_law, random_sign, scale_parameter, set_parameter
+from equivalent_ids import equivalents
 
 
 def draw_torque(c: Conditions, id: str) -> Effect:
     match id:
         case "torque_constant":
-            return scale_parameter(
-                "K_T", id, "constant", random_sign(c), 0.004, 0.25, also=(("sensor_scale", "current"),)
-            )
+            return scale_parameter("K_T", id, "constant", random_sign(c), 0.004, 0.25, also=equivalents(id))
         case "torque_saturation":
             law, k = choose_law(c, "rational", "tanh", "atan")
             return set_parameter(id, law, "k_sat", 0.02, 0.5, saturation_law=k)
@@ -38,9 +37,7 @@ def draw_torque(c: Conditions, id: str) -> Effect:
             law, k = choose_law(c, "constant", "mixed film")
             return set_parameter(id, law, "c_f", 0.005, 0.3, loss_law=k)
         case "current_offset":
-            return set_parameter(
-                id, "constant", "I_0", 0.003, 0.3, direction=random_sign(c), also=(("sensor_bias", "current"),)
-            )
+            return set_parameter(id, "constant", "I_0", 0.003, 0.3, direction=random_sign(c), also=equivalents(id))
         case "drive_lag":
             law, k = choose_law(c, "first order", "two equal lags")
             return set_parameter(id, law, "tau_I", 3e-4, 0.02, lag_law=k)

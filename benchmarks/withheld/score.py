@@ -9,7 +9,6 @@ Without key.json in the folder the answers are printed and not scored.
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import shlex
 import shutil
@@ -17,13 +16,15 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from answer_score import AnswerScore, score_answer
+from answer_score import score_answer
+from failures import failure_table
 from joblib import Parallel, delayed
-from score_statistics import Figure, confusion, sections
+from key_formats import read_key
+from score_files import table, write
+from score_statistics import sections
 
 
 def command(tool: Sequence[str], model_settings: dict[str, Any], out: Path) -> list[str]:
@@ -80,44 +81,10 @@ def verdict_lines(answers: Path, names: Sequence[str]) -> list[str]:
     return lines
 
 
-def score_answers(cases: Path, answers: Path, names: Sequence[str]) -> list[AnswerScore]:
-    key = json.loads((cases / "key.json").read_text())
-    out = []
-    for name in names:
-        file = answers / name / "diagnosis.json"
-        out.append(score_answer(name, key[name], json.loads(file.read_text()) if file.exists() else None))
-    return out
-
-
-def table(figures: dict[str, list[Figure]]) -> str:
-    lines = []
-    for heading, rows in figures.items():
-        lines += ["", f"**{heading}**", "", "| | value | 95 % interval | cases |", "|---|---|---|---|"]
-        lines += [row.text() for row in rows]
-    return "\n".join(lines[1:])
-
-
-def write(rows: list[AnswerScore], figures: dict[str, list[Figure]], folder: Path) -> None:
-    """score.md, score.json, cases.csv and confusion.csv beside the answers."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "score.md").write_text(table(figures) + "\n")
-    plain = {heading: [asdict(f) for f in part] for heading, part in figures.items()}
-    (folder / "score.json").write_text(json.dumps(plain, indent=1) + "\n")
-    with (folder / "cases.csv").open("w", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        shown = (
-            "name", "family", "verdict", "truth", "laws", "largest", "answer", "first", "top_1", "in_set", "set_size",
-            "found", "wrong", "minor", "on_truth", "closed", "closable", "seconds",
-        )  # fmt: skip
-        writer.writerow(shown)
-        for row in rows:
-            cells = [getattr(row, name) for name in shown]
-            writer.writerow([" + ".join(c) if isinstance(c, tuple) else c for c in cells])
-    down, across, counts = confusion(rows)
-    with (folder / "confusion.csv").open("w", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["truth \\ answer", *across])
-        writer.writerows([id, *map(int, row)] for id, row in zip(down, counts, strict=True))
+def read_answers(answers: Path, names: Sequence[str]) -> dict[str, dict[str, Any] | None]:
+    """The diagnosis.json of each case, None without one."""
+    files = {name: answers / name / "diagnosis.json" for name in names}
+    return {name: json.loads(file.read_text()) if file.exists() else None for name, file in files.items()}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -151,10 +118,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not keyed:
         print("\n".join(verdict_lines(answers, names)))
         return
-    rows = score_answers(options.cases, answers, names)
-    figures = sections(rows)
-    write(rows, figures, answers)
-    print(table(figures))
+    keys, given = read_key(options.cases / "key.json"), read_answers(answers, names)
+    rows = [score_answer(name, keys[name], given[name]) for name in names]
+    figures, failures = sections(rows), failure_table(rows, keys, given)
+    write(rows, figures, failures, answers)
+    print(f"{table(figures)}\n\n{failures}")
 
 
 if __name__ == "__main__":
