@@ -142,7 +142,7 @@ def last_third(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, f
         if abs(estimate.values[begin, column]) < ZERO_SPEED * estimate.sd[begin, column]:
             start[contact.velocity] = 0.0
     for effect in map(EFFECTS.__getitem__, model_plant.structure.effects):
-        start |= {s.name: float(s.along(log)[begin]) for s in effect.states if s.along is not None}
+        start |= {s.name: float(s.along(log, plant.values)[begin]) for s in effect.states if s.along is not None}
     piece = log.rows(begin, len(log))
     return log.rows(0, edge), Segment(HypothesisModel(model_plant, piece, start), edge - begin, noise, name)
 

@@ -19,6 +19,8 @@ from ehsa_ctrl.simulation.plant_code import plant_code
 WIRED = [name for name, effect in EFFECTS.items() if effect.wired and effect.parameters]
 #: Sizes at which those act that are typically out of reach.
 REACHED = {"end_stop": 0.02, "relief_valve": 24e5, "anti_cavitation": 19e5}
+#: Further forms of their laws.
+FORMS = {"a_c2": 0.5, "E_w": 50.0}
 CURRENT = 2.0 * np.sin(np.linspace(0, 20, 1001))
 
 
@@ -64,7 +66,7 @@ def test_an_effect_is_felt(every, loaded, name):
 def test_compiled_and_plain_agree_with_every_effect_on(every):
     """Nothing of an effect is lost between its function and the engine."""
     on = {key: value for name in WIRED if name != "drive_delay" for key, value in sizes(name).items()}
-    plant = every.set(**{**on, "x_stop": 0.05})
+    plant = every.set(**{**on, **FORMS, "x_stop": 0.05})
     current = 2.5 * np.sin(np.linspace(0, 6, 76))
     run = simulate(plant, current, tolerance=1e-9)
     reference = simulate_reference(plant, current, method="LSODA", rtol=1e-9)

@@ -62,14 +62,14 @@ class EffectState:
     """A state that an effect adds; its rate is the signal NAME_dot of the effect. scale: as in `plant.system.State`.
 
     In a run that starts in motion, its initial value is zero, or that of the input `starts_at`, or that of `along`
-    (log -> (N,)) at the sample.
+    (log, plant's parameters -> (N,)) at the sample.
     """
 
     name: str
     unit: str
     scale: float
     starts_at: str | None = None
-    along: Callable[[Log], np.ndarray] | None = None
+    along: Callable[[Log, Mapping[str, float]], np.ndarray] | None = None
 
 
 @dataclass(frozen=True)

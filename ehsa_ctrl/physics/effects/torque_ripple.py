@@ -64,7 +64,7 @@ effect = Effect(
         EffectParameter("n_c2", "1", "its periods per turn", 72.0, 72.0, 1.0, 200.0, shape=True),
         EffectParameter("phi_c2", "rad", "its phase at the start", 0.0, 0.0, -7.0, 7.0, shape=True),
     ),
-    states=(EffectState("theta", "rad", 1.0, along=angle_of),),
+    states=(EffectState("theta", "rad", 1.0, along=lambda log, plant: angle_of(log)),),
     adds={"theta_dot": angle_rate},
     candidates=candidates,
     # A small error of the simulated speed soon makes the angle wrong by whole turns; the ripple would act as noise.
