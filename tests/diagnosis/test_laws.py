@@ -1,10 +1,15 @@
-"""Laws of another form: logs of a bench written apart from this project are named by the right effect."""
+"""Laws of another form are named by the right effect: logs of a bench written apart from this project, and of SciPy."""
 
 import json
 
+import numpy as np
 import pytest
 
 import ehsa_ctrl
+from ehsa_ctrl.core.log import Log
+
+#: Noise of the bench's sensors, SI units.
+NOISE = {"current": 0.005, "speed": 0.5, "p1": 15e3, "p2": 15e3, "position": 2e-5}
 
 pytestmark = pytest.mark.slow
 
@@ -25,4 +30,33 @@ def test_the_law_is_named_with_the_parameter_of_its_form(shared_logs, name, id, 
 
     assert [cause.id for cause in found.effects] == [id]
     assert law in found.effects[0].parameters
+    assert found.gap["with_effects"]["total"] < 0.2 * found.gap["nominal"]["total"]
+
+
+def scipy_log(rig, current):
+    """A log of SciPy's integrator, with the equations in plain Python, and the bench's noise."""
+    run = ehsa_ctrl.simulate_reference(rig, current, method="LSODA", rtol=1e-7)
+    states = dict(zip(["speed", "p1", "p2", "v", "position"], run.states.T[:5], strict=True))
+    channels = {"current": current, **{name: states[name] for name in NOISE if name in states}}
+    rng = np.random.default_rng(1)
+    noisy = {name: values + NOISE[name] * rng.standard_normal(len(current)) for name, values in channels.items()}
+    return Log(0.004 * np.arange(len(current)), noisy)
+
+
+@pytest.mark.parametrize(
+    ("id", "form"),
+    [
+        ("pump_torque_loss", {"c_f": 0.0, "c_w": 1e-3}),
+        ("pump_torque_loss", {"c_f": 0.12, "b_f": 2.0, "w_f": 40.0}),
+    ],
+)
+def test_a_log_of_another_integrator_is_named(plant, id, form):
+    """Under a spring, which loads the pump at all speeds; nothing else is named."""
+    loaded = plant.set(K_S=5e4)
+    _, current = ehsa_ctrl.excitation("noise", amplitude=4.0, duration=12.0, seed=2)
+    log = scipy_log(loaded.with_effects(id, **form), current)
+
+    found = ehsa_ctrl.diagnose(loaded, log)
+
+    assert [cause.id for cause in found.effects] == [id]
     assert found.gap["with_effects"]["total"] < 0.2 * found.gap["nominal"]["total"]

@@ -2,7 +2,7 @@
 
 Each line has a laminar and a turbulent drop, R_lam Q + R_turb Q |Q| with Q = A v. P_1 and P_2 remain the pressures at
 the ports, where the sensors and nearly all of the oil are; the drops reduce the force on the piston. The laminar part
-acts exactly as additional viscous friction of the rod, 2 A^2 R_lam.
+acts exactly as additional viscous friction of the rod, 2 A^2 R_lam, the turbulent part as drag 2 A^3 R_turb v |v|.
 """
 
 from collections.abc import Mapping
@@ -32,10 +32,10 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
 
 
 def equivalent_effects(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
-    """A laminar drop acts as viscous friction of the rod, 2 A^2 R_lam."""
+    """A laminar drop acts as viscous friction of the rod, 2 A^2 R_lam; a turbulent one as drag, 2 A^3 R_turb v |v|."""
     laminar, turbulent = found.get("R_lam", 0.0), found.get("R_turb", 0.0) * plant["A"] * speed
     if turbulent >= LAMINAR * (laminar + turbulent):
-        return {}
+        return {"rod_drag": "a turbulent drop between pump ports and chambers acts as drag of the rod ~ v |v|"}
     return {"rod_viscous_friction": "a laminar drop between pump ports and chambers acts as viscous friction"}
 
 
