@@ -91,6 +91,7 @@ class DiagnosisOutcome:
         plant = self.found.plant if self.change is None else self.change.before.plant
         return {
             **(self.change or self.found).to_dict(),
+            "improved": improved_name(self.found),
             "preparation": self.steps,
             "rests_on": provenance([plant], [file for file in self.files if file is not None]),
         }
@@ -162,7 +163,7 @@ def command(
     output.deliver(
         "diagnose", "diagnosis.json", outcome.to_dict(), print_result, stored=outcome.stored(),
         files=lambda draft: write_files(draft, outcome),
-        then=f"; use the corrected plant as --plant {improved}" if improved else "",
+        then=f"; use the {_quality(found)} plant as --plant {improved}" if improved else "",
     )  # fmt: skip
     if output.as_json:
         return
@@ -172,10 +173,25 @@ def command(
         print(line)
 
 
+def _quality(found: Diagnosis) -> str:
+    """What the improved plant is worth."""
+    from ..diagnosis.diagnosis import NAMING
+
+    if found.verdict == "partly":
+        return "partly corrected"
+    return "corrected" if found.verdict in NAMING else "refitted (no cause is named)"
+
+
 def _improved_path(out: Path, found: Diagnosis) -> Path | None:
-    """File of the corrected plant; None without one, and for a plant that does not come from a file."""
+    """File of the improved plant; None without one."""
+    name = improved_name(found)
+    return out / name if name is not None else None
+
+
+def improved_name(found: Diagnosis) -> str | None:
+    """Name of the improved plant's file; None without a gap, and for a plant that does not come from a file."""
     exists = found.improved is not None and found.plant.path is not None
-    return out / f"{found.plant.name}_improved.toml" if exists else None
+    return f"{found.plant.name}_improved.toml" if exists else None
 
 
 def _diagnose(

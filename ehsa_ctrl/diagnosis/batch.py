@@ -24,7 +24,7 @@ from ..identification.plant_log import read_plant_log
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .diagnose import check_threshold, diagnose
-from .diagnosis import Diagnosis
+from .diagnosis import NAMING, Diagnosis
 
 if TYPE_CHECKING:
     import pandas
@@ -117,7 +117,7 @@ class LogBatch(Result):
         """First cause (or verdict if no cause is named) -> number of logs, the most frequent first."""
         found: dict[str, int] = {}
         for row in self.rows:
-            named = row.verdict in ("effect", "ambiguous")
+            named = row.verdict in NAMING
             word = "failed" if row.error else row.cause if named else row.verdict
             found[word] = found.get(word, 0) + 1
         return dict(sorted(found.items(), key=lambda item: -item[1]))

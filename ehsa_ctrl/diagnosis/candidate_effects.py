@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -90,3 +91,23 @@ def friction_levels(plant: Plant, log: Log) -> dict[str, float]:
             found |= {f"A_{contact.suffix}": max(level, 0.0), f"B_{contact.suffix}": max(slope, 0.0)}
             found |= {contact.constant: offset} if contact.constant else {}
     return found
+
+
+def with_parameters(
+    members: Sequence[CandidateEffect],
+    parameters: Sequence[str],
+    candidates: Sequence[CandidateEffect],
+    ids: Mapping[str, str],
+) -> tuple[CandidateEffect, ...]:
+    """Effects together with those that stand for wrong nominal parameters, each in its smallest form that holds them.
+
+    ids: parameter -> id of the effect. A parameter that a member sets free already is left out.
+    """
+    found = list(members)
+    for id in dict.fromkeys(ids[name] for name in parameters if name in ids):
+        wanted = {name for name in parameters if ids.get(name) == id}
+        forms = [c for c in candidates if c.id == id and c.channel is None and set(c.names) & wanted]
+        forms = [c for c in forms if not any(set(c.names) & set(m.names) for m in found)]
+        if forms:
+            found.append(min(forms, key=lambda c: (len(wanted - set(c.names)), len(c.names))))
+    return tuple(found)

@@ -10,14 +10,16 @@ import numpy as np
 from ..core.log import CHANNELS, Log
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
-from .diagnosis import Cause, CauseParameter
-from .hypothesis_model import law_switches
-from .model_selection import Selection
+from .diagnosis import Cause, CauseParameter, RelatedEffect
+from .hypothesis_model import is_applicable, law_switches
+from .model_selection import Reference, Selection
 from .scoring import CauseKey, ScoredHypothesis, Scoring, effect_id_by_parameter, standard_deviations
 from .signals import largest
 
 #: Candidates below this probability are not listed. Engineering judgement.
 MIN_PROBABILITY = 0.02
+#: Hypotheses whose effects are listed as near to what stays unexplained.
+NEAREST = 3
 
 
 def build_causes(
@@ -63,14 +65,30 @@ def build_causes(
     return tuple(found)
 
 
+def related_effects(selection: Selection, scoring: Scoring, reference: Reference) -> tuple[RelatedEffect, ...]:
+    """Effects of the nearest hypotheses that are not claimed, each with what its hypothesis closes; the best first."""
+    claimed = selection.chosen.causes if selection.named else ()
+    found: dict[CauseKey, RelatedEffect] = {}
+    for scored in selection.ranked[:NEAREST]:
+        closed = reference.closed(scored)[1]
+        sd = standard_deviations(scored.fit, scoring.weight)
+        for key in scored.causes:
+            if key not in claimed and closed > 0.0 and (key not in found or closed > found[key].gap_closed):
+                found[key] = RelatedEffect(*key, closed, _parameters(key, scored, scoring, sd))
+    return tuple(sorted(found.values(), key=lambda one: -one.gap_closed))
+
+
 def _equivalent_effects(id: str, values: Mapping[str, float], plant: Plant, log: Log) -> Mapping[str, str]:
-    """Effects that are equivalent to this one on any log of a hydraulic plant: id -> reason."""
+    """Effects of the plant that are equivalent to this one on any log: id -> reason."""
     equivalent = EFFECTS[id].equivalent_effects
-    if equivalent is None or plant.structure.chambers is None:
+    if equivalent is None:
         return {}
     slopes = [one.channel for one in plant.structure.system.scored if one.span and one.channel in log.channels]
     speed = max((float(np.max(np.abs(np.diff(log[channel])))) / log.sample_time for channel in slopes), default=0.0)
-    return equivalent(values, plant.values, speed)
+    found = equivalent(values, plant.values, speed)
+    return {
+        other: why for other, why in found.items() if not EFFECTS[other].wired or is_applicable(plant.structure, other)
+    }
 
 
 def _further_candidates(selection: Selection, scoring: Scoring) -> list[Cause]:
@@ -103,6 +121,8 @@ def _parameters(
     out = {}
     for free in (free for c in scored.fit.candidates if c.key == key for free in c.free):
         name = free.name
+        if ids.get(name, key[0]) != key[0]:
+            continue
         deviation = 0.0 if free.fixed else sd.get(name, np.nan)
         setting, dot, channel = name.partition(".")
         if name in switches:
@@ -116,7 +136,7 @@ def _parameters(
             out["value"] = CauseParameter(values[name], deviation, unit)
     for f in scored.fit.free:
         if (ids.get(f.name), None) == key and f.name not in out:
-            out[f.name] = CauseParameter(values[f.name], f.scale, kinds[f.name])
+            out[f.name] = CauseParameter(values[f.name], sd.get(f.name, f.scale), kinds[f.name])
     return out
 
 

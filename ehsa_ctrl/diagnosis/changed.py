@@ -10,7 +10,7 @@ from ..core.log import Log, named
 from ..core.result import Result, as_dict
 from ..plant.plant import Plant
 from .diagnose import diagnose
-from .diagnosis import Cause, Diagnosis
+from .diagnosis import NAMING, Cause, Diagnosis
 from .hypothesis_model import with_every_effect
 from .hypothesis_search import Watch
 from .improved_plant import improved_plant
@@ -41,7 +41,7 @@ class Change(Result):
     @property
     def new(self) -> tuple[Cause, ...]:
         """Causes that are new in the second log; empty if the verdict names none."""
-        return self.after.effects if self.after.verdict in ("effect", "ambiguous") else ()
+        return self.after.effects if self.after.verdict in NAMING else ()
 
     @property
     def sentence(self) -> str:
@@ -51,7 +51,7 @@ class Change(Result):
         elif self.new:
             named = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in self.new)
             first = f"Changed between the logs: {named}."
-        elif self.before.verdict == "no_gap" or self.before.improved is not None:
+        elif self.before.verdict in ("no_gap", *NAMING):
             first = f"Something changed between the logs. {self.after.sentence}"
         else:
             # The unexplained gap of the first log is in the second log too.
@@ -124,7 +124,7 @@ def _with_label(watch: Watch | None, word: str) -> Watch | None:
 
 def _adapt_plant(first: Diagnosis) -> tuple[Plant, str]:
     """The plant adapted to the first log, and how, in words."""
-    if first.improved is not None:
+    if first.verdict in NAMING and first.improved is not None:
         names = " and ".join(cause.name for cause in first.effects)
         return first.improved, f"the rig already differed from the nominal plant by {names}"
     if first.verdict == "no_gap":

@@ -23,8 +23,9 @@ from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .candidate_effects import candidate_effects
-from .causes import build_causes
+from .causes import build_causes, related_effects
 from .diagnosis import MODELS, Cause, Diagnosis, RankedHypothesis
+from .explanation import explain, only_parameters, with_absorbed_parameters
 from .gap_attribution import Location, attribute_gap
 from .hypothesis_model import (
     STRIBECK_SPECIAL_CASES,
@@ -35,12 +36,13 @@ from .hypothesis_model import (
     law_switches,
     with_every_effect,
 )
-from .hypothesis_search import Hypotheses, Pool, Watch, search
+from .hypothesis_search import Hypotheses, Pool, Watch, screen, search
 from .improved_plant import improved_plant
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
 from .refit import objective_of, refit_nominal
-from .scoring import ScoredHypothesis, Scoring, score_hypotheses, standard_deviations
+from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses, standard_deviations
+from .several_parameters import with_several_parameters
 from .signals import estimate_noise, largest
 from .validation_segment import Segment, initial_state, last_third, prepare_replay, replayed_effects, whole_log
 from .verdict_text import advice, name_of
@@ -124,12 +126,20 @@ def diagnose(
     pool = Pool(jobs or os.cpu_count() or 1, watch)
     hypotheses = Hypotheses.initial(objective, candidate_effects(segments.training.model), sensitivities, pool)
     hypotheses = search(hypotheses, lumped=lumped)
+    if not lumped:
+        hypotheses = with_several_parameters(
+            hypotheses, screen(hypotheses), effect_id_by_parameter(prepared.model.plant), threshold
+        )
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, threshold, lumped=lumped)
     hypotheses, scores, superseded = score_hypotheses(hypotheses, scoring)
-    selection = select_model(scores, Reference.of(scoring), threshold)
+    reference = Reference.of(scoring)
+    selection = select_model(scores, reference, threshold)
+    selection, hypotheses = with_absorbed_parameters(selection, hypotheses, scoring, reference, threshold)
     nominal_refit = refit_nominal(objective, sensitivities, 1.0 if lumped else REFIT_PRIOR_FACTOR)
     known = [*superseded, *scores]
-    return _diagnose_selection(prepared, segments, gaps, hypotheses, scoring, selection, known, nominal_refit, began)
+    return _diagnose_selection(
+        prepared, segments, gaps, hypotheses, scoring, reference, selection, known, nominal_refit, began
+    )
 
 
 def prepare_log(plant: Plant, log: Log, validate: Log | None, threshold: float, *, check: bool) -> PreparedLog:
@@ -250,6 +260,7 @@ def _diagnose_selection(
     gaps: Mapping[str, float],
     hypotheses: Hypotheses,
     scoring: Scoring,
+    reference: Reference,
     selection: Selection,
     known: Sequence[ScoredHypothesis],
     nominal_refit: Setting,
@@ -260,20 +271,34 @@ def _diagnose_selection(
     known: all hypotheses that were scored. nominal_refit: nominal parameters refitted without any effect.
     """
     plant, log, chosen, held_out = prepared.plant, prepared.log, selection.chosen, segments.held_out
+    sd = standard_deviations(chosen.fit, scoring.weight)
+    changed = {n: v for n, v in chosen.fit.values.items() if v != prepared.model.nominal_value(n)}
+    improved = improved_plant(plant, chosen.fit.candidates, changed, sd)
+    explanation = explain(
+        selection, reference, prepared.threshold, improved, log, prepared.noise, len(segments.training.model.log),
+        prepared.validation,
+    )  # fmt: skip
+    selection = replace(selection, verdict=explanation.verdict)
+    if not selection.named:
+        refitted = {n: v for n, v in nominal_refit.items() if v != prepared.model.nominal_value(n)}
+        improved = improved_plant(plant, (), refitted, {})
     with_effects = chosen.fit.values if selection.named else nominal_refit
     values: dict[str, Setting] = {"nominal": {}, "refit": nominal_refit, "with_effects": with_effects}
     location = attribute_gap(plant, log, prepared.noise)
     gap = {model: held_out.gap(setting) for model, setting in values.items()}
     gap["upper_bound"] = _upper_bound(gap, location)
-    sd = standard_deviations(chosen.fit, scoring.weight)
     causes: tuple[Cause, ...] = ()
     if selection.verdict != "outside_catalogue":
         causes = build_causes(plant, selection, scoring, known, sd, gap, log)
-    # Effects that are equivalent on any log make the verdict ambiguous too.
-    ambiguous = selection.verdict == "effect" and any(cause.ambiguous_with for cause in causes)
-    verdict = "ambiguous" if ambiguous else selection.verdict
+    verdict = selection.verdict
+    if verdict in ("effect", "ambiguous"):
+        told = all(set(cause.ambiguous_with) <= set(cause.why_same) for cause in causes)
+        if told and only_parameters(selection.chosen.causes, plant):
+            verdict = "parameters"
+        elif any(cause.ambiguous_with for cause in causes):
+            # Effects that are equivalent on any log make the verdict ambiguous too.
+            verdict = "ambiguous"
     experiment = deciding_experiment(selection, hypotheses, prepared.noise)
-    changed = {n: v for n, v in chosen.fit.values.items() if v != prepared.model.nominal_value(n)}
     least = selection.ranked[0].deviance
     return _build_diagnosis(
         prepared,
@@ -293,7 +318,10 @@ def _diagnose_selection(
         location=location,
         next_experiment=experiment.words if experiment else advice(verdict, causes, plant.structure.system),
         experiment=experiment,
-        improved=improved_plant(plant, chosen.fit.candidates, changed, sd) if selection.named else None,
+        improved=replace(improved, title=f"{plant.title} (diagnosis: {verdict})"),
+        floor=reference.floors[1],
+        rest=explanation.rest,
+        nearest=related_effects(selection, scoring, reference) if verdict in ("outside_catalogue", "partly") else (),
         runs=hypotheses.objective.count.total,
     )
 

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from .gap_attribution import Location
     from .next_experiment import NextExperiment
 
-Verdict = Literal["no_gap", "effect", "ambiguous", "outside_catalogue", "underdetermined"]
+Verdict = Literal["no_gap", "effect", "ambiguous", "partly", "parameters", "outside_catalogue", "underdetermined"]
+#: Verdicts that name causes.
+NAMING: tuple[Verdict, ...] = ("effect", "ambiguous", "partly", "parameters")
 #: The models of which a result gives the gap.
 MODELS = {
     "nominal": "nominal plant",
@@ -96,6 +98,20 @@ class RankedHypothesis:
     gap: float
 
 
+@dataclass(frozen=True)
+class RelatedEffect:
+    """An effect that is near to what stays unexplained, and is not claimed.
+
+    gap_closed: share of the nominal gap in total that its hypothesis closes on held-out data. parameters: its numbers
+    in that hypothesis.
+    """
+
+    id: str
+    channel: str | None
+    gap_closed: float
+    parameters: Mapping[str, CauseParameter]
+
+
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Result):
     """Where a log differs from the nominal plant, which effect is the cause, and how much of the gap it closes.
@@ -111,9 +127,12 @@ class Diagnosis(Result):
     noise_sd: channel -> standard deviation of its noise, SI units.
     values: model -> parameters and sensor settings that differ from the nominal plant.
     simulated: model -> channel -> (N,) free run over the whole log.
+    floor: signal -> gap on held-out data that sensor noise, noise of the logged input and single slips make.
+    nearest: effects near to what stays unexplained, not claimed ("outside_catalogue" and "partly").
+    rest: the free curve that closes most of what the causes leave, in words; None if none closes much of it.
     candidates: all scored hypotheses, the best first.
     location: place of the gap, found without the catalogue of effects.
-    improved: the plant with the causes added; None if no cause is named.
+    improved: the plant with the causes added, or with refitted nominal parameters if none is named; None without a gap.
     next_experiment: the proposed experiment in words. experiment: its input, if there is one.
     findings: warnings on the log and notes on the gaps. seconds: computing time. runs: number of simulations.
     """
@@ -130,6 +149,9 @@ class Diagnosis(Result):
     noise_sd: Mapping[str, float]
     values: Mapping[str, Mapping[str, float]]
     simulated: Mapping[str, Mapping[str, np.ndarray]] = field(repr=False)
+    floor: Mapping[str, float] = field(default_factory=dict)
+    nearest: tuple[RelatedEffect, ...] = ()
+    rest: str | None = None
     candidates: tuple[RankedHypothesis, ...] = ()
     location: Location | None = None
     improved: Plant | None = field(default=None, repr=False)
@@ -157,7 +179,14 @@ class Diagnosis(Result):
         return gap(shared, simulated, noise) if shared else None
 
     @property
-    def nearest(self) -> str:
+    def explained(self) -> float:
+        """Share of the nominal gap in total that the causes close on held-out data."""
+        before, after = (self.gap[model]["total"] for model in ("nominal", "with_effects"))
+        named = self.verdict in NAMING and before > 0.0
+        return float(np.clip(1.0 - after / before, 0.0, 1.0)) if named else 0.0
+
+    @property
+    def nearest_sentence(self) -> str:
         """The most similar set of effects if none is the cause; empty if it closes less than half of the gap."""
         return nearest_sentence(self)
 
@@ -171,13 +200,13 @@ class Diagnosis(Result):
         plant, log = self.plant, self.log
         return as_dict(
             self, "verdict sentence gap held_out noise_sd next_experiment threshold candidates location findings "
-            "seconds runs provenance",
+            "seconds runs provenance explained floor nearest nearest_sentence rest",
             log=log.path, samples=len(log), sample_time=log.sample_time,
             plant=plant.name, plant_title=plant.title, model=plant.model,
             settings={p.name: p.written for p in plant.parameters.values() if p.source == "given"},
             where=[{"place": place, "share": share} for place, share in self.where],
             effects=[self._described(cause) for cause in self.effects],
-            gap_whole_log=self.whole, nearest_sentence=self.nearest,
+            gap_whole_log=self.whole, law=None,
         )  # fmt: skip
 
     def _described(self, cause: Cause) -> dict[str, Any]:
@@ -231,8 +260,8 @@ class Diagnosis(Result):
             lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")
             if cause.ambiguous_with:
                 lines.append(f"    this log can't separate it from {' and '.join(cause.ambiguous_with)}")
-        if self.nearest:
-            lines.append(f"  {self.nearest}")
+        if self.nearest_sentence:
+            lines.append(f"  {self.nearest_sentence}")
         if self.next_experiment:
             lines.append(f"  next experiment: {self.next_experiment}")
         return "\n".join(lines)

@@ -49,7 +49,7 @@ def with_every_effect(plant: Plant, rod_friction: str | None = None) -> Plant:
         laws["rod_friction"] = rod_friction
     structure = replace(plant.structure, **laws)
     known = effects_with_parameters()
-    wired = [name for name in known if _is_applicable(structure, name)]
+    wired = [name for name in known if is_applicable(structure, name)]
     # The same order for all plants, whatever effects they have, so that they share the compiled engine.
     structure = replace(structure, effects=(*(n for n in plant.structure.effects if n not in known), *wired))
     absent = {p.name: p.neutral for n in wired for p in EFFECTS[n].parameters if n not in plant.structure.effects}
@@ -102,7 +102,7 @@ def lacks_dry_friction(plant: Plant) -> bool:
     return not any(plant[name] for name in levels if name in plant.parameters)
 
 
-def _is_applicable(structure: Structure, effect: str) -> bool:
+def is_applicable(structure: Structure, effect: str) -> bool:
     """Whether a system has the signals that an effect changes and needs."""
     try:
         return bool(replace(structure, effects=(effect,)).equations)

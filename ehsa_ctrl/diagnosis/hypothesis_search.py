@@ -90,6 +90,11 @@ class Hypotheses:
         chosen = [fit for fit in self.fits.values() if size is None or len(fit.candidates) == size]
         return sorted(chosen, key=lambda fit: fit.cost)
 
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers of effects in the fitted hypotheses, from one on."""
+        return sorted({len(key) for key in self.fits} - {0})
+
     def with_refits(self, tasks: Sequence[Task], stage: str, steps: int, renew_after: int = 0) -> Hypotheses:
         """Refit hypotheses from given values; of each hypothesis the better fit is kept."""
 
@@ -284,11 +289,11 @@ def _fit_singles(hypotheses: Hypotheses, screening: Screening) -> Hypotheses:
         if response.candidate.key in seen and len(response.candidate.starts) < 2:
             continue
         seen.add(response.candidate.key)
-        tasks.append(((response.candidate,), _start_values(response, step, {})))
+        tasks.append(((response.candidate,), start_values(response, step, {})))
         if len(tasks) >= N_REFIT:
             break
     for _, response, step in screening.gains(hypotheses, null)[: N_REFIT // 2]:
-        tasks.append(((response.candidate,), _start_values(response, step, null.values)))
+        tasks.append(((response.candidate,), start_values(response, step, null.values)))
     hypotheses = hypotheses.with_refits(tasks, "single effects", steps=3)
     # A hypothesis that explains less than the nominal parameters alone has not reached its optimum.
     worse = [fit for fit in hypotheses.best(1) if fit.cost > null.cost and not fit.candidates[0].shaped]
@@ -320,7 +325,7 @@ def _grow_sets(hypotheses: Hypotheses, screening: Screening, size: int) -> Hypot
             if key in seen and len(response.candidate.starts) < 2:
                 continue
             seen.add(key)
-            tasks.append((candidates, _start_values(response, step, base.values)))
+            tasks.append((candidates, start_values(response, step, base.values)))
     hypotheses = hypotheses.with_refits(tasks, f"sets of {size}", steps=3)
     hypotheses = hypotheses.refine(hypotheses.best(size)[: N_REFINE - 1])
     return hypotheses.with_level_of(hypotheses.best()[0])
@@ -352,7 +357,7 @@ def hypothesis_key(candidates: Sequence[CandidateEffect]) -> Key:
     return tuple(sorted((f"{c.id}:{','.join(c.names)}", c.channel) for c in candidates))
 
 
-def _start_values(response: Response, step: np.ndarray, values: Setting) -> dict[str, float]:
+def start_values(response: Response, step: np.ndarray, values: Setting) -> dict[str, float]:
     """Start values of a set: `values`, and those of a new candidate after the step that the screening predicts."""
     free = {f.name: f for f in response.candidate.free}
     out = {**values, **{name: response.values[name] for name in free}}

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .diagnosis import Verdict
-from .scoring import CauseKey, ScoredHypothesis, Scoring, by_label
+from .diagnosis import NAMING, Verdict
+from .scoring import CauseKey, ScoredHypothesis, Scoring, by_label, floor_of
 from .signals import largest
 
 # The thresholds were chosen with the tuning seeds of benchmarks/withheld; docs/evidence.md has the results with others.
@@ -49,7 +49,7 @@ class Selection:
     @property
     def named(self) -> bool:
         """Whether the verdict names the chosen causes."""
-        return self.verdict in ("effect", "ambiguous")
+        return self.verdict in NAMING
 
 
 @dataclass(frozen=True)
@@ -57,15 +57,16 @@ class Reference:
     """Reference values for scores.
 
     noise, nominal: deviance of noise alone and of the nominal model. training_gap: total gap of the nominal model on
-    training data. noise_square: mean square of residuals due to noise. input_noise: gap due to the noise of the logged
-    current.
+    training data. noise_square: mean square of residuals due to noise. floors: gap that the best possible model leaves
+    on training and on held-out data. nominal_gaps: total gap of the nominal model on both.
     """
 
     noise: float
     nominal: float
     training_gap: float
     noise_square: float
-    input_noise: float = 0.0
+    floors: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {})
+    nominal_gaps: tuple[float, float] = (1.0, 1.0)
 
     @classmethod
     def of(cls, scoring: Scoring) -> Reference:
@@ -73,11 +74,26 @@ class Reference:
         # A gap above 1 counts as 1: that of a model which does not move at all.
         noise = scoring.noise_deviance
         nominal = noise + (scoring.nominal_deviance - noise) / max(training_gap, 1.0) ** 2
-        return cls(noise, nominal, training_gap, scoring.noise_square, scoring.input_noise[0].gap)
+        segments = scoring.training, scoring.held_out
+        floors = [floor_of(segment, one) for segment, one in zip(segments, scoring.input_noise, strict=True)]
+        gaps = training_gap, scoring.held_out.gap({})["total"]
+        return cls(noise, nominal, training_gap, scoring.noise_square, (floors[0], floors[1]), gaps)
 
     def unexplained(self, one: ScoredHypothesis) -> float:
         """Deviance above that of noise."""
         return max(one.deviance - self.noise, 0.0)
+
+    def closed(self, one: ScoredHypothesis) -> tuple[float, float]:
+        """Share of the nominal gap in total that a hypothesis closes on training and held-out data."""
+        after = one.training_gap["total"], one.held_out_gap["total"]
+        shares = [1.0 - gap / max(before, 1e-12) for gap, before in zip(after, self.nominal_gaps, strict=True)]
+        return shares[0], shares[1]
+
+    def left(self, one: ScoredHypothesis) -> float:
+        """The largest gap of a signal beyond the floor that a hypothesis leaves on training or held-out data."""
+        pairs = zip((one.training_gap, one.held_out_gap), self.floors, strict=True)
+        beyond = [gaps[n] ** 2 - floor.get(n, 0.0) ** 2 for gaps, floor in pairs for n in gaps if n != "total"]
+        return float(np.sqrt(max(*beyond, 0.0)))
 
     def margin(self, one: ScoredHypothesis) -> float:
         """Alternatives whose deviance is larger by at most this margin can't be excluded."""
@@ -98,8 +114,7 @@ def select_model(scores: Sequence[ScoredHypothesis], reference: Reference, thres
     margin = reference.margin(chosen)
     alternatives = _alternatives(chosen, with_causes, margin)
     probability = _probability(with_causes, chosen, margin / 6.0)
-    probability = {key: p / (1.0 + misfit**2) for key, p in probability.items()}
-    return Selection(_verdict(chosen, alternatives, misfit), chosen, alternatives, probability, tuple(ranked), misfit)
+    return Selection(_verdict(chosen, alternatives), chosen, alternatives, probability, tuple(ranked), misfit)
 
 
 def _select_smallest(ranked: Sequence[ScoredHypothesis], reference: Reference, threshold: float) -> ScoredHypothesis:
@@ -136,7 +151,7 @@ def _select_simplest(ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesi
 def _misfit(chosen: ScoredHypothesis, reference: Reference) -> float:
     """See `Selection.misfit`."""
     unexplained = reference.unexplained(chosen) / max(reference.nominal - reference.noise, 1.0)
-    gap_left = float(np.sqrt(max(chosen.training_gap["total"] ** 2 - reference.input_noise**2, 0.0)))
+    gap_left = float(np.sqrt(max(chosen.training_gap["total"] ** 2 - reference.floors[0].get("total", 0.0) ** 2, 0.0)))
     left = gap_left / max(reference.training_gap, 1e-9)
     excess = chosen.fit.rms**2 - reference.noise_square
     low_frequency = (
@@ -184,10 +199,8 @@ def _probability(
     return out
 
 
-def _verdict(chosen: ScoredHypothesis, alternatives: Mapping[CauseKey, tuple[CauseKey, ...]], misfit: float) -> Verdict:
-    """The verdict where there is a gap."""
-    if misfit > 1.0:
-        return "outside_catalogue"
+def _verdict(chosen: ScoredHypothesis, alternatives: Mapping[CauseKey, tuple[CauseKey, ...]]) -> Verdict:
+    """The verdict if the chosen causes explain the gap."""
     if not chosen.causes or max(len(keys) for keys in alternatives.values()) >= TOO_MANY:
         return "underdetermined"
     return "ambiguous" if any(alternatives.values()) else "effect"

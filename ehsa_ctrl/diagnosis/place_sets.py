@@ -134,14 +134,7 @@ def evaluate_sets(case: InjectionCase) -> tuple[dict[Places, PlaceSet], dict[Cur
 
     The forms of shaft and force are compared alone first, then together, then with the forms of the flows.
     """
-    places = case.plant.structure.system.places
-    torque, force = case.curves.get("torque", ()), case.curves.get("force", ())
-    forms = {
-        "torque": _forms(case, "torque", [c for c in torque if c.family not in DRIVE_FAMILIES], free=True),
-        "drive": _forms(case, "torque", _drive_curves(torque), free=False),
-        "force": _forms(case, "force", force, free=True),
-    }
-    forms = {place: options if place in places else [] for place, options in forms.items()}
+    forms = forms_by_place(case)
     tried = {place: case.inject([{place: form} for form in options]) for place, options in forms.items()}
     chosen = {
         place: forms[place][int(np.argmin([one.cost for one in results]))]
@@ -161,7 +154,7 @@ def evaluate_sets(case: InjectionCase) -> tuple[dict[Places, PlaceSet], dict[Cur
     heads = [Places(), *(p for p in found if not p & set(shafts[1:]))]
     if len(shafts) > 1:
         heads += [p for p in found if shafts[1] in p and found[p].cost < SECOND_SHAFT_COST and p not in heads]
-    flows, with_flow = _flow_forms(case), []
+    flows, with_flow = flow_forms(case), []
     for head in heads:
         others = [{place: fitting[place] for place in forms if place in head}]
         if head == {"force"} and fitting["force"] is not chosen["force"]:
@@ -175,6 +168,18 @@ def evaluate_sets(case: InjectionCase) -> tuple[dict[Places, PlaceSet], dict[Cur
             (form,) = one.forms.values()
             closed |= {curve.key: 1.0 - case.gap.share(one.squared_gap) for curve in form.curves}
     return found | _cheapest(more), closed
+
+
+def forms_by_place(case: InjectionCase) -> dict[str, list[Form]]:
+    """The forms of the unknown torque, with the drive's error as a separate place, and of the unknown force."""
+    places = case.plant.structure.system.places
+    torque, force = case.curves.get("torque", ()), case.curves.get("force", ())
+    forms = {
+        "torque": _forms(case, "torque", [c for c in torque if c.family not in DRIVE_FAMILIES], free=True),
+        "drive": _forms(case, "torque", _drive_curves(torque), free=False),
+        "force": _forms(case, "force", force, free=True),
+    }
+    return {place: options if place in places else [] for place, options in forms.items()}
 
 
 def _cheapest(results: Sequence[PlaceSet]) -> dict[Places, PlaceSet]:
@@ -208,7 +213,7 @@ def _forms(case: InjectionCase, name: str, curves: Sequence[Curve], *, free: boo
     return found
 
 
-def _flow_forms(case: InjectionCase) -> list[Form]:
+def flow_forms(case: InjectionCase) -> list[Form]:
     """Forms of both flows: raw, smoothed, and pairs of curves of the same family."""
     system = case.plant.structure.system
     flows = {name: case.unknown.values[name] for name in system.places.get("flow", ()) if name in case.unknown.values}

@@ -87,11 +87,15 @@ class ResidualScale:
 
 @dataclass(frozen=True)
 class NominalParameters:
-    """Parameters that every hypothesis refits under priors: names, nominal values, prior standard deviations."""
+    """Parameters that every hypothesis refits under priors: names, nominal values, prior standard deviations.
+
+    typical: (k,) deviation of such a parameter on a typical rig, at least `sd`.
+    """
 
     names: tuple[str, ...]
     values: np.ndarray
     sd: np.ndarray
+    typical: np.ndarray
 
 
 def nominal_parameters(
@@ -118,7 +122,7 @@ def nominal_parameters(
         )
     of_system = plant.structure.system.scored
     signals, residual = scored_signals(of_system, base, dt), scale.residual(model, base)
-    found, sensitivities = {}, {}
+    found, sensitivities, typical = {}, {}, []
     for name, run in zip(names, moved, strict=True):
         if run is None:
             continue
@@ -127,9 +131,10 @@ def nominal_parameters(
         if lumped and prior[name] >= WELL_KNOWN:
             relative = LUMPED
         found[name] = relative * plant[name]
+        typical.append(max(prior[name], relative) * plant[name])
         sensitivities[name] = (scale.residual(model, run) - residual) * (relative / STEP)
     values = np.array([plant[name] for name in found])
-    return NominalParameters(tuple(found), values, np.array(list(found.values()))), sensitivities
+    return NominalParameters(tuple(found), values, np.array(list(found.values())), np.array(typical)), sensitivities
 
 
 @dataclass

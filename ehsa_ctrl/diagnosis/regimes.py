@@ -69,10 +69,12 @@ class Curve:
 class _Windows:
     """Weighted means of an unknown input over windows in which it is known, and the fold of each window."""
 
-    def __init__(self, values: np.ndarray, sample_time: float) -> None:
+    def __init__(self, values: np.ndarray, sample_time: float, last: int | None = None) -> None:
         weights = np.sin(np.pi * (np.arange(WINDOW) + 0.5) / WINDOW) ** 2
         self._weights = weights / weights.sum()
         self._usable = self._means(np.isfinite(values).astype(float)) > 1.0 - 1e-9
+        if last is not None:
+            self._usable &= STRIDE * np.arange(self._usable.size) + WINDOW <= last
         self.values = self._means(fill_nan(values))[self._usable]
         centre = STRIDE * np.arange(self._usable.size)[self._usable] * sample_time
         self._fold = (centre // INTERVAL).astype(int) % 2
@@ -116,9 +118,14 @@ def _ridge(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.solve(G + RIDGE * np.eye(len(G)), (X / size).T @ y / len(y)) / size)
 
 
-def curves_of(plant: Plant, signals: BalanceSignals, name: str, values: np.ndarray) -> list[Curve]:
-    """The best curve of each family and variable for an unknown input (N - 1,); that which explains most first."""
-    windows = _Windows(values, signals.sample_time)
+def curves_of(
+    plant: Plant, signals: BalanceSignals, name: str, values: np.ndarray, last: int | None = None
+) -> list[Curve]:
+    """The best curve of each family and variable for an unknown input (N - 1,); that which explains most first.
+
+    last: nothing is fitted from this sample on.
+    """
+    windows = _Windows(values, signals.sample_time, last)
     if windows.values.size < MIN_WINDOWS:
         return []
     if name == "torque":
@@ -204,11 +211,11 @@ def regime_of(curve: Curve, values: np.ndarray, gap_closed: float = float("nan")
     sd = np.array([float(np.std(values[row])) for row in rows])
     explained = float(np.clip(curve.explained, 0.0, 1.0))
     return Regime(
-        curve.unknown_input, curve.against, curve.unit, middle, mean, sd, explained, _describe(curve), gap_closed
+        curve.unknown_input, curve.against, curve.unit, middle, mean, sd, explained, describe_curve(curve), gap_closed
     )
 
 
-def _describe(curve: Curve) -> str:
+def describe_curve(curve: Curve) -> str:
     """The curve in one line."""
     unit = UNITS[curve.unknown_input]
     name = {"torque": "torque error", "force": "force error"}.get(

@@ -12,12 +12,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..core.errors import InputError
-from ..physics.effects import EFFECTS
+from ..physics.effects import EFFECTS, CandidateEffect
 from ..plant.plant import Plant
+from .candidate_effects import with_parameters
 from .hypothesis_model import Setting
-from .hypothesis_search import Hypotheses
+from .hypothesis_search import Hypotheses, Task, hypothesis_key
 from .refit import HypothesisFit, Objective
-from .signals import gap, largest
+from .signals import gap, largest, signal_noise
 from .validation_segment import Segment
 
 # The constants without another reason are engineering judgement, chosen with the tuning seeds of benchmarks/withheld.
@@ -42,6 +43,8 @@ PRIOR_WIDENING = 4.0
 MAX_LAG = 1.0
 #: Number of hypotheses of each size to score.
 N_SCORED = 10
+#: Best sets of causes that are refitted with exactly their causes free.
+N_EXACT = 6
 #: Hypotheses whose deviance is within this share of the nominal one's from the best are refined and scored again; at
 #: most so many.
 PROMISING, N_REFINE = 0.1, 4
@@ -75,7 +78,7 @@ class InputNoiseEffect:
 
     block_means: np.ndarray
     square: float
-    gap: float
+    gaps: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -186,16 +189,25 @@ class Scoring:
 
     def _own_gaps(self, fit: HypothesisFit) -> dict[CauseKey, dict[str, float]]:
         """Effect or changed nominal parameter -> signal -> gap between the full model and the one without it."""
-        members: dict[CauseKey, set[str]] = {c.key: set(c.names) for c in fit.candidates}
         ids = effect_id_by_parameter(self.objective.model.plant)
+        members: dict[CauseKey, set[str]] = {}
+        for c in fit.candidates:
+            for name in c.names:
+                # A nominal parameter that an effect sets free beside its own number counts under its own id.
+                key = c.key if ids.get(name, c.id) == c.id else (ids[name], None)
+                members.setdefault(key, set()).add(name)
         for f in fit.free[fit.n_effect :]:
             if not self.lumped and f.name in ids and abs(fit.values[f.name] - f.nominal) > LARGE_CHANGE * f.scale:
                 members.setdefault((ids[f.name], None), set()).add(f.name)
-        settings = [{n: v for n, v in fit.values.items() if n not in names} for names in members.values()]
+        return self.changes_of(fit.values, members)
+
+    def changes_of(self, values: Setting, members: Mapping[CauseKey, set[str]]) -> dict[CauseKey, dict[str, float]]:
+        """By how much each set of numbers changes each signal beside all other values, on either segment."""
+        settings = [{n: v for n, v in values.items() if n not in names} for names in members.values()]
         out: dict[CauseKey, dict[str, float]] = {key: {} for key in members}
         # Both segments, because a valve or an end stop may be reached in one of them only.
         for segment in (self.training, self.held_out):
-            full, *without = segment.model.run([fit.values, *settings])
+            full, *without = segment.model.run([values, *settings])
             for key, other in zip(members, without, strict=True):
                 scored_signals = segment.model.plant.structure.system.scored
                 change = dict.fromkeys([*(one.name for one in scored_signals), "total"], np.inf)
@@ -217,7 +229,7 @@ def score_hypotheses(
     """
 
     def score_best(hypotheses: Hypotheses, known: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-        best = [hypotheses.fits[()], *(fit for size in (1, 2, 3) for fit in hypotheses.best(size)[:N_SCORED])]
+        best = [hypotheses.fits[()], *(fit for size in hypotheses.sizes for fit in hypotheses.best(size)[:N_SCORED])]
         before = {id(one.fit): one for one in known}
         return [before.get(id(fit)) or scoring.score(fit) for fit in best]
 
@@ -226,7 +238,21 @@ def score_hypotheses(
     limit = ranked[0].deviance + PROMISING * abs(scoring.deviance(hypotheses.residual))
     promising = [one.fit for one in ranked[:N_REFINE] if one.deviance <= limit]
     hypotheses = hypotheses.refine(promising, steps=8)
+    # Priors and minor effects favour one set over another: the best sets compete with exactly their causes free.
+    ids = effect_id_by_parameter(scoring.objective.model.plant)
+    exact: list[Task] = []
+    for one in [] if scoring.lumped else sorted(by_label(score_best(hypotheses, first)).values(), key=deviance_of):
+        members = exact_members(one, hypotheses.candidates, ids)
+        if members and hypothesis_key(members) not in {hypothesis_key(task[0]) for task in exact}:
+            names = {name for member in members for name in member.names}
+            exact.append((members, {n: v for n, v in one.fit.values.items() if n in names}))
+        if len(exact) == N_EXACT:
+            break
+    hypotheses = hypotheses.with_refits(exact, "sets of causes", steps=6, renew_after=1)
     scores = score_best(hypotheses, first)
+    scored = {id(one.fit) for one in scores}
+    own = [hypotheses.fits[key] for key in (hypothesis_key(task[0]) for task in exact) if key in hypotheses.fits]
+    scores += [scoring.score(fit) for fit in own if id(fit) not in scored]
     if not any(np.isfinite(one.deviance) for one in scores):
         raise InputError(
             f"{scoring.held_out.model.log.path or 'the log'}: neither the nominal plant nor any refit of it can be "
@@ -234,6 +260,21 @@ def score_hypotheses(
             "parameters"
         )
     return hypotheses, scores, first
+
+
+def deviance_of(one: ScoredHypothesis) -> float:
+    """For sorting."""
+    return one.deviance
+
+
+def exact_members(
+    one: ScoredHypothesis, candidates: Sequence[CandidateEffect], ids: Mapping[str, str]
+) -> tuple[CandidateEffect, ...]:
+    """The effects of a scored hypothesis that are causes, and those that stand for its nominal parameters that are."""
+    members = tuple(c for c in one.fit.candidates if c.key in one.causes)
+    there = {c.key for c in members}
+    moved = [f.name for f in one.fit.free[one.fit.n_effect :] if (ids.get(f.name), None) in {*one.causes} - there]
+    return with_parameters(members, moved, candidates, ids)
 
 
 def by_label(scores: Sequence[ScoredHypothesis]) -> dict[tuple[CauseKey, ...], ScoredHypothesis]:
@@ -260,7 +301,8 @@ def residual_of(objective: Objective, segment: Segment, simulated: Mapping[str, 
 
 def input_noise_effect(objective: Objective, segment: Segment, values: Setting) -> InputNoiseEffect:
     """Effect of the noise of the logged current on a simulation over a segment."""
-    none = InputNoiseEffect(np.zeros(len(objective.scale.scale)), 0.0, 0.0)
+    signals = [one.name for one in segment.model.plant.structure.system.scored]
+    none = InputNoiseEffect(np.zeros(len(objective.scale.scale)), 0.0, dict.fromkeys([*signals, "total"], 0.0))
     model = segment.model
     drive = model.plant.structure.system.drive
     sensor = model.plant.sensors.get(drive)
@@ -279,9 +321,28 @@ def input_noise_effect(objective: Objective, segment: Segment, values: Setting) 
         r = residual_of(objective, segment, other) - residual_of(objective, segment, run)
         block_means.append(objective.block_mean_squares(r))
         squares.append(float(np.mean(r**2)))
-        signals = segment.scored(run)
-        gaps.append(gap(signals, segment.scored(other), dict.fromkeys(signals, 0.0))["total"])
-    return InputNoiseEffect(np.max(block_means, axis=0), max(squares), max(gaps))
+        one = segment.scored(run)
+        gaps.append(gap(one, segment.scored(other), dict.fromkeys(one, 0.0)))
+    largest_gaps = {name: max(found[name] for found in gaps) for name in gaps[0]}
+    return InputNoiseEffect(np.max(block_means, axis=0), max(squares), largest_gaps)
+
+
+def floor_of(segment: Segment, input_noise: InputNoiseEffect) -> dict[str, float]:
+    """The gap that the best possible model leaves on a segment, of each signal and in total.
+
+    Noise of the logged input with the slips that it decides, and what the declared sensors add to the noise that the
+    log shows: a calibration, a screw's pitch or a converter's rounding is no white noise.
+    """
+    model = segment.model
+    system, log = model.plant.structure.system, model.log
+    declared = {c: model.plant.sensors[c].sd if c in model.plant.sensors else 0.0 for c in log.channels}
+    seen, stated = (signal_noise(system.scored, sd, log.sample_time) for sd in (segment.noise, declared))
+    out = {}
+    for name, values in segment.scored({c: log[c] for c in model.channels}).items():
+        spread = max(float(np.std(values)), 1e-300)
+        sensor = np.sqrt(max(stated[name] ** 2 - seen[name] ** 2, 0.0)) / spread
+        out[name] = float(np.hypot(sensor, input_noise.gaps.get(name, 0.0)))
+    return out | {"total": float(np.sqrt(np.mean(np.square(list(out.values())))))}
 
 
 def residual_weights(parts: np.ndarray, sample_time: float) -> np.ndarray:

@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ..core.text import join_words
+from ..plant.file import label
 from ..plant.system import System
 from .signals import largest
 
 if TYPE_CHECKING:
     from .diagnosis import Cause, Diagnosis
+
+
+#: Smaller relative changes of a nominal value are not listed: the other numbers of a cause move along with it.
+LISTED = 0.01
 
 
 def verdict_sentence(d: Diagnosis) -> str:
@@ -26,18 +32,31 @@ def verdict_sentence(d: Diagnosis) -> str:
     size = f"{100 * shown[worst]:.3g} % in {worst.replace('_', ' ')} {data}"
     if d.verdict == "no_gap":
         return f"No relevant gap: the largest is {size}, below the threshold of {100 * d.threshold:g} %."
-    names = " and ".join(cause.name for cause in d.effects[:3])
+    names = join_words(cause.name for cause in d.effects)
     if d.verdict == "effect":
         return f"The gap ({size}) comes from {names}{_closed(d, seen=seen)}."
     if d.verdict == "ambiguous":
         sets = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in d.effects)
         return f"The gap ({size}) comes from {sets}{_closed(d, seen=seen)}; this log can't separate these alternatives."
+    if d.verdict == "parameters":
+        return f"Wrong nominal values, no effects, cause the gap ({size}): {_numbers(d)}{_closed(d, seen=seen)}."
     place = _place(d)
+    if d.verdict == "partly":
+        left = f" What is left: {d.rest}." if d.rest else ""
+        return f"Part of the gap ({size}) comes from {names}{_closed(d, seen=seen)}.{left}"
     if d.verdict == "outside_catalogue":
         return f"No effect of the catalogue explains the gap ({size}).{place}"
     if not d.effects:
         return f"The gap ({size}) is the sum of several errors, each below the threshold.{place}"
     return f"The excitation of this log can't separate the possible causes of the gap ({size}): {names}.{place}"
+
+
+def _numbers(d: Diagnosis) -> str:
+    """Each wrong nominal value with its relative change."""
+    values = {name: number.value for cause in d.effects for name, number in cause.parameters.items()}
+    changes = {n: v / d.plant[n] - 1.0 for n, v in values.items() if d.plant.parameters.get(n) and d.plant[n] != 0.0}
+    listed = [f"{label(name)} {100 * change:+.0f} %" for name, change in changes.items() if abs(change) >= LISTED]
+    return ", ".join(listed) or " and ".join(cause.name for cause in d.effects)
 
 
 def _closed(d: Diagnosis, *, seen: bool) -> str:
@@ -82,7 +101,7 @@ def nearest_sentence(d: Diagnosis) -> str:
 
 def advice(verdict: str, causes: Sequence[Cause], system: System) -> str | None:
     """What to do if no experiment is proposed; None for a verdict that needs nothing."""
-    if verdict == "outside_catalogue":
+    if verdict in ("outside_catalogue", "partly"):
         return (
             "inspect the balance in which the gap lies and the curve found there; check with logs at another load and "
             "temperature whether the curve stays the same"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from ..diagnosis.diagnosis import NAMING
+
 #: Outcome of a hypothesis -> its text in a table.
 OUTCOMES = {
     "named": "✓ named", "equivalent": "△ not distinguishable", "excluded": "✗ excluded",
@@ -15,7 +17,7 @@ def after_model(verdict: str) -> str | None:
     """The model shown as "after": with the named causes, else the refit; None without a gap."""
     if verdict == "no_gap":
         return None
-    return "with_effects" if verdict in ("effect", "ambiguous") else "refit"
+    return "with_effects" if verdict in NAMING else "refit"
 
 
 def after_words(verdict: str, causes: int) -> str:
@@ -27,7 +29,7 @@ def after_words(verdict: str, causes: int) -> str:
 
 def models_shown(verdict: str, models: Iterable[str]) -> list[str]:
     """The models whose gaps are meaningful: "with_effects" only if causes are named, none but nominal without a gap."""
-    omitted = {"no_gap": ("refit", "with_effects", "upper_bound"), "effect": (), "ambiguous": ()}
+    omitted = {"no_gap": ("refit", "with_effects", "upper_bound")} | dict.fromkeys(NAMING, ())
     return [model for model in models if model not in omitted.get(verdict, ("with_effects",))]
 
 

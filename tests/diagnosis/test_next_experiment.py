@@ -30,7 +30,7 @@ SECONDS = 6.0
 def nominal_of(plant, names=("J_M", "K_L", "B_FR", "A_FR", "M")):
     """Parameters that may be wrong by a few per cent."""
     nominal = np.array([plant[name] for name in names])
-    return NominalParameters(tuple(names), nominal, 0.03 * nominal)
+    return NominalParameters(tuple(names), nominal, 0.03 * nominal, 0.1 * nominal)
 
 
 def proposed(plant, hypotheses, **more):
@@ -108,7 +108,9 @@ def test_every_input_is_as_large_as_the_limits_allow(plant, what):
 
 def test_what_a_nominal_parameter_makes_up_is_no_distance(plant):
     """Candidates that differ by 0.8 prior deviations of a nominal parameter are that far apart, large as it looks."""
-    nominal = NominalParameters(("K_T",), np.array([plant["K_T"]]), np.array([0.02 * plant["K_T"]]))
+    nominal = NominalParameters(
+        ("K_T",), np.array([plant["K_T"]]), np.array([0.02 * plant["K_T"]]), np.array([0.05 * plant["K_T"]])
+    )
     models = CandidateModels.of(plant, {"one": {}, "other": {"K_T": 1.016 * plant["K_T"]}}, NOISE, nominal)
     time = plant.sample_time * np.arange(1001)
 

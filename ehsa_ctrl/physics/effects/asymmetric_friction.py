@@ -1,5 +1,7 @@
 """Rod friction that depends on the direction: A_FR (1 + a sign v), and B_FR (1 + b sign v) for the viscous part."""
 
+from collections.abc import Mapping
+
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, from_neutral
 from ._effect import Effect, EffectParameter
 
@@ -7,6 +9,11 @@ from ._effect import Effect, EffectParameter
 def friction(F_FR: float, d_R: float, v: float, A_FR: float, B_FR: float, a_FR: float, b_FR: float) -> float:
     """F_FR + a A_FR + b B_FR |v| while sliding: more when extending, less when retracting."""
     return F_FR + d_R * (a_FR * A_FR) * d_R + b_FR * B_FR * (v * d_R)
+
+
+def level_is_offset(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
+    """A constant while the rod slides; only the viscous part, and a rod that sticks under load, tell them apart."""
+    return {"constant_force": "while the rod slides, a level that differs by direction is a constant force"}
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
@@ -25,5 +32,6 @@ effect = Effect(
         EffectParameter("b_FR", "1", "B_FR (1 + b sign v)", 0.0, 0.0, -0.9, 0.9),
     ),
     candidates=candidates,
+    equivalent_effects=level_is_offset,
     source="definition",
 )

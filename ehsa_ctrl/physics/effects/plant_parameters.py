@@ -19,6 +19,13 @@ def laminar_drop(found: Mapping[str, float], plant: Mapping[str, float], speed: 
     return {"line_pressure_drop": "a laminar drop between pump ports and chambers acts as viscous rod friction"}
 
 
+def offset_is_level(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
+    """Where there is dry friction, its level may differ by direction instead."""
+    return {
+        "asymmetric_friction": "while the rod slides, a constant force is a friction level that differs by direction"
+    }
+
+
 def force_or_cell_bias(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """A force behind the load cell; or one on the rod itself, which the cell misses, as with a bias of the cell."""
     found = from_symbols(effect, context)
@@ -80,7 +87,7 @@ effects = (
     wrong(
         "constant_force", "force", "constant force on the rod: gravity, a hanging load",
         "constant force error; the rod drifts one way", "(5)", symbols={"F_0": 50.0}, candidates=force_or_cell_bias,
-        from_balances=True,
+        from_balances=True, equivalent_effects=offset_is_level,
     ),
     wrong(
         "load_spring", "force", "spring of the load is missing or differs from nominal",

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 from ...core.errors import InputError
-from ...diagnosis.diagnosis import MODELS, Diagnosis, RankedHypothesis
+from ...diagnosis.diagnosis import MODELS, NAMING, Diagnosis, RankedHypothesis
 from ...diagnosis.gap_attribution import Location
 from ...diagnosis.regimes import Regime
 from ...diagnosis.unknown_inputs import UNITS
@@ -69,7 +69,7 @@ def where_figure(diagnosis: Diagnosis) -> Figure:
         raise InputError("where_figure got a diagnosis without a gap; there is no place to show")
     location = diagnosis.location
     rows: list[tuple[dict[str, float], dict[str, Any]]] = []
-    if diagnosis.verdict in ("effect", "ambiguous") or location is None:
+    if diagnosis.verdict in NAMING or location is None:
         rows.append((dict(diagnosis.where), CAUSES))
     if location is not None:
         rows.append((dict(location.shares), FREE))

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...core.text import join_words
+from ...diagnosis.diagnosis import NAMING
 from ...plant.file import label
 from ..page import DOUBT, Facts, Paragraph, Points, Section, Table
 from ..signals import signal_display, unit_of_number
@@ -21,7 +22,7 @@ def cause_name(cause: Content) -> str:
 
 def causes_are_named(content: Content) -> bool:
     """Whether the verdict names causes."""
-    return content["verdict"] in ("effect", "ambiguous")
+    return content["verdict"] in NAMING
 
 
 def cause_section(cause: Content, content: Content) -> Section:

@@ -27,6 +27,8 @@ VERDICTS: dict[str, tuple[State, str]] = {
     "no_gap": (True, "no relevant gap"),
     "effect": (True, "the cause is identified"),
     "ambiguous": (DOUBT, "several causes that this log cannot distinguish"),
+    "parameters": (True, "nominal values are wrong, no effect is needed"),
+    "partly": (DOUBT, "the cause of part of the gap is identified"),
     "outside_catalogue": (False, "no known effect explains the gap"),
     "underdetermined": (DOUBT, "the log does not show the cause"),
 }
@@ -35,6 +37,8 @@ ORDER = {
     "no_gap": ("signals", "gaps"),
     "effect": ("signals", "where", "causes", "candidates", "gaps", "next"),
     "ambiguous": ("signals", "causes", "candidates", "where", "gaps", "next"),
+    "parameters": ("signals", "causes", "candidates", "where", "gaps", "next"),
+    "partly": ("signals", "causes", "where", "gaps", "candidates", "next"),
     "outside_catalogue": ("where", "signals", "causes", "gaps", "candidates", "next"),
     "underdetermined": ("causes", "candidates", "next", "where", "signals", "gaps"),
 }

@@ -1,0 +1,136 @@
+"""The verdict: how much of the gap the selected causes explain, measured by what matters.
+
+A good log shows model errors that no user would care about. What the selected model leaves is therefore compared with
+the threshold, with the log's own floor, and with what a free curve at the same place reaches on held-out data; its
+statistical significance (the misfit of the selection) only says where that comparison is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.log import Log
+from ..core.text import join_words
+from ..physics.effects import EFFECTS
+from ..plant.plant import Plant
+from .candidate_effects import with_parameters
+from .diagnosis import Verdict
+from .free_curve import FreeCurve, free_curve
+from .hypothesis_search import Hypotheses, hypothesis_key
+from .model_selection import Reference, Selection
+from .regimes import describe_curve
+from .scoring import CauseKey, Scoring, effect_id_by_parameter
+
+#: Causes are part of the explanation if they close this part of the gap, on training and on held-out data.
+PART = 1.0 / 3.0
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What the selected causes explain.
+
+    verdict: final. left: largest gap of a signal beyond the floor. curve: the best free curve beside the causes; None
+    where the causes explain the log down to its noise, and no curve was tried.
+    """
+
+    verdict: Verdict
+    left: float
+    curve: FreeCurve | None = None
+
+    @property
+    def rest(self) -> str | None:
+        """The free curve in words, where it is clearly better than the causes alone."""
+        if self.curve is None or not self.curve.better:
+            return None
+        return join_words(describe_curve(curve) for curve in self.curve.curves)
+
+
+def explain(
+    selection: Selection,
+    reference: Reference,
+    threshold: float,
+    improved: Plant,
+    log: Log,
+    noise: Mapping[str, float],
+    edge: int,
+    validation: Log | None,
+) -> Explanation:
+    """The verdict on a selection.
+
+    improved: the plant with the selected causes. edge: first held-out sample of `log`. validation: a second log.
+    """
+    left = reference.left(selection.chosen)
+    if selection.misfit <= 1.0:
+        return Explanation(selection.verdict, left)
+    curve = free_curve(improved, log, noise, edge, validation)
+    if left < threshold and not (curve is not None and curve.better):
+        return Explanation(selection.verdict, left, curve)
+    closed = min(reference.closed(selection.chosen))
+    named = selection.verdict in ("effect", "ambiguous")
+    return Explanation("partly" if named and closed >= PART else "outside_catalogue", left, curve)
+
+
+def with_absorbed_parameters(
+    selection: Selection, hypotheses: Hypotheses, scoring: Scoring, reference: Reference, threshold: float
+) -> tuple[Selection, Hypotheses]:
+    """The selection with those wrong nominal parameters as causes that its refit would hide, refitted with them free.
+
+    The causes are simulated with all other parameters at their nominal values. While that leaves a gap of `threshold`
+    or more beyond the floor on the training data, the parameter is added that closes most of it. They are as probable
+    as the least probable cause.
+    """
+    chosen, plant = selection.chosen, scoring.objective.model.plant
+    ids = effect_id_by_parameter(plant)
+    values = chosen.fit.values
+    of_causes = {n for c in chosen.fit.candidates if c.key in chosen.causes for n in c.names}
+    of_causes |= {n for n in values if (ids.get(n), None) in chosen.causes}
+    others: dict[CauseKey, set[str]] = {}
+    for f in chosen.fit.free[chosen.fit.n_effect :]:
+        if f.name in ids and f.name not in of_causes:
+            others.setdefault((ids[f.name], None), set()).add(f.name)
+    companions = {n for c in chosen.fit.candidates if c.key not in chosen.causes for n in c.names}
+
+    def left(names: set[str]) -> float:
+        # On held-out data a single slip may decide: what the training data does not ask for is no cause.
+        gaps = scoring.training.gap({n: v for n, v in values.items() if n in names})
+        floor = reference.floors[0]
+        return float(np.sqrt(max(*(gaps[n] ** 2 - floor.get(n, 0.0) ** 2 for n in gaps if n != "total"), 0.0)))
+
+    added: dict[CauseKey, set[str]] = {}
+    names = of_causes | companions
+    while others and left(names) >= threshold:
+        best = min(others, key=lambda key: left(names | others[key]))
+        added[best] = others.pop(best)
+        names |= added[best]
+    if not added or scoring.lumped:
+        return selection, hypotheses
+    members = with_parameters(
+        [c for c in chosen.fit.candidates if c.key in chosen.causes],
+        [n for n in values if ids.get(n) in {id for id, _ in (*chosen.causes, *added)}],
+        hypotheses.candidates,
+        ids,
+    )
+    hypotheses = hypotheses.with_refits([(members, values)], "sets of causes", steps=6, renew_after=1)
+    fit = hypotheses.fits.get(hypothesis_key(members))
+    refitted = scoring.score(fit) if fit is not None else chosen
+    least = min((selection.probability.get(key, 0.0) for key in chosen.causes), default=1.0)
+    if refitted.deviance < chosen.deviance:
+        chosen, added = refitted, {key: names for key, names in added.items() if key not in refitted.causes}
+    own = {**chosen.own_gaps, **scoring.changes_of(chosen.fit.values, added)}
+    chosen = replace(chosen, causes=(*chosen.causes, *added), own_gaps=own)
+    probability = {**dict.fromkeys(chosen.causes, least), **selection.probability}
+    return replace(selection, chosen=chosen, probability=probability), hypotheses
+
+
+def only_parameters(causes: Sequence[CauseKey], plant: Plant) -> bool:
+    """Whether causes are numbers that the nominal plant has, wrong, and more than one."""
+    own = plant.structure.system.own
+
+    def is_number(key: CauseKey) -> bool:
+        symbols = [own(s) for s in EFFECTS[key[0]].symbols if own(s) in plant.parameters]
+        return key[1] is None and any(plant[name] != 0.0 for name in symbols)
+
+    return len(causes) > 1 and all(map(is_number, causes))

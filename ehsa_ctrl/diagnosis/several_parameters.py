@@ -1,0 +1,138 @@
+"""Hypotheses for a rig of which several nominal parameters are off at once, beside an effect or without one.
+
+The search gives nominal parameters narrow priors, so that none of them hides a cause, and adds causes one by one. Where
+three parameters are off by 10 % beside an effect, no single step of it explains much. Here all nominal parameters get
+the prior of a typical rig at once, alone and with each promising effect; backward elimination (F. Harrell, "Regression
+Modeling Strategies", 2015, 4.3) then returns to their nominal values those that the log does not need. What is left is
+an ordinary hypothesis: the effect, and the effects that stand for the wrong parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..physics.effects import CandidateEffect
+from .candidate_effects import with_parameters
+from .hypothesis_search import N_REFINE, Hypotheses, Screening, Task, hypothesis_key, start_values
+from .refit import TEMPER, HypothesisFit, Objective
+from .signals import scored_signals
+
+#: Effects and pairs that are fitted beside all nominal parameters, sets that are reduced.
+SINGLES, PAIRS, REDUCED = 8, 6, 3
+#: A parameter returns to its nominal value if that costs less than this, or less than this share of what the
+#: hypothesis explains.
+NEEDED, NEEDED_SHARE = 4.0, 0.004
+#: A parameter that changes no signal by this share of the threshold is no cause.
+SMALL = 0.7
+#: Hypotheses with more causes are not proposed: no log of one rig tells so many apart.
+MOST = 6
+
+
+def with_several_parameters(
+    hypotheses: Hypotheses, screening: Screening, ids: Mapping[str, str], threshold: float
+) -> Hypotheses:
+    """Hypotheses with sets of nominal parameters added. ids: parameter -> id of the effect that stands for it."""
+    objective = hypotheses.objective
+    nominal = objective.nominal
+    wide = replace(objective, nominal=replace(nominal, sd=nominal.typical))
+    scale = dict(zip(nominal.names, nominal.typical / nominal.sd, strict=True))
+    columns = {name: column * scale.get(name, 1.0) for name, column in hypotheses.sensitivities.items()}
+    start = Hypotheses(wide, hypotheses.candidates, columns, hypotheses.residual, {}, hypotheses.pool)
+    start = start.with_refits([((), {})], "all nominal parameters", steps=6, renew_after=3)
+    if () not in start.fits:
+        return hypotheses
+    start = start.with_level_of(start.fits[()])
+    # An effect may set a nominal parameter free beside its own number; those that stand for one are free already.
+    beside = [c for c in hypotheses.candidates if c.id not in {ids.get(n) for n in c.names if n in nominal.names}]
+    found = _grow(start, screening, [start.fits[()]], beside, SINGLES)
+    found = found.refine(found.best(1)[:REDUCED], steps=5)
+    found = found.with_level_of(found.best()[0])
+    found = _grow(found, screening, found.best(1)[:REDUCED], beside, PAIRS)
+    found = found.refine(found.best(2)[:REDUCED], steps=5)
+    found = found.with_level_of(found.best()[0])
+    fits = [found.fits[()], *found.best(1)[:REDUCED], *found.best(2)[:REDUCED]]
+    tasks: list[Task] = []
+    for fit in fits:
+        for kept in _eliminated(found, fit, threshold):
+            members = with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MOST]
+            if hypothesis_key(members) not in {hypothesis_key(t[0]) for t in tasks}:
+                values = {n: v for n, v in fit.values.items() if n in {m for c in members for m in c.names}}
+                tasks.append((members, values))
+    hypotheses = hypotheses.with_refits(tasks, "several nominal parameters", steps=5, renew_after=1)
+    own = [hypotheses.fits[key] for key in (hypothesis_key(task[0]) for task in tasks) if key in hypotheses.fits]
+    return hypotheses.refine(sorted(own, key=lambda fit: fit.cost)[:N_REFINE])
+
+
+def _grow(
+    found: Hypotheses,
+    screening: Screening,
+    bases: Sequence[HypothesisFit],
+    beside: Sequence[CandidateEffect],
+    count: int,
+) -> Hypotheses:
+    """Each base with the effects added that promise most beside all nominal parameters."""
+    keys = {(c.key, c.names) for c in beside}
+    options = []
+    for base in bases:
+        seen = set()
+        for gain, response, step in screening.gains(found, base):
+            candidate = response.candidate
+            if gain < 2.0 or (candidate.key, candidate.names) not in keys or candidate.key in seen:
+                continue
+            seen.add(candidate.key)
+            members = (*base.candidates, candidate)
+            options.append((base.cost - gain, members, start_values(response, step, base.values)))
+    options.sort(key=lambda row: row[0])
+    return found.with_refits([(members, start) for _, members, start in options[:count]], "effects beside", steps=4)
+
+
+def _eliminated(found: Hypotheses, fit: HypothesisFit, threshold: float) -> list[list[str]]:
+    """Names of the nominal parameters that stay, the most needed first: one set, and those with one fewer and one more.
+
+    A parameter that alone changes no signal by most of the threshold is no cause, and goes first.
+    """
+    objective = found.objective
+    names = [f.name for f in fit.free]
+    z = np.array([(fit.values[f.name] - f.nominal) / f.scale for f in fit.free])
+    weighted = fit.jacobian * objective.weights(fit.residual)[:, None]
+    # Where the model is still wrong, residuals say as much less as they are larger.
+    information = TEMPER / objective.level * (weighted.T @ weighted)
+    prior = np.arange(fit.n_effect, len(names))
+    information[prior, prior] += 1.0
+    information[np.arange(fit.n_effect), np.arange(fit.n_effect)] += 1e-6
+    covariance = np.linalg.inv(information)
+    explained = TEMPER / objective.level * (objective.loss(found.residual) - objective.loss(fit.residual))
+    limit = NEEDED + NEEDED_SHARE * max(explained, 0.0)
+    size = _changes(objective, fit.jacobian)
+    kept, order = list(range(fit.n_effect, len(names))), []
+    while kept:
+        price = np.array([z[i] ** 2 / covariance[i, i] for i in kept])
+        small = np.array([abs(z[i]) * size[i] < SMALL * threshold for i in kept])
+        k = int(np.argmin(np.where(small, price - 1e9, price)))
+        if not small[k] and price[k] > limit:
+            order.append(kept[k])
+        else:
+            order.clear()
+        i = kept.pop(k)
+        gain = covariance[:, i] / covariance[i, i]
+        z = z - gain * z[i]
+        covariance = covariance - np.outer(gain, covariance[i])
+    order.reverse()
+    return [
+        [names[i] for i in order[:n]] for n in dict.fromkeys([len(order), len(order) - 1, len(order) - 2]) if n >= 0
+    ]
+
+
+def _changes(objective: Objective, jacobian: np.ndarray) -> np.ndarray:
+    """(k,) largest change of a scored signal by one scale of each number, of the signal's standard deviation."""
+    log = objective.model.log
+    signals = scored_signals(objective.model.plant.structure.system.scored, log.channels, log.sample_time)
+    out = np.zeros(jacobian.shape[1])
+    for row, (name, scale) in enumerate(objective.scale.scale.items()):
+        if name in signals:
+            part = np.array([objective.by_channel(column)[row] for column in jacobian.T])
+            out = np.maximum(out, np.sqrt(np.mean(part**2, axis=1)) * scale / max(float(np.std(signals[name])), 1e-300))
+    return out

@@ -1,0 +1,103 @@
+"""The verdict by what matters: threshold, floor, and what a free curve would reach."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.diagnosis import explanation
+from ehsa_ctrl.diagnosis.explanation import explain, only_parameters
+from ehsa_ctrl.diagnosis.free_curve import FreeCurve, free_curve
+from ehsa_ctrl.diagnosis.model_selection import Reference, Selection
+from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis
+from ehsa_ctrl.diagnosis.signals import estimate_noise
+
+
+def selection(gap, misfit, verdict="effect"):
+    """A selection that leaves a gap of one signal on both segments."""
+    gaps = {"speed": gap, "total": gap}
+    key = ("rod_friction", None)
+    chosen = ScoredHypothesis(SimpleNamespace(), 0.0, {key: gaps}, gaps, gaps, (key,))
+    return Selection(verdict, chosen, {}, {key: 1.0}, (chosen,), misfit)
+
+
+@pytest.fixture
+def verdict_of(monkeypatch):
+    """Function: verdict where the nominal gap is 10 %, and a free curve leaves `curve` of what the causes leave."""
+
+    def run(gap, misfit, curve, floor=0.0, verdict="effect"):
+        found = FreeCurve("force", (), gap, curve * gap)
+        monkeypatch.setattr(explanation, "free_curve", lambda *_: found)
+        floors = ({"speed": floor}, {"speed": floor})
+        reference = Reference(0.0, 1e4, 0.1, 0.7, floors, (0.1, 0.1))
+        return explain(selection(gap, misfit, verdict), reference, 0.03, None, None, {}, 0, None).verdict
+
+    return run
+
+
+def test_no_misfit_keeps_the_verdict(verdict_of):
+    assert verdict_of(0.05, misfit=0.9, curve=0.1, verdict="ambiguous") == "ambiguous"
+
+
+def test_a_rest_that_does_not_matter_is_explained(verdict_of):
+    """Residuals that are significant and small, which no curve of the same variables makes smaller."""
+    assert verdict_of(0.02, misfit=5.0, curve=0.9) == "effect"
+
+
+def test_a_rest_that_a_free_curve_closes_is_not(verdict_of):
+    assert verdict_of(0.02, misfit=5.0, curve=0.2) == "partly"
+
+
+def test_a_rest_that_matters_is_partly_explained_or_not_at_all(verdict_of):
+    """It takes a third of the gap to claim a part."""
+    assert verdict_of(0.05, misfit=5.0, curve=0.9) == "partly"
+    assert verdict_of(0.08, misfit=5.0, curve=0.9) == "outside_catalogue"
+
+
+def test_the_floor_does_not_count(verdict_of):
+    """What noise of the logged input makes is left by the truth too."""
+    assert verdict_of(0.04, misfit=5.0, curve=0.9, floor=0.035) == "effect"
+
+
+def test_one_number_is_an_effect_and_several_are_parameters():
+    plant = ehsa_ctrl.load_plant("ehsa")
+
+    assert not only_parameters([("rotor_inertia", None)], plant)
+    assert only_parameters([("rotor_inertia", None), ("rod_friction", None)], plant)
+    assert not only_parameters([("rotor_inertia", None), ("entrained_air", None)], plant)
+    # A spring that the nominal plant lacks is no wrong number.
+    assert not only_parameters([("rotor_inertia", None), ("load_spring", None)], plant)
+
+
+@pytest.fixture(scope="module")
+def tight_spot():
+    """The nominal plant, and a log of one whose friction is larger around x = 0."""
+    plant = ehsa_ctrl.load_plant("ehsa")
+    time, current = ehsa_ctrl.excitation("multisine", amplitude=4.0, duration=18.0, seed=2)
+    rig = plant.with_effects("position_dependent_friction", h_FR=1.0, x_h=0.0, w_h=0.005)
+    log, _ = ehsa_ctrl.record(rig, time, current, seed=2, centre=True)
+    return plant, rig, log
+
+
+def test_a_free_curve_closes_what_the_plant_lacks_on_data_that_it_has_not_seen(tight_spot):
+    plant, rig, log = tight_spot
+    noise, edge = estimate_noise(log), len(log) * 2 // 3
+    lacking, complete = (free_curve(one, log, noise, edge) for one in (plant, rig))
+
+    assert lacking.better
+    assert lacking.place == "force"
+    assert not complete.better
+    assert np.isfinite(complete.with_curve)
+
+
+def test_a_curve_is_carried_to_a_second_log(tight_spot):
+    """Fitted to the first, injected into the second: the same gap as on the held-out part of one log."""
+    plant, _, log = tight_spot
+    edge = len(log) * 2 // 3
+    first, second = log.rows(0, edge), log.rows(edge, len(log))
+    noise = estimate_noise(log)
+    found = free_curve(plant, first, noise, len(first), second)
+
+    assert found.better
+    assert found.place == "force"
