@@ -14,14 +14,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from draw import FAMILIES, SETS, Case, NoDrawError, draw
+from draw import SETS, Case, NoDrawError, draw
+from family import FAMILIES
 from joblib import Parallel, delayed
 from sensors import DECIMALS
 
-#: Cases of each family in a thousand.
+#: Cases of each family in a full set.
 SHARES = {
     "single": 304, "pair": 80, "none": 300, "outside": 130, "weak": 60, "closed_loop": 76, "parameters": 40,
-    "linear": 10,
+    "linear": 10, "nominals_off": 70, "rig_loop": 60, "other_form": 60, "several": 50, "production": 30,
+    "outside_rig": 30,
 }  # fmt: skip
 
 
@@ -74,7 +76,7 @@ def collect_keys(folder: Path) -> dict[str, Any]:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Draw cases by seed; existing ones are kept.")
     parser.add_argument("--set", choices=sorted(SETS), required=True, help="seeds for tuning, or for reported figures")
-    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--count", type=int, default=sum(SHARES.values()))
     parser.add_argument("--family", nargs="+", choices=FAMILIES, default=list(FAMILIES))
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -39,9 +39,17 @@ class Cause:
         return largest(self.alone) >= THRESHOLD
 
 
-def simulated_signals(bench: Bench, current: np.ndarray, steps: int = FINE) -> dict[str, np.ndarray]:
-    """Signals of a bench driven by a current, through its sensors, without noise."""
-    run = simulate(bench.rig, current, steps=steps)
+NO_LEAD = np.empty(0)
+
+
+def simulated_signals(
+    bench: Bench, current: np.ndarray, steps: int = FINE, lead: np.ndarray = NO_LEAD
+) -> dict[str, np.ndarray]:
+    """Signals of a bench driven by a current, through its sensors, without noise.
+
+    lead: the current between rest and the begin of the log; its signals are left out.
+    """
+    run = simulate(bench.rig, np.concatenate([lead, current]), steps=steps).after(lead.size)
     return of_samples(bench.sensors.clean(run, np.random.default_rng(current.size)))
 
 
@@ -52,21 +60,22 @@ def drive_command(bench: Bench, logged: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class EffectGap:
-    """Gaps between the nominal model with and without one effect, for a logged current."""
+    """Gaps between the nominal model with and without one effect, for a logged current and that before the log."""
 
     nominal_rig: Rig
     current: np.ndarray
+    lead: np.ndarray = field(default_factory=lambda: NO_LEAD)
 
     @cached_property
     def nominal(self) -> dict[str, np.ndarray]:
-        return simulated_signals(Bench(self.nominal_rig), self.current, COARSE)
+        return simulated_signals(Bench(self.nominal_rig), self.current, COARSE, self.lead)
 
     def of_effect(self, effect: Effect, size: float) -> Cause:
         """Gap of the nominal model to itself with the effect at that size, at the same logged current."""
         bench = effect.apply(Bench(self.nominal_rig), size)
         rig = bench.rig
         stiff = rig.bristle > 0.0 or rig.width > 0.0 or rig.x_stop < 1.0 or rig.coupling > 0.0 or rig.T_d > 0.0
-        moved = simulated_signals(bench, drive_command(bench, self.current), FINE if stiff else COARSE)
+        moved = simulated_signals(bench, drive_command(bench, self.current), FINE if stiff else COARSE, self.lead)
         return Cause(effect, size, gap(moved, self.nominal))
 
     def scaled_to(self, effect: Effect, target: float) -> Cause:

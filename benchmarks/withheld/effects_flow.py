@@ -26,7 +26,9 @@ def draw_flow(c: Conditions, id: str) -> Effect:
             def out(b: Bench, s: float) -> Bench:
                 return b.with_rig(K_e1=s, K_e2=s * share)
 
-            return Effect(id, "laminar, not quite alike", out, 3e-16, 3e-12, lambda b: {"K_e": b.rig.K_e1})
+            return Effect(
+                id, "laminar, not quite alike", out, 3e-16, 3e-12, lambda b: {"K_e": 0.5 * (b.rig.K_e1 + b.rig.K_e2)}
+            )
         case "bulk_modulus":
             return scale_parameter(
                 "beta", id, "constant", float(c.rng.choice([-1.0, -1.0, 1.0])), 0.03, 1.8, also=equivalents(id)
@@ -47,7 +49,11 @@ def draw_flow(c: Conditions, id: str) -> Effect:
                     return b.with_rig(V_10=V1 * up, V_20=V2 / up)
                 return b.with_rig(stroke_term=float(np.exp(3.0 * s)))
 
-            return Effect(id, law, volumes, 0.02, 0.9, lambda b: {"V_10": b.rig.V_10, "V_20": b.rig.V_20})
+            def values(b: Bench) -> dict[str, float]:
+                # More stroke volume is no value of V_10 and V_20.
+                return {} if law == "the stroke counts more" else {"V_10": b.rig.V_10, "V_20": b.rig.V_20}
+
+            return Effect(id, law, volumes, 0.02, 0.9, values)
         case "relief_valve":
             law, k = choose_law(c, "to the tank", "across the ports")
             peak = float(np.max(np.abs(c.samples[:, 1] - c.samples[:, 2])) if k else np.max(c.samples[:, 1:3]))

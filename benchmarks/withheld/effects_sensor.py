@@ -26,3 +26,11 @@ def draw_sensor(c: Conditions, id: str) -> Effect:
         id, channel, lambda b, s: b.with_sensor(kind, channel, to(s)), low, high,
         lambda b: {"value": getattr(b.sensors, kind)[channel]}, channel, equivalents(id, channel),
     )  # fmt: skip
+
+
+def sensor_filter(channel: str) -> Effect:
+    """A first-order filter of one channel; the size is its time constant [s]."""
+    return Effect(
+        "sensor_filter", channel, lambda b, s: b.with_sensor("lag", channel, s), 3e-4, 0.03,
+        lambda b: {"value": b.sensors.lag[channel]}, channel,
+    )  # fmt: skip

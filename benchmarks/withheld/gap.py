@@ -20,11 +20,14 @@ def of_samples(samples: np.ndarray) -> dict[str, np.ndarray]:
     return signals(*samples[:, :4].T)
 
 
-def noise_of(sd: Mapping[str, float]) -> dict[str, float]:
+def noise_of(sd: Mapping[str, float], step: Mapping[str, float]) -> dict[str, float]:
     """Noise of the four signals from that of the channels; a converter's steps count as uniform noise."""
-    position = np.hypot(sd["position"], sd.get("position_step", 0.0) / np.sqrt(12.0))
-    velocity = np.sqrt(2.0) * position / (0.004 * STRIDE)
-    return {"speed": sd["speed"], "p1": sd["p1"], "p2": sd["p2"], "rod_velocity": float(velocity)}
+    channel = {
+        name: float(np.hypot(sd[name], step.get(name, 0.0) / np.sqrt(12.0)))
+        for name in ("speed", "p1", "p2", "position")
+    }
+    velocity = np.sqrt(2.0) * channel.pop("position") / (0.004 * STRIDE)
+    return {**channel, "rod_velocity": float(velocity)}
 
 
 def gap(

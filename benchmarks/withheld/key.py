@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from cause import Bench
-from effect_gap import COARSE, Cause, drive_command, simulated_signals
+from effect_gap import COARSE, NO_LEAD, Cause, drive_command, simulated_signals
 from effects import place_of
 from effects_outside import OUTSIDE
 from gap import SIGNALS, gap, largest, of_samples, signals
@@ -29,11 +29,12 @@ def held_out(
     noise: Mapping[str, float],
     *,
     whole: bool,
+    lead: np.ndarray = NO_LEAD,
 ) -> dict[str, Any]:
     """Gap on the held-out part: of the nominal rig, of the nominal rig with the true effects, of the true bench.
 
     The nominal rig starts the last third from the true state there, as a tool starts it from an estimate; the other two
-    run from the start of the log because of their hidden states.
+    run from rest, through the lead, because of their hidden states.
     """
     n = run.current.size
     first = 0 if whole else 2 * n // 3
@@ -46,8 +47,8 @@ def held_out(
             with_effects = cause.effect.apply(with_effects, cause.size)
     gaps = {
         "nominal": gap(part, of_samples(nominal.samples), noise),
-        "effects": gap(y, simulated_signals(with_effects, current), noise, slice(first, None)),
-        "truth": gap(y, simulated_signals(bench, current), noise, slice(first, None)),
+        "effects": gap(y, simulated_signals(with_effects, current, lead=lead), noise, slice(first, None)),
+        "truth": gap(y, simulated_signals(bench, current, lead=lead), noise, slice(first, None)),
     }
     return {"log": "validate" if whole else "last third", "gap": {name: _rounded(g) for name, g in gaps.items()}}
 
@@ -76,7 +77,12 @@ def key(
             "alone": _rounded(cause.alone),
             "accepted": [{"id": id, "channel": channel} for id, channel in effect.accepted],
         }
-        rows.setdefault((effect.id, effect.channel), row)
+        first = rows.setdefault((effect.id, effect.channel), row)
+        if first is not row:
+            # Several changes under one id are one cause, with the sizes of all.
+            first["parameters"] = {**row["parameters"], **first["parameters"]}
+            first["law"] += f", {row['law']}"
+            first["accepted"] += [a for a in row["accepted"] if a not in first["accepted"]]
     outside = any(id == OUTSIDE for id, _ in rows)
     return {
         "verdict": "outside_catalogue" if outside else ("effect" if rows else "no_gap"),
@@ -85,10 +91,16 @@ def key(
         "family": family,
         "loop": operation.loop,
         "excitation": operation.shape,
+        "begins_at_rest": operation.lead == 0,
         "load_cell": load_cell,
         "parameter_errors": _rounded(errors),
         "below_threshold": [
-            {"id": c.effect.id, "law": c.effect.law, "largest": round(largest(c.alone), 4)}
+            {
+                "id": c.effect.id,
+                "channel": c.effect.channel,
+                "law": c.effect.law,
+                "largest": round(largest(c.alone), 4),
+            }
             for c in causes
             if not c.counts and not c.effect.law.endswith(" off")
         ],

@@ -92,7 +92,8 @@ def _row(
 
 
 def _effect(row: Mapping[str, Any]) -> dict[str, Any]:
-    size = {row["parameter"]: row["value"]} if row.get("parameter") else {}
+    # "id/form" is a law of another form, whose size is another quantity.
+    size = {row["parameter"]: row["value"]} if row.get("parameter") and "/" not in row["law"] else {}
     return _row(
         row["id"],
         [row.get("channel")],

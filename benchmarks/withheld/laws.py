@@ -10,7 +10,10 @@ from rig import P_ATM
 
 @njit(cache=True, error_model="numpy")
 def saturated(current, k, law):
-    """Torque-producing current; all laws fall as 1 - (k I)^2 at first."""
+    """Torque-producing current; all laws but the last fall as 1 - (k I)^2 at first.
+
+    Law 3 is a hard knee: straight up to 0.5 / k, from there on with 40 % of the slope.
+    """
     u = k * current
     if abs(u) < 1e-9:
         return current
@@ -18,6 +21,8 @@ def saturated(current, k, law):
         return current / (1.0 + u * u)
     if law == 1.0:
         return current * tanh(sqrt(3.0) * u) / (sqrt(3.0) * u)
+    if law == 3.0:
+        return current - 0.6 * beyond(current, 0.5 / k)
     return current * atan(sqrt(3.0) * u) / (sqrt(3.0) * u)
 
 
@@ -26,6 +31,9 @@ def orifice(dP, K_t, law):
     """Flow through a wear gap whose loss grows with the square of the flow."""
     if law == 0.0:
         return K_t * dP / sqrt(sqrt(dP * dP + 4e6))
+    if law == 2.0:
+        # A gap between laminar and turbulent: power 0.7, equal to the root at 10 bar.
+        return K_t * 1e3 * (1.0 if dP > 0.0 else -1.0) * (abs(dP) / 1e6) ** 0.7
     # a Q^2 + b Q = |dP|: laminar below some hundredths of a bar, turbulent above.
     b = 40.0 / K_t
     flow = K_t * K_t * 0.5 * (sqrt(b * b + 4.0 * abs(dP) / (K_t * K_t)) - b)
@@ -36,7 +44,7 @@ def orifice(dP, K_t, law):
 def stiffness(P, beta, air, law):
     """Bulk modulus of oil with free air, from the compliances of both; air is its share at 1 atm."""
     absolute = max(P + P_ATM, 2e3)
-    n = 1.0 if law == 0.0 else 1.4
+    n = 1.0 if law in (0.0, 3.0) else 1.4
     gas = air / (1.0 - air) * (P_ATM / absolute) ** (1.0 / n)
     if law == 2.0:
         gas *= max(1.0 - absolute / 3e7, 0.05)
@@ -50,6 +58,9 @@ def bump(x, place, width, law):
         return 0.5 * (1.0 + cos(pi * u)) if u < 1.0 else 0.0
     if law == 1.0:
         return max(1.0 - u, 0.0)
+    if law == 3.0:
+        # A bore with waves along the stroke.
+        return 0.5 * (1.0 + cos(pi * u))
     return 1.0 / (1.0 + 4.0 * u * u)
 
 
@@ -66,9 +77,11 @@ def spring(x, K_S, k_3, law):
 
 @njit(cache=True, error_model="numpy")
 def contact(depth, speed, law):
-    """Force of an end stop [N]: 2e7 N/m, or a contact that stiffens with depth."""
+    """Force of an end stop [N]: 2e7 N/m, a contact that stiffens with depth, or an oil cushion that only brakes."""
     if depth <= 0.0:
         return 0.0
+    if law == 2.0:
+        return 2e7 * depth * max(speed, 0.0) + 1e5 * depth
     stiff = 2e7 * depth if law == 0.0 else 1.5e9 * depth * sqrt(depth)
     return max(stiff * (1.0 + 1.5 * speed), 0.0)
 
@@ -81,6 +94,31 @@ def beyond(u, half):
     if u < -half:
         return u + half
     return 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def turbulent(flow, exponent):
+    """Pressure loss over R_turb; 1.75 is Blasius' law, with its coefficient chosen equal to the square at 1e-4 m3/s."""
+    if exponent == 2.0:
+        return flow * abs(flow)
+    return 1e-8 * (1.0 if flow > 0.0 else -1.0) * (abs(flow) / 1e-4) ** exponent
+
+
+@njit(cache=True, error_model="numpy")
+def free_air(P, air):
+    """Share of free air (at 1 atm) in equilibrium: Henry's law, all of it dissolved from 60 bar on, but for 5 %."""
+    return air * max(1.0 - max(P, 0.0) / 60e5, 0.05)
+
+
+@njit(cache=True, error_model="numpy")
+def maxwell_slip(force, pull, level):
+    """Move three elastic sliders in parallel: `pull` is the force of the rigid motion, `level` that of all sliding.
+
+    force: (3,) [N] of each, changed in place. Stiffness is shared alike; the weakest slides first.
+    """
+    for i in range(3):
+        limit = level * (i + 1.0) / 6.0
+        force[i] = min(max(force[i] + pull / 3.0, -limit), limit)
 
 
 @njit(cache=True, error_model="numpy")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from effect_gap import THRESHOLD, UNCERTAIN, EffectGap
-from effects import IDS
+from family import RIG_FAMILIES, effect_of
 from gap import largest
 from rig import LINEAR, PLANT_PARAMETERS, Rig
 
@@ -12,7 +12,7 @@ from rig import LINEAR, PLANT_PARAMETERS, Rig
 def draw_nominal_rig(rng: np.random.Generator, family: str, index: int) -> Rig:
     """The plant file's values, or in half of the cases another copy of the actuator, passed by --set."""
     rig = LINEAR if family == "linear" else Rig()
-    id = IDS[index % len(IDS)] if family in ("single", "closed_loop") else ""
+    id = effect_of(family, index, 0)
     if rng.random() < 0.5 and family != "linear":
         names = [n for n in PLANT_PARAMETERS if n not in ("D", "A", "P_0")]
         rig = rig._replace(**{n: _short(getattr(rig, n) * rng.uniform(0.9, 1.1)) for n in names})
@@ -38,16 +38,20 @@ def set_options(nominal_rig: Rig, family: str) -> dict[str, float]:
 def parameter_errors(
     rng: np.random.Generator, family: str, attempt: int, effect_gap: EffectGap, touched: set[str]
 ) -> dict[str, float]:
-    """Relative errors of 1 to 15 %.
+    """Relative errors of nominal parameters.
 
-    Each is first drawn freely. Unless it is meant to be a cause, it is reduced until it changes no signal by more
-    than a share of the threshold; an error that would be less than 1 % is omitted. Later attempts use smaller shares.
+    Family nominals_off: 5 to 15 % of two to five parameters. On other rigs what an identification leaves: at most 0.5 %
+    of six. Elsewhere 1 to 15 %: each is first drawn freely. Unless it is meant to be a cause, it is reduced until it
+    changes no signal by more than a share of the threshold; an error that would be less than 1 % is omitted. Later
+    attempts use smaller shares.
     """
     nominal_rig = effect_gap.nominal_rig
     # V_20 is exact, so that errors of both volumes can't imitate one of beta.
     names = [n for n in UNCERTAIN if n not in touched and getattr(nominal_rig, n) > 0.0 and n != "V_20"]
     if family == "linear":
         names = ["J_M", "M", "K_L"]
+    if family in RIG_FAMILIES and family != "production":
+        return _errors_of_a_rig(rng, family, [n for n in names if n not in ("tau_FM", "tau_FR", "K_S")])
     errors: dict[str, float] = {}
     for name in names:
         error = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.01, 0.15))
@@ -63,3 +67,11 @@ def parameter_errors(
         for name in rng.choice([n for n in names if n != "K_S"], int(rng.integers(1, 4)), replace=False):
             errors[str(name)] = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.01, 0.15))
     return errors
+
+
+def _errors_of_a_rig(rng: np.random.Generator, family: str, names: list[str]) -> dict[str, float]:
+    off = family == "nominals_off"
+    low, high = (0.05, 0.15) if off else (0.0005, 0.005)
+    count = int(rng.integers(2, 6)) if off else 6
+    chosen = rng.choice(names, min(count, len(names)), replace=False)
+    return {str(name): float(rng.choice([-1.0, 1.0]) * rng.uniform(low, high)) for name in chosen}

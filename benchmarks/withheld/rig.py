@@ -11,7 +11,8 @@ P_ATM = 101325.0  # Pa
 class Rig(NamedTuple):
     """SI units, gauge pressures. Floats only, so that the compiled kernel sees one type whatever is switched on.
 
-    numba caches the kernel until plant.py changes, and reads fields by position: touch plant.py after reordering them.
+    numba caches the kernel until kernel.py changes, and reads fields by position: touch kernel.py after reordering them
+    or after a change in laws.py or loop.py.
     """
 
     # Equation (12) with the friction of (8).
@@ -38,26 +39,28 @@ class Rig(NamedTuple):
 
     # Torque and drive.
     k_sat: float = 0.0
-    saturation_law: float = 0.0  # 0 rational, 1 hyperbolic tangent, 2 arc tangent; equal to second order in I
+    saturation_law: float = 0.0  # 0 rational, 1 hyperbolic tangent, 2 arc tangent: equal to second order in I; 3 knee
     T_c: float = 0.0
     ripple_order: float = 6.0
     ripple_phase: float = 0.0
+    ripple_second: float = 0.0  # order of a second ripple; 0: none
+    ripple_share: float = 0.0  # its amplitude over T_c
     c_f: float = 0.0
-    loss_law: float = 0.0  # 0 constant, 1 larger at low speed (mixed film)
+    loss_law: float = 0.0  # 0 constant, 1 larger at low speed (mixed film), 2 grows with the speed
     I_0: float = 0.0
     tau_I: float = 0.0
-    lag_law: float = 0.0  # 0 one lag, 1 two equal lags of tau_I/2 each
+    lag_law: float = 0.0  # 0 one lag, 1 two equal lags of tau_I/2 each, 2 second order with damping 0.5
     T_d: float = 0.0
 
     # Flow.
     K_t: float = 0.0
-    orifice_law: float = 0.0  # 0 regularised root, 1 laminar and turbulent resistance in series
+    orifice_law: float = 0.0  # 0 regularised root, 1 laminar and turbulent resistance in series, 2 power 0.7
     K_e1: float = 0.0
     K_e2: float = 0.0
     air: float = 0.0
-    air_law: float = 0.0  # 0 isothermal, 1 polytropic, 2 polytropic and dissolving
+    air_law: float = 0.0  # 0 isothermal, 1 polytropic, 2 polytropic and dissolving, 3 dissolving late
     P_crack: float = inf
-    relief_law: float = 0.0  # 0 each chamber to the tank, 1 across the ports
+    relief_law: float = 0.0  # 0 each chamber to the tank, 1 across the ports, 2 to the tank with hysteresis
     P_open: float = -inf
     dA: float = 0.0
     area_law: float = 0.0  # 0 both sides by half, 1 the front side alone
@@ -68,14 +71,15 @@ class Rig(NamedTuple):
     asymmetry: float = 0.0
     asymmetry_law: float = 0.0  # 0 Coulomb part, 1 viscous part too
     h: float = 0.0
-    bump_law: float = 0.0  # 0 raised cosine, 1 triangle, 2 Lorentz
+    bump_law: float = 0.0  # 0 raised cosine, 1 triangle, 2 Lorentz, 3 waves
     bump_place: float = 0.0
     bump_width: float = 0.01
     bristle: float = 0.0  # 1/sigma_0, m/N; 0: rigid
-    bristle_law: float = 0.0  # 0 LuGre, 1 Dahl
+    bristle_law: float = 0.0  # 0 LuGre, 1 Dahl, 2 Maxwell slip
     R_lam: float = 0.0
     R_turb: float = 0.0
     line_law: float = 0.0  # 0 oil volume at the pump, 1 at the cylinder
+    line_exponent: float = 2.0  # of the flow in the turbulent part
     m_load: float = 0.0  # behind the load cell
     m_rod: float = 0.0
     F_0: float = 0.0  # behind the load cell
@@ -84,9 +88,9 @@ class Rig(NamedTuple):
     hardening_law: float = 0.0  # 0 cubic, 1 hyperbolic sine
     width: float = 0.0
     x_stop: float = inf
-    stop_law: float = 0.0  # 0 linear contact, 1 contact that stiffens (Hertz exponent)
+    stop_law: float = 0.0  # 0 linear contact, 1 contact that stiffens (Hertz exponent), 2 cushion
     drop: float = 0.0
-    warm_law: float = 0.0  # 0 exponential, 1 straight in time
+    warm_law: float = 0.0  # 0 exponential, 1 straight in time, 2 with the heat of the losses
     warm_time: float = 12.0
 
     displacement_pressure: float = 0.0  # relative loss of displacement at 10 bar

@@ -101,12 +101,14 @@ def sections(rows: Rows) -> dict[str, list[Figure]]:
     single = [r for r in plain if r.verdict == "effect" and len(r.truth) == 1]
     several = [r for r in plain if r.verdict == "effect" and len(r.truth) > 1]
     outside = [r for r in rows if r.verdict == OUTSIDE]
+    caused = [r for r in plain if r.verdict == "effect"]
     held = [r.answer == "underdetermined" or r.in_set for r in weak]
     out = {
         "All": [
             share("answered", [r.answer != FAILED for r in rows]),
             centre("seconds of a diagnosis, median", [r.seconds for r in rows], np.median),
         ],
+        "With causes of the catalogue": [share(label, hits) for label, hits in cause_shares(caused).items()],
         "No gap": [
             share("false alarms", [r.answer != "no_gap" for r in none]),
             share("false alarms that name something", [r.answer in NAMING for r in none]),
