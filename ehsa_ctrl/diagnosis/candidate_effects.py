@@ -16,8 +16,8 @@ from .hypothesis_model import HypothesisModel, lacks_dry_friction
 from .signals import estimate_noise
 from .unknown_inputs import balance_signals, unknown_inputs
 
-#: Effort scale of the rod [N] for which the effect files state the smallest changes of symbols: that of the EHSA.
-REFERENCE_EFFORT = 1e3
+#: Effort scale of rod [N] and shaft [N m] for which the effect files state the smallest changes of symbols: the EHSA's.
+REFERENCE_EFFORT = {"rod": 1e3, "shaft": 1.0}
 #: Lower bound of a positive parameter as a share of its nominal value. Engineering judgement.
 MIN_SHARE = 0.02
 #: Smallest number of moving samples for `friction_levels`: 0.2 s at 250 Hz for three unknowns. Engineering judgement.
@@ -28,7 +28,8 @@ def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
     """All effects that can act in this plant and show in this log."""
     plant = model.plant
     system, equations = plant.structure.system, plant.structure.equations
-    rods = [contact for contact in system.contacts if contact.name == "rod"]
+    # The rod's if there is one: the effects that state efforts are mostly its own.
+    contact = next(iter(sorted(system.contacts, key=lambda one: one.name)), None)
     bounds = {}
     for kind in equations.parameters:
         positive = kind.lower_open and kind.lower == 0.0
@@ -43,17 +44,20 @@ def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
         own_name=system.own,
         needed=frozenset(needed_to_simulate(equations)),
         bounds=bounds,
-        effort=rods[0].effort_scale / REFERENCE_EFFORT if rods else 1.0,
+        effort=contact.effort_scale / REFERENCE_EFFORT[contact.name] if contact else 1.0,
         sensors={channel: {"bias": s.bias, "scale": s.scale} for channel, s in plant.sensors.items()},
         switches_law=bool(model.plants_by_law),
         friction_levels=friction_levels(plant, model.log),
     )
-    return tuple(
+    found = [
         candidate
         for effect in EFFECTS.values()
         if not effect.wired or effect.symbols or effect.name in plant.structure.effects
         for candidate in effect.free_in(context)
-    )
+    ]
+    # Where one contact stands for shaft and rod, a friction parameter has two ids; the first one counts.
+    taken = {candidate.names: candidate.id for candidate in reversed(found) if candidate.effect.symbols}
+    return tuple(one for one in found if not one.effect.symbols or taken[one.names] == one.id)
 
 
 def wearing_parameters() -> frozenset[str]:

@@ -49,7 +49,7 @@ def build_causes(
             Cause(
                 id=key[0],
                 channel=key[1],
-                place=EFFECTS[key[0]].place,
+                place=plant.structure.system.place_of(EFFECTS[key[0]].place),
                 probability=min(selection.probability.get(key, 0.0), 1.0),
                 parameters=_parameters(key, chosen, scoring, sd),
                 ambiguous_with=tuple(dict.fromkeys([*equivalent, *others])),
@@ -100,9 +100,8 @@ def _further_candidates(selection: Selection, scoring: Scoring) -> list[Cause]:
             if key in selection.chosen.causes or key in found or p < MIN_PROBABILITY:
                 continue
             parameters = _parameters(key, scored, scoring, standard_deviations(scored.fit, scoring.weight))
-            found[key] = Cause(
-                key[0], key[1], EFFECTS[key[0]].place, min(p, 1.0), parameters, alone=scored.own_gaps[key]
-            )
+            place = scoring.objective.model.plant.structure.system.place_of(EFFECTS[key[0]].place)
+            found[key] = Cause(key[0], key[1], place, min(p, 1.0), parameters, alone=scored.own_gaps[key])
     return sorted(found.values(), key=lambda cause: -cause.probability)
 
 

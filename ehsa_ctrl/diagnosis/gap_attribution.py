@@ -181,14 +181,15 @@ def _build_location(
     """
     gap, base = case.gap, sets[Places()].squared_gap
     parts, best = _closed_by_place(sets)
-    sizes = {place: max(float(part.sum()), 0.0) for place, part in parts.items()}
     system = case.plant.structure.system
+    own = {*system.places, "sensor"}
+    sizes = {place: max(float(part.sum()), 0.0) for place, part in parts.items() if place in own}
     unobserved = [place for place in PLACES if not set(case.unobserved).isdisjoint(system.places.get(place, ()))]
     rest = max(gap.nominal - sum(sizes.values()), 0.0)
     for place in unobserved:
         sizes[place] += rest / len(unobserved)
     whole = sum(sizes.values())
-    shares = {place: size / whole if whole > 0.0 else 1.0 / len(PLACES) for place, size in sizes.items()}
+    shares = {place: size / whole if whole > 0.0 else 1.0 / len(sizes) for place, size in sizes.items()}
     final, final_closed = case, closed
     if corrected is not None and "sensor" in best:
         final, final_closed = corrected, closed_corrected

@@ -78,8 +78,8 @@ class Structure:
                 raise InputError(f"effects: {name!r} {_instead(EFFECTS[name])}")
             for contact in system.all_contacts:
                 self._check_symbols(name, contact)
-            if not known.issuperset(EFFECTS[name].changes):
-                missing = ", ".join(sorted(set(EFFECTS[name].changes) - known))
+            if missing_signals := set(system.own_changes(EFFECTS[name].changes)) - known:
+                missing = ", ".join(sorted(missing_signals))
                 raise InputError(f"effects: {name!r} changes {missing}, which the system {system.name!r} does not have")
 
     def _check_names(self, known: Set[str]) -> None:

@@ -169,7 +169,8 @@ class System:
     measured: further channels that the balances use.
     missing_effects: sets of effects (ids) that a model of this system without dry friction may lack; a diagnosis
         searches each set from the solution with the one before.
-    symbols: symbol in the catalogue of effects -> its name in this system, if that differs; not for friction.
+    symbols: symbol or signal in the catalogue of effects -> its name in this system, if that differs; not for the
+        friction parameters of the system's own contacts.
     scored: signals by which a diagnosis scores a model; every output by default.
     units: channel or scored signal -> SI unit, for those that `core.log.CHANNELS` lacks; they are added there.
 
@@ -235,6 +236,10 @@ class System:
                     return name
         return self.symbols.get(symbol, symbol)
 
+    def own_changes(self, changes: Mapping[str, ScalarFunction]) -> dict[str, ScalarFunction]:
+        """The changes of an effect by this system's signals; one function for two catalogue signals that are one here."""
+        return {self.own(signal): function for signal, function in changes.items()}
+
     @property
     def drive(self) -> str:
         """Channel of the log with the first input."""
@@ -270,12 +275,14 @@ class System:
     def places(self) -> dict[str, tuple[str, ...]]:
         """Place of an effect -> the unknown inputs that show it. Errors of the drive act as a torque."""
         found: dict[str, tuple[str, ...]] = {}
-        for name, entry in self.entries.items():
+        for name in self.entries:
             place = name.partition("_")[0]
             found[place] = (*found.get(place, ()), name)
-            if place == "torque" and entry.target == self.inputs[0]:
-                found["drive"] = (name,)
-        return found
+        return found | ({"drive": found["torque"]} if "torque" in found else {})
+
+    def place_of(self, place: str) -> str:
+        """Where an effect of this place of the catalogue acts in this system: friction of a shaft alone is a torque."""
+        return "torque" if place == "force" and "force" not in self.places and "torque" in self.places else place
 
     @property
     def all_contacts(self) -> tuple[Contact, ...]:

@@ -109,7 +109,7 @@ class _Wiring:
                 self.sources[signal] = (function, {})
         self.held = {f"{c.velocity}_dot": c.direction for c in system.contacts if structure.law(c).sticks}
         for name in structure.effects:
-            for signal, function in EFFECTS[name].changes.items():
+            for signal, function in system.own_changes(EFFECTS[name].changes).items():
                 self.changes.setdefault(signal, []).append((name, function))
             for parameter in EFFECTS[name].parameters:
                 lower, upper = parameter.lower, parameter.upper
@@ -157,7 +157,8 @@ class _Wiring:
                 f"system {self.structure.system.name!r} with these friction laws and effects; {choices(name, known)}"
             )
         for effect, function in self.changes.get(name, ()):
-            current = self._call(f"{name}__{effect}", function, {name: current}, ready={name})
+            old = {a for a in inspect.signature(function).parameters if self.structure.system.own(a) == name}
+            current = self._call(f"{name}__{effect}", function, dict.fromkeys(old, current), ready=old)
         if name in self.held:
             names = {"rate": current, "direction": self.held[name]}
             current = self._call(f"{name}__held", held, names, ready={"rate", "direction"})

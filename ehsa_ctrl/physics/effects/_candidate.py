@@ -86,7 +86,7 @@ class DiagnosisContext:
     own_name: symbol in the catalogue of effects -> the plant's name.
     needed: names on which a simulation depends.
     bounds: name -> lowest and highest value.
-    effort: size of the rod's efforts, relative to the EHSA, for which the smallest changes are stated.
+    effort: size of the efforts of rod or shaft, relative to the EHSA, for which the smallest changes are stated.
     sensors: channel -> nominal setting -> value.
     switches_law: whether a hypothesis may use another friction law.
     friction_levels: symbol -> friction or offset that the balances of a plant without dry friction show.

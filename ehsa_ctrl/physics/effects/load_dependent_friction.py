@@ -1,12 +1,15 @@
-"""Seals and guides that press harder under load: Coulomb friction of the rod grows by kappa |A (P_1 - P_2)|."""
+"""Seals, guides or gears that press harder under load: Coulomb friction grows by kappa times the force transmitted.
+
+That force is the piston's, A (P_1 - P_2), or the torque of a gear.
+"""
 
 from ._candidate import CandidateEffect, DiagnosisContext, from_neutral
 from ._effect import Effect, EffectParameter
 
 
-def friction(F_FR: float, d_R: float, P_1: float, P_2: float, A: float, kappa: float) -> float:
-    """F_FR + sign(v) kappa |A (P_1 - P_2)|, set-valued at standstill."""
-    return F_FR + d_R * (kappa * abs(A * (P_1 - P_2)))
+def friction(F_FR: float, d_R: float, F_P: float, kappa: float) -> float:
+    """F_FR + sign(v) kappa |F_P|, set-valued at standstill."""
+    return F_FR + d_R * (kappa * abs(F_P))
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
@@ -18,7 +21,7 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
 effect = Effect(
     name="load_dependent_friction",
     place="force",
-    summary="rod friction that grows with the load",
+    summary="friction of rod or gear that grows with the load",
     fingerprint="friction level in the force balance rises with |dP|",
     changes={"F_FR": friction},
     parameters=(EffectParameter("kappa", "1", "friction per force", 0.0, 0.05, 0.0, 0.9, detectable=0.03),),
