@@ -19,14 +19,23 @@ def command(
         Path, typer.Option("--out", metavar="DIR", help="Folder for log.csv, simulation.json, report.html and figure.")
     ],
     input_file: Annotated[
-        Path | None, typer.Option("--input", metavar="CSV", help="Current to apply: columns t (s), current (A).")
+        Path | None,
+        typer.Option(
+            "--input",
+            metavar="CSV",
+            help="Input to apply: columns t (s), current (A); for another machine the channels that drive it, found by "
+            "name or by the plant's [log] table.",
+        ),
     ] = None,
     excitation: Annotated[
         str | None,
-        typer.Option(help="Current: noise, steps, sine, ramp, chirp or multisine.", autocompletion=excitations),
+        typer.Option(help="Input: noise, steps, sine, ramp, chirp or multisine.", autocompletion=excitations),
     ] = None,
-    amplitude: Annotated[float, typer.Option(help="Amplitude of the excitation, A.")] = 1.5,
+    amplitude: Annotated[float, typer.Option(help="Amplitude of the excitation, A (or the drive's unit).")] = 1.5,
     duration: Annotated[float, typer.Option(help="Duration of the excitation, s.")] = 10.0,
+    resample: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Resample the input to this rate; also removes jitter.")
+    ] = None,
     centre: Annotated[bool, typer.Option("--centre", help="Add a slow loop that keeps the rod in its stroke.")] = False,
     seed: Annotated[int, typer.Option(help="Seed of noise and excitation.", min=0)] = 0,
     model: Model = "nonlinear",
@@ -35,12 +44,14 @@ def command(
     as_json: Json = False,
     force: Force = False,
 ) -> None:
-    """Drive the plant from rest with a current, and write the log that a test bench would record.
+    """Drive the plant from rest with a current (or its own input), and write the log that a test bench would record.
 
     Examples: ehsa-ctrl simulate ehsa --excitation steps --out results/steps ·
     ehsa-ctrl simulate ehsa --input current.csv --set load.stiffness=50e3 --out results/loaded
     """
+    from ..core.log import CHANNELS
     from ..core.log_reader import read_log
+    from ..identification.preparation import resample as to_rate
     from ..simulation.bench import record
     from ..simulation.excitation import excitation as make
     from .inputs import load_model, print_notes
@@ -50,10 +61,14 @@ def command(
         raise InputError("give either --input current.csv or --excitation noise|steps|sine|ramp|chirp|multisine")
     pairs = read_pairs(settings)
     loaded = load_model(plant, model, pairs)
+    system, second = loaded.structure.system, None
     if input_file is not None:
-        given = read_log(input_file, ["current"])
+        given = read_log(input_file, [system.drive], columns=loaded.log, uniform=resample is None)
         print_notes(given)
-        time, current = given.time, given["current"]
+        if resample is not None:
+            given, _ = to_rate(given, loaded, resample)
+        time, current = given.time, given[system.drive]
+        second = given.channels.get(system.drives.get(system.inputs[1], ""))
     else:
         time, current = make(
             str(excitation), amplitude=amplitude, duration=duration, sample_time=loaded.sample_time, seed=seed
@@ -61,12 +76,14 @@ def command(
     output = OutputOptions(as_json, out, force)
     output.check("simulate", "log.csv", "simulation.json", "report.html", figures=["simulation"])
     with compiling():
-        log, run = record(loaded, time, current, seed=seed, sensor_noise=not no_noise, centre=centre)
+        log, run = record(loaded, time, current, seed=seed, sensor_noise=not no_noise, centre=centre, second=second)
     result = {
         "plant": plant,
         "model": model,
         "settings": pairs,
-        "input": str(input_file) if input_file else f"{excitation}, {amplitude:g} A, {duration:g} s",
+        "input": str(input_file)
+        if input_file
+        else f"{excitation}, {amplitude:g} {CHANNELS[system.drive].unit}, {duration:g} s",
         "centred": centre,
         "seed": seed,
         "samples": len(run),

@@ -222,13 +222,14 @@ def describe_curve(curve: Curve) -> str:
         curve.unknown_input, f"error of the flow into chamber {curve.unknown_input[-1]}"
     )
     size = float(np.sqrt(np.mean(curve.values**2)))
+    drive = curve.against.removeprefix("changes of ")
     plain = {
         "constant": f"{name} of {np.mean(curve.values):.3g} {unit}, constant",
         "sign": f"{name} of {size:.3g} {unit} with {curve.against}",
-        "delay": f"like a delay of the current of {1e3 * curve.number:.2g} ms",
-        "lag": f"like a lag of the current with a time constant of {1e3 * curve.number:.2g} ms",
-        "rate limit": f"like a rate limit of the current of {curve.number:.3g} A/s",
-        "dead band": f"like a dead band of the drive of +-{curve.number:.2g} A",
+        "delay": f"like a delay of {drive} of {1e3 * curve.number:.2g} ms",
+        "lag": f"like a lag of {drive} with a time constant of {1e3 * curve.number:.2g} ms",
+        "rate limit": f"like a rate limit of {drive} of {curve.number:.3g} {curve.unit}/s",
+        "dead band": f"like a dead band of the drive of +-{curve.number:.2g} {curve.unit}",
     }
     if curve.family in plain:
         return plain[curve.family]

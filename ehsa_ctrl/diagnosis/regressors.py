@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
+from ..plant.arrays import array_evaluator
 from ..plant.plant import Plant
 from ..plant.system import Contact
 from .unknown_inputs import BalanceSignals, fill_nan
@@ -113,6 +114,28 @@ def limit_rate(current: np.ndarray, steps: np.ndarray) -> np.ndarray:
     return out
 
 
+@dataclass(frozen=True)
+class TorqueDrive:
+    """What drives a shaft along a log: held (N - 1,), torque per unit of it, its name and unit."""
+
+    held: np.ndarray
+    gain: float
+    words: str
+    unit: str
+
+
+def torque_drive(plant: Plant, s: BalanceSignals) -> TorqueDrive:
+    """The current, where an unknown torque acts as a current; otherwise the torque of the motor."""
+    system = plant.structure.system
+    entry = system.entries.get("torque")
+    if entry is None or entry.target == system.inputs[0]:
+        gain = plant[entry.capacity[0]] if entry is not None and entry.capacity else 1.0
+        return TorqueDrive(s[system.inputs[0]][:-1], gain, "the current", "A")
+    (term,) = next(balance.terms for balance in system.balances if "torque" in balance.unknown_inputs)
+    torque = array_evaluator(plant.structure.equations, [term])({**plant.values, **s.values})[term]
+    return TorqueDrive(np.asarray(torque)[:-1], 1.0, "the motor's torque", "N m")
+
+
 #: Families of torque errors that are attributed to the drive: independent of the motion, or an error of the current.
 DRIVE_FAMILIES = ("constant", "time", "delay", "lag", "rate limit", "dead band", "current")
 #: Static functions of the current, which a wrong torque constant or friction can produce too.
@@ -123,10 +146,11 @@ NONLINEAR = ("delay", "lag", "rate limit", "dead band")
 
 def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]) -> list[Regressors]:
     """Regressors of an unknown torque. orders: periods of a ripple per turn of the shaft."""
-    held, dt, shaft = s[plant.structure.system.inputs[0]][:-1], s.sample_time, balance_contact(plant, "torque")
+    drive, dt, shaft = torque_drive(plant, s), s.sample_time, balance_contact(plant, "torque")
+    held, current, unit = drive.held, drive.words, drive.unit
     omega, rate, time = (s[n][:-1] for n in (shaft.velocity, f"{shaft.velocity}_rate", "time"))
     sign, push, size = _sure_sign(s, shaft), np.sign(held), np.abs(held)
-    speed, current, against = "the shaft's speed", "the current", "time, against the motion"
+    speed, against = "the shaft's speed", "time, against the motion"
     found = [
         Regressors("constant", "time", "s", time, np.ones((held.size, 1))),
         Regressors("time", "time", "s", time, hats(time, 14)),
@@ -134,19 +158,19 @@ def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]
         Regressors("speed", speed, "rad/s", omega, odd_hats(omega, sign, 7)),
         Regressors("linear", speed, "rad/s", omega, omega[:, None]),
         Regressors("rate", "the shaft's acceleration", "rad/s2", rate, rate[:, None]),
-        Regressors("gain", current, "A", held, held[:, None]),
-        Regressors("saturation", current, "A", held, np.column_stack([held, held * size, held**3])),
+        Regressors("gain", current, unit, held, held[:, None]),
+        Regressors("saturation", current, unit, held, np.column_stack([held, held * size, held**3])),
         Regressors("signed time", against, "s", time, sign[:, None] * hats(time, 8), sign=sign),
         Regressors("gain in time", "time, with the current", "s", time, held[:, None] * hats(time, 8), sign=push),
         Regressors(
             "brake",
             f"the size of {current}, against the motion",
-            "A",
+            unit,
             size,
             odd_hats(held, sign, 10),
             sign=sign,
         ),
-        Regressors("current", current, "A", held, hats(held, 80)),
+        Regressors("current", current, unit, held, hats(held, 80)),
     ]
     if shows_pressures(plant, s):
         dP, drop = pressure_difference(plant, s), "the pressure difference"
@@ -171,10 +195,8 @@ def torque_regressors(plant: Plant, s: BalanceSignals, orders: tuple[float, ...]
 
 def drive_regressors(plant: Plant, s: BalanceSignals, family: str, numbers: np.ndarray) -> list[Regressors]:
     """Torque errors of a drive with a delay [s], a lag [s], a rate limit [A/s] or a dead band [A], one per number."""
-    system = plant.structure.system
-    held, dt = s[system.inputs[0]][:-1], s.sample_time
-    entry = system.entries.get("torque")
-    gain = plant[entry.capacity[0]] if entry is not None and entry.capacity else 1.0
+    drive, dt = torque_drive(plant, s), s.sample_time
+    held = drive.held
     if family == "rate limit":
         given = list(limit_rate(held, numbers * dt).T)
     else:
@@ -184,9 +206,9 @@ def drive_regressors(plant: Plant, s: BalanceSignals, family: str, numbers: np.n
             "dead band": lambda number: np.asarray(held - np.clip(held, -number, number)),
         }
         given = [of[family](float(number)) for number in numbers]
-    words = "changes of the current" if family != "dead band" else "the current"
+    words = f"changes of {drive.words}" if family != "dead band" else drive.words
     return [
-        Regressors(family, words, "A", held, (gain * (other - held))[:, None], True, float(number))
+        Regressors(family, words, drive.unit, held, (drive.gain * (other - held))[:, None], True, float(number))
         for other, number in zip(given, numbers, strict=True)
     ]
 

@@ -287,11 +287,13 @@ def by_label(scores: Sequence[ScoredHypothesis]) -> dict[tuple[CauseKey, ...], S
 
 
 def effect_id_by_parameter(plant: Plant) -> dict[str, str]:
-    """Parameter of the plant -> id of the effect under which a wrong value is reported."""
+    """Parameter of the plant -> id of the effect under which a wrong value is reported, the first of several."""
     own = plant.structure.system.own
-    return {
-        own(symbol): name for name, effect in EFFECTS.items() for symbol in (*effect.symbols, *effect.related_symbols)
-    }
+    ids: dict[str, str] = {}
+    for name, effect in EFFECTS.items():
+        for symbol in (*effect.symbols, *effect.related_symbols):
+            ids.setdefault(own(symbol), name)
+    return ids
 
 
 def residual_of(objective: Objective, segment: Segment, simulated: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -117,7 +117,9 @@ def _findings(log: Log, plant: Plant) -> Iterator[LogFinding]:
             "columns",
         )  # fmt: skip
         return
-    dead = [channel for channel in (*drives, *outputs) if np.ptp(log[channel]) == 0.0]
+    # A switch, which has no unit, may stay as it is.
+    measured = [channel for channel in (*drives, *outputs) if CHANNELS[channel].unit != "1"]
+    dead = [channel for channel in measured if np.ptp(log[channel]) == 0.0]
     dead = [channel for channel in dead if channel in outputs or log[channel][0] == 0.0]
     for channel in dead:
         yield _error(

@@ -237,7 +237,7 @@ class System:
         return self.symbols.get(symbol, symbol)
 
     def own_changes(self, changes: Mapping[str, ScalarFunction]) -> dict[str, ScalarFunction]:
-        """The changes of an effect by this system's signals; one function for two catalogue signals that are one here."""
+        """The changes of an effect by this system's signals; two signals of the catalogue may be one here."""
         return {self.own(signal): function for signal, function in changes.items()}
 
     @property

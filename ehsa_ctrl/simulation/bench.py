@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.log import Log, check_time
 from ..plant.plant import Plant
 from .closed_loop import run_closed_loop
@@ -71,8 +72,9 @@ def record(
     sensor_noise: bool = True,
     centre: bool = False,
     tolerance: float = 1e-6,
+    second: np.ndarray | None = None,
 ) -> tuple[Log, Trajectory]:
-    """Drive the bench with a current and log it.
+    """Drive the bench with a current, or the first input of another system, and log it.
 
     Parameters
     ----------
@@ -81,6 +83,7 @@ def record(
     sensor_noise: False logs without noise, but with quantisation and delays.
     centre: add the slow loop that keeps the rod within its stroke; the current in the log is the sum.
     tolerance: as for `simulate`.
+    second: (N,) second input of the system; zero by default.
 
     Returns
     -------
@@ -90,7 +93,10 @@ def record(
     Raises
     ------
     SimulationError: the run stopped early within all limits of the plant.
+    InputError: centre, for a system whose position is not in m.
     """
+    if centre and "position" not in plant.structure.system.outputs:
+        raise InputError(f"{plant.name}: has no channel position to centre; leave out --centre")
     time, current = checked_input(time, "time"), checked_input(current, "current", time.size)
     check_time("time", time, first_row=0)
     dt = float((time[-1] - time[0]) / (time.size - 1))
@@ -103,6 +109,9 @@ def record(
         )
         run = loop.trajectory
     else:
-        run = simulate(plant, current, sample_time=dt, tolerance=tolerance, raise_on_failure=False)
+        hold = plant.structure.system.hold
+        run = simulate(
+            plant, current, force=second, hold=hold, sample_time=dt, tolerance=tolerance, raise_on_failure=False
+        )
     run.explained()
     return Log(time[: len(run)], sensors.log(run)), run

@@ -59,12 +59,13 @@ def closed_loop(
     """
     n = shape[STATES]
     constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(3 * n + 2 * shape[CONTACTS])
-    c = pointer(constants)
-    call(functions[CONSTANTS], pointer(p), c)
+    call(functions[CONSTANTS], pointer(p), pointer(constants))
     whole, part = dead_time(shape, p, dt)
     whole += lag
     status, spent = DONE, 0
     for k in range(int(carry[-1]), stop):
+        # Within the loop: numba frees an array after its last use by name, and a pointer is none.
+        c = pointer(constants)
         if spent > STEPS_PER_CALL:
             status = UNFINISHED
             break

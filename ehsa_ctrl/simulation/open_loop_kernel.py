@@ -57,8 +57,7 @@ def open_loop(
     """
     n, contacts = shape[STATES], shape[CONTACTS]
     constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(3 * n + 2 * contacts)
-    c, work, code = pointer(constants), pointer(scratch), pointer(functions)
-    layout, sizes = pointer(shape), pointer(scales)
+    code, layout, sizes = pointer(functions), pointer(shape), pointer(scales)
     last = carry.shape[1] - 1
     spent = 0
     for run in range(p.shape[0]):
@@ -66,6 +65,8 @@ def open_loop(
             continue
         if spent > STEPS_PER_CALL:
             break
+        # Within the loop: numba frees an array after its last use by name, and a pointer is none.
+        c, work = pointer(constants), pointer(scratch)
         call(functions[CONSTANTS], shifted(pointer(p), run * p.shape[1]), c)
         whole, part = dead_time(shape, p[run], dt)
         state, direction = shifted(pointer(y), run * n), shifted(pointer(mode), run * contacts)

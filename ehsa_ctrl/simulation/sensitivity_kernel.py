@@ -44,11 +44,12 @@ def sensitivity(
     n, width = shape[STATES], S.shape[1]
     constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(3 * n + 2 * shape[CONTACTS])
     by_parameter = np.zeros((6, n, width))
-    c = pointer(constants)
-    call(functions[CONSTANTS], pointer(p), c)
+    call(functions[CONSTANTS], pointer(p), pointer(constants))
     begin = S.copy()
     status, spent = DONE, 0
     for k in range(int(carry[-1]), current.size):
+        # Within the loop: numba frees an array after its last use by name, and a pointer is none.
+        c = pointer(constants)
         carry[-1] = k
         for i in range(n):
             states_out[k, i] = y[i]

@@ -10,7 +10,8 @@ effect = Effect(
     place="drive",
     summary="resistance of the supply differs from nominal",
     fingerprint="torque error at high duty cycle, proportional to the current",
+    symbols={"R_S": 0.0},
     # Engineering judgement: 0.2 ohm at 1 A is a few percent of the supply of a small servo.
-    symbols={"R_S": 0.2},
+    wear_scales={"R_S": 0.2},
     source="averaged model of a bridge with pulse width modulation",
 )

@@ -1,10 +1,10 @@
 """A geared DC motor that swings an arm with a weight: a servo on a pendulum bench, with three forms of its drive.
 
-`pendulum`: the firmware's position loop. The duty cycle of the supply is proportional to the position error in counts of
-the encoder, as in the Dynamixel XL330, and a record is replayed in closed loop from its goal. `pendulum_voltage` and
+`pendulum`: the firmware's position loop. The duty cycle of the supply is proportional to the position error in counts
+of the encoder, as in the Dynamixel XL330, and a record is replayed in closed loop from its goal. `pendulum_voltage` and
 `pendulum_current`: a prescribed voltage or current.
 
-Motor torque by voltage, gravity, and friction at the output side: M. Duclusaud, G. Passault, V. Padois, O. Ly, "Extended
+Motor torque by voltage, gravity, and friction at the output: M. Duclusaud, G. Passault, V. Padois, O. Ly, "Extended
 friction models for the physics simulation of servo actuators", arXiv 2410.08650, and the documentation of their program
 (bam.readthedocs.io). Torque constant, resistance and inertia are effective values at the output of the gear.
 """
@@ -113,9 +113,7 @@ GEAR = Contact(
     position="theta",
 )
 
-BALANCE = Balance(
-    "torque", "N m", (torque_residual,), ("T_M",), contacts=("shaft",), entries=(Entry("omega", ("J",)),)
-)
+BALANCE = Balance("torque", "N m", (torque_residual,), ("T_M",), contacts=("shaft",), entries=(Entry("omega", ("J",)),))
 
 SHARED = (
     ParameterKind("K_T", "N m/A", "torque constant at the gear's output", 0.0, lower_open=True, prior=0.1),

@@ -11,13 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...core.errors import InputError
+from ...core.log import CHANNELS
 from ...core.plotting import draw
 from ...scenario.baseline import SIGNALS as RECORDED
 from ...scenario.result import ScenarioResult
 from ...simulation.closed_loop import ClosedLoop
 from ...simulation.trajectory import Trajectory
 from ..closed_loop import plant_title
-from ..signals import SIGNALS
+from ..signals import SIGNALS, Signal
 from ..style import GREY, PRESSURES, PURPLE, ROLES, SKY
 from . import _panels as panel
 from ._layout import header_legend
@@ -32,13 +33,11 @@ def trajectory_figure(run: Trajectory) -> Figure:
     """Current [A], speed [rpm], both pressures [bar] and position [mm] over time [s].
 
     For the nonlinear model a strip shows when shaft and rod stick; the external force [kN] has a panel if there is
-    one. Limits of the plant that the run exceeded are lines, with a cross at the first sample beyond.
-
-    Raises InputError for a plant of another system than the EHSA, whose signals are others.
+    one. Limits of the plant that the run exceeded are lines, with a cross at the first sample beyond. A system other
+    than the EHSA has a panel for each input and state, in SI units.
     """
-    system = run.plant.structure.system_name
-    if system != "ehsa":
-        raise InputError(f"{run.plant.name} is a {system!r} system; the figure of a run is made for 'ehsa' alone")
+    if run.plant.structure.system_name != "ehsa":
+        return _states_figure(run)
     names = ["current", "omega", "pressures", "x"] + (["force"] if run.outer_force.any() else [])
     # The linear model has no dry friction, so that nothing sticks.
     nonlinear = run.plant.model == "nonlinear"
@@ -63,6 +62,25 @@ def trajectory_figure(run: Trajectory) -> Figure:
             stuck = {f"{name} sticks": (panel.phases(run.time, run.sticks(name)), panel.STUCK) for name in contacts}
             panel.strip(axes["strip"], stuck)
         header_legend(axes["header"], [line])
+    return figure
+
+
+def _states_figure(run: Trajectory) -> Figure:
+    """Each input that is not zero throughout and each state over time [s], by their names and SI units."""
+    system, states = run.plant.structure.system, run.plant.structure.equations.states
+    units = {name: CHANNELS[channel].unit for name, channel in system.drives.items()}
+    units |= {state.name: state.unit for state in states}
+    names = [name for name in system.inputs if name in units and run[name].any()] + [state.name for state in states]
+    heights = dict.fromkeys(names, panel.PANEL) | {"strip": panel.ROW * len(system.contacts)}
+    with panel.column(f"{run.plant.name}: simulated run", heights) as (figure, axes):
+        for name in names:
+            stepwise = HELD if name in system.inputs and run.hold == "zero_order" else {}
+            look = {"color": ROLES[run.plant.model]["color"], "linewidth": 1.2} | stepwise
+            panel.draw(axes[name], run.time, run[name], look)
+            panel.set_range(axes[name], Signal(name, units[name], units[name], 0.0))
+        axes[names[0]].set_xlim(run.time[0], run.time[-1])
+        stuck = {c.name: (panel.phases(run.time, run.sticks(c.name)), panel.STUCK) for c in system.contacts}
+        panel.strip(axes["strip"], {f"{name} sticks": bars for name, bars in stuck.items()})
     return figure
 
 

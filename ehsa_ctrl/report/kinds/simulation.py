@@ -28,7 +28,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     # The linear model has no dry friction.
     caption = "Grey bars: shaft or rod sticks." if content.get("model") != "linear" else ""
     drift = content["pressure_level_drift"]
-    if abs(drift) > DRIFT:
+    # A system without pressures has none.
+    if drift is not None and abs(drift) > DRIFT:
         words = f"The mean pressure drifted by {value_text(drift, 1e5, 2)} bar"
         sentences.append((f"{words}, because the model (12) conserves volume instead of oil mass.", None))
     return Page(
