@@ -76,7 +76,7 @@ def command(
     output = OutputOptions(as_json, out, force)
     output.check("simulate", "log.csv", "simulation.json", "report.html", figures=["simulation"])
     with compiling():
-        log, run = record(loaded, time, current, seed=seed, sensor_noise=not no_noise, centre=centre, second=second)
+        log, run = record(loaded, time, current, seed=seed, sensor_noise=not no_noise, centre=centre, force=second)
     result = {
         "plant": plant,
         "model": model,

@@ -72,7 +72,7 @@ def record(
     sensor_noise: bool = True,
     centre: bool = False,
     tolerance: float = 1e-6,
-    second: np.ndarray | None = None,
+    force: np.ndarray | None = None,
 ) -> tuple[Log, Trajectory]:
     """Drive the bench with a current, or the first input of another system, and log it.
 
@@ -83,7 +83,7 @@ def record(
     sensor_noise: False logs without noise, but with quantisation and delays.
     centre: add the slow loop that keeps the rod within its stroke; the current in the log is the sum.
     tolerance: as for `simulate`.
-    second: (N,) second input of the system; zero by default.
+    force: (N,) external force [N], or the second input of another system; zero by default.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def record(
     else:
         hold = plant.structure.system.hold
         run = simulate(
-            plant, current, force=second, hold=hold, sample_time=dt, tolerance=tolerance, raise_on_failure=False
+            plant, current, force=force, hold=hold, sample_time=dt, tolerance=tolerance, raise_on_failure=False
         )
     run.explained()
     return Log(time[: len(run)], sensors.log(run)), run
