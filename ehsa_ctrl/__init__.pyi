@@ -218,6 +218,7 @@ def record(
     sensor_noise: bool = True,
     centre: bool = False,
     tolerance: float = 1e-06,
+    force: _ArrayLike | None = None,
 ) -> tuple[Log, Trajectory]: ...
 def replay(plant: _PlantLike, log: _LogLike, *, before: _LogLike | None = None) -> Comparison: ...
 def review(
