@@ -86,7 +86,8 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
     stray = [e for e in named if not any(_covers(e, cause) for cause in catalogued)]
     wrong = tuple(e["id"] for e in stray if e["id"] not in off)
     first = effects[0] if effects and verdict != "no_gap" else None
-    probabilities, labels = _scored(effects, catalogued, off)
+    by_id = {id: cause for cause, id in zip(causes, truth, strict=True) if id != OUTSIDE}
+    probabilities, labels = _scored(effects, by_id, off)
     on_truth = [
         max((float(e["probability"]) for e in effects if _matches(e, cause)), default=0.0) for cause in catalogued
     ]
@@ -178,24 +179,24 @@ def _covers(effect: Mapping[str, Any], cause: set[Name]) -> bool:
 
 
 def _scored(
-    effects: list[Mapping[str, Any]], causes: list[set[Name]], off: set[str]
+    effects: list[Mapping[str, Any]], causes: Mapping[str, set[Name]], off: set[str]
 ) -> tuple[tuple[float, ...], tuple[int | None, ...]]:
-    """Probability and label of each id. Equivalents of a cause share its probability."""
-    p = dict.fromkeys(IDS, 0.0)
+    """Probability and label of each id, first those of the bench, then others that are listed.
+
+    Equivalents of a cause share its probability.
+    """
+    p = dict.fromkeys((*IDS, *(str(e["id"]) for e in effects)), 0.0)
     # A true change below the threshold is neither: it is present and does not matter.
-    label: dict[str, int | None] = {id: None if id in off else 0 for id in IDS}
+    label: dict[str, int | None] = {id: None if id in off else 0 for id in p}
     for e in effects:
-        if e["id"] in p:
-            p[e["id"]] = max(p[e["id"]], float(e["probability"]))
-    for cause in causes:
+        p[e["id"]] = max(p[e["id"]], float(e["probability"]))
+    for cause in causes.values():
         for id, _ in cause:
             label[id] = None
-    for cause in causes:
-        held_by = next((id for id, _ in sorted(cause, key=str) if id in p), None)
-        if held_by:
-            label[held_by] = 1
-            p[held_by] = max((float(e["probability"]) for e in effects if _matches(e, cause)), default=0.0)
-    return tuple(p[id] for id in IDS), tuple(label[id] for id in IDS)
+    for id, cause in causes.items():
+        label[id] = 1
+        p[id] = max((float(e["probability"]) for e in effects if _matches(e, cause)), default=0.0)
+    return tuple(p.values()), tuple(label[id] for id in p)
 
 
 def _closed(table: Mapping[str, Any] | None, model: str) -> float | None:

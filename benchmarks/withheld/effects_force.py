@@ -38,7 +38,9 @@ def draw_rod(c: Conditions, id: str) -> Effect:
             )
             if k == 0.0:
                 return set_parameter(id, law, "R_lam", 1e7, 5e9, also=equivalents(id))
-            return set_parameter(id, law, "R_turb", 3e10, 5e13, line_law=float(k == 2.0))
+            # With the oil at the cylinder the ports see the drop too, and a drag of the rod is something else.
+            same = equivalents(id, laminar=False) if k == 1.0 else ()
+            return set_parameter(id, law, "R_turb", 3e10, 5e13, also=same, line_law=float(k == 2.0))
     raise KeyError(id)
 
 

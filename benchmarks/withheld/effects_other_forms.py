@@ -6,7 +6,7 @@ from math import pi
 
 from cause import Bench, Conditions, Effect, random_sign, set_parameter
 from effects import draw as draw_effect
-from equivalent_ids import Names
+from equivalent_ids import Names, equivalents
 
 #: Ids that have one, and the law.
 OTHER_FORMS = {
@@ -62,7 +62,7 @@ def draw_other_form(c: Conditions, id: str) -> Effect:
             width = rng.uniform(0.15, 0.4) * c.reach
             return one("h", 0.03, 3.0, bump_law=3.0, bump_place=rng.uniform(-0.5, 0.5) * c.reach, bump_width=width)
         case "line_pressure_drop":
-            return one("R_turb", 3e10, 5e13, line_exponent=1.75)
+            return one("R_turb", 3e10, 5e13, also=equivalents(id, laminar=False), line_exponent=1.75)
         case "end_stop":
             stop = draw_effect(id, c)
 

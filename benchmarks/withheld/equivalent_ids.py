@@ -15,8 +15,11 @@ def equivalents(id: str, channel: str | None = None, *, more_drag: bool = True, 
         return (("torque_constant", None),)
     if (id, channel) == ("sensor_bias", "current"):
         return (("current_offset", None),)
-    if (id == "rod_viscous_friction" and not more_drag) or (id == "line_pressure_drop" and not laminar):
+    if id == "rod_viscous_friction" and not more_drag:
         return ()
+    if id == "line_pressure_drop" and not laminar:
+        # Between pump ports and chambers the loss acts as a force v |v| on the rod.
+        return (("rod_drag", None),)
     return _SAME.get(id, ())
 
 

@@ -239,3 +239,15 @@ def test_failures_show_the_truth_beside_the_answer():
     assert "wrong name backlash; first name wrong; rod_friction missed; external_leakage missed" in text
     assert "closes 40 % of the gap, the truth 90 %" in text
     assert failures.faults(answer_score.score_answer("", key, None)) == ["no answer"]
+
+
+def test_ids_beyond_the_benchs_own_count_in_the_calibration():
+    """A name that the bench does not draw is false like any other; a drag of the rod stands for a turbulent line."""
+    line = {"id": "line_pressure_drop", "law": "line_pressure_drop", "parameter": "R_turb", "value": 1e12}
+    row = hard_row(parameters=[], effect_detail=[{**line, "alone": [0.1] * 4}])
+
+    drag = score(named("effect", ("rod_drag", 0.9, {}, [])), row)
+    strange = score(named("effect", ("swirl", 0.7, {}, [])), row)
+
+    assert drag.top_1 and calibration.listed(drag).tolist() == [[0.9, 1.0]]
+    assert strange.wrong == ("swirl",) and calibration.listed(strange).tolist() == [[0.7, 0.0]]
