@@ -69,7 +69,7 @@ def test_both_models_beside_each_other(run, logs):
         (["LOG", "--bounds", "K_L"], "expected KEY=LOW:HIGH"),
         (["LOG", "--free", "K_T", "--prior", "K_T"], "needs a standard deviation"),
         (["LOG", "--from", "50"], "there are 0 samples"),
-        (["LOG", "--validate", "LOG"], "give another log"),
+        (["LOG", "--validate", "LOG"], "give --validate another log"),
         (["LOG", "--linear", "curved"], "expected keep or sliding"),
         (["LOG", "--model", "both", "--linear", "sliding"], "use --model nonlinear, not both"),
         (["LOG", "--starts", "0"], "Invalid value for '--starts'"),

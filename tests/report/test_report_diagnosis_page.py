@@ -159,7 +159,7 @@ def test_what_no_log_could_tell_is_said_with_its_reason(pages):
     """Apart from what this log alone does not tell."""
     assert "line_pressure_drop: a laminar drop acts as viscous rod friction" in words_of(pages["ambiguous"])
     assert "This log cannot distinguish it from sensor_scale" in words_of(pages["underdetermined"])
-    assert "No log of these channels" not in words_of(pages["underdetermined"])
+    assert "No log with these channels" not in words_of(pages["underdetermined"])
 
 
 def test_candidates_are_told_what_became_of_them(pages):
@@ -254,7 +254,7 @@ def test_what_it_means_for_the_loop_is_shown_where_it_was_asked(tmp_path):
 
     assert rows == [["RMSError", "1", "2", "mm"], ["gap in speed", "10", "1", "%"]]
     assert "MaxError 9 mm (at most 3 mm)" in text.split("<table")[0]
-    assert "differs by 50 % from what this controller computes" in text
+    assert "differs by 50 % from the output of this controller" in text
     assert page.wrong == [] and page.open == [] and "pid <b>" not in text
 
 

@@ -268,7 +268,7 @@ def test_a_comparison_with_a_run_that_ended_says_why(fitting, tmp_path):
 
     assert "no fit, as the free run stopped early: the pressure fell." in top(text)
     assert {row[1] for row in Page(text).table("channel", "nonlinear")} == {NOTHING}
-    assert "It was used as recorded." in text
+    assert "The log was used as recorded." in text
 
 
 def test_words_are_listed_as_in_a_sentence():
