@@ -268,7 +268,7 @@ def test_an_earlier_log_and_a_scenario(run, scenario, tmp_path, plant):
     assert status == 0
     assert out.startswith("No relevant change between the logs.")
     assert "moves with pid_position:" in out
-    assert "No cause was found" in out
+    assert "No cause was named" in out
     found = {name: json.loads((tmp_path / "out" / f"{name}.json").read_text()) for name in
              ("diagnosis", "before", "closed_loop")}  # fmt: skip
     assert found["diagnosis"]["verdict"] == found["before"]["verdict"] == "no_gap"

@@ -214,7 +214,7 @@ def test_a_campaign_begun_anew_loses_nothing_before_its_first_run(run, tmp_path,
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("ehsa_ctrl.scenario.montecarlo._one", interrupted)
+        patched.setattr("ehsa_ctrl.scenario.montecarlo._run_one", interrupted)
         assert run(*CALLS["montecarlo"], "--seed", "1", "--out", "out", "--force")[0] == 130
     assert content("out") == before
     assert run(*CALLS["montecarlo"], "--seed", "1", "--out", "out", "--force")[0] == 0

@@ -118,7 +118,7 @@ def test_a_late_current_is_the_drives_and_a_weak_one_the_motors(nominal):
     weak = found(nominal, with_current(logged(nominal.set(K_T=0.9 * nominal["K_T"]), current), current))
 
     assert late.place == "drive"
-    assert "8 ms late" in late.regimes[0].words
+    assert "delay of the current of 8 ms" in late.regimes[0].words
     assert weak.place == "torque"
     assert "the current" in weak.regimes[0].against
 
