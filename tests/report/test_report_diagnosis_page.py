@@ -144,7 +144,7 @@ def test_a_cause_stands_with_its_number_and_what_was_believed(pages):
 
     assert row[:4] == ["K_L", uncertain(4e-12, 3e-14), f"{made.plant['K_L']:.4g}".replace("e-0", "e-"), "m³/(Pa s)"]
     words = words_of(pages["effect"])
-    assert "probability 0.97" in words and "81 % of the gap" in words and "25 % of what it closes" in words
+    assert "probability 0.97" in words and "81 % of the total gap" in words and "25 % of this reduction" in words
     assert "flow error ~ dP" in words
 
 
@@ -188,7 +188,7 @@ def test_gaps_stand_in_a_table_with_a_mark_where_they_matter(pages):
 
 def test_own_parts_are_shown_where_there_are_several_causes(pages):
     """One cause has all of it."""
-    assert parsed(pages["pair"]).table("cause", "closes") == [
+    assert parsed(pages["pair"]).table("cause", "gap closed") == [
         ["internal_leakage", "81 %"],
         ["rod_viscous_friction", "10 %"],
     ]

@@ -79,7 +79,7 @@ def test_the_fit_stands_beside_its_channel(fitting):
     (before,), (after,) = fitting.validation.before, fitting.validation.after
 
     (words,) = [text.get_text() for text in details["speed"].texts]
-    assert words == f"fit\nbefore {before.fit_percent['speed']:.4g} %\nafter {after.fit_percent['speed']:.4g} %"
+    assert words == f"fit\nbefore {before.fit_percent['speed']:.1f} %\nafter {after.fit_percent['speed']:.1f} %"
     assert not details["current"].texts
 
 
