@@ -51,7 +51,7 @@ def test_nothing_is_clipped_and_no_words_meet(verdict):
 
 
 def test_every_axis_has_its_unit():
-    """In parentheses beside its words, or alone where the words stand above."""
+    """In parentheses beside its words."""
     figures = dict(diagnosis_figures(diagnosis("effect")))
     wholes, _ = whole_and_detail(figures["signals"])
 
@@ -60,7 +60,7 @@ def test_every_axis_has_its_unit():
         "position\n(mm)",
     ]  # fmt: skip
     units = [ax.get_ylabel() for ax in figures["unknown_inputs"].axes if ax.get_ylabel()]
-    assert units == ["cm³/s", "N", "N m"]
+    assert units == ["unknown flow into chamber 1\n(cm³/s)", "unknown force\n(N)", "unknown torque\n(N m)"]
     labels = {ax.get_xlabel().replace("\n", " ") for figure in figures.values() for ax in figure.axes if ax.axison}
     assert {"share of the gap (%)", "time (s)", "the pressure difference (bar)", "the shaft's speed (rpm)"} <= labels
     assert any("(% of the signal" in label for label in labels)
