@@ -11,7 +11,7 @@ from .diagnosis import NAMING, Verdict
 from .scoring import CauseKey, ScoredHypothesis, Scoring, by_label, floor_of
 from .signals import largest
 
-# The thresholds were chosen with the tuning seeds of the independent bench; docs/evidence.md has the results with others.
+# The thresholds were chosen with the tuning seeds of the independent bench; docs/evidence.md has results with others.
 
 #: An alternative can't be excluded if its deviance is larger by less than the margin: a constant (12 is a likelihood
 #: ratio of 400), plus a share of the deviance that the best model leaves above noise, plus a share of what it explains.
