@@ -37,7 +37,7 @@ Force = Annotated[bool, typer.Option("--force", help="Replace a result that is a
 
 #: What --zero and --align do with a channel, for the message about a value that is not a list of channels.
 ZEROED = "it shifts each channel to its value at rest (P_0, x_0); --rest 0:0.5 gives the time of that rest"
-ALIGNED = "it shifts each channel in time by its delay against the simulation"
+ALIGNED = "it shifts each channel in time by its delay against the other channels"
 
 #: Example of a KEY=VALUE pair, by option.
 EXAMPLES = {
@@ -59,7 +59,7 @@ class LogOptions:
         str, typer.Option(metavar="S:S", help="Time of that rest, 0:0.5; by default before the first motion.")
     ] = ""
     resample: Annotated[float | None, typer.Option(metavar="HZ", help="Resample the logs to this rate.")] = None
-    align: Annotated[str, typer.Option(metavar="CHANNELS", help="Correct the delay of these channels.")] = ""
+    align: Annotated[str, typer.Option(metavar="CHANNELS", help="Correct the delay of these drives and outputs.")] = ""
 
     def preparation(self) -> Preparation:
         """Raises InputError for a rest that is not two times, and for text that is not a list of channels."""

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 
+from ..identification.logged_inputs import lag_current
 from ..plant.arrays import array_evaluator
 from ..plant.plant import Plant
 from ..plant.system import Contact
@@ -93,13 +93,6 @@ def delay_current(current: np.ndarray, samples: float) -> np.ndarray:
     part = samples - whole
     before = np.concatenate([np.full(whole + 1, current[0]), current])
     return (1.0 - part) * before[1 : current.size + 1] + part * before[: current.size]
-
-
-def lag_current(current: np.ndarray, samples: float) -> np.ndarray:
-    """(N,) mean over each sample of a held current (N,) after a first-order lag with a time constant of `samples`."""
-    a = np.exp(-1.0 / samples)
-    now = lfilter([0.0, 1.0 - a], [1.0, -a], current - current[0]) + current[0]
-    return np.asarray(current + (now - current) * samples * (1.0 - a))
 
 
 def limit_rate(current: np.ndarray, steps: np.ndarray) -> np.ndarray:

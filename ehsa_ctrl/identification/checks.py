@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,7 +14,8 @@ from ..core.log import CHANNELS, Log
 from ..core.result import as_dict
 from ..core.text import join_words
 from ..plant.plant import Plant
-from .free_run_checks import late_channels, wrong_sample_time, wrong_signs, wrong_units
+from .clock_delays import find_clocks
+from .free_run_checks import wrong_sample_time, wrong_signs, wrong_units
 from .initial_state import sensor_sd
 from .plant_log import missing_information, wrong_time_unit
 from .sample_checks import clipped_drive, clipped_output, hold_length, jump, longest_run, spikes
@@ -45,13 +46,15 @@ class LogFinding:
 
     kind: time_unit, missing, spike, rows_missing, no_motion, dead, same, drive_constant, stuck, held, unit, late, sign,
     drive_clipped, output_clipped, stroke, vacuum, no_reversal or weak.
-    channel: None for the log as a whole. sentence: what was found, with figures, and what to do.
+    channel: None for the log as a whole, or for several. sentence: what was found, with figures, and what to do.
+    figures: of a late clock, see `Clock.to_dict`; SI units.
     """
 
     kind: str
     channel: str | None
     severity: Severity
     sentence: str
+    figures: Mapping[str, Any] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return self.sentence
@@ -60,7 +63,9 @@ class LogFinding:
         """The same, with the log's name if it is one of several."""
         return replace(self, sentence=f"{log.name}: {self.sentence}") if log.label else self
 
-    to_dict = as_dict
+    def to_dict(self) -> dict[str, Any]:
+        """As in a result's JSON."""
+        return as_dict(self, "kind channel severity sentence", **self.figures)
 
 
 def check_log(log: Log, plant: Plant) -> tuple[LogFinding, ...]:
@@ -154,10 +159,15 @@ def _findings(log: Log, plant: Plant) -> Iterator[LogFinding]:
             units.append(channel)
             yield _error("unit", channel, sentence)
         if not units:
-            late = dict(late_channels(plant, log))
-            yield from (_warning("late", channel, sentence) for channel, sentence in late.items())
-            signs = [each for each in wrong_signs(plant, log) if each[0] not in late]
-            yield from (_error("sign", channel, sentence) for channel, sentence in signs)
+            late = set()
+            for clock in find_clocks(plant, log):
+                late |= {*clock.channels}
+                alone = clock.channels[0] if len(clock.channels) == 1 else None
+                yield LogFinding("late", alone, "warning", str(clock), clock.to_dict())
+            # A late drive moves all outputs against the simulation.
+            if not late.intersection(drives):
+                signs = [each for each in wrong_signs(plant, log) if each[0] not in late]
+                yield from (_error("sign", channel, sentence) for channel, sentence in signs)
     for channel in drives:
         sentence = clipped_drive(log[channel], sensor_sd(plant, log, channel), CHANNELS[channel].unit)
         if sentence:

@@ -1,4 +1,4 @@
-"""Faults found by comparison with a free run of the plant: wrong units, sample time and signs, delayed channels."""
+"""Faults found by comparison with a free run of the plant: wrong units, sample time and signs."""
 
 from __future__ import annotations
 
@@ -12,11 +12,9 @@ from ..core.errors import SimulationError
 from ..core.log import CHANNELS, Log
 from ..core.unit import factor
 from ..plant.plant import Plant
-from .comparison import replay
 from .initial_state import sensor_sd
 from .logged_inputs import simulate_log
 from .plant_log import column_of, log_table_entry
-from .preparation import LONGEST_DELAY, MIN_CORRELATION, delay_of
 
 # The thresholds are engineering judgement: loose, so that a sound log is not rejected.
 
@@ -47,8 +45,6 @@ LARGEST_RATIO = 50.0
 #: Ratios of travel to pumped volume that physical effects can cause: a wrong displacement or area, or free air (2 % at
 #: 8 bar store half of what the pump delivers).
 BY_EFFECTS = (0.3, 3.5)
-#: Smallest and largest delay of a late channel [s], and the necessary increase of the correlation of rates.
-LATE, LONGEST_SHIFT, MIN_GAIN = 0.03, 1.0, 0.1
 
 
 class _Pair(NamedTuple):
@@ -175,7 +171,7 @@ def _unit_sentence(plant: Plant, channel: str, unit: str, why: str, scale: float
     return f"{why}: it is probably in {unit}; write {log_table_entry(plant, channel, scale)} in the plant's [log] table"
 
 
-# Sample time and delays
+# Sample time
 
 
 def wrong_sample_time(plant: Plant, log: Log) -> str:
@@ -216,36 +212,6 @@ def _agreement(plant: Plant, log: Log, scale: float) -> float:
         for measured, simulated in pairs
     ]
     return float(np.median(agreements)) if agreements else 0.0
-
-
-def late_channels(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
-    """(channel, sentence) for each output that agrees much better with the replay when it is shifted in time.
-
-    Where all of them are shifted alike, the input is late or early.
-    """
-    run = replay(plant, log)
-    if run.stopped:
-        return
-    shifts = {}
-    for channel in run.fit_percent:
-        measured, simulated = log[channel], run.simulated[channel]
-        delay, correlation = delay_of(measured, simulated, log.sample_time, longest=LONGEST_SHIFT)
-        rates = np.diff(measured), np.diff(simulated)
-        unshifted = float(np.corrcoef(*rates)[0, 1]) if min(map(np.std, rates)) > 0.0 else 1.0
-        if abs(delay) > LATE and correlation > max(MIN_CORRELATION, abs(unshifted) + MIN_GAIN):
-            shifts[channel] = delay
-    if len(shifts) == len(run.fit_percent) > 1 and np.ptp(list(shifts.values())) < LATE:
-        (name, *_), shift = plant.structure.system.drives.values(), -float(np.mean(list(shifts.values())))
-        cure = f", or set its delay (--set delay.{name}={shift:.3g})" if shift > 0.0 else ""
-        yield name, _shifted(name, shift) + f"correct its time{cure}"
-        return
-    for channel, shift in shifts.items():
-        cure = f"--align {channel}" if abs(shift) < LONGEST_DELAY else "a shift of that column in the file"
-        yield channel, _shifted(channel, shift) + f"if its clock is wrong, correct it with {cure}"
-
-
-def _shifted(channel: str, delay: float) -> str:
-    return f"{channel} is {abs(delay):.3g} s {'late' if delay > 0.0 else 'early'} relative to the other channels: "
 
 
 # Signs

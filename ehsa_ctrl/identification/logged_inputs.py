@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from ..core.log import Log
 from ..physics.effects import EFFECTS
@@ -55,6 +56,13 @@ def acting_drive(plant: Plant, asked: np.ndarray, sample_time: float) -> tuple[P
     effects = tuple(name for name in structure.effects if not EFFECTS[name].delays)
     index = np.arange(asked.size)
     return plant.with_structure(replace(structure, effects=effects)), np.interp(index - delay, index, asked)
+
+
+def lag_current(current: np.ndarray, samples: float) -> np.ndarray:
+    """(N,) mean over each sample of a held current (N,) after a first-order lag with a time constant of `samples`."""
+    a = np.exp(-1.0 / samples)
+    now = lfilter([0.0, 1.0 - a], [1.0, -a], current - current[0]) + current[0]
+    return np.asarray(current + (now - current) * samples * (1.0 - a))
 
 
 def logged_inputs(plant: Plant, log: Log) -> tuple[np.ndarray, np.ndarray | None]:

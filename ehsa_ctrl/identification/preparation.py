@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, correlate, correlation_lags, sosfiltfilt
+from scipy.signal import butter, sosfiltfilt
 
 from ..core.errors import InputError, choices
 from ..core.log import CHANNELS, Log
 from ..plant.plant import Plant
 from ..simulation.engine import simulate
-from .comparison import replay
+from .alignment import align_channels
 from .initial_state import sensor_sd
 from .plant_log import SHORTEST
 
@@ -22,8 +22,6 @@ from .plant_log import SHORTEST
 REST_BAND = 5.0
 #: Shortest rest from which a zero is taken [s].
 SHORTEST_REST = 0.1
-#: Longest delay that alignment considers [s], and smallest correlation of rates that it accepts; engineering judgement.
-LONGEST_DELAY, MIN_CORRELATION = 0.25, 0.6
 #: Largest number of samples after resampling.
 MAX_SAMPLES = 10_000_000
 
@@ -53,7 +51,7 @@ class Preparation:
     zero: channels (pressures, force, position, speed) whose mean at rest is shifted to the plant's rest value.
     rest: (from, to) of that rest, s; by default the rest before the first motion.
     resample: new sampling rate of all channels, Hz.
-    align: output channels that are shifted in time by their delay against the replay.
+    align: drives and outputs that are shifted in time by their delay against the other channels.
     """
 
     from_: float | None = None
@@ -79,9 +77,9 @@ class Preparation:
         if self.zero:
             log, found = zero(log, plant, self.zero, self.rest)
             steps += found
-        for channel in self.align:
-            log, step = align(log, plant, channel, self.from_, self.to)
-            steps.append(step)
+        if self.align:
+            log, told = align_channels(log, plant, self.align, self.from_, self.to)
+            steps += [Step("align", words, figures) for words, figures in told]
         if self.from_ is not None or self.to is not None:
             log = log.segment(self.from_, self.to, shortest=SHORTEST)
             ends = {"from": float(log.time[0]), "to": float(log.time[-1]), "samples": len(log)}
@@ -210,77 +208,3 @@ def find_rest(log: Log, plant: Plant) -> tuple[float, float]:
             "there; give start and end of a rest (--rest S:S)"
         )
     return float(log.time[0]), float(log.time[count - 1])
-
-
-def align(
-    log: Log, plant: Plant, channel: str, from_: float | None = None, to: float | None = None
-) -> tuple[Log, Step]:
-    """Shift a channel in time by its delay against the replay, the maximum of the correlation of their rates.
-
-    The delay, a fraction of samples too, is taken between `from_` and `to`; the whole channel is shifted. At the end of
-    the log the last value is held.
-
-    Raises InputError for a channel that is no output or not in the log.
-    """
-    outputs = [name for name in plant.structure.system.outputs if name in log.channels]
-    if channel not in outputs:
-        raise InputError(
-            f"no alignment of {channel!r}: it is no output channel of this log; {choices(channel, outputs)}"
-        )
-    run = replay(plant, log.segment(from_, to, shortest=SHORTEST))
-    dt = log.sample_time
-    why, delay, correlation = run.stopped, 0.0, 0.0
-    if not why:
-        measured, simulated, middle = run.log[channel], run.simulated[channel], len(run.log) // 2
-        delay, correlation = delay_of(measured, simulated, dt)
-        halves = [delay_of(measured[part], simulated[part], dt) for part in (slice(middle), slice(middle, None))]
-        apart = abs(halves[0][0] - halves[1][0])
-        if correlation < MIN_CORRELATION:
-            why = f"its rate and the simulated one correlate by only {correlation:.2f}, {MIN_CORRELATION:g} is needed"
-        elif min(each for _, each in halves) >= MIN_CORRELATION and apart > max(2 * dt, abs(delay)):
-            why = (
-                f"the halves of the log give {1e3 * halves[0][0]:.3g} and {1e3 * halves[1][0]:.3g} ms: the peak of the "
-                "correlation is too broad"
-            )
-    figures = {"channel": channel, "delay": None if why else delay, "correlation": correlation}
-    if why:
-        return log, Step("align", f"{channel}: not aligned, {why}", figures)
-    moved = dict(log.channels)
-    moved[channel] = CubicSpline(log.time, log[channel])(np.clip(log.time + delay, log.time[0], log.time[-1]))
-    words = (
-        f"{channel}: moved by its delay against the replay, {1e3 * delay:.3g} ms "
-        f"(correlation of rates {correlation:.3f})"
-    )
-    return replace(log, channels=moved), Step("align", words, figures)
-
-
-def delay_of(
-    measured: np.ndarray, simulated: np.ndarray, dt: float, *, longest: float = LONGEST_DELAY
-) -> tuple[float, float]:
-    """Delay [s] of `measured` (N,) against `simulated`, up to `longest`, and the correlation of their rates there."""
-    a, b = np.diff(measured), np.diff(simulated)
-    a, b = a - np.mean(a), b - np.mean(b)
-    size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    if size == 0.0:
-        return 0.0, 0.0
-    product = correlate(a, b) / size
-    lags = correlation_lags(a.size, b.size)
-    near = np.abs(lags) <= max(int(longest / dt), 2)
-    product, lags = product[near], lags[near]
-    best = int(np.argmax(product))
-    # A parabola through the peak; a broad peak is noisy, so that more samples are used.
-    half = 1
-    while (
-        half < min(best, product.size - 1 - best)
-        and min(product[best - half], product[best + half]) > 0.9 * product[best]
-    ):
-        half += 1
-    if best - half < 0 or best + half >= product.size:
-        return float(lags[best] * dt), 0.0
-    curve, slope, _ = np.polyfit(np.arange(-half, half + 1), product[best - half : best + half + 1], 2)
-    shift = -0.5 * slope / curve if curve < 0 else 0.0
-    # Noise of the measured channel lowers the correlation at every delay.
-    noise = np.median(np.abs(np.diff(measured, 2))) / 0.6745 / np.sqrt(6.0)
-    power = float(np.dot(a, a))
-    signal = max(1.0 - 2.0 * a.size * noise**2 / power, 0.05) if power > 0.0 else 1.0
-    return float((lags[best] + shift) * dt), min(float(product[best] / np.sqrt(signal)), 1.0)

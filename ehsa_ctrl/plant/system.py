@@ -167,6 +167,7 @@ class System:
     prescribed: contacts whose motion is an input; their friction occurs only in balances.
     balances: in the order of solution; the next one uses the parameters estimated in the one before.
     measured: further channels that the balances use.
+    proportional: pairs of a channel and a drive's that are proportional to each other whatever the load.
     missing_effects: sets of effects (ids) that a model of this system without dry friction may lack; a diagnosis
         searches each set from the solution with the one before.
     symbols: symbol or signal in the catalogue of effects -> its name in this system, if that differs; not for the
@@ -194,6 +195,7 @@ class System:
     prescribed: tuple[Contact, ...] = ()
     balances: tuple[Balance, ...] = ()
     measured: tuple[str, ...] = ()
+    proportional: tuple[tuple[str, str], ...] = ()
     missing_effects: tuple[tuple[str, ...], ...] = ()
     symbols: Mapping[str, str] = field(default_factory=dict)
     scored: tuple[ScoredSignal, ...] = ()
@@ -210,6 +212,7 @@ class System:
             ("units: missing channel", self.channels, CHANNELS),
             ("drives: unknown input", self.drives, self.inputs),
             ("outputs: unknown state", self.outputs.values(), states),
+            ("proportional: unknown channel", [name for pair in self.proportional for name in pair], self.channels),
             ("scored: unknown output", [one.channel for one in self.scored], self.outputs),
             ("entries: unknown target", [one.target for one in self.entries.values()], states | {*self.inputs}),
             (

@@ -170,7 +170,7 @@ def test_a_wrong_mapping_is_one_sentence(run, log, tmp_path, line, says):
         (("log.csv", "--align", "speed=3"), "as in --align p1,p2: it shifts each channel in time by its delay"),
         (("log.csv", "--rest", "abc"), "--rest 'abc': expected two times"),
         (("log.csv", "--resample", "-1"), "the rate must be a number greater than 0"),
-        (("log.csv", "--align", "current"), "no alignment of 'current'"),
+        (("log.csv", "--align", "force"), "no alignment of 'force'"),
     ],
 )
 def test_a_wrong_call_is_one_sentence(run, log, arguments, says):

@@ -147,7 +147,7 @@ def test_a_log_that_is_not_of_this_loop_is_refused(scenario, plant):
         (("log.csv", "--zero", "p3"), "no zero of 'p3'"),
         (("p2", "--zero", "p1"), "p2: no such log; separate channels by commas without blanks"),
         (("log.csv", "--resample", "-1"), "the rate must be a number greater than 0"),
-        (("log.csv", "--align", "current"), "no alignment of 'current'"),
+        (("log.csv", "--align", "force"), "no alignment of 'force'"),
         (("log.csv", "other.csv", "--from", "9"), "log.csv: from 9 to 4 s there are 0 samples"),
         (("log.csv", "other.csv", "--zero", "p3"), "log.csv: no zero of 'p3'"),
         (("log.csv", "--scenario", "moves", "--replay", "--to", "3"), "leave out --from and --to"),

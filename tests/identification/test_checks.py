@@ -321,18 +321,18 @@ def test_a_log_without_speed_says_what_it_does_not_tell(bench):
 
 
 @pytest.mark.parametrize("channel", ["speed", "p1", "position"])
-def test_a_channel_that_comes_late_is_named_with_its_delay(bench, channel):
-    """0.1 s; five samples may be a sensor's and are the diagnosis' to find."""
+@pytest.mark.parametrize("samples", [5, 25])
+def test_a_channel_that_comes_late_is_named_with_its_delay(bench, channel, samples):
+    """20 ms and 0.1 s; what to do is said, and nothing else found."""
     plant, log = bench
+    values = np.concatenate([np.full(samples, log[channel][0]), log[channel][:-samples]])
+    findings = found(changed(log, **{channel: values}), plant)
 
-    def late(samples):
-        values = np.concatenate([np.full(samples, log[channel][0]), log[channel][:-samples]])
-        return found(changed(log, **{channel: values}), plant)
-
-    assert late(5) == {}
-    assert set(late(25)) == {("late", channel)}
-    assert re.search(rf"{channel} is 0\.(1|0999) s late", str(late(25)["late", channel]))
-    assert f"--align {channel}" in str(late(25)["late", channel])
+    assert set(findings) == {("late", channel)}
+    finding = findings["late", channel]
+    assert finding.figures["delay"] == pytest.approx(0.004 * samples, abs=4 * finding.figures["sd"] + 1e-4)
+    assert re.search(rf"{channel} is 0\.\d+ s late \(sd .* s\) relative to current", str(finding))
+    assert f"--align {channel}" in str(finding) and f"--set delay.{channel}=" in str(finding)
 
 
 def test_a_late_current_is_not_four_early_channels(bench):

@@ -27,6 +27,8 @@ system = System(
     chamber_forms={"constant": CHAMBER_FORMS["constant"]},
     start={"P_1": "P_0", "P_2": "P_0"},
     measured=("position", "force", "spring_p1", "spring_p2"),
+    # The pump delivers what the rod displaces; compressibility and leakage are small beside it.
+    proportional=(("speed", "velocity"),),
     missing_effects=(("motor_friction", "motor_viscous_friction"),),
     contacts=(SHAFT,),
     prescribed=(replace(ROD, position_channel="position"),),
