@@ -81,13 +81,13 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
     if verdict in ("no_gap", "underdetermined"):
         named = []
     found = [any(_covers(e, cause) for e in named) for cause in catalogued]
-    off = {UNCERTAIN[p] for p in key.get("parameter_errors", {})}
-    off |= {e["id"] for e in key.get("below_threshold", [])}
+    off: set[Name] = {(UNCERTAIN[p], None) for p in key.get("parameter_errors", {})}
+    off |= {_name(e) for e in key.get("below_threshold", [])}
     stray = [e for e in named if not any(_covers(e, cause) for cause in catalogued)]
-    wrong = tuple(e["id"] for e in stray if e["id"] not in off)
+    wrong = tuple(e["id"] for e in stray if _name(e) not in off)
     first = effects[0] if effects and verdict != "no_gap" else None
     by_id = {id: cause for cause, id in zip(causes, truth, strict=True) if id != OUTSIDE}
-    probabilities, labels = _scored(effects, by_id, off)
+    probabilities, labels = _scored(effects, by_id, {id for id, _ in off})
     on_truth = [
         max((float(e["probability"]) for e in effects if _matches(e, cause)), default=0.0) for cause in catalogued
     ]

@@ -251,3 +251,16 @@ def test_ids_beyond_the_benchs_own_count_in_the_calibration():
 
     assert drag.top_1 and calibration.listed(drag).tolist() == [[0.9, 1.0]]
     assert strange.wrong == ("swirl",) and calibration.listed(strange).tolist() == [[0.7, 0.0]]
+
+
+def test_a_small_change_of_one_sensor_excuses_no_other_channel():
+    """A filter of p1 that is there but does not matter is a minor name; one of the position is a wrong one."""
+    filters = [{**changed("lag_p", "sensor_filter", None, 0.01), "channel": "p1"}]
+    answer = named("effect", ("external_leakage", 0.9, {}, []), ("sensor_filter", 0.9, {}, []))
+
+    def with_channel(channel):
+        answer["effects"][1]["channel"] = channel
+        return score(answer, hard_row(parameters=[], minor=filters))
+
+    assert (with_channel("p1").minor, with_channel("p1").wrong) == (1, ())
+    assert (with_channel("position").minor, with_channel("position").wrong) == (0, ("sensor_filter",))
