@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +12,7 @@ import typer
 from ..core.errors import InputError
 from ..core.result import as_dict
 from .complete import models_or_both, plants, several_symbols, symbols
-from .options import LogOptions, Settings, check_word, read_pairs, split_names
+from .options import LogOptions, Settings, check_word, read_pairs, settings_by_log, split_names
 from .output import OutputOptions, provenance, warn
 
 if TYPE_CHECKING:
@@ -112,6 +113,15 @@ def command(
             autocompletion=several_symbols,
         ),
     ] = "",
+    log_settings: Annotated[
+        list[str],
+        typer.Option(
+            "--log-set",
+            metavar="LOG:KEY=VALUE",
+            help="Value of the plant for the logs of this name alone, which may have wildcards: 'kp100_*:kp=100'. "
+            "Repeatable.",
+        ),
+    ] = [],
     assumed: Annotated[
         bool,
         typer.Option(
@@ -158,16 +168,24 @@ def command(
         ],
     )  # fmt: skip
     how = preparation.preparation()
+    own = settings_by_log(log_settings, [*logs, *validate])
     found: list[Identification] = []
     answers: list[dict[str, Any]] = []
     with compiling(), watching() as watch:
         for each in models:
             identification, answer = _identify(
-                each, logs, validate, how, fit, watch, split_names(profiles), notes=each is models[0]
+                each, logs, validate, how, fit, watch, split_names(profiles), own, notes=each is models[0]
             )
             found.append(identification)
             answers.append(answer)
-    result = {**answers[-1], "plant": plant, "settings": pairs, "rests_on": provenance(models, [*logs, *validate])}
+    by_log = {str(path): one for path, one in own.items() if one}
+    result = {
+        **answers[-1],
+        "plant": plant,
+        "settings": pairs,
+        **({"log_settings": by_log} if by_log else {}),
+        "rests_on": provenance(models, [*logs, *validate]),
+    }
     for identified, answer in zip(found, answers, strict=True) if assumed else ():
         answer["assumed_ranges"] = result["assumed_ranges"] = assumption_sensitivities(identified)
     if len(found) > 1:
@@ -220,6 +238,7 @@ def _identify(
     fit: FitOptions,
     watch: Any,
     profiles: tuple[str, ...],
+    own: Mapping[Path, Mapping[str, str]],
     *,
     notes: bool,
 ) -> tuple[Identification, dict[str, Any]]:
@@ -227,6 +246,7 @@ def _identify(
     from ..identification.identify import identify
     from ..identification.plant_log import missing_information
     from ..identification.refits import profile
+    from ..plant.load import read_settings
     from .inputs import read_prepared, whole
 
     steps: list[dict[str, Any]] = []
@@ -236,7 +256,7 @@ def _identify(
         prepared = read_prepared(path, plant, how, notes=notes)
         steps.extend(prepared.step_dicts())
         missing.update(missing_information(prepared.log, plant))
-        return prepared.log
+        return replace(prepared.log, settings=read_settings(plant, own[path]))
 
     used = [read(path, how) for path in logs]
     held_out = [read(path, whole(how)) for path in validate]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -42,6 +43,7 @@ ALIGNED = "it shifts each channel in time by its delay against the other channel
 #: Example of a KEY=VALUE pair, by option.
 EXAMPLES = {
     "--set": "K_T=1.1",
+    "--log-set": "'a.csv:K_T=1.1'",
     "--weight": "position='1 mm'",
     "--limit": "speed='350 rad/s'",
     "--spec": "tuning.Ms=1.5",
@@ -182,6 +184,21 @@ def read_pairs(settings: list[str], option: str = "--set") -> dict[str, str]:
             raise InputError(f"{option} {key} is given twice; give it once")
         pairs[key] = value.strip()
     return pairs
+
+
+def settings_by_log(texts: list[str], logs: Sequence[Path]) -> dict[Path, dict[str, str]]:
+    """Turn ["kp100_*:kp=100"] into the settings of each log. Raises InputError for a text that fits no log."""
+    found: dict[Path, list[str]] = {path: [] for path in logs}
+    for text in texts:
+        pattern, _, pair = text.rpartition(":")
+        fitting = [path for path in logs if fnmatch(path.name, pattern)]
+        if not fitting:
+            raise InputError(
+                f"--log-set {text!r}: fits no log; expected LOG:KEY=VALUE with one of {', '.join(p.name for p in logs)}"
+            )
+        for path in fitting:
+            found[path].append(pair)
+    return {path: read_pairs(pairs, "--log-set") for path, pairs in found.items()}
 
 
 def check_word(option: str, value: str, *words: str) -> None:

@@ -80,6 +80,7 @@ class Log(Result):
     notes: sentences on what was assumed in reading it.
     before: the samples before this segment of a longer log, if any.
     label: name that distinguishes it from other logs, see `named`; empty for the file's name.
+    settings: symbol -> value of a parameter that was set for this log alone, SI units, such as a gain of the firmware.
     """
 
     time: np.ndarray
@@ -89,6 +90,7 @@ class Log(Result):
     before: Log | None = field(default=None, compare=False, repr=False)
     notes: tuple[str, ...] = field(default=(), compare=False)
     label: str = field(default="", compare=False, repr=False)
+    settings: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

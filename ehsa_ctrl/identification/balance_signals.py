@@ -46,6 +46,7 @@ def balance_signals(plant: Plant, log: Log, method: Method, cutoff: float) -> Me
         smooth = {channel: sosfiltfilt(sos, values) for channel, values in channels.items()}
     width = min(WIDTH, len(log) - 1 + len(log) % 2)
     values = {f"{channel}_measured": value for channel, value in channels.items()}
+    values |= {name: np.full(len(log), value) for name, value in log.settings.items()}
     noise: dict[str, float] = {}
     for channel, state in system.outputs.items():
         if channel in channels:

@@ -17,7 +17,7 @@ from ..plant.plant import Plant
 from .clock_delays import find_clocks
 from .free_run_checks import wrong_sample_time, wrong_signs, wrong_units
 from .initial_state import sensor_sd
-from .plant_log import missing_information, wrong_time_unit
+from .plant_log import missing_information, plant_of_log, wrong_time_unit
 from .sample_checks import clipped_drive, clipped_output, hold_length, jump, longest_run, spikes
 
 Severity = Literal["error", "warning"]
@@ -74,7 +74,7 @@ def check_log(log: Log, plant: Plant) -> tuple[LogFinding, ...]:
     Signs and units are compared with a free run of `plant` with the log's inputs, if this run moves enough. Check a log
     as it will be used, after preparation.
     """
-    return tuple(sorted(_findings(log, plant), key=lambda finding: finding.severity != "error"))
+    return tuple(sorted(_findings(log, plant_of_log(plant, log)), key=lambda finding: finding.severity != "error"))
 
 
 def raise_on_error(log: Log, findings: Iterable[LogFinding]) -> None:

@@ -20,6 +20,7 @@ from ..simulation.sensors import noise_free_reading
 from ..simulation.trajectory import Trajectory, versions
 from .initial_state import InitialState, find_initial_state
 from .logged_inputs import simulate_log
+from .plant_log import plant_of_log
 
 if TYPE_CHECKING:
     import pandas
@@ -159,6 +160,7 @@ def replay(plant: Plant, log: Log, *, before: Log | None = None) -> Comparison:
     ------
     InputError: the log lacks an input, or has a sample time that can't be simulated with.
     """
+    plant = plant_of_log(plant, log)
     system = plant.structure.system
     for channel in system.drives.values():
         log[channel]

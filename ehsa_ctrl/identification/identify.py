@@ -61,7 +61,7 @@ def identify(
     Parameters
     ----------
     plant: gives start values, noise of the sensors, and the free parameters.
-    logs: one log or several of the same plant; see `read_plant_log`.
+    logs: one log or several of the same plant; see `read_plant_log`. `settings` of a log hold for it alone.
     validate: logs that are not used for the estimate; their free runs are scored.
     free, fix, bounds, priors: see `free_parameters`.
     method: "simulation" or "balances"; by default that of the plant's file.
@@ -92,6 +92,9 @@ def identify(
     all_logs = named([*logs, *validate])
     logs, validate = all_logs[: len(logs)], all_logs[len(logs) :]
     parameters = free_parameters(plant, free=free, fix=fix, bounds=bounds, priors=priors)
+    for log in all_logs:
+        if estimated := [one.name for one in parameters if one.name in log.settings]:
+            raise InputError(f"{log.name}: sets {estimated[0]}, which is to be estimated; leave it out of one of them")
     findings = [(log, check_log(log, plant)) for log in all_logs]
     if check:
         for log, found in findings:

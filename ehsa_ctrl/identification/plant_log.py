@@ -61,6 +61,11 @@ def read_plant_log(
     return replace(log, missing=missing)
 
 
+def plant_of_log(plant: Plant, log: Log) -> Plant:
+    """The plant with the settings of this log. Raises InputError for one that is not a parameter."""
+    return plant.set(**log.settings) if log.settings else plant
+
+
 def column_of(plant: Plant, channel: str) -> str:
     """The column of a log that holds a channel."""
     return plant.log[channel].column if channel in plant.log else channel

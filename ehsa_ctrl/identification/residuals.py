@@ -15,6 +15,7 @@ from ..simulation.sensors import first_order, first_order_by_lag
 from .initial_state import sensor_sd
 from .innovations import InnovationsFilter, innovations_filter, propagate_sensitivities
 from .logged_inputs import acting_drive, logged_inputs
+from .plant_log import plant_of_log
 from .shooting import ShootingWindow
 
 
@@ -88,6 +89,7 @@ def simulate_window(
     """
     rows = slice(window.first, window.last + 1)
     log, dt = window.log, window.log.sample_time
+    plant = plant_of_log(plant, log)
     measured = MeasuredChannels.of(plant, log, weights)
     logged, outer = logged_inputs(plant, log)
     undelayed, logged = acting_drive(plant, logged, dt)

@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
 from ehsa_ctrl.diagnosis.scoring import effect_id_by_parameter
 from ehsa_ctrl.identification.comparison import replay
+from ehsa_ctrl.identification.identify import identify
 from ehsa_ctrl.identification.plant_log import read_plant_log
 from ehsa_ctrl.identification.preparation import Preparation
 from ehsa_ctrl.plant.load import load_plant
@@ -130,7 +132,14 @@ def test_effects_of_rod_and_shaft_act_on_the_one_contact(servo):
     found = {candidate.id for candidate in candidate_effects(model)}
 
     assert {"load_dependent_friction", "asymmetric_friction", "motor_friction", "motor_viscous_friction"} <= found
-    assert {"supply_resistance", "torque_constant", "torque_saturation", "rotor_inertia", "payload_mass"} <= found
+    assert {
+        "supply_resistance",
+        "winding_resistance",
+        "torque_constant",
+        "torque_saturation",
+        "rotor_inertia",
+        "payload_mass",
+    } <= found
     assert not {"rod_friction", "rod_viscous_friction", "internal_leakage", "bulk_modulus"} & found
     assert effect_id_by_parameter(servo)["B_FM"] == "motor_viscous_friction"
     assert servo.structure.system.place_of("force") == "torque"
@@ -162,3 +171,57 @@ def test_published_values_replay_the_published_records_in_closed_loop(servo):
 
     assert len(errors) == 8
     assert 0.054 < np.mean(errors) < 0.063
+
+
+def recorded(plant, kp, seconds=6.0):
+    """A log of a run at a gain, with the angle quantised as the encoder does."""
+    time = 0.005 * np.arange(int(seconds / 0.005))
+    goal = 1.2 * np.sin(2.0 * time) + 0.4 * np.sin(7.0 * time)
+    run = simulate(plant.set(kp=kp), goal, sample_time=0.005)
+    step = plant.sensors["angle"].step
+    channels = {"goal": goal, "released": np.zeros(time.size), "angle": np.round(run["theta"] / step) * step}
+    return Log(time, channels, settings={"kp": kp})
+
+
+def test_a_setting_of_a_log_holds_for_it_alone(servo):
+    """Replays use it, and a parameter that a log sets can't be estimated."""
+    log = recorded(servo, 100.0)
+
+    assert replay(servo, log).fit_percent["angle"] > 99.5
+    assert replay(servo, replace(log, settings={})).fit_percent["angle"] < 50.0
+    with pytest.raises(InputError, match="sets kp, which is to be estimated"):
+        identify(servo, [log], free=("kp",))
+    with pytest.raises(InputError, match="no parameter 'kq'"):
+        replay(servo, replace(log, settings={"kq": 1.0}))
+
+
+@pytest.mark.slow
+def test_records_of_two_gains_determine_supply_and_gear(servo):
+    """Together they give what was put in, from the published start."""
+    truth = with_law(servo, "coulomb", "load_dependent_friction", kappa=0.3).set(R=3.8, R_S=1.2, B_FM=0.004)
+    start = with_law(servo, "coulomb", "load_dependent_friction", kappa=0.1).set(R_S=0.5)
+
+    found = identify(start, [recorded(truth, kp) for kp in (100.0, 800.0)], free=("kappa", "R_S"))
+
+    for name in ("K_T", "R", "J_M", "A_FM", "kappa", "R_S"):
+        assert found.plant[name] == pytest.approx(truth[name], rel=0.1), name
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not RECORDS.is_dir(), reason="the measured records are not here")
+def test_load_and_saturation_explain_records_of_another_gain(servo):
+    """Identified at kp 800 alone, the servo replays those at kp 100 to 30 mrad; Coulomb and viscous friction do not."""
+    logs = {100.0: [], 800.0: []}
+    for path in sorted(RECORDS.glob("kp*.csv")):
+        kp = float(path.name[2:5])
+        log, _ = Preparation(resample=200.0).apply(read_plant_log(path, servo, uniform=False), servo)
+        logs[kp].append(replace(log, settings={"kp": kp}))
+
+    def tested(plant, *free):
+        fitted = identify(plant, logs[800.0], free=free, starts=4).plant
+        runs = [replay(fitted, log) for log in logs[100.0]]
+        return np.mean([np.mean(np.abs(run.simulated["angle"] - run.log["angle"])) for run in runs])
+
+    effects = ("load_dependent_friction", "torque_saturation")
+    loaded = with_law(servo, "coulomb", *effects, kappa=0.2, k_sat=0.3)
+    assert tested(loaded, "kappa", "k_sat") < 0.030 < tested(servo)

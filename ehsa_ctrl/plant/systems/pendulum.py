@@ -123,7 +123,8 @@ SHARED = (
     ParameterKind("offset", "rad", "angle of the arm from hanging down at theta = 0"),
     ParameterKind("theta_0", "rad", "angle at rest"),
 )
-WINDING = ParameterKind("R", "ohm", "resistance of winding and drive", 0.0, lower_open=True, prior=0.1)
+# Engineering judgement: seldom measured, and copper alone changes by 0.4 % a kelvin.
+WINDING = ParameterKind("R", "ohm", "resistance of winding and bridge", 0.0, lower_open=True, prior=0.3)
 
 system = System(
     name="pendulum",
