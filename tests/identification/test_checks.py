@@ -55,7 +55,8 @@ def test_the_other_benchs_logs_raise_no_alarm(shared_logs, folder):
         settings = {"load.stiffness": belief["spring_stiffness"]}
         plant = load_plant(belief["plant"], model=belief["model"], settings=settings)
 
-        assert check_log(read_plant_log(path, plant), plant) == (), path.name
+        # Late clocks: test_clock_delays.py knows which of these logs have one.
+        assert {finding.kind for finding in check_log(read_plant_log(path, plant), plant)} <= {"late"}, path.name
 
 
 @pytest.mark.parametrize(
