@@ -10,10 +10,10 @@ FORMS = [{"c_f": 0.1}, {"c_f": 0.1, "b_f": 2.0, "w_f": 100.0}, {"c_f": 0.0, "c_w
 
 
 def test_limits_of_the_share():
-    """c_f (1 + b_f) at standstill, c_f far above w_f, c_w per speed; without b_f and c_w exactly c_f."""
+    """c_f (1 + b_f) at standstill, half of b_f left at w_f; c_w per speed; without both exactly c_f."""
     assert loss_share(0.0, 0.1, 2.0, 40.0, 0.0) == pytest.approx(0.3, rel=1e-14)
-    assert loss_share(40.0, 0.1, 2.0, 40.0, 0.0) == pytest.approx(0.1 + 0.2 / np.e, rel=1e-14)
-    assert loss_share(-4e3, 0.1, 2.0, 40.0, 0.0) == pytest.approx(0.1, rel=1e-14)
+    assert loss_share(40.0, 0.1, 2.0, 40.0, 0.0) == pytest.approx(0.2, rel=1e-14)
+    assert loss_share(-4e9, 0.1, 2.0, 40.0, 0.0) == pytest.approx(0.1, rel=1e-7)
     assert loss_share(-200.0, 0.0, 0.0, 40.0, 5e-4) == pytest.approx(0.1, rel=1e-14)
     assert loss_share(123.0, 0.07, 0.0, 40.0, 0.0) == 0.07
 

@@ -12,10 +12,10 @@ CURRENT = 3.0 * np.sin(np.linspace(0.0, 12.0, 501))
 def test_closed_form():
     """K_T I up to the knee, K_T (I_knee + s (I - I_knee)) beyond it, odd in the current."""
     for sign in (1.0, -1.0):
-        assert torque(1.2 * sign, sign, 0.0, 2.0, 0.3) == 1.2 * sign
-        assert torque(1.2 * sign * 5.0, sign * 5.0, 0.0, 2.0, 0.3) == pytest.approx(1.2 * sign * 2.9, rel=1e-14)
-    assert torque(0.0, 0.0, 0.0, 0.0, 0.3) == 0.0
-    assert torque(2.4, 2.0, 0.5, np.inf, 0.3) == pytest.approx(1.2, rel=1e-14)
+        assert torque(1.2 * sign, sign, 1.2, 0.0, 2.0, 0.3) == 1.2 * sign
+        assert torque(1.2 * sign * 5.0, sign * 5.0, 1.2, 0.0, 2.0, 0.3) == pytest.approx(1.2 * sign * 2.9, rel=1e-14)
+    assert torque(0.0, 0.0, 1.2, 0.0, 0.0, 0.3) == 0.0
+    assert torque(2.4, 2.0, 1.2, 0.5, np.inf, 0.3) == pytest.approx(1.2, rel=1e-14)
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.4])

@@ -1,13 +1,10 @@
 """Load-dependent friction of the pump: a share c of its pressure torque, against the motion.
 
-T_L = c D |P_1 - P_2| sign(omega), c = c_f (1 + b_f exp(-|omega| / w_f)) + c_w |omega|. The first term is the pressure-
-dependent part of the loss model of W. M. J. McCandlish, R. E. Dorey (Proc. IMechE 198B, 1984). b_f raises it at low
-speed, where the oil film does not carry; the exponential form is assumed, as that of Stribeck friction in (8). c_w is
-the part that grows with the speed, as for gaps that the pressure presses together. Set-valued at standstill, like all
-dry friction.
+T_L = c D |P_1 - P_2| sign(omega), c = c_f (1 + b_f / (1 + |omega| / w_f)) + c_w |omega|. The first term is the
+pressure-dependent part of the loss model of W. M. J. McCandlish, R. E. Dorey (Proc. IMechE 198B, 1984). b_f raises it
+at low speed, where the oil film does not carry; the form is assumed. c_w is the part that grows with the speed, as for
+gaps that the pressure presses together. Set-valued at standstill, like all dry friction.
 """
-
-from math import exp
 
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, effect_number, from_neutral, starting_points
 from ._effect import Effect, EffectParameter
@@ -16,7 +13,7 @@ from ._effect import Effect, EffectParameter
 def loss_share(omega: float, c_f: float, b_f: float, w_f: float, c_w: float) -> float:
     """c, never negative."""
     speed = abs(omega)
-    return c_f * (1.0 + b_f * exp(-speed / w_f)) + c_w * speed
+    return c_f * (1.0 + b_f * (w_f / (w_f + speed))) + c_w * speed
 
 
 def friction(
@@ -51,7 +48,7 @@ effect = Effect(
     parameters=(
         EffectParameter("c_f", "1", "share of D |dP| that is lost", 0.0, 0.1, 0.0, 0.5, detectable=0.03),
         EffectParameter("b_f", "1", "further share at low speed, in c_f", 0.0, 0.0, 0.0, 20.0, shape=True),
-        EffectParameter("w_f", "rad/s", "speed at which the film carries", 40.0, 40.0, 1.0, 1e3, shape=True),
+        EffectParameter("w_f", "rad/s", "speed at which half of that share is left", 40.0, 40.0, 1.0, 1e3, shape=True),
         EffectParameter("c_w", "s/rad", "share per speed", 0.0, 0.0, 0.0, 1e-2),
     ),
     candidates=candidates,

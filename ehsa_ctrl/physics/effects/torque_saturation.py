@@ -14,11 +14,10 @@ from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, effect_nu
 from ._effect import Effect, EffectParameter
 
 
-def torque(T_M: float, current: float, k_sat: float, I_knee: float, s_knee: float) -> float:
-    """T_M / (1 + (k_sat I)^2), less the share that the knee cuts off."""
-    beyond = max(abs(current) - I_knee, 0.0)
-    kept = 1.0 - (1.0 - s_knee) * (beyond / max(abs(current), 1e-9))
-    return T_M * kept / (1.0 + (k_sat * current) * (k_sat * current))
+def torque(T_M: float, current: float, K_T: float, k_sat: float, I_knee: float, s_knee: float) -> float:
+    """What the knee leaves of T_M, over 1 + (k_sat I)^2."""
+    beyond = max(current - I_knee, 0.0) - max(-current - I_knee, 0.0)
+    return (T_M - (1.0 - s_knee) * K_T * beyond) / (1.0 + (k_sat * current) * (k_sat * current))
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:

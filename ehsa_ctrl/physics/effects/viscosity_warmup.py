@@ -17,7 +17,8 @@ from ._effect import Effect, EffectParameter, EffectState
 
 def thinning(t_run: float, E_run: float, drop: float, tau_w: float, E_w: float) -> float:
     """Lost share of the viscous friction."""
-    return drop * (1.0 - exp(-(t_run / tau_w if E_w == inf else E_run / E_w)))
+    timed = E_w == inf
+    return drop * (1.0 - exp(-((t_run if timed else E_run) / (tau_w if timed else E_w))))
 
 
 def shaft(
