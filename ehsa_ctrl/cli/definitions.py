@@ -13,6 +13,7 @@ import tomlkit
 from ..core.catalogue import controllers, is_shipped, plants, shipped
 from ..core.errors import InputError, choices
 from ..core.files import read_toml
+from ..core.log import CHANNELS
 from ..design.kinds import CONTROLLER_KINDS, ControllerKind
 from ..design.load import read_controller
 from ..design.specification import definition_keys
@@ -49,7 +50,7 @@ def plant_toml(base: str, name: str) -> str:
     channels = next(iter(models.values())).structure.system.channels
     text = template("plant").replace("SYSTEMS", ", ".join(SYSTEMS))
     start, end = text.index("# Sensor of the channel"), text.index("# Columns of the rig's")
-    sensors = (text[start:end].replace("CHANNEL", word).replace("UNIT", CHANNEL_UNITS[word]) for word in channels)
+    sensors = (text[start:end].replace("CHANNEL", word).replace("UNIT", CHANNELS[word].unit) for word in channels)
     given = _titled(path, name)
     # The template's comments describe its example columns, not those of the plant.
     columns = re.sub("  # .*", "", text[end:]) if "log" in given else text[end:]
