@@ -13,7 +13,7 @@ from ..plant.plant import Plant
 from .diagnosis import Cause, CauseParameter, RelatedEffect
 from .hypothesis_model import is_applicable, law_switches
 from .model_selection import Reference, Selection
-from .scoring import CauseKey, ScoredHypothesis, Scoring, effect_id_by_parameter, standard_deviations
+from .scoring import CauseKey, ScoredHypothesis, Scoring, effect_id_by_parameter
 from .signals import largest
 
 #: Candidates below this probability are not listed. Engineering judgement.
@@ -71,7 +71,7 @@ def related_effects(selection: Selection, scoring: Scoring, reference: Reference
     found: dict[CauseKey, RelatedEffect] = {}
     for scored in selection.ranked[:NEAREST]:
         closed = reference.closed(scored)[1]
-        sd = standard_deviations(scored.fit, scoring.weight)
+        sd = scoring.standard_deviations(scored.fit)
         for key in scored.causes:
             if key not in claimed and closed > 0.0 and (key not in found or closed > found[key].gap_closed):
                 found[key] = RelatedEffect(*key, closed, _parameters(key, scored, scoring, sd))
@@ -99,7 +99,7 @@ def _further_candidates(selection: Selection, scoring: Scoring) -> list[Cause]:
             p = selection.probability.get(key, 0.0)
             if key in selection.chosen.causes or key in found or p < MIN_PROBABILITY:
                 continue
-            parameters = _parameters(key, scored, scoring, standard_deviations(scored.fit, scoring.weight))
+            parameters = _parameters(key, scored, scoring, scoring.standard_deviations(scored.fit))
             place = scoring.objective.model.plant.structure.system.place_of(EFFECTS[key[0]].place)
             found[key] = Cause(key[0], key[1], place, min(p, 1.0), parameters, alone=scored.own_gaps[key])
     return sorted(found.values(), key=lambda cause: -cause.probability)

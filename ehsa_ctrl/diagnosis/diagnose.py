@@ -36,13 +36,13 @@ from .hypothesis_model import (
     law_switches,
     with_every_effect,
 )
-from .hypothesis_search import Hypotheses, Pool, Watch, screen, search
+from .hypothesis_search import Hypotheses, Pool, Watch, search
 from .improved_plant import improved_plant
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
 from .refit import objective_of, refit_nominal
-from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses, standard_deviations
-from .several_parameters import with_several_parameters
+from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
+from .several_parameters import may_be_several, with_several_parameters
 from .signals import estimate_noise, largest
 from .validation_segment import Segment, initial_state, last_third, prepare_replay, replayed_effects, whole_log
 from .verdict_text import advice, name_of
@@ -125,11 +125,10 @@ def diagnose(
     lumped = lacks_dry_friction(prepared.model.plant)
     pool = Pool(jobs or os.cpu_count() or 1, watch)
     hypotheses = Hypotheses.initial(objective, candidate_effects(segments.training.model), sensitivities, pool)
-    hypotheses = search(hypotheses, lumped=lumped)
-    if not lumped:
-        hypotheses = with_several_parameters(
-            hypotheses, screen(hypotheses), effect_id_by_parameter(prepared.model.plant), threshold
-        )
+    hypotheses, screening = search(hypotheses, lumped=lumped)
+    if not lumped and may_be_several(hypotheses):
+        ids = effect_id_by_parameter(prepared.model.plant)
+        hypotheses = with_several_parameters(hypotheses, screening, ids, threshold)
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, threshold, lumped=lumped)
     hypotheses, scores, superseded = score_hypotheses(hypotheses, scoring)
     reference = Reference.of(scoring)
@@ -271,7 +270,7 @@ def _diagnose_selection(
     known: all hypotheses that were scored. nominal_refit: nominal parameters refitted without any effect.
     """
     plant, log, chosen, held_out = prepared.plant, prepared.log, selection.chosen, segments.held_out
-    sd = standard_deviations(chosen.fit, scoring.weight)
+    sd = scoring.standard_deviations(chosen.fit)
     changed = {n: v for n, v in chosen.fit.values.items() if v != prepared.model.nominal_value(n)}
     improved = improved_plant(plant, chosen.fit.candidates, changed, sd)
     explanation = explain(

@@ -255,8 +255,11 @@ def screen(hypotheses: Hypotheses, at: Setting | None = None) -> Screening:
     return Screening.of([r for r in hypotheses.pool.map("screening", respond, items) if r is not None], zero)
 
 
-def search(hypotheses: Hypotheses, *, lumped: bool) -> Hypotheses:
-    """Fit single effects and pairs; sets of three too if the pairs leave much, or the model lacks dry friction."""
+def search(hypotheses: Hypotheses, *, lumped: bool) -> tuple[Hypotheses, Screening]:
+    """Fit single effects and pairs; sets of three too if the pairs leave much, or the model lacks dry friction.
+
+    Returns the hypotheses and the last screening.
+    """
     screening = screen(hypotheses)
     hypotheses = _fit_singles(hypotheses, screening)
     if lumped:
@@ -268,7 +271,7 @@ def search(hypotheses: Hypotheses, *, lumped: bool) -> Hypotheses:
         screening = screen(hypotheses, hypotheses.best()[0].values)
     if lumped or _pairs_leave_much(hypotheses):
         hypotheses = _grow_sets(hypotheses, screening, 3)
-    return hypotheses
+    return hypotheses, screening
 
 
 def _pairs_leave_much(hypotheses: Hypotheses) -> bool:

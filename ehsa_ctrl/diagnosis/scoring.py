@@ -36,9 +36,6 @@ REALISATIONS = 6
 LARGE_CHANGE = 1.5
 #: Bounds of the weight of a squared residual, in units of an independent one.
 MIN_WEIGHT, MAX_WEIGHT = 0.001, 0.5
-#: Factor on the prior deviations for the standard deviations of effect parameters: the nominal values may be more wrong
-#: than is typical.
-PRIOR_WIDENING = 4.0
 #: Longest lag of the autocorrelation [s].
 MAX_LAG = 1.0
 #: Number of hypotheses of each size to score.
@@ -158,6 +155,23 @@ class Scoring:
     def noise_square(self) -> float:
         """Mean square of the training residuals that noise of sensors and input causes."""
         return float(np.mean(self.objective.scale.noise_squares)) + self.input_noise[0].square
+
+    def standard_deviations(self, fit: HypothesisFit) -> dict[str, float]:
+        """Standard deviation of each effect parameter of a fit, from the inverse of its information matrix.
+
+        The nominal parameters are uncertain by what is typical of a rig, not by the narrow priors of the fit: these
+        keep causes apart, and pull an estimate where the rig's nominal values are wrong.
+        """
+        own = fit.n_effect
+        weights = np.repeat(self.weight, fit.residual.size // self.weight.size)
+        information = fit.jacobian.T @ (weights[:, None] * fit.jacobian)
+        nominal = self.objective.nominal
+        typical = dict(zip(nominal.names, nominal.typical, strict=True))
+        for i, f in enumerate(fit.free[own:], own):
+            information[i, i] += (f.scale / typical[f.name]) ** 2
+        size = np.sqrt(np.maximum(np.diag(information), 1e-12))
+        covariance = np.linalg.pinv(information / np.outer(size, size), rcond=1e-10) / np.outer(size, size)
+        return {f.name: float(np.sqrt(max(covariance[i, i], 0.0))) * f.scale for i, f in enumerate(fit.free[:own])}
 
     def score(self, fit: HypothesisFit) -> ScoredHypothesis:
         """Score a hypothesis: simulate it on both segments, and without each of its effects."""
@@ -363,17 +377,3 @@ def residual_weights(parts: np.ndarray, sample_time: float) -> np.ndarray:
         correlation = correlation[: int(negative[0]) if negative.size else None]
         out[c] = 1.0 / (square * (1.0 + 2.0 * float(np.sum(correlation[1:]))))
     return np.clip(out, MIN_WEIGHT, MAX_WEIGHT)
-
-
-def standard_deviations(fit: HypothesisFit, weight: np.ndarray) -> dict[str, float]:
-    """Standard deviation of each effect parameter of a fit, from the inverse of its information matrix.
-
-    It includes the uncertainty of the nominal parameters, with prior deviations PRIOR_WIDENING times those of the fit.
-    """
-    own, k = fit.n_effect, len(fit.free)
-    weights = np.repeat(weight, fit.residual.size // weight.size)
-    information = fit.jacobian.T @ (weights[:, None] * fit.jacobian)
-    information[np.arange(own, k), np.arange(own, k)] += 1.0 / PRIOR_WIDENING**2
-    size = np.sqrt(np.maximum(np.diag(information), 1e-12))
-    covariance = np.linalg.pinv(information / np.outer(size, size), rcond=1e-10) / np.outer(size, size)
-    return {f.name: float(np.sqrt(max(covariance[i, i], 0.0))) * f.scale for i, f in enumerate(fit.free[:own])}

@@ -27,8 +27,15 @@ SINGLES, PAIRS, REDUCED = 8, 6, 3
 NEEDED, NEEDED_SHARE = 4.0, 0.004
 #: A parameter that changes no signal by this share of the threshold is no cause.
 SMALL = 0.7
+#: Cost of the priors from which on nominal parameters are wrong by more than they usually are: two standard deviations.
+MOVED = 4.0
 #: Hypotheses with more causes are not proposed: no log of one rig tells so many apart.
 MOST = 6
+
+
+def may_be_several(hypotheses: Hypotheses) -> bool:
+    """Whether the best hypothesis leaves more than noise, or moves nominal parameters against their priors."""
+    return hypotheses.objective.level > 1.0 or hypotheses.best()[0].prior_cost > MOVED
 
 
 def with_several_parameters(
