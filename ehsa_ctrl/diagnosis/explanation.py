@@ -23,6 +23,7 @@ from .hypothesis_search import Hypotheses, hypothesis_key
 from .model_selection import Reference, Selection
 from .regimes import describe_curve
 from .scoring import CauseKey, Scoring, effect_id_by_parameter
+from .several_parameters import MAX_CAUSES
 
 #: Causes are part of the explanation if they close this part of the gap, on training and on held-out data.
 PART = 1.0 / 3.0
@@ -101,7 +102,7 @@ def with_absorbed_parameters(
 
     added: dict[CauseKey, set[str]] = {}
     names = of_causes | companions
-    while others and left(names) >= threshold:
+    while others and len(chosen.causes) + len(added) < MAX_CAUSES and left(names) >= threshold:
         best = min(others, key=lambda key: left(names | others[key]))
         added[best] = others.pop(best)
         names |= added[best]

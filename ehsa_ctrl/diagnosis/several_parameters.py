@@ -30,7 +30,7 @@ SMALL = 0.7
 #: Cost of the priors from which on nominal parameters are wrong by more than they usually are: two standard deviations.
 MOVED = 4.0
 #: Hypotheses with more causes are not proposed: no log of one rig tells so many apart.
-MOST = 6
+MAX_CAUSES = 6
 
 
 def may_be_several(hypotheses: Hypotheses) -> bool:
@@ -64,7 +64,7 @@ def with_several_parameters(
     tasks: list[Task] = []
     for fit in fits:
         for kept in _eliminated(found, fit, threshold):
-            members = with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MOST]
+            members = with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES]
             if hypothesis_key(members) not in {hypothesis_key(t[0]) for t in tasks}:
                 values = {n: v for n, v in fit.values.items() if n in {m for c in members for m in c.names}}
                 tasks.append((members, values))
