@@ -27,6 +27,9 @@ from .several_parameters import MAX_CAUSES
 
 #: Causes are part of the explanation if they close this part of the gap, on training and on held-out data.
 PART = 1.0 / 3.0
+#: Causes that may be claimed where they leave more than noise. On the tuning seeds of benchmarks/withheld sets of three to
+#: six causes closed 0.34 to 0.84 of the gaps of effects that the catalogue lacks.
+MAX_CLAIMED = 2
 
 
 @dataclass(frozen=True)
@@ -67,11 +70,14 @@ def explain(
     if selection.misfit <= 1.0:
         return Explanation(selection.verdict, left)
     curve = free_curve(improved, log, noise, edge, validation)
-    if left < threshold and not (curve is not None and curve.better):
+    # Several wrong numbers together imitate an unknown effect: where more than noise is left, a claim has to be simple.
+    simple = len(selection.chosen.causes) <= MAX_CLAIMED
+    if simple and left < threshold and not (curve is not None and curve.better):
         return Explanation(selection.verdict, left, curve)
     closed = min(reference.closed(selection.chosen))
     named = selection.verdict in ("effect", "ambiguous")
-    return Explanation("partly" if named and closed >= PART else "outside_catalogue", left, curve)
+    partly = simple and named and closed >= PART
+    return Explanation("partly" if partly else "outside_catalogue", left, curve)
 
 
 def with_absorbed_parameters(
