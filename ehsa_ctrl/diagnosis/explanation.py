@@ -27,8 +27,8 @@ from .several_parameters import MAX_CAUSES
 
 #: Causes are part of the explanation if they close this part of the gap, on training and on held-out data.
 PART = 1.0 / 3.0
-#: Causes that may be claimed where they leave more than noise. On the tuning seeds of benchmarks/withheld sets of three to
-#: six causes closed 0.34 to 0.84 of the gaps of effects that the catalogue lacks.
+#: Causes that may be claimed where they leave more than noise. On the tuning seeds of benchmarks/withheld sets of three
+#: to six causes closed 0.34 to 0.84 of the gaps of effects that the catalogue lacks.
 MAX_CLAIMED = 2
 
 
