@@ -91,3 +91,22 @@ def test_the_published_record_shows_the_published_friction(carriage):
     for name, published in PUBLISHED.items():
         assert values[name] == pytest.approx(published, rel=0.15), name
     assert found.gap["with_effects"]["total"] < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (SHARED.parents[1] / "bam").is_dir(), reason="the measured records are not here")
+def test_a_servo_believed_with_coulomb_and_viscous_friction_shows_its_loaded_gear():
+    """Friction that grows with the torque is among the causes, at the axis' own place."""
+    plant = ehsa_ctrl.load_plant("xl330_pendulum", settings={"kp": 100.0})
+    names = ("kp100_sin_time_square.csv", "kp100_sin_sin.csv")
+    logs = [ehsa_ctrl.read_plant_log(SHARED.parents[1] / "bam" / name, plant, uniform=False) for name in names]
+    log, other = (ehsa_ctrl.Preparation(resample=200.0).apply(one, plant)[0] for one in logs)
+
+    found = ehsa_ctrl.diagnose(plant, log, validate=other)
+
+    causes = {cause.id: cause for cause in found.effects}
+    assert found.verdict in ("partly", "effect") and "load_dependent_friction" in causes
+    assert 0.2 < causes["load_dependent_friction"].parameters["kappa"].value < 0.6
+    assert causes["load_dependent_friction"].place == "torque"
+    assert {place for place, _ in found.where} <= {"torque", "drive", "sensor"}
+    assert found.gap["with_effects"]["total"] < 0.5 * found.gap["nominal"]["total"]
