@@ -109,7 +109,7 @@ def test_the_sentence_comes_first_with_its_mark(pages, verdict):
 
     assert f"{LOOKS[state][0]} {made.sentence}" in first
     assert heading in first
-    assert len({heading for _, heading in VERDICTS.values()}) == 5
+    assert len({heading for _, heading in VERDICTS.values()}) == 7
 
 
 def test_each_verdict_has_its_sections_in_its_order(pages, verdict):
@@ -132,6 +132,8 @@ def test_what_a_verdict_is_about_comes_before_the_rest():
         "no_gap": "signals",
         "effect": "signals",
         "ambiguous": "signals",
+        "parameters": "signals",
+        "partly": "signals",
         "outside_catalogue": "where",
         "underdetermined": "causes",
     }

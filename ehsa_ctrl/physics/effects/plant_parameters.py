@@ -14,7 +14,8 @@ def scaled_current(found: Mapping[str, float], plant: Mapping[str, float], speed
 
 def laminar_drop(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
     """Additional viscous friction of the rod may be a laminar drop in the lines."""
-    if found.get("B_FR", 0.0) <= plant["B_FR"]:
+    # A rod with friction under another name has no lines.
+    if found.get("B_FR", 0.0) <= plant.get("B_FR", 0.0):
         return {}
     return {"line_pressure_drop": "a laminar drop between pump ports and chambers acts as viscous rod friction"}
 
