@@ -16,8 +16,9 @@ from .signals import largest
 #: An alternative can't be excluded if its deviance is larger by less than the margin: a constant (12 is a likelihood
 #: ratio of 400), plus a share of the deviance that the best model leaves above noise, plus a share of what it explains.
 MARGIN, MARGIN_UNEXPLAINED, MARGIN_EXPLAINED = 12.0, 0.3, 0.004
-#: An additional cause must lower a gap by this share of the threshold (in quadrature), or the deviance by this share.
-MIN_DECREASE, MIN_DEVIANCE_SHARE = 0.5, 0.02
+#: An additional cause must lower a gap by this share of the threshold (in quadrature), or the deviance by this share of
+#: what the larger set explains, and by more than the margin, with the second share in place of MARGIN_EXPLAINED.
+MIN_DECREASE, MIN_DEVIANCE_SHARE, MARGIN_ADDED = 0.5, 0.003, 0.003
 #: The catalogue does not explain the log if the best set leaves this share of the training gap and residuals whose mean
 #: square exceeds that of noise by EXCESS;
 LEFT, EXCESS = 0.25, 0.3
@@ -95,13 +96,9 @@ class Reference:
         beyond = [gaps[n] ** 2 - floor.get(n, 0.0) ** 2 for gaps, floor in pairs for n in gaps if n != "total"]
         return float(np.sqrt(max(*beyond, 0.0)))
 
-    def margin(self, one: ScoredHypothesis) -> float:
+    def margin(self, one: ScoredHypothesis, share: float = MARGIN_EXPLAINED) -> float:
         """Alternatives whose deviance is larger by at most this margin can't be excluded."""
-        return (
-            MARGIN
-            + MARGIN_UNEXPLAINED * self.unexplained(one)
-            + MARGIN_EXPLAINED * max(self.nominal - one.deviance, 0.0)
-        )
+        return MARGIN + MARGIN_UNEXPLAINED * self.unexplained(one) + share * max(self.nominal - one.deviance, 0.0)
 
 
 def select_model(scores: Sequence[ScoredHypothesis], reference: Reference, threshold: float) -> Selection:
@@ -124,7 +121,7 @@ def _select_smallest(ranked: Sequence[ScoredHypothesis], reference: Reference, t
     for size in sizes[1:]:
         larger = next(one for one in ranked if len(one.causes) == size)
         gained = chosen.deviance - larger.deviance
-        if gained <= reference.margin(larger):
+        if gained <= reference.margin(larger, MARGIN_ADDED):
             continue
         decrease = max(
             _decrease(before, after)

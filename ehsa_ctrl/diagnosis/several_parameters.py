@@ -21,7 +21,7 @@ from .refit import TEMPER, HypothesisFit, Objective
 from .signals import scored_signals
 
 #: Effects and pairs that are fitted beside all nominal parameters, sets that are reduced.
-SINGLES, PAIRS, REDUCED = 8, 6, 3
+SINGLES, PAIRS, REDUCED = 10, 6, 3
 #: A parameter returns to its nominal value if that costs less than this, or less than this share of what the
 #: hypothesis explains.
 NEEDED, NEEDED_SHARE = 4.0, 0.004
@@ -87,9 +87,10 @@ def _grow(
         seen = set()
         for gain, response, step in screening.gains(found, base):
             candidate = response.candidate
-            if gain < 2.0 or (candidate.key, candidate.names) not in keys or candidate.key in seen:
+            form = candidate.key, candidate.names
+            if gain < 2.0 or form not in keys or form in seen:
                 continue
-            seen.add(candidate.key)
+            seen.add(form)
             members = (*base.candidates, candidate)
             options.append((base.cost - gain, members, start_values(response, step, base.values)))
     options.sort(key=lambda row: row[0])
