@@ -27,9 +27,9 @@ from .several_parameters import MAX_CAUSES
 
 #: Causes are part of the explanation if they close this part of the gap, on training and on held-out data.
 PART = 1.0 / 3.0
-#: Where more than noise is left, so many causes may leave up to the threshold, and more causes this share of it; only so
-#: few are claimed as part of a cause. On the tuning seeds of benchmarks/withheld sets of three to six causes closed 0.34 to
-#: 0.84 of the gaps of effects that the catalogue lacks, and left 0.9 of the threshold or more.
+#: Where more than noise is left, so many causes may leave up to the threshold, and more causes this share of it; only
+#: so few are claimed as part of a cause. On the tuning seeds of benchmarks/withheld sets of three to six causes closed
+#: 0.34 to 0.84 of the gaps of effects that the catalogue lacks, and left 0.9 of the threshold or more.
 FEW, MANY_LEFT = 2, 0.85
 
 
