@@ -106,7 +106,8 @@ def test_what_the_catalogue_lacks_is_not_named(shared_logs):
     found = ehsa_ctrl.diagnose(plant, log)
 
     assert found.verdict == "outside_catalogue"
-    assert not found.effects and found.improved is None
+    assert not found.effects and "outside_catalogue" in found.improved.title
+    assert not set(found.improved.structure.effects) - set(plant.structure.effects)
     assert found.where[0][1] > 0.5
 
 
