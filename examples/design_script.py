@@ -112,8 +112,8 @@ print(f"\n{e.review(rig_model, controllers['lqr_friction'], known=known, robust=
 save(robustness_figure(robust), FOLDER / "3_robustness_lqr_friction")
 print(e.monte_carlo("spread_steps", runs=40, controller="lqr_friction"))
 
-# %% 4. From a gap to its cause: this rig's pump has friction that the model lacks, and parameters 1 to 2 % off, of which
-# the torque constant is large enough to be a cause of its own
+# %% 4. From a gap to its cause: this rig's pump has friction that the model lacks, and parameters 1 to 2 % off
+# The error of the torque constant is large enough to be a cause of its own.
 off = {"K_T": 0.985, "J_M": 1.015, "A_FM": 1.01, "B_FR": 1.02, "K_S": 0.99}
 rig = spring.set(**{name: factor * spring[name] for name, factor in off.items()})
 rig = rig.with_effects("pump_torque_loss", c_f=0.12)
