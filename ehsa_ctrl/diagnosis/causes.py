@@ -13,14 +13,13 @@ from ..plant.plant import Plant
 from .diagnosis import Cause, CauseParameter, RelatedEffect
 from .hypothesis_model import is_applicable, law_switches
 from .model_selection import Reference, Selection
-from .scoring import CauseKey, ScoredHypothesis, Scoring, effect_id_by_parameter
+from .scoring import CauseKey, ScoredHypothesis, Scoring
 from .signals import largest
 
 #: Candidates below this probability are not listed. Engineering judgement.
 MIN_PROBABILITY = 0.02
 #: Hypotheses whose effects are listed as near to what stays unexplained.
 NEAREST = 3
-
 #: The Shapley value is exact for so many causes, and the mean over so many random orders for more.
 MAX_EXACT, ORDERS = 5, 40
 
@@ -36,9 +35,8 @@ def build_causes(
 ) -> tuple[Cause, ...]:
     """Causes of the chosen hypothesis, the largest first, and the other candidates if the verdict is underdetermined.
 
-    known: all hypotheses that were scored. sd: standard deviation of each parameter of the chosen hypothesis. gap:
-    model
-    -> signal -> gap on held-out data.
+    known: all hypotheses that were scored. sd: standard deviation of each parameter of the chosen hypothesis.
+    gap: model -> signal -> gap on held-out data.
     """
     chosen = selection.chosen
     closed = _closed_shares(selection, scoring, known, gap["nominal"]["total"])
@@ -119,7 +117,7 @@ def _parameters(
         for kind in p.structure.equations.parameters
     }
     switches = {switch.number: switch for switch in law_switches()}
-    ids = effect_id_by_parameter(model.plant)
+    ids = scoring.ids
     out = {}
     for free in (free for c in scored.fit.candidates if c.key == key for free in c.free):
         name = free.name

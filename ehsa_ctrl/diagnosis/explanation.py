@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ..core.log import Log
 from ..core.text import join_words
 from ..physics.effects import EFFECTS
@@ -19,11 +17,12 @@ from ..plant.plant import Plant
 from .candidate_effects import with_parameters
 from .diagnosis import Verdict
 from .free_curve import FreeCurve, free_curve
-from .hypothesis_search import Hypotheses, hypothesis_key
+from .hypothesis_search import Hypotheses
 from .model_selection import Reference, Selection
 from .regimes import describe_curve
-from .scoring import CauseKey, Scoring, effect_id_by_parameter
+from .scoring import CauseKey, Scoring
 from .several_parameters import MAX_CAUSES
+from .signals import largest_beyond
 
 #: Causes are part of the explanation if they close this part of the gap, on training and on held-out data.
 PART = 1.0 / 3.0
@@ -94,8 +93,9 @@ def with_absorbed_parameters(
     than MAX_ABSORBED, the form of a cause is wrong rather than the parameters. They are as probable as the least
     probable cause.
     """
-    chosen, plant = selection.chosen, scoring.objective.model.plant
-    ids = effect_id_by_parameter(plant)
+    if scoring.lumped:
+        return selection, hypotheses
+    chosen, ids = selection.chosen, scoring.ids
     values = chosen.fit.values
     of_causes = {n for c in chosen.fit.candidates if c.key in chosen.causes for n in c.names}
     of_causes |= {n for n in values if (ids.get(n), None) in chosen.causes}
@@ -108,17 +108,18 @@ def with_absorbed_parameters(
     def left(names: set[str]) -> float:
         # On held-out data a single slip may decide: what the training data does not ask for is no cause.
         gaps = scoring.training.gap({n: v for n, v in values.items() if n in names})
-        floor = reference.floors[0]
-        return float(np.sqrt(max(*(gaps[n] ** 2 - floor.get(n, 0.0) ** 2 for n in gaps if n != "total"), 0.0)))
+        return largest_beyond(gaps, reference.floors[0])
 
     added: dict[CauseKey, set[str]] = {}
     names = of_causes | companions
-    room = min(MAX_ABSORBED, MAX_CAUSES - len(chosen.causes))
-    while others and len(added) < room and left(names) >= threshold:
-        best = min(others, key=lambda key: left(names | others[key]))
+    rest, room = left(names), min(MAX_ABSORBED, MAX_CAUSES - len(chosen.causes))
+    while others and len(added) < room and rest >= threshold:
+        rests = {key: left(names | own) for key, own in others.items()}
+        best = min(rests, key=lambda key: rests[key])
+        rest = rests[best]
         added[best] = others.pop(best)
         names |= added[best]
-    if not added or scoring.lumped or left(names) >= threshold:
+    if not added or rest >= threshold:
         return selection, hypotheses
     members = with_parameters(
         [c for c in chosen.fit.candidates if c.key in chosen.causes],
@@ -126,9 +127,9 @@ def with_absorbed_parameters(
         hypotheses.candidates,
         ids,
     )
-    hypotheses = hypotheses.with_refits([(members, values)], "sets of causes", steps=6, renew_after=1)
-    fit = hypotheses.fits.get(hypothesis_key(members))
-    refitted = scoring.score(fit) if fit is not None else chosen
+    task = members, values
+    hypotheses = hypotheses.with_refits([task], "sets of causes", steps=6, renew_after=1)
+    refitted = next((scoring.score(fit) for fit in hypotheses.fits_of([task])), chosen)
     least = min((selection.probability.get(key, 0.0) for key in chosen.causes), default=1.0)
     if refitted.deviance < chosen.deviance:
         chosen, added = refitted, {key: names for key, names in added.items() if key not in refitted.causes}

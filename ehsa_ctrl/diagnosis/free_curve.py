@@ -13,13 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.log import Log
-from ..identification.initial_state import find_initial_state
-from ..identification.logged_inputs import acting_drive, logged_inputs, undo_sensor
 from ..plant.plant import Plant
 from .injection import GapMeasure
-from .place_sets import InjectionCase, flow_forms, forms_by_place
+from .place_sets import Form, InjectionCase, flow_forms, forms_by_place
 from .regimes import Curve, curves_of
-from .unknown_inputs import BalanceSignals, balance_signals, unknown_inputs
+from .unknown_inputs import BalanceSignals
 
 #: A free curve is clearly better if it leaves less than this part of the gap.
 BETTER = 0.7
@@ -51,38 +49,27 @@ def free_curve(
 
     plant: with its causes. log: from its beginning. edge: its first held-out sample, ignored with a `validation` log.
     """
-    cases = [_case(plant, one, noise) for one in (log, validation) if one is not None]
-    cases = _with_curves(cases, edge if validation is None else len(log) - 1)
-    training, held_out = cases[0], cases[-1]
-    options = [
-        (place, k)
-        for place, forms in {**forms_by_place(training), "flow": flow_forms(training)}.items()
-        for k, form in enumerate(forms)
-        if form.curves
-    ]
-    if not options:
+    cases = [InjectionCase.of(plant, one, noise) for one in (log, validation) if one is not None]
+    training, *others = _with_curves(cases, edge if validation is None else len(log) - 1)
+    forms = _curve_forms(training)
+    if not forms:
         return None
+    base, *runs = training.run([{}, *(form.inputs for _, form in forms)])
     last = edge if validation is None else len(log)
-    runs = _simulate(training, options)
     best = int(np.argmin([_total(training.gap, run, slice(0, last)) for run in runs]))
-    scored = slice(edge, None) if validation is None else slice(None)
-    ends = runs if validation is None else _simulate(held_out, options)
-    (base,) = held_out.run([{}])
-    place, k = options[best]
-    curves = {**forms_by_place(training), "flow": flow_forms(training)}[place][k].curves
-    return FreeCurve(place, curves, _total(held_out.gap, base, scored), _total(held_out.gap, ends[best], scored))
+    held_out, scored, ends = training, slice(edge, None), [base, runs[best]]
+    if others:
+        held_out, scored = others[0], slice(None)
+        ends = held_out.run([{}, _curve_forms(held_out)[best][1].inputs])
+    without, with_curve = (_total(held_out.gap, run, scored) for run in ends)
+    place, form = forms[best]
+    return FreeCurve(place, form.curves, without, with_curve)
 
 
-def _case(plant: Plant, log: Log, noise: Mapping[str, float]) -> InjectionCase:
-    """Unknown inputs of a plant on a log, without curves."""
-    dt, system = log.sample_time, plant.structure.system
-    start = find_initial_state(plant, log).state
-    asked, outside = logged_inputs(plant, log)
-    plant, current = acting_drive(plant, asked, dt)
-    measured = {c: undo_sensor(plant, log, c) for c in system.outputs if c in log.channels}
-    signals = balance_signals(plant, log, current, noise, start, outside)
-    gap = GapMeasure.of(system, measured, noise, dt)
-    return InjectionCase(plant, log, current, outside, start, gap, signals, unknown_inputs(plant, signals), {})
+def _curve_forms(case: InjectionCase) -> list[tuple[str, Form]]:
+    """Place and form of every curve that can be injected; in one order for all cases with the same curves."""
+    by_place = {**forms_by_place(case), "flow": flow_forms(case)}
+    return [(place, form) for place, forms in by_place.items() for form in forms if form.curves]
 
 
 def _with_curves(cases: Sequence[InjectionCase], last: int) -> list[InjectionCase]:
@@ -100,21 +87,8 @@ def _with_curves(cases: Sequence[InjectionCase], last: int) -> list[InjectionCas
         for case, own in zip(cases, curves, strict=True):
             part = slice(begin, begin + len(case.log) - 1)
             begin += len(case.log)
-            own[name] = [
-                replace(
-                    c,
-                    values=c.values[part],
-                    variable=c.variable[part],
-                    sign=None if c.sign is None else c.sign[part],
-                )
-                for c in found
-            ]
+            own[name] = [curve.over(part) for curve in found]
     return [replace(case, curves=own) for case, own in zip(cases, curves, strict=True)]
-
-
-def _simulate(case: InjectionCase, options: Sequence[tuple[str, int]]) -> list[dict[str, np.ndarray]]:
-    forms = {**forms_by_place(case), "flow": flow_forms(case)}
-    return case.run([forms[place][k].inputs for place, k in options])
 
 
 def _total(gap: GapMeasure, run: Mapping[str, np.ndarray], part: slice) -> float:

@@ -20,12 +20,10 @@ import numpy as np
 from ..core.log import Log
 from ..core.result import as_dict
 from ..core.text import join_words
-from ..identification.initial_state import find_initial_state
-from ..identification.logged_inputs import acting_drive, logged_inputs, undo_sensor
 from ..physics.effects import PLACES
 from ..plant.plant import Plant
-from .injection import GapMeasure, SquaredGaps
-from .place_sets import SMOOTHING, Form, InjectionCase, Places, PlaceSet, evaluate_sets
+from .injection import SquaredGaps
+from .place_sets import SMOOTHING, Form, InjectionCase, Places, PlaceSet, evaluate_sets, undo_sensors
 from .regimes import CurveKey, Regime, regime_of
 from .regressors import DRIVE_FAMILIES
 from .sensor_error import SensorError, find_inconsistent_sensor, fit_sensor_error
@@ -112,12 +110,7 @@ def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float]) -> Locatio
     log: channels in SI units. Places whose balances it does not show get what the others leave unexplained.
     noise: channel -> standard deviation, see `signals.estimate_noise`.
     """
-    dt, system = log.sample_time, plant.structure.system
-    start = find_initial_state(plant, log).state
-    logged_drive, second_input = logged_inputs(plant, log)
-    plant, current = acting_drive(plant, logged_drive, dt)
-    measured = {c: undo_sensor(plant, log, c) for c in system.outputs if c in log.channels}
-    case = InjectionCase.of(plant, log, current, second_input, start, noise, GapMeasure.of(system, measured, noise, dt))
+    case = InjectionCase.of(plant, log, noise).with_curves()
     (run,) = case.run([{}])
     base = case.gap.squared_gap(run)
     case = replace(case, gap=replace(case.gap, nominal=max(float(base.sum()), 1e-300)))
@@ -129,8 +122,9 @@ def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float]) -> Locatio
     implausible = find_inconsistent_sensor(case.gap, nominal)
     corrected = None
     if sensor is not None:
-        log = replace(log, channels={**log.channels, sensor.channel: sensor.corrected(log[sensor.channel], dt)})
-        gap = case.gap.with_measured({**measured, sensor.channel: undo_sensor(plant, log, sensor.channel)})
+        values = sensor.corrected(log[sensor.channel], log.sample_time)
+        log = replace(log, channels={**log.channels, sensor.channel: values})
+        gap = case.gap.with_measured(undo_sensors(case.plant, log))
         left = gap.squared_gap(run)
         if not case.unobserved or float(left.sum()) < MAX_LEFT_BY_SENSOR * gap.nominal:
             sets[SENSOR] = PlaceSet(left, gap.share(left) + SENSOR_PENALTY, {}, run)
@@ -138,7 +132,7 @@ def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float]) -> Locatio
             float(e.sum()) for e in (left, best.squared_gap, *([implausible[1].squared_gap] if implausible else []))
         )
         if smallest > MAX_LEFT * gap.nominal and SENSOR in sets:
-            corrected = InjectionCase.of(plant, log, current, second_input, start, noise, gap)
+            corrected = case.with_log(log, noise).with_curves()
             found, closed = evaluate_sets(corrected)
             for places, one in found.items():
                 sets[places | SENSOR] = replace(one, cost=one.cost + SENSOR_PENALTY)

@@ -8,7 +8,7 @@ be corrected.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -108,6 +108,11 @@ class Hypotheses:
                 if key not in fits or found.cost < fits[key].cost:
                     fits[key] = found
         return replace(self, fits=fits)
+
+    def fits_of(self, tasks: Sequence[Task]) -> list[HypothesisFit]:
+        """The best fits of the hypotheses of tasks, without those that could not be simulated."""
+        keys = (hypothesis_key(candidates) for candidates, _ in tasks)
+        return [self.fits[key] for key in keys if key in self.fits]
 
     def refine(self, fits: Sequence[HypothesisFit], steps: int = 6) -> Hypotheses:
         """Continue fits with a new Jacobian."""
@@ -358,6 +363,16 @@ def _fit_missing_friction(hypotheses: Hypotheses) -> Hypotheses:
 def hypothesis_key(candidates: Sequence[CandidateEffect]) -> Key:
     """Key of a set of candidates, whatever their order; two candidates of one effect differ in their parameters."""
     return tuple(sorted((f"{c.id}:{','.join(c.names)}", c.channel) for c in candidates))
+
+
+def distinct_tasks(tasks: Iterable[Task]) -> list[Task]:
+    """The first task of each hypothesis, which starts from its candidates' values and the nominal ones of the rest."""
+    found: dict[Key, Task] = {}
+    for candidates, values in tasks:
+        names = {name for candidate in candidates for name in candidate.names}
+        own = {name: value for name, value in values.items() if name in names}
+        found.setdefault(hypothesis_key(candidates), (candidates, own))
+    return list(found.values())
 
 
 def start_values(response: Response, step: np.ndarray, values: Setting) -> dict[str, float]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .diagnosis import NAMING, Verdict
-from .scoring import CauseKey, ScoredHypothesis, Scoring, by_label, floor_of
-from .signals import largest
+from .scoring import CauseKey, ScoredHypothesis, Scoring, floor_of, rank
+from .signals import largest, largest_beyond
 
 # The thresholds were chosen with the tuning seeds of the independent bench; docs/evidence.md has results with others.
 
@@ -93,8 +93,7 @@ class Reference:
     def left(self, one: ScoredHypothesis) -> float:
         """The largest gap of a signal beyond the floor that a hypothesis leaves on training or held-out data."""
         pairs = zip((one.training_gap, one.held_out_gap), self.floors, strict=True)
-        beyond = [gaps[n] ** 2 - floor.get(n, 0.0) ** 2 for gaps, floor in pairs for n in gaps if n != "total"]
-        return float(np.sqrt(max(*beyond, 0.0)))
+        return max(largest_beyond(gaps, floor) for gaps, floor in pairs)
 
     def margin(self, one: ScoredHypothesis, share: float = MARGIN_EXPLAINED) -> float:
         """Alternatives whose deviance is larger by at most this margin can't be excluded."""
@@ -103,7 +102,7 @@ class Reference:
 
 def select_model(scores: Sequence[ScoredHypothesis], reference: Reference, threshold: float) -> Selection:
     """Select the causes from scored hypotheses. threshold: smallest relevant gap."""
-    ranked = sorted(by_label(scores).values(), key=lambda one: one.deviance)
+    ranked = rank(scores)
     with_causes = [one for one in ranked if one.causes] or ranked
     chosen = _select_smallest(with_causes, reference, threshold)
     chosen = _select_simplest(with_causes, chosen, reference.margin(chosen))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..core.log import Log
+from ..identification.initial_state import find_initial_state
+from ..identification.logged_inputs import acting_drive, logged_inputs, undo_sensor
 from ..plant.plant import Plant
 from .injection import GapMeasure, Injection, SquaredGaps, simulate_injections
 from .regimes import Curve, CurveKey, curves_of
@@ -84,21 +86,25 @@ class InjectionCase:
     curves: Mapping[str, Sequence[Curve]]
 
     @classmethod
-    def of(
-        cls,
-        plant: Plant,
-        log: Log,
-        current: np.ndarray,
-        second_input: np.ndarray | None,
-        start: np.ndarray,
-        noise: Mapping[str, float],
-        gap: GapMeasure,
-    ) -> InjectionCase:
-        """Evaluate the balances and fit curves to their residuals."""
+    def of(cls, plant: Plant, log: Log, noise: Mapping[str, float]) -> InjectionCase:
+        """Evaluate the balances of a plant on a log; without curves."""
+        system, start = plant.structure.system, find_initial_state(plant, log).state
+        logged_drive, second_input = logged_inputs(plant, log)
+        plant, current = acting_drive(plant, logged_drive, log.sample_time)
         signals = balance_signals(plant, log, current, noise, start, second_input)
-        unknown = unknown_inputs(plant, signals)
-        curves = {name: curves_of(plant, signals, name, w) for name, w in unknown.values.items()}
-        return cls(plant, log, current, second_input, start, gap, signals, unknown, curves)
+        gap = GapMeasure.of(system, undo_sensors(plant, log), noise, log.sample_time)
+        return cls(plant, log, current, second_input, start, gap, signals, unknown_inputs(plant, signals), {})
+
+    def with_log(self, log: Log, noise: Mapping[str, float]) -> InjectionCase:
+        """The same inputs and start with the balances of another log, for example with a sensor error corrected."""
+        signals = balance_signals(self.plant, log, self.current, noise, self.start, self.second_input)
+        gap = self.gap.with_measured(undo_sensors(self.plant, log))
+        return replace(self, log=log, gap=gap, signals=signals, unknown=unknown_inputs(self.plant, signals))
+
+    def with_curves(self) -> InjectionCase:
+        """With curves fitted to the residuals of the balances."""
+        found = {name: curves_of(self.plant, self.signals, name, w) for name, w in self.unknown.values.items()}
+        return replace(self, curves=found)
 
     @property
     def unobserved(self) -> tuple[str, ...]:
@@ -127,6 +133,11 @@ class InjectionCase:
                 PlaceSet(squared_gap, self.gap.share(squared_gap) + sum(f.penalty for f in row.values()), row, run)
             )
         return found
+
+
+def undo_sensors(plant: Plant, log: Log) -> dict[str, np.ndarray]:
+    """The outputs (N,) of the system that the log shows, without the errors of their sensors."""
+    return {c: undo_sensor(plant, log, c) for c in plant.structure.system.outputs if c in log.channels}
 
 
 def evaluate_sets(case: InjectionCase) -> tuple[dict[Places, PlaceSet], dict[CurveKey, float]]:

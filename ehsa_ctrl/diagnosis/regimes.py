@@ -7,7 +7,7 @@ and Time-Series Analysis", Springer 2011) in its simplest form, with cross-valid
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -59,6 +59,11 @@ class Curve:
     numbers: int
     number: float = float("nan")
     sign: np.ndarray | None = None
+
+    def over(self, part: slice) -> Curve:
+        """The same curve over a part of the samples."""
+        sign = None if self.sign is None else self.sign[part]
+        return replace(self, values=self.values[part], variable=self.variable[part], sign=sign)
 
     @property
     def key(self) -> CurveKey:

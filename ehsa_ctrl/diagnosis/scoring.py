@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ..physics.effects import EFFECTS, CandidateEffect
 from ..plant.plant import Plant
 from .candidate_effects import with_parameters
 from .hypothesis_model import Setting
-from .hypothesis_search import Hypotheses, Task, hypothesis_key
+from .hypothesis_search import Hypotheses, distinct_tasks
 from .refit import HypothesisFit, Objective
 from .signals import gap, largest, signal_noise
 from .validation_segment import Segment
@@ -156,6 +157,11 @@ class Scoring:
         """Mean square of the training residuals that noise of sensors and input causes."""
         return float(np.mean(self.objective.scale.noise_squares)) + self.input_noise[0].square
 
+    @cached_property
+    def ids(self) -> dict[str, str]:
+        """Parameter of the plant -> id of the effect under which a wrong value is reported."""
+        return effect_id_by_parameter(self.objective.model.plant)
+
     def standard_deviations(self, fit: HypothesisFit) -> dict[str, float]:
         """Standard deviation of each effect parameter of a fit, from the inverse of its information matrix.
 
@@ -203,7 +209,7 @@ class Scoring:
 
     def _own_gaps(self, fit: HypothesisFit) -> dict[CauseKey, dict[str, float]]:
         """Effect or changed nominal parameter -> signal -> gap between the full model and the one without it."""
-        ids = effect_id_by_parameter(self.objective.model.plant)
+        ids = self.ids
         members: dict[CauseKey, set[str]] = {}
         for c in fit.candidates:
             for name in c.names:
@@ -248,25 +254,21 @@ def score_hypotheses(
         return [before.get(id(fit)) or scoring.score(fit) for fit in best]
 
     first = score_best(hypotheses, [])
-    ranked = sorted(by_label(first).values(), key=lambda one: one.deviance)
+    ranked = rank(first)
     limit = ranked[0].deviance + PROMISING * abs(scoring.deviance(hypotheses.residual))
     promising = [one.fit for one in ranked[:N_REFINE] if one.deviance <= limit]
     hypotheses = hypotheses.refine(promising, steps=8)
     # Priors and minor effects favour one set over another: the best sets compete with exactly their causes free.
-    ids = effect_id_by_parameter(scoring.objective.model.plant)
-    exact: list[Task] = []
-    for one in [] if scoring.lumped else sorted(by_label(score_best(hypotheses, first)).values(), key=deviance_of):
-        members = exact_members(one, hypotheses.candidates, ids)
-        if members and hypothesis_key(members) not in {hypothesis_key(task[0]) for task in exact}:
-            names = {name for member in members for name in member.names}
-            exact.append((members, {n: v for n, v in one.fit.values.items() if n in names}))
-        if len(exact) == N_EXACT:
-            break
+    refined = score_best(hypotheses, first)
+    exact = distinct_tasks(
+        (members, one.fit.values)
+        for one in ([] if scoring.lumped else rank(refined))
+        if (members := exact_members(one, hypotheses.candidates, scoring.ids))
+    )[:N_EXACT]
     hypotheses = hypotheses.with_refits(exact, "sets of causes", steps=6, renew_after=1)
-    scores = score_best(hypotheses, first)
+    scores = score_best(hypotheses, refined)
     scored = {id(one.fit) for one in scores}
-    own = [hypotheses.fits[key] for key in (hypothesis_key(task[0]) for task in exact) if key in hypotheses.fits]
-    scores += [scoring.score(fit) for fit in own if id(fit) not in scored]
+    scores += [scoring.score(fit) for fit in hypotheses.fits_of(exact) if id(fit) not in scored]
     if not any(np.isfinite(one.deviance) for one in scores):
         raise InputError(
             f"{scoring.held_out.model.log.path or 'the log'}: neither the nominal plant nor any refit of it can be "
@@ -274,11 +276,6 @@ def score_hypotheses(
             "parameters"
         )
     return hypotheses, scores, first
-
-
-def deviance_of(one: ScoredHypothesis) -> float:
-    """For sorting."""
-    return one.deviance
 
 
 def exact_members(
@@ -291,13 +288,13 @@ def exact_members(
     return with_parameters(members, moved, candidates, ids)
 
 
-def by_label(scores: Sequence[ScoredHypothesis]) -> dict[tuple[CauseKey, ...], ScoredHypothesis]:
-    """Set of causes -> its hypothesis with the lowest deviance."""
+def rank(scores: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
+    """The hypothesis with the lowest deviance of each set of causes, the best first."""
     best: dict[tuple[CauseKey, ...], ScoredHypothesis] = {}
     for one in scores:
         if one.label not in best or one.deviance < best[one.label].deviance:
             best[one.label] = one
-    return best
+    return sorted(best.values(), key=lambda one: one.deviance)
 
 
 def effect_id_by_parameter(plant: Plant) -> dict[str, str]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..physics.effects import CandidateEffect
 from .candidate_effects import with_parameters
-from .hypothesis_search import N_REFINE, Hypotheses, Screening, Task, hypothesis_key, start_values
+from .hypothesis_search import N_REFINE, Hypotheses, Screening, distinct_tasks, start_values
 from .refit import TEMPER, HypothesisFit, Objective
 from .signals import scored_signals
 
@@ -61,16 +61,13 @@ def with_several_parameters(
     found = found.refine(found.best(2)[:REDUCED], steps=5)
     found = found.with_level_of(found.best()[0])
     fits = [found.fits[()], *found.best(1)[:REDUCED], *found.best(2)[:REDUCED]]
-    tasks: list[Task] = []
-    for fit in fits:
-        for kept in _eliminated(found, fit, threshold):
-            members = with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES]
-            if hypothesis_key(members) not in {hypothesis_key(t[0]) for t in tasks}:
-                values = {n: v for n, v in fit.values.items() if n in {m for c in members for m in c.names}}
-                tasks.append((members, values))
+    tasks = distinct_tasks(
+        (with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES], fit.values)
+        for fit in fits
+        for kept in _eliminated(found, fit, threshold)
+    )
     hypotheses = hypotheses.with_refits(tasks, "several nominal parameters", steps=5, renew_after=1)
-    own = [hypotheses.fits[key] for key in (hypothesis_key(task[0]) for task in tasks) if key in hypotheses.fits]
-    return hypotheses.refine(sorted(own, key=lambda fit: fit.cost)[:N_REFINE])
+    return hypotheses.refine(sorted(hypotheses.fits_of(tasks), key=lambda fit: fit.cost)[:N_REFINE])
 
 
 def _grow(
@@ -98,7 +95,7 @@ def _grow(
 
 
 def _eliminated(found: Hypotheses, fit: HypothesisFit, threshold: float) -> list[list[str]]:
-    """Names of the nominal parameters that stay, the most needed first: one set, and those with one fewer and one more.
+    """Names of the nominal parameters that stay, the most needed first; and these without the last one and two.
 
     A parameter that alone changes no signal by most of the threshold is no cause, and goes first.
     """
@@ -106,7 +103,7 @@ def _eliminated(found: Hypotheses, fit: HypothesisFit, threshold: float) -> list
     names = [f.name for f in fit.free]
     z = np.array([(fit.values[f.name] - f.nominal) / f.scale for f in fit.free])
     weighted = fit.jacobian * objective.weights(fit.residual)[:, None]
-    # Where the model is still wrong, residuals say as much less as they are larger.
+    # The level discounts residuals that errors of the model enlarge.
     information = TEMPER / objective.level * (weighted.T @ weighted)
     prior = np.arange(fit.n_effect, len(names))
     information[prior, prior] += 1.0
@@ -129,9 +126,7 @@ def _eliminated(found: Hypotheses, fit: HypothesisFit, threshold: float) -> list
         z = z - gain * z[i]
         covariance = covariance - np.outer(gain, covariance[i])
     order.reverse()
-    return [
-        [names[i] for i in order[:n]] for n in dict.fromkeys([len(order), len(order) - 1, len(order) - 2]) if n >= 0
-    ]
+    return [[names[i] for i in order[: len(order) - n]] for n in range(min(3, len(order) + 1))]
 
 
 def _changes(objective: Objective, jacobian: np.ndarray) -> np.ndarray:

@@ -92,6 +92,12 @@ def gap(
     return gaps
 
 
+def largest_beyond(gaps: Mapping[str, float], floor: Mapping[str, float]) -> float:
+    """The largest gap of a signal, with the floor of each subtracted in quadrature."""
+    squares = (gaps[name] ** 2 - floor.get(name, 0.0) ** 2 for name in gaps if name != "total")
+    return float(np.sqrt(max(*squares, 0.0)))
+
+
 def largest(gaps: Mapping[str, float]) -> float:
     """The largest gap of a single signal."""
     return max(value for name, value in gaps.items() if name != "total")

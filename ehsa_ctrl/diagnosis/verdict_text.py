@@ -39,7 +39,8 @@ def verdict_sentence(d: Diagnosis) -> str:
         sets = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in d.effects)
         return f"The gap ({size}) comes from {sets}{_closed(d, seen=seen)}; this log can't separate these alternatives."
     if d.verdict == "parameters":
-        return f"Wrong nominal values, no effects, cause the gap ({size}): {_numbers(d)}{_closed(d, seen=seen)}."
+        numbers = f"{_numbers(d)}{_closed(d, seen=seen)}"
+        return f"Wrong nominal values cause the gap ({size}), and no effect is needed: {numbers}."
     place = _place(d)
     if d.verdict == "partly":
         left = f" What is left: {d.rest}." if d.rest else ""
