@@ -16,7 +16,7 @@ import logging
 import os
 import pkgutil
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import ItemsView, Iterator, Mapping, ValuesView
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -87,23 +87,24 @@ class Registry(Mapping[str, T], Generic[T]):
         self._attribute, self._kind, self._folder = attribute, kind, folder
         #: Folder of a project -> (file, time of its last change, size) of each of its files, and its members.
         self._known: dict[Path, tuple[list[tuple[Path, int, int]], dict[str, T]]] = {}
-        self._merged: tuple[tuple[int, tuple[Path, ...]], dict[str, T]] = ((-1, ()), self._shipped)
+        #: Number of loads, projects and working directory at the last merge, and all members.
+        self._merged: tuple[tuple[int, tuple[Path, ...], str], dict[str, T]] = ((-1, (), ""), self._shipped)
 
     def members(self) -> Mapping[str, T]:
         """All members, as they are now: a look-up in it is faster than in the registry."""
-        projects = (*_PROJECTS, Path(os.getcwd()))  # noqa: PTH109 - called at every look-up, and ten times as fast
-        if self._merged[0] != (_loads, projects):
+        state = _loads, tuple(_PROJECTS), os.getcwd()  # noqa: PTH109 - called at every look-up, and ten times as fast
+        if self._merged[0] != state:
             everywhere = self._shipped | self._installed
             found = dict(everywhere)
             # Later projects override earlier ones; the working directory comes last.
-            for project in projects:
+            for project in (*_PROJECTS, Path.cwd()):
                 own = self._of(project / self._folder)
                 if taken := set(own) & set(everywhere):
                     raise InputError(
                         f"{project / self._folder}: the name {min(taken)!r} is already in use; choose another"
                     )
                 found |= own
-            self._merged = ((_loads, projects), found)
+            self._merged = (state, found)
         return self._merged[1]
 
     def _of(self, folder: Path) -> dict[str, T]:
@@ -154,3 +155,11 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def __len__(self) -> int:
         return len(self.members())
+
+    # One look-up for all members; those of Mapping would look up each one.
+
+    def values(self) -> ValuesView[T]:
+        return self.members().values()
+
+    def items(self) -> ItemsView[str, T]:
+        return self.members().items()

@@ -181,16 +181,17 @@ class Scoring:
 
     def score(self, fit: HypothesisFit) -> ScoredHypothesis:
         """Score a hypothesis: simulate it on both segments, and without each of its effects."""
-        simulated = self.held_out.simulate(fit.values)
+        full = [segment.model.run([fit.values])[0] for segment in (self.training, self.held_out)]
+        simulated = self.held_out.with_corrected_start(fit.values, full[1])
         error = None if simulated is None else residual_of(self.objective, self.held_out, simulated)
         deviance = self.deviance(fit.residual) + (np.inf if error is None else self.deviance(error)) + fit.prior_cost
-        own = self._own_gaps(fit)
+        own = self.changes_of(fit.values, self._members(fit), full)
         members = {c.key for c in fit.candidates}
         limits = {key: (CAUSE_SHARE if key in members else NOMINAL_CAUSE_SHARE) * self.threshold for key in own}
         causes = tuple(key for key, gaps in own.items() if largest(gaps) >= limits[key])
         deviance += MINOR_EFFECT_PENALTY * len(members - set(causes)) + PARAMETER_PENALTY * fit.n_effect
         errors = self._low_frequency_error(0, fit.residual), self._low_frequency_error(1, error)
-        training_gap, held_out_gap = self.training.gap(fit.values), self.held_out.gap_of(simulated)
+        training_gap, held_out_gap = self.training.gap_of(full[0]), self.held_out.gap_of(simulated)
         return ScoredHypothesis(fit, deviance, own, training_gap, held_out_gap, causes, errors)
 
     def _low_frequency_error(self, segment: int, r: np.ndarray | None) -> LowFrequencyError:
@@ -207,8 +208,8 @@ class Scoring:
         share = float(np.sqrt(np.sum(left) / max(np.sum(before), 1e-12)))
         return LowFrequencyError(share, float(np.sqrt(np.max(left))))
 
-    def _own_gaps(self, fit: HypothesisFit) -> dict[CauseKey, dict[str, float]]:
-        """Effect or changed nominal parameter -> signal -> gap between the full model and the one without it."""
+    def _members(self, fit: HypothesisFit) -> dict[CauseKey, set[str]]:
+        """Effect or changed nominal parameter of a fit -> its numbers."""
         ids = self.ids
         members: dict[CauseKey, set[str]] = {}
         for c in fit.candidates:
@@ -219,20 +220,29 @@ class Scoring:
         for f in fit.free[fit.n_effect :]:
             if not self.lumped and f.name in ids and abs(fit.values[f.name] - f.nominal) > LARGE_CHANGE * f.scale:
                 members.setdefault((ids[f.name], None), set()).add(f.name)
-        return self.changes_of(fit.values, members)
+        return members
 
-    def changes_of(self, values: Setting, members: Mapping[CauseKey, set[str]]) -> dict[CauseKey, dict[str, float]]:
-        """By how much each set of numbers changes each signal beside all other values, on either segment."""
+    def changes_of(
+        self,
+        values: Setting,
+        members: Mapping[CauseKey, set[str]],
+        full: Sequence[Mapping[str, np.ndarray] | None] = (),
+    ) -> dict[CauseKey, dict[str, float]]:
+        """By how much each set of numbers changes each signal beside all other values, on either segment.
+
+        full: runs with all values on both segments, if they are known.
+        """
         settings = [{n: v for n, v in values.items() if n not in names} for names in members.values()]
         out: dict[CauseKey, dict[str, float]] = {key: {} for key in members}
         # Both segments, because a valve or an end stop may be reached in one of them only.
-        for segment in (self.training, self.held_out):
-            full, *without = segment.model.run([values, *settings])
-            for key, other in zip(members, without, strict=True):
+        segments = self.training, self.held_out
+        full = full or [segment.model.run([values])[0] for segment in segments]
+        for segment, whole in zip(segments, full, strict=True):
+            for key, other in zip(members, segment.model.run(settings), strict=True):
                 scored_signals = segment.model.plant.structure.system.scored
                 change = dict.fromkeys([*(one.name for one in scored_signals), "total"], np.inf)
-                if full is not None and other is not None:
-                    signals = segment.scored(full)
+                if whole is not None and other is not None:
+                    signals = segment.scored(whole)
                     change = gap(signals, segment.scored(other), dict.fromkeys(signals, 0.0))
                 out[key] = {name: max(out[key].get(name, 0.0), value) for name, value in change.items()}
         return out
@@ -251,7 +261,9 @@ def score_hypotheses(
     def score_best(hypotheses: Hypotheses, known: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
         best = [hypotheses.fits[()], *(fit for size in hypotheses.sizes for fit in hypotheses.best(size)[:N_SCORED])]
         before = {id(one.fit): one for one in known}
-        return [before.get(id(fit)) or scoring.score(fit) for fit in best]
+        new = [fit for fit in best if id(fit) not in before]
+        before |= {id(one.fit): one for one in hypotheses.pool.map("scores", scoring.score, new)}
+        return [before[id(fit)] for fit in best]
 
     first = score_best(hypotheses, [])
     ranked = rank(first)
@@ -268,7 +280,8 @@ def score_hypotheses(
     hypotheses = hypotheses.with_refits(exact, "sets of causes", steps=6, renew_after=1)
     scores = score_best(hypotheses, refined)
     scored = {id(one.fit) for one in scores}
-    scores += [scoring.score(fit) for fit in hypotheses.fits_of(exact) if id(fit) not in scored]
+    unscored = [fit for fit in hypotheses.fits_of(exact) if id(fit) not in scored]
+    scores += hypotheses.pool.map("scores", scoring.score, unscored)
     if not any(np.isfinite(one.deviance) for one in scores):
         raise InputError(
             f"{scoring.held_out.model.log.path or 'the log'}: neither the nominal plant nor any refit of it can be "

@@ -38,8 +38,13 @@ class Segment:
         Rod position and mean pressure integrate, so that an error of their initial values does not decay. Their mean
         error over the run-in corrects the initial values.
         """
+        return self.with_corrected_start(values, self.model.run([values])[0])
+
+    def with_corrected_start(
+        self, values: Setting, found: dict[str, np.ndarray] | None
+    ) -> dict[str, np.ndarray] | None:
+        """The run of `simulate` from the one that starts at the estimated state."""
         model = self.model
-        found = model.run([values])[0]
         if found is None or self.first == 0 or model.start is None:
             return found
         error = {c: float(np.mean(model.log[c][: self.first] - found[c][: self.first])) for c in found}
