@@ -94,3 +94,23 @@ def test_a_start_in_motion_is_as_the_nominal_sensors_give_it(rig):
     assert level() == pytest.approx(2e6, rel=1e-12)
     assert level(**{"bias.p1": 4e4}) == pytest.approx((1.2 * 2e6 + 3e4 - 4e4) / 1.2, rel=1e-12)
     assert level(**{"scale.p1": 1.0}) == pytest.approx(1.2 * 2e6, rel=1e-12)
+
+
+def test_a_run_with_the_acting_effects_alone_is_that_with_all(rig):
+    """To the last bit, for an effect with states, one without, a law of the rod, and effects of the plant itself."""
+    log = record(rig)
+    own = rig.with_effects("windage", k_w=1e-6)
+    every = with_every_effect(own)
+    model = HypothesisModel(every, log, plants_by_law={"lugre": with_every_effect(own, "lugre")})
+    acting = {"tau_I": 2e-3, "P_crack": 25e5, "drop": 0.3}
+
+    found, expected = model.run([acting])[0], HypothesisModel(every.set(**acting), log).run([{}])[0]
+    run = ehsa_ctrl.simulate_batch(
+        every.set(**acting), every.set(**acting).vector[None], log["current"], tolerance=1e-5
+    )
+    elastic = model.run([{"softness_FR": 1e-7}])[0]
+
+    for channel, state in every.structure.system.outputs.items():
+        np.testing.assert_array_equal(found[channel], expected[channel])
+        np.testing.assert_array_equal(found[channel], run.states[0, :, every.structure.equations.index(state)])
+    assert worst(log, elastic) > 1e-3
