@@ -33,7 +33,7 @@ class SingleLogOptions:
     """Options for the diagnosis of one log."""
 
     validate: Annotated[
-        Path | None, typer.Option(help="Second log, for validation; by default the last third of the log is held out.")
+        Path | None, typer.Option(help="Second log, for validation; by default a third of the log is held out.")
     ] = None
     before: Annotated[
         Path | None, typer.Option(help="Earlier log of the same rig, to find what has changed since.")
@@ -56,7 +56,7 @@ class SingleLogOptions:
                 raise InputError(f"--{word} is for a single log, but {logs} are given; diagnose them one by one")
         if self.validate is not None and self.before is not None:
             raise InputError(
-                "--validate and --before exclude each other, because --before holds out the last third of each log; "
+                "--validate and --before exclude each other, because --before holds out a third of each log; "
                 "leave one out"
             )
         for option, given in (("--replay", self.replay), ("--controller", self.controller is not None)):

@@ -2,7 +2,8 @@
 
 `diagnose` runs these stages:
 
-- model of all hypotheses, and segments of the log: hypothesis_model, validation_segment, signals
+- model of all hypotheses, and segments of the logs: hypothesis_model, records, validation_segment, split, together,
+  signals
 - candidate effects and their fits: candidate_effects, refit, hypothesis_search
 - choice of the causes: scoring, model_selection
 - place of the gap, independent of the catalogue of effects: gap_attribution, with unknown_inputs, regressors, regimes,

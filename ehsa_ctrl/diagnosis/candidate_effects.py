@@ -24,9 +24,12 @@ MIN_SHARE = 0.02
 MIN_SAMPLES = 50
 
 
-def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
-    """All effects that can act in this plant and show in this log."""
-    plant = model.plant
+def candidate_effects(model: HypothesisModel, logs: Sequence[Log] = ()) -> tuple[CandidateEffect, ...]:
+    """All effects that can act in this plant and show in these logs, by default that of the model.
+
+    logs: with the same channels and sample time.
+    """
+    plant, logs = model.plant, logs or (model.log,)
     system, equations = plant.structure.system, plant.structure.equations
     # The rod's if there is one: the effects that state efforts are mostly its own.
     contact = next(iter(sorted(system.contacts, key=lambda one: one.name)), None)
@@ -35,7 +38,7 @@ def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
         positive = kind.lower_open and kind.lower == 0.0
         bounds[kind.name] = (MIN_SHARE * plant[kind.name] if positive else kind.lower, kind.upper)
     context = DiagnosisContext(
-        log=model.log,
+        log=_joined(logs),
         channels=model.channels,
         slopes=frozenset(one.channel for one in system.scored if one.span),
         outputs=system.outputs,
@@ -47,7 +50,7 @@ def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
         effort=contact.effort_scale / REFERENCE_EFFORT[contact.name] if contact else 1.0,
         sensors={channel: {"bias": s.bias, "scale": s.scale} for channel, s in plant.sensors.items()},
         switches_law=bool(model.plants_by_law),
-        friction_levels=friction_levels(plant, model.log),
+        friction_levels=_mean_levels([friction_levels(plant, log) for log in logs]),
     )
     found = [
         candidate
@@ -58,6 +61,21 @@ def candidate_effects(model: HypothesisModel) -> tuple[CandidateEffect, ...]:
     # Where one contact stands for shaft and rod, a friction parameter has two ids; the first one counts.
     taken = {candidate.names: candidate.id for candidate in reversed(found) if candidate.effect.symbols}
     return tuple(one for one in found if not one.effect.symbols or taken[one.names] == one.id)
+
+
+def _joined(logs: Sequence[Log]) -> Log:
+    """All samples as one log, for ranges and quantiles."""
+    if len(logs) == 1:
+        return logs[0]
+    channels = {name: np.concatenate([log[name] for log in logs]) for name in logs[0].channels}
+    dt = logs[0].sample_time
+    return Log(dt * np.arange(sum(map(len, logs))), channels)
+
+
+def _mean_levels(found: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Mean over the logs that show a level."""
+    names = dict.fromkeys(name for one in found for name in one)
+    return {name: float(np.mean([one[name] for one in found if name in one])) for name in names}
 
 
 def wearing_parameters() -> frozenset[str]:

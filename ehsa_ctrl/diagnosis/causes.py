@@ -31,7 +31,7 @@ def build_causes(
     known: Sequence[ScoredHypothesis],
     sd: Mapping[str, float],
     gap: Mapping[str, Mapping[str, float]],
-    log: Log,
+    logs: Sequence[Log],
 ) -> tuple[Cause, ...]:
     """Causes of the chosen hypothesis, the largest first, and the other candidates if the verdict is underdetermined.
 
@@ -44,7 +44,7 @@ def build_causes(
     absorbed = float(np.clip((nominal - refitted) / (nominal - final), 0.0, 1.0)) if nominal > final else 0.0
     found = []
     for key in chosen.causes:
-        equivalent = _equivalent_effects(key[0], chosen.fit.values, plant, log)
+        equivalent = _equivalent_effects(key[0], chosen.fit.values, plant, logs)
         others = (other for other, _ in selection.alternatives.get(key, ()) if other != key[0])
         found.append(
             Cause(
@@ -79,13 +79,14 @@ def related_effects(selection: Selection, scoring: Scoring, reference: Reference
     return tuple(sorted(found.values(), key=lambda one: -one.gap_closed))
 
 
-def _equivalent_effects(id: str, values: Mapping[str, float], plant: Plant, log: Log) -> Mapping[str, str]:
+def _equivalent_effects(id: str, values: Mapping[str, float], plant: Plant, logs: Sequence[Log]) -> Mapping[str, str]:
     """Effects of the plant that are equivalent to this one on any log: id -> reason."""
     equivalent = EFFECTS[id].equivalent_effects
     if equivalent is None:
         return {}
-    slopes = [one.channel for one in plant.structure.system.scored if one.span and one.channel in log.channels]
-    speed = max((float(np.max(np.abs(np.diff(log[channel])))) / log.sample_time for channel in slopes), default=0.0)
+    slopes = [one.channel for one in plant.structure.system.scored if one.span]
+    steps = [np.diff(log[channel]) / log.sample_time for log in logs for channel in slopes if channel in log.channels]
+    speed = max((float(np.max(np.abs(step))) for step in steps), default=0.0)
     found = equivalent(values, plant.values, speed)
     return {
         other: why for other, why in found.items() if not EFFECTS[other].wired or is_applicable(plant.structure, other)

@@ -14,6 +14,7 @@ from .diagnosis import NAMING, Cause, Diagnosis
 from .hypothesis_model import with_every_effect
 from .hypothesis_search import Watch
 from .improved_plant import improved_plant
+from .records import Segment
 from .refit import objective_of, refit_nominal
 from .validation_segment import whole_log
 
@@ -137,6 +138,6 @@ def _adapt_plant(first: Diagnosis) -> tuple[Plant, str]:
 def _refit_plant(first: Diagnosis) -> Plant:
     """The plant with nominal parameters refitted to the whole log, under the priors of a hypothesis."""
     plant, noise = first.plant, first.noise_sd
-    model = whole_log(plant, with_every_effect(plant), first.log, noise).model
-    values = refit_nominal(*objective_of(model, noise, first.threshold))
+    whole = Segment((whole_log(plant, with_every_effect(plant), first.log, noise),), first.log.name)
+    values = refit_nominal(*objective_of(whole, first.threshold))
     return improved_plant(plant, (), values, {}) if values else plant

@@ -18,14 +18,17 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.log import Log, named
 from ..core.parallel import one_blas_thread
+from ..core.text import join_words
 from ..identification.checks import check_log, raise_on_error
-from ..physics.effects import EFFECTS
+from ..identification.plant_log import plant_of_log
+from ..physics.effects import EFFECTS, CandidateEffect
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .candidate_effects import candidate_effects
 from .causes import build_causes, related_effects
-from .diagnosis import MODELS, Cause, Diagnosis, RankedHypothesis
+from .diagnosis import MODELS, Cause, Diagnosis, LogGap, RankedHypothesis
 from .explanation import explain, only_parameters, with_absorbed_parameters
+from .free_curve import CurveLog
 from .gap_attribution import Location, attribute_gap
 from .hypothesis_model import (
     STRIBECK_SPECIAL_CASES,
@@ -40,11 +43,14 @@ from .hypothesis_search import Hypotheses, Pool, Watch, search
 from .improved_plant import improved_plant
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
+from .records import Record, Runs, Segment, joint_gap, mean_square_root
 from .refit import objective_of, refit_nominal
 from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
 from .several_parameters import may_be_several, with_several_parameters
 from .signals import estimate_noise, largest
-from .validation_segment import Segment, initial_state, last_third, prepare_replay, replayed_effects, whole_log
+from .split import NO_GAP, Split, choose_split
+from .together import check_together, joint_location
+from .validation_segment import initial_state, part_of_log, prepare_replay, replayed_effects
 from .verdict_text import advice, name_of
 
 #: Shortest log [s]. Engineering judgement: 2 s to fit and 1 s to hold out.
@@ -58,32 +64,63 @@ REFIT_PRIOR_FACTOR = 30.0
 class PreparedLog:
     """A checked log and the model that is compared with it.
 
-    plant, log: as given. model: the plant with every effect, and the log with the channels that replayed effects need.
-    validation: second log with the same channels. noise: channel -> standard deviation, SI units. findings: warnings.
+    plant: nominal, with the settings of this log. log: as given. model: the plant with every effect, and the log with
+    the channels that replayed effects need. noise: channel -> standard deviation, SI units.
     """
 
     plant: Plant
     log: Log
     model: HypothesisModel
-    validation: Log | None
     noise: Mapping[str, float]
+
+    @property
+    def record(self) -> Record:
+        """The whole log as a record."""
+        return Record(self.model, self.noise)
+
+    def part(self, parts: Sequence[slice]) -> Record:
+        """Parts of the log as a record."""
+        return part_of_log(self.plant, self.model, self.noise, parts)
+
+
+@dataclass(frozen=True)
+class PreparedLogs:
+    """The logs of a rig, and the second log for validation. plant: as given. findings: warnings."""
+
+    plant: Plant
+    logs: tuple[PreparedLog, ...]
+    validation: PreparedLog | None
     findings: tuple[str, ...]
     threshold: float
+
+    @property
+    def model(self) -> HypothesisModel:
+        """The model of the first log."""
+        return self.logs[0].model
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Channel -> standard deviation, RMS over the logs."""
+        return mean_square_root([log.noise for log in self.logs])
 
 
 @dataclass(frozen=True)
 class Segments:
-    """The whole log, the part for fitting, and the part held out for validation."""
+    """The whole logs, the part for fitting, and the part held out for validation.
+
+    splits: of each log; None with a second log for validation.
+    """
 
     whole: Segment
     training: Segment
     held_out: Segment
+    splits: tuple[Split, ...] | None
 
 
 @one_blas_thread()
 def diagnose(
     plant: Plant,
-    log: Log,
+    log: Log | Sequence[Log],
     *,
     validate: Log | None = None,
     threshold: float = 0.03,
@@ -96,8 +133,10 @@ def diagnose(
     Parameters
     ----------
     plant: nominal plant, linear or nonlinear, with the load of the experiment.
-    log: measured log, see `read_plant_log`; force and pressures may be missing.
-    validate: second log for validation; by default the last third of `log` is held out.
+    log: measured log, see `read_plant_log`; force and pressures may be missing. Several logs of one rig are diagnosed
+        together: causes and nominal parameters are shared, also the offset of a sensor and of the current; the initial
+        state is each log's own. `Log.settings` holds what was set for one of them, such as the stiffness of a spring.
+    validate: second log for validation; by default a third of each log is held out, see `split`.
     threshold: smallest relevant gap of a signal, as a share of its standard deviation.
     jobs: number of threads; all cores by default.
     watch: progress callback, called with stage, steps done and total steps.
@@ -109,22 +148,29 @@ def diagnose(
 
     Raises
     ------
-    InputError: the log has an error, lasts less than SHORTEST or lacks the channel of the drive; no model can be
-        simulated on it; or threshold is not between 0 and 1.
+    InputError: a log has an error, lasts less than SHORTEST, lacks the channel of the drive or stands still; no model
+        can be simulated on it; logs differ in sample time or channels, or one is given twice; or threshold is not
+        between 0 and 1.
     """
     began = time.monotonic()
-    prepared = prepare_log(plant, log, validate, threshold, check=check)
-    segments = split_log(prepared)
-    gaps = segments.whole.gap({})
-    if largest(gaps) < threshold:
+    logs = [log] if isinstance(log, Log) else list(log)
+    prepared = prepare_logs(plant, logs, validate, threshold, check=check)
+    whole = Segment(tuple(one.record for one in prepared.logs), join_words(one.log.name for one in prepared.logs))
+    nominal = whole.simulate({})
+    own_gaps = [record.gap(run) for record, run in zip(whole.records, nominal, strict=True)] if nominal else []
+    gaps = joint_gap(own_gaps) if own_gaps else whole.gap_of(None)
+    small = bool(own_gaps) and all(largest(own) < threshold for own in own_gaps)
+    segments = split_logs(prepared, whole, has_gap=not small)
+    prepared = replace(prepared, findings=(*prepared.findings, *_unmoved(segments)))
+    if small:
         gap = dict.fromkeys(MODELS, segments.held_out.gap({}))
         return _build_diagnosis(
             prepared, segments, gaps, {}, began, verdict="no_gap", where=(), effects=(), gap=gap, runs=2
         )
-    objective, sensitivities = objective_of(segments.training.model, prepared.noise, threshold)
+    objective, sensitivities = objective_of(segments.training, threshold)
     lumped = lacks_dry_friction(prepared.model.plant)
     pool = Pool(jobs or os.cpu_count() or 1, watch)
-    hypotheses = Hypotheses.initial(objective, candidate_effects(segments.training.model), sensitivities, pool)
+    hypotheses = Hypotheses.initial(objective, _candidates(segments.training), sensitivities, pool)
     hypotheses, screening = search(hypotheses, lumped=lumped)
     if not lumped and may_be_several(hypotheses):
         ids = effect_id_by_parameter(prepared.model.plant)
@@ -137,23 +183,36 @@ def diagnose(
     nominal_refit = refit_nominal(objective, sensitivities, 1.0 if lumped else REFIT_PRIOR_FACTOR)
     known = [*superseded, *scores]
     return _diagnose_selection(
-        prepared, segments, gaps, hypotheses, scoring, reference, selection, known, nominal_refit, began
+        prepared, segments, gaps, own_gaps, hypotheses, scoring, reference, selection, known, nominal_refit, began
     )
 
 
-def prepare_log(plant: Plant, log: Log, validate: Log | None, threshold: float, *, check: bool) -> PreparedLog:
+def prepare_logs(
+    plant: Plant, logs: Sequence[Log], validate: Log | None, threshold: float, *, check: bool
+) -> PreparedLogs:
     """Check threshold and logs, and set up the model of all hypotheses.
 
     Raises InputError as `diagnose`.
     """
     check_threshold(threshold)
-    log, *others = named([log] if validate is None else [log, validate])
-    findings = [*_check_logs(plant, [log, *others], check), *(e.caveat for e in replayed_effects(plant))]
+    everything = named([*logs, *([] if validate is None else [validate])])
+    check_together(everything[: len(logs)])
+    findings = [*_check_logs(plant, everything, check), *(e.caveat for e in replayed_effects(plant))]
     findings += [f"effect {name} was not tested: {reason}" for name, reason in inapplicable_effects(plant).items()]
-    prepared = prepare_replay(plant, log, all_effects=True)
-    validation = prepare_replay(plant, others[0], prepared, all_effects=True) if others else None
-    model = HypothesisModel(with_every_effect(plant), prepared, initial_state(plant, log), _plants_by_law(plant))
-    return PreparedLog(plant, log, model, validation, estimate_noise(log), tuple(filter(None, findings)), threshold)
+    found: list[PreparedLog] = []
+    for log in everything:
+        own = plant_of_log(plant, log)
+        ready = prepare_replay(own, log, found[0].model.log if found else None, all_effects=True)
+        model = HypothesisModel(with_every_effect(own), ready, initial_state(own, log), _plants_by_law(own))
+        found.append(PreparedLog(own, log, model, estimate_noise(log)))
+    validation = None if validate is None else found.pop()
+    return PreparedLogs(plant, tuple(found), validation, tuple(filter(None, findings)), threshold)
+
+
+def _candidates(training: Segment) -> tuple[CandidateEffect, ...]:
+    """Candidate effects on a segment; parameters that are set for single logs can't be estimated."""
+    found = candidate_effects(training.model, [record.scored_log for record in training.records])
+    return tuple(c for c in found if training.own_parameters.isdisjoint(c.names))
 
 
 def check_threshold(threshold: float) -> None:
@@ -203,49 +262,75 @@ def _check_logs(plant: Plant, logs: Sequence[Log], check: bool) -> list[str]:
     return sentences
 
 
-def split_log(prepared: PreparedLog) -> Segments:
-    """The segments: the validation log is held out, or else the last third of the log."""
-    plant, model = prepared.plant, prepared.model
-    if prepared.validation is not None:
-        training, noise = model.log, estimate_noise(prepared.validation)
-        held_out = whole_log(plant, model.plant, prepared.validation, noise)
-    else:
-        training, held_out = last_third(plant, model.plant, model.log, prepared.noise)
-    held_out = replace(held_out, model=replace(held_out.model, plants_by_law=model.plants_by_law))
-    return Segments(
-        Segment(model, 0, prepared.noise, prepared.log.name),
-        Segment(replace(model, log=training), 0, prepared.noise, "the training data"),
-        held_out,
-    )
+def split_logs(prepared: PreparedLogs, whole: Segment, *, has_gap: bool) -> Segments:
+    """The segments: the validation log is held out, or else a part of each log.
+
+    has_gap: whether the nominal model has a gap, so that the parts of a single log should have it too.
+    """
+    logs, validation = prepared.logs, prepared.validation
+    if validation is not None:
+        training = Segment(whole.records, "the training data")
+        return Segments(whole, training, Segment((validation.record,), validation.log.name), None)
+
+    def nominal_gaps(split: Split) -> tuple[float, float]:
+        training, held_out = (Segment((logs[0].part(parts),), "") for parts in (split.training, split.held_out))
+        return largest(training.gap({})), largest(held_out.gap({}))
+
+    compare = nominal_gaps if has_gap and len(logs) == 1 else None
+    chosen = tuple(choose_split(log.record, prepared.threshold, compare) for log in logs)
+    fitted = tuple(log.part(split.training) for log, split in zip(logs, chosen, strict=True))
+    kept = tuple(log.part(split.held_out) for log, split in zip(logs, chosen, strict=True))
+    words = join_words(split.words(log.model.log) for log, split in zip(logs, chosen, strict=True))
+    return Segments(whole, Segment(fitted, "the training data"), Segment(kept, words), chosen)
+
+
+def _unmoved(segments: Segments) -> list[str]:
+    """Findings on signals that stand still in a segment.
+
+    Raises InputError if no signal moves in it.
+    """
+    found = []
+    for segment in (segments.training, segments.held_out):
+        names = sorted(segment.unmoved)
+        if not any(record.measured for record in segment.records):
+            raise InputError(
+                f"{segment.paths}: no signal moves by more than its noise in {segment.name}; record the rig in motion, "
+                "or select a part in which it moves"
+            )
+        if names:
+            found.append(f"not scored in {segment.name}, because it stands still there: {join_words(names)}")
+    return found
 
 
 def _build_diagnosis(
-    prepared: PreparedLog,
+    prepared: PreparedLogs,
     segments: Segments,
     gaps: Mapping[str, float],
     values: Mapping[str, Setting],
     began: float,
+    locations: Sequence[Location] = (),
     findings: Sequence[str] = (),
     **found: Any,
 ) -> Diagnosis:
     """The result, with the fields that do not depend on the verdict; `found` holds the others.
 
     gaps: of the nominal plant over the whole log. values: model -> setting, for its free run over the whole log. began:
-    start of the computation by the monotonic clock [s].
+    start of the computation by the monotonic clock [s]. locations: of each log, if there is a gap.
     """
-    held_out = segments.held_out
-    own = held_out.model.log
-    runs = {model: segments.whole.simulate(setting) for model, setting in {"nominal": {}, **values}.items()}
+    simulated = {model: segments.whole.simulate(setting) for model, setting in {"nominal": {}, **values}.items()}
+    runs = {model: run for model, run in simulated.items() if run is not None}
+    logs = _log_gaps(prepared, segments, values, runs, locations)
     return Diagnosis(
         plant=prepared.plant,
-        log=prepared.log,
+        log=prepared.logs[0].log,
         threshold=prepared.threshold,
         whole=gaps,
-        held_out=held_out.name,
-        held_from=float(own.time[held_out.first]) if own.path == prepared.log.path and held_out.first > 0 else None,
+        held_out=segments.held_out.name,
+        held_spans=logs[0].held_spans,
         noise_sd=prepared.noise,
         values=values,
-        simulated={model: run for model, run in runs.items() if run is not None},
+        simulated=logs[0].simulated,
+        logs=logs if len(logs) > 1 else (),
         findings=tuple(dict.fromkeys([*prepared.findings, *findings])),
         seconds=time.monotonic() - began,
         provenance=versions(),
@@ -253,10 +338,71 @@ def _build_diagnosis(
     )
 
 
+def _log_gaps(
+    prepared: PreparedLogs,
+    segments: Segments,
+    values: Mapping[str, Setting],
+    runs: Mapping[str, Runs],
+    locations: Sequence[Location],
+) -> tuple[LogGap, ...]:
+    """The figures of each log. runs: model -> free run over each whole log."""
+    # With a second log for validation, the logs are whole in the training data.
+    scored = segments.held_out if segments.splits is not None else segments.whole
+    simulated = {model: scored.simulate(setting) for model, setting in {"nominal": {}, **values}.items()}
+    found = []
+    for i, one in enumerate(prepared.logs):
+        record = scored.records[i]
+        gap = {
+            model: dict.fromkeys([*record.measured, "total"], float("inf")) if run is None else record.gap(run[i])
+            for model, run in simulated.items()
+        }
+        gap |= {"upper_bound": _upper_bound(gap, locations[i])} if locations else dict.fromkeys(MODELS, gap["nominal"])
+        split = segments.splits[i] if segments.splits is not None else None
+        found.append(
+            LogGap(
+                log=one.log,
+                gap=gap,
+                whole=segments.whole.records[i].gap(runs["nominal"][i]) if "nominal" in runs else gap["nominal"],
+                noise_sd=one.noise,
+                held_out=split.words(one.model.log) if split is not None else "none, all of it was fitted",
+                held_spans=split.spans(one.model.log) if split is not None else (),
+                simulated={model: run[i] for model, run in runs.items()},
+            )
+        )
+    return tuple(found)
+
+
+def _curve_logs(prepared: PreparedLogs, segments: Segments, improved: Plant) -> list[CurveLog]:
+    """The logs for a free curve beside the improved plant."""
+    found = []
+    for i, one in enumerate(prepared.logs):
+        split = segments.splits[i] if segments.splits is not None else None
+        parts = (split.training, split.held_out) if split is not None else ((slice(0, len(one.log)),), ())
+        found.append(CurveLog(plant_of_log(improved, one.log), one.log, one.noise, *parts))
+    if prepared.validation is not None:
+        log = prepared.validation.log
+        # The curve's noise is that of the data it is fitted to.
+        found.append(CurveLog(plant_of_log(improved, log), log, prepared.noise, (), (slice(0, len(log)),)))
+    return found
+
+
+def _one_sided(segments: Segments, threshold: float) -> list[str]:
+    """A finding where the nominal model has a gap in the training or the held-out data only."""
+    training, held_out = (largest(segment.gap({})) for segment in (segments.training, segments.held_out))
+    if min(training, held_out) >= NO_GAP * threshold or max(training, held_out) < threshold:
+        return []
+    here, there = ("training", "held-out") if training > held_out else ("held-out", "training")
+    sizes = f"{100 * max(training, held_out):.3g} %, {100 * min(training, held_out):.2g} % in the {there} data"
+    why = "what was fitted could not be validated" if training > held_out else "nothing could be fitted to it"
+    words = f"the gap of the nominal model lies in the {here} data alone ({sizes}), so that {why}"
+    return [f"{words}: give a second log with --validate"]
+
+
 def _diagnose_selection(
-    prepared: PreparedLog,
+    prepared: PreparedLogs,
     segments: Segments,
     gaps: Mapping[str, float],
+    own_gaps: Sequence[Mapping[str, float]],
     hypotheses: Hypotheses,
     scoring: Scoring,
     reference: Reference,
@@ -267,28 +413,30 @@ def _diagnose_selection(
 ) -> Diagnosis:
     """The result where there is a gap.
 
-    known: all hypotheses that were scored. nominal_refit: nominal parameters refitted without any effect.
+    own_gaps: of the nominal model over each whole log, empty if its run stopped. known: all hypotheses that were
+    scored. nominal_refit: nominal parameters refitted without any effect.
     """
-    plant, log, chosen, held_out = prepared.plant, prepared.log, selection.chosen, segments.held_out
+    plant, chosen = prepared.plant, selection.chosen
     sd = scoring.standard_deviations(chosen.fit)
     changed = {n: v for n, v in chosen.fit.values.items() if v != prepared.model.nominal_value(n)}
     improved = improved_plant(plant, chosen.fit.candidates, changed, sd)
-    explanation = explain(
-        selection, reference, prepared.threshold, improved, log, prepared.noise, len(segments.training.model.log),
-        prepared.validation,
-    )  # fmt: skip
+    explanation = explain(selection, reference, prepared.threshold, _curve_logs(prepared, segments, improved))
     selection = replace(selection, verdict=explanation.verdict)
     if not selection.named:
         refitted = {n: v for n, v in nominal_refit.items() if v != prepared.model.nominal_value(n)}
         improved = improved_plant(plant, (), refitted, {})
     with_effects = chosen.fit.values if selection.named else nominal_refit
     values: dict[str, Setting] = {"nominal": {}, "refit": nominal_refit, "with_effects": with_effects}
-    location = attribute_gap(plant, log, prepared.noise)
-    gap = {model: held_out.gap(setting) for model, setting in values.items()}
+    locations = [attribute_gap(one.plant, one.log, one.noise) for one in prepared.logs]
+    location = joint_location(
+        {one.log.name: place for one, place in zip(prepared.logs, locations, strict=True)},
+        [own["total"] for own in own_gaps] or [1.0] * len(locations),
+    )
+    gap = {model: segments.held_out.gap(setting) for model, setting in values.items()}
     gap["upper_bound"] = _upper_bound(gap, location)
     causes: tuple[Cause, ...] = ()
     if selection.verdict != "outside_catalogue":
-        causes = build_causes(plant, selection, scoring, known, sd, gap, log)
+        causes = build_causes(plant, selection, scoring, known, sd, gap, [one.log for one in prepared.logs])
     verdict = selection.verdict
     if verdict in ("effect", "ambiguous"):
         told = all(set(cause.ambiguous_with) <= set(cause.why_same) for cause in causes)
@@ -305,7 +453,11 @@ def _diagnose_selection(
         gaps,
         values,
         began,
-        findings=[EFFECTS[id].caveat for id, _ in chosen.causes if selection.named and EFFECTS[id].caveat],
+        locations,
+        findings=[
+            *(EFFECTS[id].caveat for id, _ in chosen.causes if selection.named and EFFECTS[id].caveat),
+            *_one_sided(segments, prepared.threshold),
+        ],
         verdict=verdict,
         where=_where(location, causes),
         effects=causes,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..core.result import Result, as_dict, as_table
 from ..physics.effects import EFFECTS
 from ..plant.file import label
 from ..plant.plant import Plant, Sensor
+from .records import joint_gap
 from .signals import gap, scored_signals, signal_noise
 from .verdict_text import name_of, nearest_sentence, verdict_sentence
 
@@ -112,18 +113,41 @@ class RelatedEffect:
     parameters: Mapping[str, CauseParameter]
 
 
+@dataclass(frozen=True)
+class LogGap:
+    """One of several logs that were diagnosed together: the fields of `Diagnosis` that are its own."""
+
+    log: Log
+    gap: Mapping[str, Mapping[str, float]]
+    whole: Mapping[str, float]
+    noise_sd: Mapping[str, float]
+    held_out: str
+    held_spans: tuple[tuple[float, float], ...]
+    simulated: Mapping[str, Mapping[str, np.ndarray]] = field(repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As under `logs` in diagnosis.json."""
+        log = self.log
+        return as_dict(
+            self, "gap held_out", path=log.path, samples=len(log), gap_whole_log=self.whole,
+            settings={name: float(value) for name, value in log.settings.items()},
+        )  # fmt: skip
+
+
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Result):
     """Where a log differs from the nominal plant, which effect is the cause, and how much of the gap it closes.
 
     Attributes
     ----------
-    plant, log: nominal plant and measured log. threshold: smallest relevant gap.
+    plant, log: nominal plant and measured log, the first one of several. threshold: smallest relevant gap.
     verdict: one of Verdict; `sentence` is the verdict in words.
     where: (place, share of the gap), the largest first; the shares add up to one.
     effects: causes, the largest first; candidates if the verdict is "underdetermined".
     gap: model (see MODELS) -> signal -> gap on held-out data. whole: signal -> gap of the nominal plant, whole log.
-    held_out: description of the held-out data. held_from: its start in the log [s], None if it is a second log.
+    held_out: description of the held-out data. held_spans: start and end of its parts in the log [s].
+    logs: of several logs that were diagnosed together, each one's own figures; empty for a single log. The gaps above
+        are then averages of squares over the logs.
     noise_sd: channel -> standard deviation of its noise, SI units.
     values: model -> parameters and sensor settings that differ from the nominal plant.
     simulated: model -> channel -> (N,) free run over the whole log.
@@ -155,7 +179,8 @@ class Diagnosis(Result):
     candidates: tuple[RankedHypothesis, ...] = ()
     location: Location | None = None
     improved: Plant | None = field(default=None, repr=False)
-    held_from: float | None = None
+    held_spans: tuple[tuple[float, float], ...] = ()
+    logs: tuple[LogGap, ...] = ()
     next_experiment: str | None = None
     experiment: NextExperiment | None = field(default=None, repr=False)
     findings: tuple[str, ...] = ()
@@ -169,6 +194,9 @@ class Diagnosis(Result):
 
         None without a free run of this model.
         """
+        if self.logs:
+            own = [found for one in self.by_log() if (found := one.whole_with_effects) is not None]
+            return joint_gap(own) if len(own) == len(self.logs) else None
         shown = self.simulated.get("with_effects")
         if not shown:
             return None
@@ -177,6 +205,13 @@ class Diagnosis(Result):
         measured, simulated = scored_signals(signals, self.log.channels, dt), scored_signals(signals, shown, dt)
         shared = {name: values for name, values in measured.items() if name in simulated and name in noise}
         return gap(shared, simulated, noise) if shared else None
+
+    def by_log(self) -> list[Diagnosis]:
+        """The diagnosis with the figures of one log at a time, for figures and tables."""
+        if not self.logs:
+            return [self]
+        names = ("log", "gap", "whole", "noise_sd", "held_out", "held_spans", "simulated")
+        return [replace(self, logs=(), **{name: getattr(one, name) for name in names}) for one in self.logs]
 
     @property
     def explained(self) -> float:
@@ -207,6 +242,7 @@ class Diagnosis(Result):
             where=[{"place": place, "share": share} for place, share in self.where],
             effects=[self._described(cause) for cause in self.effects],
             gap_whole_log=self.whole, law=None,
+            **({"logs": [one.to_dict() for one in self.logs]} if self.logs else {}),
         )  # fmt: skip
 
     def _described(self, cause: Cause) -> dict[str, Any]:
@@ -248,6 +284,9 @@ class Diagnosis(Result):
         ]
         for model, gaps in self.gap.items():
             lines.append(f"  {MODELS[model]:<28}" + "".join(f"{100.0 * gaps[s]:>14.2f}" for s in _signals(self)))
+        for one in self.logs:
+            before, after = (100.0 * one.gap[model]["total"] for model in ("nominal", "with_effects"))
+            lines.append(f"  {one.log.name}: total gap {before:.2f} %, with the causes {after:.2f} %")
         if self.where:
             lines.append(
                 "  place of the gap, over the whole log: "

@@ -7,16 +7,15 @@ statistical significance (the misfit of the selection) only says where that comp
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ..core.log import Log
 from ..core.text import join_words
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from .candidate_effects import with_parameters
 from .diagnosis import Verdict
-from .free_curve import FreeCurve, free_curve
+from .free_curve import CurveLog, FreeCurve, free_curve
 from .hypothesis_search import Hypotheses
 from .model_selection import Reference, Selection
 from .regimes import describe_curve
@@ -58,20 +57,16 @@ def explain(
     selection: Selection,
     reference: Reference,
     threshold: float,
-    improved: Plant,
-    log: Log,
-    noise: Mapping[str, float],
-    edge: int,
-    validation: Log | None,
+    logs: Sequence[CurveLog],
 ) -> Explanation:
     """The verdict on a selection.
 
-    improved: the plant with the selected causes. edge: first held-out sample of `log`. validation: a second log.
+    logs: with the plant that has the selected causes.
     """
     left = reference.left(selection.chosen)
     if selection.misfit <= 1.0:
         return Explanation(selection.verdict, left)
-    curve = free_curve(improved, log, noise, edge, validation)
+    curve = free_curve(logs)
     # Several wrong numbers together imitate an unknown effect: they have to leave less.
     simple = len(selection.chosen.causes) <= FEW
     limit = threshold if simple else MANY_LEFT * threshold

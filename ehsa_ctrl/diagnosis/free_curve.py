@@ -42,27 +42,34 @@ class FreeCurve:
         return self.with_curve < BETTER * self.without
 
 
-def free_curve(
-    plant: Plant, log: Log, noise: Mapping[str, float], edge: int, validation: Log | None = None
-) -> FreeCurve | None:
-    """The best free curve beside a plant; None where the log shows no balance.
+@dataclass(frozen=True)
+class CurveLog:
+    """A log for a free curve: plant with its causes, whole log, noise, and the parts that are fitted and held out."""
 
-    plant: with its causes. log: from its beginning. edge: its first held-out sample, ignored with a `validation` log.
-    """
-    cases = [InjectionCase.of(plant, one, noise) for one in (log, validation) if one is not None]
-    training, *others = _with_curves(cases, edge if validation is None else len(log) - 1)
-    forms = _curve_forms(training)
-    if not forms:
+    plant: Plant
+    log: Log
+    noise: Mapping[str, float]
+    training: tuple[slice, ...]
+    held_out: tuple[slice, ...]
+
+
+def free_curve(logs: Sequence[CurveLog]) -> FreeCurve | None:
+    """The best free curve of a rig; None where the logs show no balance."""
+    cases = _with_curves([InjectionCase.of(one.plant, one.log, one.noise) for one in logs], logs)
+    forms = [_curve_forms(case) for case in cases]
+    if not forms[0]:
         return None
-    base, *runs = training.run([{}, *(form.inputs for _, form in forms)])
-    last = edge if validation is None else len(log)
-    best = int(np.argmin([_total(training.gap, run, slice(0, last)) for run in runs]))
-    held_out, scored, ends = training, slice(edge, None), [base, runs[best]]
-    if others:
-        held_out, scored = others[0], slice(None)
-        ends = held_out.run([{}, _curve_forms(held_out)[best][1].inputs])
-    without, with_curve = (_total(held_out.gap, run, scored) for run in ends)
-    place, form = forms[best]
+    fitted = [i for i, one in enumerate(logs) if one.training]
+    runs = {i: cases[i].run([{}, *(form.inputs for _, form in forms[i])]) for i in fitted}
+    left = [[_total(cases[i].gap, run, logs[i].training) for run in runs[i][1:]] for i in fitted]
+    best = int(np.argmin(np.mean(np.square(left), axis=0)))
+    ends = []
+    for i, one in enumerate(logs):
+        if one.held_out:
+            pair = [runs[i][0], runs[i][1 + best]] if i in runs else cases[i].run([{}, forms[i][best][1].inputs])
+            ends.append([_total(cases[i].gap, run, one.held_out) for run in pair])
+    without, with_curve = np.sqrt(np.mean(np.square(ends), axis=0)).tolist()
+    place, form = forms[0][best]
     return FreeCurve(place, form.curves, without, with_curve)
 
 
@@ -72,8 +79,13 @@ def _curve_forms(case: InjectionCase) -> list[tuple[str, Form]]:
     return [(place, form) for place, forms in by_place.items() for form in forms if form.curves]
 
 
-def _with_curves(cases: Sequence[InjectionCase], last: int) -> list[InjectionCase]:
-    """Curves fitted up to sample `last` of the first case, and followed over all of them."""
+def _with_curves(cases: Sequence[InjectionCase], logs: Sequence[CurveLog]) -> list[InjectionCase]:
+    """Curves fitted to the training data of all logs, and followed over the whole of each."""
+    masks = [np.zeros(len(one.log), dtype=bool) for one in logs]
+    for mask, one in zip(masks, logs, strict=True):
+        for part in one.training:
+            mask[part] = True
+    fitted = np.concatenate(masks)[:-1]
     signals = BalanceSignals(
         {n: np.concatenate([c.signals[n] for c in cases]) for n in cases[0].signals.values},
         {n: np.concatenate([c.signals.slides[n] for c in cases]) for n in cases[0].signals.slides},
@@ -82,7 +94,7 @@ def _with_curves(cases: Sequence[InjectionCase], last: int) -> list[InjectionCas
     curves: list[dict[str, list[Curve]]] = [{} for _ in cases]
     for name in cases[0].unknown.values:
         values = np.concatenate([np.append(c.unknown.values[name], np.nan) for c in cases])[:-1]
-        found = curves_of(cases[0].plant, signals, name, values, last)
+        found = curves_of(cases[0].plant, signals, name, values, fitted)
         begin = 0
         for case, own in zip(cases, curves, strict=True):
             part = slice(begin, begin + len(case.log) - 1)
@@ -91,9 +103,10 @@ def _with_curves(cases: Sequence[InjectionCase], last: int) -> list[InjectionCas
     return [replace(case, curves=own) for case, own in zip(cases, curves, strict=True)]
 
 
-def _total(gap: GapMeasure, run: Mapping[str, np.ndarray], part: slice) -> float:
-    """Gap in total over a part of a run."""
-    errors = gap.errors(run)[:, part]
+def _total(gap: GapMeasure, run: Mapping[str, np.ndarray], parts: Sequence[slice]) -> float:
+    """Gap in total over parts of a run."""
+    errors = gap.errors(run)
+    errors = np.concatenate([errors[:, part] for part in parts], axis=1)
     if not np.isfinite(errors).all():
         return float("inf")
     return float(np.sqrt(np.mean(np.maximum(np.mean(errors**2, axis=1) - gap.noise_floor, 0.0))))

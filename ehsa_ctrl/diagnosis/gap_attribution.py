@@ -63,6 +63,7 @@ class Location:
         rod's friction; None without a load cell.
     untold: balances that the log does not show, and the missing channels, in sentences.
     unobserved: the places of these balances; they share equally what the other places leave.
+    log: of several logs, the one that unknown inputs and regimes are of.
     """
 
     shares: tuple[tuple[str, float], ...]
@@ -76,6 +77,7 @@ class Location:
     load_cell: float | None = None
     untold: tuple[str, ...] = ()
     unobserved: tuple[str, ...] = ()
+    log: str = ""
 
     @property
     def place(self) -> str:

@@ -121,7 +121,7 @@ def next_experiment(
     spring_possible: bool = True,
     seconds: float = 24.0,
     seed: int = 0,
-    present: HypothesisModel | None = None,
+    present: Sequence[HypothesisModel] = (),
 ) -> NextExperiment | None:
     """The experiment that best separates the candidates: it maximises their smallest distance.
 
@@ -134,7 +134,7 @@ def next_experiment(
     spring_possible: whether a spring may be added, or the present one removed.
     seconds: length of the experiment [s]; shorter if a candidate exceeds a limit later.
     seed: of random inputs.
-    present: model with the present log, for the distances in it.
+    present: models with the present logs, for the distances in them.
 
     Returns
     -------
@@ -158,8 +158,9 @@ def next_experiment(
     if not separable.any():
         return None
     trial, distances = max(compared, key=lambda t: _load_factor(t[0]) * float(t[1][separable].min()))
-    before = models.outputs(present, {}) if present is not None else None
-    now = models.distances(before).tolist() if before is not None else []
+    before = [outputs for one in present if (outputs := models.outputs(one, {})) is not None]
+    # Of several logs: each refitted by itself, so that together they separate at least as far.
+    now = np.sqrt(np.sum([models.distances(one) ** 2 for one in before], axis=0)).tolist() if before else []
     load = {word: models.with_load({}, trial.outputs.change).get(symbol) for word, symbol in LOAD_SYMBOLS.items()}
     distance = dict(zip(models.pairs, distances.tolist(), strict=True))
     alike = tuple(pair for pair, apart in zip(models.pairs, separable.tolist(), strict=True) if not apart)
@@ -202,7 +203,8 @@ def deciding_experiment(
     settings = {" + ".join(name_of(key) for key in one.label) or "none": one.fit.values for one in candidates}
     if len(settings) < 2:
         return None
-    return next_experiment(model.plant, settings, noise=noise, nominal=hypotheses.objective.nominal, present=model)
+    present = [record.model for record in hypotheses.objective.records]
+    return next_experiment(model.plant, settings, noise=noise, nominal=hypotheses.objective.nominal, present=present)
 
 
 def _loads(plant: Plant, spring_possible: bool) -> list[Setting]:

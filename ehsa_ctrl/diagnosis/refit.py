@@ -17,7 +17,8 @@ from ..physics.effects import CandidateEffect, FreeNumber
 from ..plant.arrays import needed_to_simulate
 from .candidate_effects import wearing_parameters
 from .hypothesis_model import HypothesisModel, Setting, lacks_dry_friction
-from .signals import gap, largest, scored_signals, signal_noise, slope
+from .records import Record, Runs, Segment, mean_square_root, run_records
+from .signals import largest, signal_noise, slope
 
 # The constants without another reason are engineering judgement.
 
@@ -56,11 +57,23 @@ class ResidualScale:
     @classmethod
     def of(cls, model: HypothesisModel, noise: Mapping[str, float]) -> ResidualScale:
         """Noise and assumed model error of each channel of a model, added in quadrature."""
-        log, of_system = model.log, model.plant.structure.system.scored
-        signals = {channel: log[channel] for channel in model.channels}
-        signals |= scored_signals(of_system, signals, log.sample_time)
-        sd = {**noise, **signal_noise(of_system, noise, log.sample_time)}
-        scale = {name: float(np.hypot(sd[name], MODEL_ERROR * float(np.std(v)))) for name, v in signals.items()}
+        return cls.of_records([Record(model, noise)])
+
+    @classmethod
+    def of_records(cls, records: Sequence[Record]) -> ResidualScale:
+        """The same for several records: RMS of their noise and of their standard deviations."""
+        deviations = []
+        for record in records:
+            model = record.model
+            signals = {channel: record.take(model.log[channel]) for channel in model.channels}
+            signals |= record.signals(model.log.channels)
+            deviations.append({name: float(np.std(values)) for name, values in signals.items()})
+        model = records[0].model
+        of_system = model.plant.structure.system.scored
+        noise = mean_square_root([record.noise for record in records])
+        sd = {**noise, **signal_noise(of_system, noise, model.log.sample_time)}
+        spread = mean_square_root(deviations)
+        scale = {name: float(np.hypot(sd[name], MODEL_ERROR * value)) for name, value in spread.items()}
         for one in of_system:
             if one.drift and one.channel in scale:
                 scale[one.channel] = float(np.hypot(scale[one.channel], one.drift))
@@ -71,17 +84,23 @@ class ResidualScale:
         """(channels,) mean square of the residuals of noise alone."""
         return np.array([(self.noise[name] / scale) ** 2 for name, scale in self.scale.items()])
 
-    def residual(self, model: HypothesisModel, simulated: Mapping[str, np.ndarray], first: int = 0) -> np.ndarray:
-        """Residuals (n,): measured minus simulated, scaled, every second sample from `first` on, channel by channel."""
-        log, parts = model.log, []
-        slopes = {one.name: one for one in model.plant.structure.system.scored if one.span}
+    def residual(self, model: HypothesisModel, simulated: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Residuals (n,) over a model's log: measured minus simulated, scaled, every second sample, by channel."""
+        return self.residual_of([Record(model, {})], (simulated,))
+
+    def residual_of(self, records: Sequence[Record], runs: Runs) -> np.ndarray:
+        """The same over the scored samples of all records, channel by channel and in it record by record."""
+        parts = []
+        slopes = {one.name: one for one in records[0].model.plant.structure.system.scored if one.span}
         for channel, scale in self.scale.items():
-            if channel in slopes:
-                one = slopes[channel]
-                error = slope(log[one.channel] - simulated[one.channel], one.span, log.sample_time)
-            else:
-                error = log[channel] - simulated[channel]
-            parts.append(error[first::2] / scale)
+            for record, simulated in zip(records, runs, strict=True):
+                log = record.model.log
+                if channel in slopes:
+                    one = slopes[channel]
+                    error = slope(log[one.channel] - simulated[one.channel], one.span, log.sample_time)
+                else:
+                    error = log[channel] - simulated[channel]
+                parts += [error[part][::2] / scale for part in record.parts]
         return np.concatenate(parts)
 
 
@@ -99,40 +118,40 @@ class NominalParameters:
 
 
 def nominal_parameters(
-    model: HypothesisModel, scale: ResidualScale, threshold: float, *, lumped: bool = False
+    training: Segment, scale: ResidualScale, threshold: float, *, lumped: bool = False
 ) -> tuple[NominalParameters, dict[str, np.ndarray]]:
-    """Nominal parameters of a model, and the sensitivity of the residual (n,) to one prior deviation of each.
+    """Nominal parameters of a segment's model, and the sensitivity of the residual (n,) to one prior deviation of each.
 
     The prior deviation of a parameter is the change that makes a gap of PRIOR_SHARE of the threshold, or the deviation
     typical of its kind if that is smaller.
 
     lumped: the model lacks dry friction, and its parameters compensate for it; their prior deviation is LUMPED.
+    Parameters that are set for single logs are not among them.
 
     Raises InputError if the nominal plant can't be simulated.
     """
-    plant, dt = model.plant, model.log.sample_time
+    plant = training.model.plant
     prior = {kind.name: kind.prior for kind in plant.structure.equations.parameters if kind.prior is not None}
     needed = needed_to_simulate(plant.structure.equations)
-    names = [name for name in prior if name in needed and plant[name] != 0.0]
-    base, *moved = model.run([{}, *({name: plant[name] * (1.0 + STEP)} for name in names)])
+    names = [name for name in prior if name in needed and plant[name] != 0.0 and name not in training.own_parameters]
+    base, *moved = training.run([{}, *({name: plant[name] * (1.0 + STEP)} for name in names)])
     if base is None:
         raise InputError(
-            f"{model.log.path or 'the log'}: the nominal plant can't be simulated with this log's current; check its "
+            f"{training.paths}: the nominal plant can't be simulated with this log's current; check its "
             "parameters and the current's unit and sign"
         )
-    of_system = plant.structure.system.scored
-    signals, residual = scored_signals(of_system, base, dt), scale.residual(model, base)
+    residual = scale.residual_of(training.records, base)
     found, sensitivities, typical = {}, {}, []
     for name, run in zip(names, moved, strict=True):
         if run is None:
             continue
-        change = max(largest(gap(signals, scored_signals(of_system, run, dt), dict.fromkeys(signals, 0.0))), 1e-9)
+        change = max(largest(training.change(base, run)), 1e-9)
         relative = min(prior[name], PRIOR_SHARE * threshold / change * STEP)
         if lumped and prior[name] >= WELL_KNOWN:
             relative = LUMPED
         found[name] = relative * plant[name]
         typical.append(max(prior[name], relative) * plant[name])
-        sensitivities[name] = (scale.residual(model, run) - residual) * (relative / STEP)
+        sensitivities[name] = (scale.residual_of(training.records, run) - residual) * (relative / STEP)
     values = np.array([plant[name] for name in found])
     return NominalParameters(tuple(found), values, np.array(list(found.values())), np.array(typical)), sensitivities
 
@@ -148,7 +167,8 @@ class RunCount:
 class Objective:
     """What a refit minimises: Cauchy's loss of the residuals in blocks, plus the priors of the nominal parameters.
 
-    level: typical mean square of a block; blocks far above it are weighted down.
+    level: typical mean square of a block; blocks far above it are weighted down. segment: what is fitted; by default
+    the whole log of `model`.
     """
 
     model: HypothesisModel
@@ -156,6 +176,12 @@ class Objective:
     nominal: NominalParameters
     level: float = 1.0
     count: RunCount = field(default_factory=RunCount, repr=False)
+    segment: Segment | None = field(default=None, repr=False)
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """The records that are fitted."""
+        return (Record(self.model, {}),) if self.segment is None else self.segment.records
 
     @property
     def block(self) -> int:
@@ -166,8 +192,9 @@ class Objective:
         """Residuals (n,) of each setting; None if the run stopped."""
         self.count.total += len(settings)
         out: list[np.ndarray | None] = []
-        for simulated in self.model.run(settings):
-            r = None if simulated is None else self.scale.residual(self.model, simulated)
+        records = self.records
+        for runs in run_records(records, settings):
+            r = None if runs is None else self.scale.residual_of(records, runs)
             out.append(r if r is not None and np.isfinite(r).all() else None)
         return out
 
@@ -220,14 +247,12 @@ class Objective:
         return (*own, *rest)
 
 
-def objective_of(
-    model: HypothesisModel, noise: Mapping[str, float], threshold: float
-) -> tuple[Objective, dict[str, np.ndarray]]:
-    """The objective on a model's log, and the sensitivities of `nominal_parameters`."""
-    scale = ResidualScale.of(model, noise)
-    lumped = lacks_dry_friction(model.plant)
-    nominal, sensitivities = nominal_parameters(model, scale, threshold, lumped=lumped)
-    return Objective(model, scale, nominal), sensitivities
+def objective_of(training: Segment, threshold: float) -> tuple[Objective, dict[str, np.ndarray]]:
+    """The objective on a segment, and the sensitivities of `nominal_parameters`."""
+    scale = ResidualScale.of_records(training.records)
+    lumped = lacks_dry_friction(training.model.plant)
+    nominal, sensitivities = nominal_parameters(training, scale, threshold, lumped=lumped)
+    return Objective(training.model, scale, nominal, segment=training), sensitivities
 
 
 @dataclass(frozen=True)
@@ -390,7 +415,8 @@ def refit_nominal(objective: Objective, sensitivities: Mapping[str, np.ndarray],
     """
     nominal = replace(objective.nominal, sd=objective.nominal.sd * prior_factor)
     scaled = {name: column * prior_factor for name, column in sensitivities.items()}
-    found = refit(Objective(objective.model, objective.scale, nominal), (), {}, scaled, steps=8, renew_after=2)
+    wide = replace(objective, nominal=nominal, level=1.0, count=RunCount())
+    found = refit(wide, (), {}, scaled, steps=8, renew_after=2)
     return {} if found is None else found.values
 
 

@@ -74,12 +74,12 @@ class Curve:
 class _Windows:
     """Weighted means of an unknown input over windows in which it is known, and the fold of each window."""
 
-    def __init__(self, values: np.ndarray, sample_time: float, last: int | None = None) -> None:
+    def __init__(self, values: np.ndarray, sample_time: float, fitted: np.ndarray | None = None) -> None:
         weights = np.sin(np.pi * (np.arange(WINDOW) + 0.5) / WINDOW) ** 2
         self._weights = weights / weights.sum()
         self._usable = self._means(np.isfinite(values).astype(float)) > 1.0 - 1e-9
-        if last is not None:
-            self._usable &= STRIDE * np.arange(self._usable.size) + WINDOW <= last
+        if fitted is not None:
+            self._usable &= np.lib.stride_tricks.sliding_window_view(fitted, WINDOW)[::STRIDE].all(axis=1)
         self.values = self._means(fill_nan(values))[self._usable]
         centre = STRIDE * np.arange(self._usable.size)[self._usable] * sample_time
         self._fold = (centre // INTERVAL).astype(int) % 2
@@ -124,13 +124,13 @@ def _ridge(X: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def curves_of(
-    plant: Plant, signals: BalanceSignals, name: str, values: np.ndarray, last: int | None = None
+    plant: Plant, signals: BalanceSignals, name: str, values: np.ndarray, fitted: np.ndarray | None = None
 ) -> list[Curve]:
     """The best curve of each family and variable for an unknown input (N - 1,); that which explains most first.
 
-    last: nothing is fitted from this sample on.
+    fitted: (N - 1,) samples that the curves may be fitted to; by default all.
     """
-    windows = _Windows(values, signals.sample_time, last)
+    windows = _Windows(values, signals.sample_time, fitted)
     if windows.values.size < MIN_WINDOWS:
         return []
     if name == "torque":

@@ -18,9 +18,9 @@ from ..plant.plant import Plant
 from .candidate_effects import with_parameters
 from .hypothesis_model import Setting
 from .hypothesis_search import Hypotheses, distinct_tasks
+from .records import Record, Runs, Segment, mean_square_root
 from .refit import HypothesisFit, Objective
-from .signals import gap, largest, signal_noise
-from .validation_segment import Segment
+from .signals import largest, signal_noise
 
 # The constants without another reason are engineering judgement, chosen with the tuning seeds of the independent bench.
 
@@ -129,7 +129,7 @@ class Scoring:
         weighted = objective.by_channel(best.residual * objective.weights(best.residual))
         weight = residual_weights(weighted, 2.0 * objective.model.log.sample_time)
         run = held_out.simulate({})
-        error = None if run is None else residual_of(objective, held_out, run)
+        error = None if run is None else objective.scale.residual_of(held_out.records, run)
         noise = tuple(input_noise_effect(objective, segment, best.values) for segment in (training, held_out))
         return cls(
             objective, training, held_out, threshold, lumped, weight, (hypotheses.residual, error), (noise[0], noise[1])
@@ -148,8 +148,8 @@ class Scoring:
     @property
     def noise_deviance(self) -> float:
         """Expected deviance of noise alone on both segments."""
-        squares, segment = self.objective.scale.noise_squares, self.held_out
-        samples = self.nominal[0].size // len(squares) + (len(segment.model.log) - segment.first) // 2
+        squares = self.objective.scale.noise_squares
+        samples = self.nominal[0].size // len(squares) + self.held_out.samples
         return float(self.weight @ squares) * samples
 
     @property
@@ -181,9 +181,10 @@ class Scoring:
 
     def score(self, fit: HypothesisFit) -> ScoredHypothesis:
         """Score a hypothesis: simulate it on both segments, and without each of its effects."""
-        full = [segment.model.run([fit.values])[0] for segment in (self.training, self.held_out)]
+        full = [segment.run([fit.values])[0] for segment in (self.training, self.held_out)]
+        fitted = self.training.with_corrected_start(fit.values, full[0])
         simulated = self.held_out.with_corrected_start(fit.values, full[1])
-        error = None if simulated is None else residual_of(self.objective, self.held_out, simulated)
+        error = None if simulated is None else self.objective.scale.residual_of(self.held_out.records, simulated)
         deviance = self.deviance(fit.residual) + (np.inf if error is None else self.deviance(error)) + fit.prior_cost
         own = self.changes_of(fit.values, self._members(fit), full)
         members = {c.key for c in fit.candidates}
@@ -191,7 +192,7 @@ class Scoring:
         causes = tuple(key for key, gaps in own.items() if largest(gaps) >= limits[key])
         deviance += MINOR_EFFECT_PENALTY * len(members - set(causes)) + PARAMETER_PENALTY * fit.n_effect
         errors = self._low_frequency_error(0, fit.residual), self._low_frequency_error(1, error)
-        training_gap, held_out_gap = self.training.gap_of(full[0]), self.held_out.gap_of(simulated)
+        training_gap, held_out_gap = self.training.gap_of(fitted), self.held_out.gap_of(simulated)
         return ScoredHypothesis(fit, deviance, own, training_gap, held_out_gap, causes, errors)
 
     def _low_frequency_error(self, segment: int, r: np.ndarray | None) -> LowFrequencyError:
@@ -226,7 +227,7 @@ class Scoring:
         self,
         values: Setting,
         members: Mapping[CauseKey, set[str]],
-        full: Sequence[Mapping[str, np.ndarray] | None] = (),
+        full: Sequence[Runs | None] = (),
     ) -> dict[CauseKey, dict[str, float]]:
         """By how much each set of numbers changes each signal beside all other values, on either segment.
 
@@ -236,14 +237,13 @@ class Scoring:
         out: dict[CauseKey, dict[str, float]] = {key: {} for key in members}
         # Both segments, because a valve or an end stop may be reached in one of them only.
         segments = self.training, self.held_out
-        full = full or [segment.model.run([values])[0] for segment in segments]
+        full = full or [segment.run([values])[0] for segment in segments]
         for segment, whole in zip(segments, full, strict=True):
-            for key, other in zip(members, segment.model.run(settings), strict=True):
+            for key, other in zip(members, segment.run(settings), strict=True):
                 scored_signals = segment.model.plant.structure.system.scored
                 change = dict.fromkeys([*(one.name for one in scored_signals), "total"], np.inf)
                 if whole is not None and other is not None:
-                    signals = segment.scored(whole)
-                    change = gap(signals, segment.scored(other), dict.fromkeys(signals, 0.0))
+                    change = segment.change(whole, other)
                 out[key] = {name: max(out[key].get(name, 0.0), value) for name, value in change.items()}
         return out
 
@@ -284,7 +284,7 @@ def score_hypotheses(
     scores += hypotheses.pool.map("scores", scoring.score, unscored)
     if not any(np.isfinite(one.deviance) for one in scores):
         raise InputError(
-            f"{scoring.held_out.model.log.path or 'the log'}: neither the nominal plant nor any refit of it can be "
+            f"{scoring.held_out.paths}: neither the nominal plant nor any refit of it can be "
             "simulated on the held-out data; check units and signs of the log with ehsa-ctrl compare, and the plant's "
             "parameters"
         )
@@ -320,37 +320,41 @@ def effect_id_by_parameter(plant: Plant) -> dict[str, str]:
     return ids
 
 
-def residual_of(objective: Objective, segment: Segment, simulated: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Residuals (n,) over the scored part of a segment."""
-    return objective.scale.residual(segment.model, simulated, segment.first)
-
-
 def input_noise_effect(objective: Objective, segment: Segment, values: Setting) -> InputNoiseEffect:
     """Effect of the noise of the logged current on a simulation over a segment."""
     signals = [one.name for one in segment.model.plant.structure.system.scored]
     none = InputNoiseEffect(np.zeros(len(objective.scale.scale)), 0.0, dict.fromkeys([*signals, "total"], 0.0))
-    model = segment.model
-    drive = model.plant.structure.system.drive
-    sensor = model.plant.sensors.get(drive)
+    plant = segment.model.plant
+    drive = plant.structure.system.drive
+    sensor = plant.sensors.get(drive)
     # The sensor's sd is an upper bound: a controller's response to sensor noise looks like noise, but drove the rig.
-    sd = min(segment.noise.get(drive, 0.0), sensor.sd if sensor is not None else np.inf)
+    most = sensor.sd if sensor is not None else np.inf
+    sds = [min(record.noise.get(drive, 0.0), most) for record in segment.records]
     run = segment.simulate(values)
-    if sd == 0.0 or run is None:
+    if max(sds) == 0.0 or run is None:
         return none
+    scale = objective.scale
+    residual = scale.residual_of(segment.records, run)
     block_means, squares, gaps = [], [], []
     for seed in range(REALISATIONS):
-        noise = sd * np.random.default_rng(seed).standard_normal(len(model.log))
-        driven = replace(model.log, channels={**model.log.channels, drive: model.log[drive] + noise})
-        other = replace(segment, model=replace(model, log=driven)).simulate(values)
+        random = np.random.default_rng(seed)
+        noisy = tuple(_with_noise(r, drive, sd, random) for r, sd in zip(segment.records, sds, strict=True))
+        other = replace(segment, records=noisy).simulate(values)
         if other is None:
             return none
-        r = residual_of(objective, segment, other) - residual_of(objective, segment, run)
+        r = scale.residual_of(segment.records, other) - residual
         block_means.append(objective.block_mean_squares(r))
         squares.append(float(np.mean(r**2)))
-        one = segment.scored(run)
-        gaps.append(gap(one, segment.scored(other), dict.fromkeys(one, 0.0)))
+        gaps.append(segment.change(run, other))
     largest_gaps = {name: max(found[name] for found in gaps) for name in gaps[0]}
     return InputNoiseEffect(np.max(block_means, axis=0), max(squares), largest_gaps)
+
+
+def _with_noise(record: Record, channel: str, sd: float, random: np.random.Generator) -> Record:
+    """The record with white noise added to a channel of its log."""
+    log = record.model.log
+    noisy = log[channel] + sd * random.standard_normal(len(log))
+    return replace(record, model=replace(record.model, log=replace(log, channels={**log.channels, channel: noisy})))
 
 
 def floor_of(segment: Segment, input_noise: InputNoiseEffect) -> dict[str, float]:
@@ -359,15 +363,20 @@ def floor_of(segment: Segment, input_noise: InputNoiseEffect) -> dict[str, float
     Noise of the logged input with the slips that it decides, and what the declared sensors add to the noise that the
     log shows: a calibration, a screw's pitch or a converter's rounding is no white noise.
     """
-    model = segment.model
-    system, log = model.plant.structure.system, model.log
-    declared = {c: model.plant.sensors[c].sd if c in model.plant.sensors else 0.0 for c in log.channels}
-    seen, stated = (signal_noise(system.scored, sd, log.sample_time) for sd in (segment.noise, declared))
-    out = {}
-    for name, values in segment.scored({c: log[c] for c in model.channels}).items():
-        spread = max(float(np.std(values)), 1e-300)
-        sensor = np.sqrt(max(stated[name] ** 2 - seen[name] ** 2, 0.0)) / spread
-        out[name] = float(np.hypot(sensor, input_noise.gaps.get(name, 0.0)))
+    tables = []
+    for record in segment.records:
+        plant, log = record.model.plant, record.model.log
+        declared = {c: plant.sensors[c].sd if c in plant.sensors else 0.0 for c in log.channels}
+        of_system = plant.structure.system.scored
+        seen, stated = (signal_noise(of_system, sd, log.sample_time) for sd in (record.noise, declared))
+        tables.append(
+            {
+                name: float(np.sqrt(max(stated[name] ** 2 - seen[name] ** 2, 0.0))) / max(float(np.std(values)), 1e-300)
+                for name, values in record.measured.items()
+            }
+        )
+    sensors = mean_square_root(tables)
+    out = {name: float(np.hypot(sensor, input_noise.gaps.get(name, 0.0))) for name, sensor in sensors.items()}
     return out | {"total": float(np.sqrt(np.mean(np.square(list(out.values())))))}
 
 

@@ -17,8 +17,8 @@ import numpy as np
 from ..physics.effects import CandidateEffect
 from .candidate_effects import with_parameters
 from .hypothesis_search import N_REFINE, Hypotheses, Screening, distinct_tasks, start_values
+from .records import Segment
 from .refit import TEMPER, HypothesisFit, Objective
-from .signals import scored_signals
 
 #: Effects and pairs that are fitted beside all nominal parameters, sets that are reduced.
 SINGLES, PAIRS, REDUCED = 10, 6, 3
@@ -131,11 +131,10 @@ def _eliminated(found: Hypotheses, fit: HypothesisFit, threshold: float) -> list
 
 def _changes(objective: Objective, jacobian: np.ndarray) -> np.ndarray:
     """(k,) largest change of a scored signal by one scale of each number, of the signal's standard deviation."""
-    log = objective.model.log
-    signals = scored_signals(objective.model.plant.structure.system.scored, log.channels, log.sample_time)
+    spread = Segment(objective.records, "").spread
     out = np.zeros(jacobian.shape[1])
     for row, (name, scale) in enumerate(objective.scale.scale.items()):
-        if name in signals:
+        if name in spread:
             part = np.array([objective.by_channel(column)[row] for column in jacobian.T])
-            out = np.maximum(out, np.sqrt(np.mean(part**2, axis=1)) * scale / max(float(np.std(signals[name])), 1e-300))
+            out = np.maximum(out, np.sqrt(np.mean(part**2, axis=1)) * scale / max(spread[name], 1e-300))
     return out

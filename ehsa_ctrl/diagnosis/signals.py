@@ -9,6 +9,9 @@ import numpy as np
 from ..core.log import Log
 from ..plant.system import ScoredSignal
 
+#: Standard deviation of a constant signal relative to its value, at most: rounding.
+ROUNDING = 1e-9
+
 
 def slope_samples(span: float, sample_time: float) -> int:
     """Number of samples nearest to a span [s], at least one."""
@@ -68,6 +71,22 @@ def signal_noise(signals: Sequence[ScoredSignal], noise: Mapping[str, float], sa
     return found
 
 
+def moving_signals(
+    signals: Mapping[str, np.ndarray], noise: Mapping[str, float], declared: Mapping[str, float]
+) -> frozenset[str]:
+    """The scored signals that move by more than their noise; a gap relative to the others would be noise over noise.
+
+    noise: standard deviation as estimated from the log. declared: as the plant states it for its sensors.
+    """
+    least = {name: max(noise.get(name, 0.0), declared.get(name, 0.0)) for name in signals}
+    # The standard deviation of a constant is not exactly zero.
+    return frozenset(
+        name
+        for name, values in signals.items()
+        if float(np.std(values)) > max(least[name], ROUNDING * float(np.max(np.abs(values), initial=0.0)))
+    )
+
+
 def gap(
     measured: Mapping[str, np.ndarray], simulated: Mapping[str, np.ndarray], noise: Mapping[str, float]
 ) -> dict[str, float]:
@@ -88,16 +107,16 @@ def gap(
             gaps[name] = 0.0
         else:
             gaps[name] = float(np.sqrt(max(np.mean(error**2) - noise[name] ** 2, 0.0))) / spread
-    gaps["total"] = float(np.sqrt(np.mean([value**2 for value in gaps.values()])))
+    gaps["total"] = float(np.sqrt(np.mean([value**2 for value in gaps.values()]))) if gaps else 0.0
     return gaps
 
 
 def largest_beyond(gaps: Mapping[str, float], floor: Mapping[str, float]) -> float:
     """The largest gap of a signal, with the floor of each subtracted in quadrature."""
     squares = (gaps[name] ** 2 - floor.get(name, 0.0) ** 2 for name in gaps if name != "total")
-    return float(np.sqrt(max(*squares, 0.0)))
+    return float(np.sqrt(max([*squares, 0.0])))
 
 
 def largest(gaps: Mapping[str, float]) -> float:
     """The largest gap of a single signal."""
-    return max(value for name, value in gaps.items() if name != "total")
+    return max((value for name, value in gaps.items() if name != "total"), default=0.0)

@@ -1,9 +1,9 @@
-"""Segments of a log: the whole log, and the data held out for validation (the last third, or a second log)."""
+"""Records of a log for segments: the whole log, or parts of it with a run-in."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,74 +11,9 @@ from ..core.log import Log
 from ..identification.initial_state import RUN_IN, ZERO_SPEED, estimate_states, find_initial_state
 from ..physics.effects import EFFECTS, Effect
 from ..plant.plant import Plant
-from .hypothesis_model import HypothesisModel, Setting
-from .signals import estimate_noise, scored_signals, signal_noise
-from .signals import gap as signal_gap
-
-#: Share of a log that is held out if there is no second log.
-HELD_OUT = 1.0 / 3.0
-
-
-@dataclass(frozen=True)
-class Segment:
-    """A segment of a log.
-
-    model: runs over the segment. first: first sample that is scored; a run-in precedes it. noise: channel -> standard
-    deviation. name: for results.
-    """
-
-    model: HypothesisModel
-    first: int
-    noise: Mapping[str, float]
-    name: str
-
-    def simulate(self, values: Setting) -> dict[str, np.ndarray] | None:
-        """Channel -> sensor reading (N,) over the segment with its run-in; None if the run stopped.
-
-        Rod position and mean pressure integrate, so that an error of their initial values does not decay. Their mean
-        error over the run-in corrects the initial values.
-        """
-        return self.with_corrected_start(values, self.model.run([values])[0])
-
-    def with_corrected_start(
-        self, values: Setting, found: dict[str, np.ndarray] | None
-    ) -> dict[str, np.ndarray] | None:
-        """The run of `simulate` from the one that starts at the estimated state."""
-        model = self.model
-        if found is None or self.first == 0 or model.start is None:
-            return found
-        error = {c: float(np.mean(model.log[c][: self.first] - found[c][: self.first])) for c in found}
-        start = dict(model.start)
-        system = model.plant.structure.system
-        shift = {state: error[channel] for channel, state in system.outputs.items() if channel in error}
-        integrated = {system.outputs[one.channel] for one in system.scored if one.span}
-        for state in integrated & set(shift):
-            start[state] += shift[state]
-        if system.pressures and set(system.pressures) <= set(shift):
-            level = 0.5 * sum(shift[state] for state in system.pressures)
-            start |= {state: start[state] + level for state in system.pressures}
-        return replace(model, start=start).run([values])[0] or found
-
-    def scored(self, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Name -> scored signal over the scored part, from channels."""
-        signals = scored_signals(self.model.plant.structure.system.scored, channels, self.model.log.sample_time)
-        return {name: values[self.first :] for name, values in signals.items()}
-
-    def gap(self, values: Setting) -> dict[str, float]:
-        """Gap of each scored signal and in total."""
-        return self.gap_of(self.simulate(values))
-
-    def gap_of(self, simulated: Mapping[str, np.ndarray] | None) -> dict[str, float]:
-        """Gap of a run; inf for one that stopped."""
-        log = self.model.log
-        measured = self.scored({channel: log[channel] for channel in self.model.channels})
-        if simulated is None:
-            return {**dict.fromkeys(measured, float("inf")), "total": float("inf")}
-        return signal_gap(
-            measured,
-            self.scored(simulated),
-            signal_noise(self.model.plant.structure.system.scored, self.noise, log.sample_time),
-        )
+from .hypothesis_model import HypothesisModel
+from .records import Record, Segment
+from .signals import estimate_noise
 
 
 def gap(plant: Plant, log: Log) -> dict[str, float]:
@@ -95,7 +30,8 @@ def gap(plant: Plant, log: Log) -> dict[str, float]:
     subtracted in quadrature, divided by the standard deviation of the measured signal; inf if the run stopped. Signals
     that the log lacks are left out. "total" is the RMS of the others.
     """
-    return whole_log(plant, plant, prepare_replay(plant, log), estimate_noise(log)).gap({})
+    record = whole_log(plant, plant, prepare_replay(plant, log), estimate_noise(log))
+    return Segment((record,), log.name).gap({})
 
 
 def replayed_effects(plant: Plant) -> tuple[Effect, ...]:
@@ -115,12 +51,12 @@ def prepare_replay(plant: Plant, log: Log, reference: Log | None = None, *, all_
     return log
 
 
-def whole_log(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, float]) -> Segment:
-    """A whole log as a segment, from rest or from the state that its first samples show.
+def whole_log(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, float]) -> Record:
+    """A whole log as a record, from rest or from the state that its first samples show.
 
     plant: nominal, for the initial state. model_plant: the plant that is simulated, see `with_every_effect`.
     """
-    return Segment(HypothesisModel(model_plant, log, initial_state(plant, log)), 0, noise, log.name)
+    return Record(HypothesisModel(model_plant, log, initial_state(plant, log)), noise)
 
 
 def initial_state(plant: Plant, log: Log) -> dict[str, float] | None:
@@ -130,26 +66,28 @@ def initial_state(plant: Plant, log: Log) -> dict[str, float] | None:
     return None if np.array_equal(state, plant.rest) else dict(zip(names, state.tolist(), strict=True))
 
 
-def last_third(plant: Plant, model_plant: Plant, log: Log, noise: Mapping[str, float]) -> tuple[Log, Segment]:
-    """The log without its last third, and the last third as a segment, started from a state before it."""
-    edge = int(round(len(log) * (1.0 - HELD_OUT)))
-    name = f"the last third of {log.name if log.path else 'the log'}, from {log.time[edge]:g} s on"
-    if _has_unmeasured_state(plant, log):
-        # A state without a sensor is known only at the start of the log.
-        return log.rows(0, edge), replace(whole_log(plant, model_plant, log, noise), first=edge, name=name)
-    back = max(edge - max(int(round(RUN_IN / log.sample_time)), 1), 0)
+def part_of_log(plant: Plant, model: HypothesisModel, noise: Mapping[str, float], parts: Sequence[slice]) -> Record:
+    """Parts of a model's log as a record: the run begins with the log, or a run-in before a single part.
+
+    plant: nominal, for the state at the run-in.
+    """
+    log, begin, end = model.log, parts[0].start, parts[-1].stop
+    # A state without a sensor is known only at the start of the log.
+    if begin == 0 or len(parts) > 1 or _has_unmeasured_state(plant, log):
+        return Record(replace(model, log=log.rows(0, end)), noise, tuple(parts))
+    back = max(begin - max(int(round(RUN_IN / log.sample_time)), 1), 0)
     estimate = estimate_states(plant, log)
     names = [state.name for state in plant.structure.equations.states]
-    begin = _fastest_sample(plant, estimate.values, estimate.sd, back, edge)
-    start = dict(zip(names, estimate.values[begin].tolist(), strict=True))
+    run_in = _fastest_sample(plant, estimate.values, estimate.sd, back, begin)
+    start = dict(zip(names, estimate.values[run_in].tolist(), strict=True))
     for contact in plant.structure.system.contacts:
         column = plant.structure.equations.index(contact.velocity)
-        if abs(estimate.values[begin, column]) < ZERO_SPEED * estimate.sd[begin, column]:
+        if abs(estimate.values[run_in, column]) < ZERO_SPEED * estimate.sd[run_in, column]:
             start[contact.velocity] = 0.0
-    for effect in map(EFFECTS.__getitem__, model_plant.structure.effects):
-        start |= {s.name: float(s.along(log, plant.values)[begin]) for s in effect.states if s.along is not None}
-    piece = log.rows(begin, len(log))
-    return log.rows(0, edge), Segment(HypothesisModel(model_plant, piece, start), edge - begin, noise, name)
+    for effect in map(EFFECTS.__getitem__, model.plant.structure.effects):
+        start |= {s.name: float(s.along(log, plant.values)[run_in]) for s in effect.states if s.along is not None}
+    piece = replace(model, log=log.rows(run_in, end), start=start)
+    return Record(piece, noise, (slice(begin - run_in, end - run_in),))
 
 
 def _has_unmeasured_state(plant: Plant, log: Log) -> bool:

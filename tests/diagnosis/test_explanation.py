@@ -8,7 +8,7 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis import explanation
 from ehsa_ctrl.diagnosis.explanation import explain, only_parameters
-from ehsa_ctrl.diagnosis.free_curve import FreeCurve, free_curve
+from ehsa_ctrl.diagnosis.free_curve import CurveLog, FreeCurve, free_curve
 from ehsa_ctrl.diagnosis.model_selection import Reference, Selection
 from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis
 from ehsa_ctrl.diagnosis.signals import estimate_noise
@@ -31,7 +31,7 @@ def verdict_of(monkeypatch):
         monkeypatch.setattr(explanation, "free_curve", lambda *_: found)
         floors = ({"speed": floor}, {"speed": floor})
         reference = Reference(0.0, 1e4, 0.1, 0.7, floors, (0.1, 0.1))
-        return explain(selection(gap, misfit, verdict), reference, 0.03, None, None, {}, 0, None).verdict
+        return explain(selection(gap, misfit, verdict), reference, 0.03, []).verdict
 
     return run
 
@@ -83,7 +83,8 @@ def tight_spot():
 def test_a_free_curve_closes_what_the_plant_lacks_on_data_that_it_has_not_seen(tight_spot):
     plant, rig, log = tight_spot
     noise, edge = estimate_noise(log), len(log) * 2 // 3
-    lacking, complete = (free_curve(one, log, noise, edge) for one in (plant, rig))
+    parts = (slice(0, edge),), (slice(edge, len(log)),)
+    lacking, complete = (free_curve([CurveLog(one, log, noise, *parts)]) for one in (plant, rig))
 
     assert lacking.better
     assert lacking.place == "force"
@@ -97,7 +98,8 @@ def test_a_curve_is_carried_to_a_second_log(tight_spot):
     edge = len(log) * 2 // 3
     first, second = log.rows(0, edge), log.rows(edge, len(log))
     noise = estimate_noise(log)
-    found = free_curve(plant, first, noise, len(first), second)
+    whole = (slice(0, len(log)),)
+    found = free_curve([CurveLog(plant, first, noise, whole, ()), CurveLog(plant, second, noise, (), whole)])
 
     assert found.better
     assert found.place == "force"

@@ -7,7 +7,8 @@ import ehsa_ctrl
 from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
 from ehsa_ctrl.diagnosis.hypothesis_search import MIN_GAIN, Hypotheses, Pool, Response, Screening, screen
-from ehsa_ctrl.diagnosis.refit import TEMPER, Objective, ResidualScale, nominal_parameters
+from ehsa_ctrl.diagnosis.records import Record, Segment
+from ehsa_ctrl.diagnosis.refit import TEMPER, objective_of
 from ehsa_ctrl.diagnosis.signals import estimate_noise
 from ehsa_ctrl.physics.effects import CandidateEffect, Effect, FreeNumber
 
@@ -21,9 +22,8 @@ def screened():
     time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=8.0, seed=4)
     log, _ = ehsa_ctrl.record(rig, time, current, seed=5, centre=True)
     model = HypothesisModel(with_every_effect(plant), log)
-    scale = ResidualScale.of(model, estimate_noise(log))
-    nominal, sensitivities = nominal_parameters(model, scale, 0.03)
-    hypotheses = Hypotheses.initial(Objective(model, scale, nominal), candidate_effects(model), sensitivities, Pool(2))
+    objective, sensitivities = objective_of(Segment((Record(model, estimate_noise(log)),), ""), 0.03)
+    hypotheses = Hypotheses.initial(objective, candidate_effects(model), sensitivities, Pool(2))
     return hypotheses, screen(hypotheses)
 
 

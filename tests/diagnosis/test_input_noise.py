@@ -7,9 +7,9 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
+from ehsa_ctrl.diagnosis.records import Record, Segment
 from ehsa_ctrl.diagnosis.refit import NominalParameters, Objective, ResidualScale
 from ehsa_ctrl.diagnosis.scoring import input_noise_effect
-from ehsa_ctrl.diagnosis.validation_segment import Segment
 
 NOISE = {"speed": 0.5, "p1": 1.5e4, "p2": 1.5e4, "position": 2e-5, "force": 15.0}
 
@@ -26,7 +26,7 @@ def effect_of():
         model = HypothesisModel(with_every_effect(replace(plant, sensors=sensors)), log)
         nominal = NominalParameters((), np.zeros(0), np.zeros(0), np.zeros(0))
         objective = Objective(model, ResidualScale.of(model, NOISE), nominal)
-        return input_noise_effect(objective, Segment(model, 0, {**NOISE, "current": sd}, "the log"), {})
+        return input_noise_effect(objective, Segment((Record(model, {**NOISE, "current": sd}),), "the log"), {})
 
     return run
 

@@ -11,10 +11,11 @@ from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.gap_attribution import attribute_gap
 from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
 from ehsa_ctrl.diagnosis.injection import simulate_injections
+from ehsa_ctrl.diagnosis.records import Segment
 from ehsa_ctrl.diagnosis.refit import ResidualScale, nominal_parameters
 from ehsa_ctrl.diagnosis.signals import estimate_noise
 from ehsa_ctrl.diagnosis.unknown_inputs import balance_signals, unknown_inputs
-from ehsa_ctrl.diagnosis.validation_segment import whole_log
+from ehsa_ctrl.diagnosis.validation_segment import gap, whole_log
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "mbari_pto" / "friction_id.csv"
 DT = 0.02
@@ -101,10 +102,10 @@ def test_a_flow_that_is_put_in_does_what_the_valve_would_do(sealed):
 def test_what_the_motion_does_not_show_is_no_candidate(sealed):
     """Friction and mass of such a rod change no signal: neither candidates nor nominal parameters."""
     log = moved(sealed, 10.0)
-    model = whole_log(sealed, with_every_effect(sealed), log, estimate_noise(log)).model
+    record = whole_log(sealed, with_every_effect(sealed), log, estimate_noise(log))
 
-    ids = {candidate.id for candidate in candidate_effects(model)}
-    nominal, _ = nominal_parameters(model, ResidualScale.of(model, estimate_noise(log)), 0.03)
+    ids = {candidate.id for candidate in candidate_effects(record.model)}
+    nominal, _ = nominal_parameters(Segment((record,), ""), ResidualScale.of_records([record]), 0.03)
 
     assert not ids & {"rod_friction", "rod_viscous_friction", "payload_mass", "load_dependent_friction", "presliding"}
     assert {"external_leakage", "motor_friction", "torque_constant", "relief_valve", "sensor_delay"} <= ids
@@ -202,5 +203,5 @@ def test_the_take_offs_record_lacks_a_drain(sealed):
 
     assert where.place == "flow" and dict(where.shares)["flow"] > 0.9
     full = with_every_effect(sealed)
-    before, after = (whole_log(p, p, log, estimate_noise(log)).gap({}) for p in (full, full.set(K_e=2.4e-13)))
+    before, after = (gap(p, log) for p in (full, full.set(K_e=2.4e-13)))
     assert before["total"] > 1.0 and after["total"] < 0.3 * before["total"]

@@ -117,7 +117,7 @@ def diagnosis(verdict):
         gap={model: gaps(size) for model, size in zip(MODELS, (0.2, 0.12, 0.012, 0.01), strict=True)},
         whole=gaps(0.2),
         held_out=f"the last third of {AWKWARD}, from 1.6 s on",
-        held_from=1.6,
+        held_spans=((1.6, 2.4),),
         noise_sd={"speed": 0.5, "p1": 1.5e4, "position": 2e-5},
         values={},
         simulated={

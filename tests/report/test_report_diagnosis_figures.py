@@ -102,13 +102,13 @@ def test_gaps_stand_beside_their_signals():
 def test_the_held_out_part_is_shaded_where_it_is_of_this_log():
     """From its first sample to the end; a second log that is held out shades nothing."""
     made = diagnosis("effect")
-    other = replace(made, held_out="other.csv", held_from=None)
+    other = replace(made, held_out="other.csv", held_spans=())
 
     def spans(found):
         wholes, _ = whole_and_detail(diagnosis_figure(found))
         return sorted(patch.get_x() for patch in wholes["speed"].patches)
 
-    assert made.held_from == 1.6 and other.held_from is None
+    assert made.held_spans[0][0] == 1.6 and not other.held_spans
     assert len(spans(made)) == 2 and 1.6 in spans(made)
     assert len(spans(other)) == 1
 

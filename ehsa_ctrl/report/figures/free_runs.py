@@ -135,16 +135,16 @@ def _whole_and_detail(
     labels: Mapping[str, str],
     *,
     detail: str,
-    held_from: float | None = None,
+    held_spans: Sequence[tuple[float, float]] = (),
 ) -> Figure:
     """One row per trace: the whole log on the left, a part of it on the right.
 
-    labels: role -> legend text. detail: description of the part. held_from: start of the held-out data [s].
+    labels: role -> legend text. detail: description of the part. held_spans: start and end of the held-out parts [s].
     """
     rows = [[f"{trace.name} whole", f"{trace.name} detail"] for trace in traces]
     roles = [role for role in ROLES if any(role in trace.lines for trace in traces)]
     # Four entries fit into one row.
-    entries = len(roles) + (1 if held_from is None else 2)
+    entries = len(roles) + (2 if held_spans else 1)
     columns = entries if entries <= 4 else 3
     header = LEGEND_LINE * math.ceil(entries / columns) + 0.08
     with sheet(title, rows, [ROW] * len(rows), widths=WIDTHS, header=header) as (figure, axes):
@@ -161,8 +161,8 @@ def _whole_and_detail(
             if trace.words:
                 near.text(1.03, 0.5, trace.words, **look)
             whole.axvspan(start, stop, **ENLARGED)
-            if held_from is not None:
-                whole.axvspan(held_from, time[-1], **HELD_OUT)
+            for held_from, held_to in held_spans:
+                whole.axvspan(held_from, held_to, **HELD_OUT)
                 whole.axvline(held_from, color=GREY, linestyle=(0, (4, 2)), linewidth=0.9, zorder=1.5)
         wholes[-1].set_xlim(time[0], time[-1])
         details[-1].set_xlim(start, stop)
@@ -170,7 +170,7 @@ def _whole_and_detail(
         details[-1].set_xlabel(f"time (s), {detail}")
         handles = [lines[role] for role in roles]
         handles.append(Patch(label="enlarged on the right", **ENLARGED))
-        if held_from is not None:
+        if held_spans:
             handles.append(Patch(label="held out", **HELD_OUT | {"linewidth": 0.6, "linestyle": (0, (4, 2))}))
         header_legend(axes["header"], handles, ncols=columns, fontsize=8.5)
     return figure
@@ -235,7 +235,7 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
     traces = [Trace(drive, channel_display(drive), {"drive": np.asarray(log[drive])}), *diagnosis_traces(diagnosis)]
     return _whole_and_detail(
         f"{plant.name} ({plant.model}) and {log.name}", log.time, traces, largest_error_part(diagnosis),
-        {"before": before, "after": f"after, {after}"}, detail="largest error", held_from=diagnosis.held_from,
+        {"before": before, "after": f"after, {after}"}, detail="largest error", held_spans=diagnosis.held_spans,
     )  # fmt: skip
 
 
