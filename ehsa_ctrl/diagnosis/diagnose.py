@@ -48,6 +48,7 @@ from .refit import objective_of, refit_nominal
 from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
 from .several_parameters import may_be_several, with_several_parameters
 from .signals import estimate_noise, largest
+from .sizes import with_sizes
 from .split import NO_GAP, Split, choose_split
 from .together import check_together, joint_location
 from .validation_segment import initial_state, part_of_log, prepare_replay, replayed_effects
@@ -180,10 +181,11 @@ def diagnose(
     reference = Reference.of(scoring)
     selection = select_model(scores, reference, threshold)
     selection, hypotheses = with_absorbed_parameters(selection, hypotheses, scoring, reference, threshold)
+    selection, sd = with_sizes(selection, scoring)
     nominal_refit = refit_nominal(objective, sensitivities, 1.0 if lumped else REFIT_PRIOR_FACTOR)
     known = [*superseded, *scores]
     return _diagnose_selection(
-        prepared, segments, gaps, own_gaps, hypotheses, scoring, reference, selection, known, nominal_refit, began
+        prepared, segments, gaps, own_gaps, hypotheses, scoring, reference, selection, sd, known, nominal_refit, began
     )
 
 
@@ -407,17 +409,18 @@ def _diagnose_selection(
     scoring: Scoring,
     reference: Reference,
     selection: Selection,
+    sd: Mapping[str, float],
     known: Sequence[ScoredHypothesis],
     nominal_refit: Setting,
     began: float,
 ) -> Diagnosis:
     """The result where there is a gap.
 
-    own_gaps: of the nominal model over each whole log, empty if its run stopped. known: all hypotheses that were
-    scored. nominal_refit: nominal parameters refitted without any effect.
+    own_gaps: of the nominal model over each whole log, empty if its run stopped. sd: standard deviation of each
+    parameter of the causes. known: all hypotheses that were scored. nominal_refit: nominal parameters refitted without
+    any effect.
     """
     plant, chosen = prepared.plant, selection.chosen
-    sd = scoring.standard_deviations(chosen.fit)
     changed = {n: v for n, v in chosen.fit.values.items() if v != prepared.model.nominal_value(n)}
     improved = improved_plant(plant, chosen.fit.candidates, changed, sd)
     explanation = explain(selection, reference, prepared.threshold, _curve_logs(prepared, segments, improved))

@@ -131,7 +131,8 @@ def nominal_parameters(
     Raises InputError if the nominal plant can't be simulated.
     """
     plant = training.model.plant
-    prior = {kind.name: kind.prior for kind in plant.structure.equations.parameters if kind.prior is not None}
+    kinds = [kind for kind in plant.structure.equations.parameters if kind.searched]
+    prior = {kind.name: kind.prior for kind in kinds if kind.prior is not None}
     needed = needed_to_simulate(plant.structure.equations)
     names = [name for name in prior if name in needed and plant[name] != 0.0 and name not in training.own_parameters]
     base, *moved = training.run([{}, *({name: plant[name] * (1.0 + STEP)} for name in names)])
@@ -284,6 +285,15 @@ class HypothesisFit:
     def prior_cost(self) -> float:
         """Sum of squares of the changes of the nominal parameters, in prior deviations."""
         return float(sum(((self.values[f.name] - f.nominal) / f.scale) ** 2 for f in self.free[self.n_effect :]))
+
+    def information(self, objective: Objective) -> np.ndarray:
+        """Information matrix (k, k) of data and priors, by the scales of `free`."""
+        weighted = self.jacobian * objective.weights(self.residual)[:, None]
+        # The level discounts residuals that errors of the model enlarge.
+        information = TEMPER / objective.level * (weighted.T @ weighted)
+        prior = np.arange(self.n_effect, len(self.free))
+        information[prior, prior] += 1.0
+        return np.asarray(information)
 
     def with_level_of(self, objective: Objective) -> HypothesisFit:
         """The same fit with its cost under an objective with another level."""

@@ -163,21 +163,18 @@ class Scoring:
         return effect_id_by_parameter(self.objective.model.plant)
 
     def standard_deviations(self, fit: HypothesisFit) -> dict[str, float]:
-        """Standard deviation of each effect parameter of a fit, from the inverse of its information matrix.
+        """Standard deviation of each effect parameter of a fit, with nominal parameters as uncertain as on a rig.
 
-        The nominal parameters are uncertain by what is typical of a rig, not by the narrow priors of the fit: these
-        keep causes apart, and pull an estimate where the rig's nominal values are wrong.
+        `sizes.fit_sizes` has those of the final fit.
         """
-        own = fit.n_effect
-        weights = np.repeat(self.weight, fit.residual.size // self.weight.size)
-        information = fit.jacobian.T @ (weights[:, None] * fit.jacobian)
-        nominal = self.objective.nominal
+        information, nominal = fit.information(self.objective), self.objective.nominal
         typical = dict(zip(nominal.names, nominal.typical, strict=True))
-        for i, f in enumerate(fit.free[own:], own):
-            information[i, i] += (f.scale / typical[f.name]) ** 2
-        size = np.sqrt(np.maximum(np.diag(information), 1e-12))
-        covariance = np.linalg.pinv(information / np.outer(size, size), rcond=1e-10) / np.outer(size, size)
-        return {f.name: float(np.sqrt(max(covariance[i, i], 0.0))) * f.scale for i, f in enumerate(fit.free[:own])}
+        for i, f in enumerate(fit.free[fit.n_effect :], fit.n_effect):
+            information[i, i] += (f.scale / typical[f.name]) ** 2 - 1.0
+        covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+        return {
+            f.name: float(np.sqrt(max(covariance[i, i], 0.0))) * f.scale for i, f in enumerate(fit.free[: fit.n_effect])
+        }
 
     def score(self, fit: HypothesisFit) -> ScoredHypothesis:
         """Score a hypothesis: simulate it on both segments, and without each of its effects."""

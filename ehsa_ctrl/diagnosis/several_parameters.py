@@ -102,11 +102,7 @@ def _eliminated(found: Hypotheses, fit: HypothesisFit, threshold: float) -> list
     objective = found.objective
     names = [f.name for f in fit.free]
     z = np.array([(fit.values[f.name] - f.nominal) / f.scale for f in fit.free])
-    weighted = fit.jacobian * objective.weights(fit.residual)[:, None]
-    # The level discounts residuals that errors of the model enlarge.
-    information = TEMPER / objective.level * (weighted.T @ weighted)
-    prior = np.arange(fit.n_effect, len(names))
-    information[prior, prior] += 1.0
+    information = fit.information(objective)
     information[np.arange(fit.n_effect), np.arange(fit.n_effect)] += 1e-6
     covariance = np.linalg.inv(information)
     explained = TEMPER / objective.level * (objective.loss(found.residual) - objective.loss(fit.residual))

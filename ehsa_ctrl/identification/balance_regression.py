@@ -10,11 +10,15 @@ from scipy.signal import butter, sosfiltfilt
 
 from ..core.errors import InputError
 from ..core.log import Log
+from ..core.text import join_words
 from ..plant.system import ParameterKind
 from .balance_signals import Method
 
 #: A parameter with a larger relative standard deviation is not determined.
 VAGUE = 0.5
+#: Columns of unit size are linearly dependent below this ratio of the singular values: rounding is near 1e-15.
+#: Engineering judgement.
+DEPENDENT = 1e-9
 #: Reason to take a parameter as known where all terms of a balance have a free parameter.
 RATIO = "only its ratio to the others is determined"
 #: Length of a test function in samples, and the distance to the next.
@@ -88,6 +92,13 @@ def solve_balance(
             # Everything known is zero: only ratios are determined, so the largest term is taken as known.
             reasons[max(active, key=lambda i: size[i] * abs(nominal[i]))] = RATIO
             continue
+        alike = _collinear(X[:, active] / size[active])
+        if len(alike) > 1:
+            # The last of them keeps its nominal value.
+            *others, last = (active[i] for i in alike)
+            reasons[last] = f"these records can't tell it from {join_words([kinds[i].name for i in others])}"
+            values[last], sd[last] = nominal[last], np.nan
+            continue
         scale = size[active]
         found, spread = _least_squares(X[:, active] / scale, -constant, lags)
         values[active], sd[active] = found / scale, spread / scale
@@ -106,6 +117,15 @@ def solve_balance(
             else f"its standard deviation is {100 * relative_sd[worst]:.0f} %"
         )
         values[worst], sd[worst] = nominal[worst], np.nan
+
+
+def _collinear(X: np.ndarray) -> list[int]:
+    """Columns of X (n, k) that are linearly dependent on each other; empty if none are."""
+    _, singular, directions = np.linalg.svd(X, full_matrices=False)
+    if singular[-1] > DEPENDENT * singular[0]:
+        return []
+    part = np.abs(directions[-1])
+    return np.flatnonzero(part > 0.1 * part.max()).tolist()
 
 
 def _least_squares(X: np.ndarray, y: np.ndarray, lags: int) -> tuple[np.ndarray, np.ndarray]:

@@ -35,6 +35,10 @@ from .balance_signals import MeasuredSignals, Method, balance_signals
 if TYPE_CHECKING:
     import pandas
 
+#: Most iterations where a balance contains products of parameters, and the change of the residual, as a share of the
+#: balance's term, below which they have converged.
+ITERATIONS, CONVERGED = 30, 1e-8
+
 
 @dataclass(frozen=True)
 class BalanceParameter:
@@ -154,14 +158,23 @@ def estimate_by_balances(
         free = [name for name in free if name not in nonlinear]
         if not free:
             continue
-        rows = [_rows(current, balance, residuals, free, signals, operator) for signals, operator in records]
-        used = [row for row in rows if row is not None]
+        nominal = np.array([current[name] for name in free], dtype=float)
+        values = nominal
+        for _ in range(ITERATIONS):
+            # Linear in each parameter, but not in products such as A_FR a_FR: linearised at the last values.
+            at = current.set(**dict(zip(free, values.tolist(), strict=True)))
+            rows = [_rows(at, balance, residuals, free, signals, operator) for signals, operator in records]
+            used = [row for row in rows if row is not None]
+            if not used:
+                break
+            X, y, terms = (np.concatenate(parts) for parts in zip(*used, strict=True))
+            lags = max(operator.lags for row, (_, operator) in zip(rows, records, strict=True) if row is not None)
+            last = values
+            values, sd, reasons = solve_balance(X, y, nominal, [kinds[name] for name in free], terms, lags)
+            if np.allclose(X @ (values - last), 0.0, atol=CONVERGED * float(np.sqrt(np.mean(terms**2)))):
+                break
         if not used:
             continue
-        X, y, terms = (np.concatenate(parts) for parts in zip(*used, strict=True))
-        lags = max(operator.lags for row, (_, operator) in zip(rows, records, strict=True) if row is not None)
-        nominal = np.array([current[name] for name in free], dtype=float)
-        values, sd, reasons = solve_balance(X, y, nominal, [kinds[name] for name in free], terms, lags)
         for name, value, spread, reason in zip(free, values, sd, reasons, strict=True):
             if reason:
                 undetermined[name] = f"{reason} ({balance.name})"
@@ -207,7 +220,8 @@ def _rows(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """A balance on one record: X (n, k), y (n,) with residual = y + X values, and the size of its term (n,).
 
-    None where it needs a signal that was not measured.
+    Exact if the balance is linear in all of `free` together, else linearised at the plant's values. None where it needs
+    a signal that was not measured.
     """
     equations = plant.structure.equations
     known = {**plant.values, **signals.values}
@@ -222,13 +236,13 @@ def _rows(
             usable &= signals.slides[contact.name]
     evaluate = array_evaluator(equations, (*residuals, *extra))
     nominal = evaluate(known)
-    zero = dict.fromkeys(free, 0.0)
-    constant = evaluate({**known, **zero})
-    by_parameter = [evaluate({**known, **zero, name: 1.0}) for name in free]
+    by_parameter = [[evaluate({**known, name: value}) for value in (0.0, 1.0)] for name in free]
     parts = []
     for number, (residual, term) in enumerate(zip(residuals, balance.terms, strict=True)):
         rows = usable & (nominal[balance.closed[number]] == 0.0) if balance.closed else usable
-        columns = [constant[residual], nominal[term], *(one[residual] - constant[residual] for one in by_parameter)]
+        slopes = [one[residual] - zero[residual] for zero, one in by_parameter]
+        constant = nominal[residual] - sum(slope * plant[name] for slope, name in zip(slopes, free, strict=True))
+        columns = [constant, nominal[term], *slopes]
         parts.append(operator(np.column_stack([np.broadcast_to(column, samples) for column in columns]), rows))
     table = np.concatenate(parts)
     return (table[:, 2:], table[:, 0], table[:, 1]) if table.shape[0] > len(free) + 2 else None

@@ -29,6 +29,8 @@ class ParameterKind:
     """A parameter of a system without its value: unit, meaning and physical range.
 
     prior: relative standard deviation of a typical nominal value; None for a parameter that a diagnosis does not refit.
+    searched: whether a diagnosis refits it beside every hypothesis. False where other parameters act nearly alike, as
+        volumes beside the bulk modulus: together they would hide causes. The final estimate of sizes refits it.
     """
 
     name: str
@@ -38,6 +40,7 @@ class ParameterKind:
     upper: float = 1e30
     lower_open: bool = False
     prior: float | None = None
+    searched: bool = True
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,27 @@ def test_a_known_motion_gives_back_its_parameters(carriage, how, within):
         assert found[name] == pytest.approx(plant[name], rel=within), name
 
 
+def test_products_of_parameters(carriage):
+    """Friction that differs by direction adds Fc a and Fv b |v|: products of unknown parameters. While the carriage
+    slides, Fc a is a constant as the offset is: of these two the last named keeps its nominal value."""
+    plain, log = carriage
+    plant = plain.with_effects("asymmetric_friction", a_FR=0.0, b_FR=0.0)
+    v = np.gradient(log["position"], log.time)
+    extra = -0.15 * plant["Fv"] * np.abs(v)
+    log = replace(log, channels={**log.channels, "drive_force": log["drive_force"] + extra})
+    start = plant.set(M=120.0, Fv=300.0, Fc=10.0, a_FR=0.3)
+
+    known = estimate_by_balances(start.set(offset=plain["offset"]), log, ["M", "Fv", "Fc", "a_FR", "b_FR"])
+    both = estimate_by_balances(start, log, ["M", "Fv", "Fc", "offset", "a_FR", "b_FR"])
+
+    for name, truth in {"M": plain["M"], "Fv": plain["Fv"], "Fc": plain["Fc"], "b_FR": -0.15}.items():
+        assert known[name] == pytest.approx(truth, rel=5e-3), name
+        assert both[name] == pytest.approx(truth, rel=5e-3), name
+    assert known["a_FR"] == pytest.approx(0.0, abs=2e-3)
+    assert both.undetermined == {"a_FR": "these records can't tell it from offset (force)"}
+    assert both["offset"] + 0.3 * both["Fc"] == pytest.approx(plain["offset"], abs=0.05)
+
+
 def test_a_simulated_carriage_with_a_noisy_encoder(carriage):
     """The engine's own run, sticking included, through sensor noise: within 2 %, offset within 0.2 N."""
     plant, _ = carriage

@@ -116,7 +116,7 @@ system = System(
         ParameterKind("V", "m3", "volume of either chamber", 0.0, lower_open=True, prior=0.1),
         ParameterKind("V_10", "m3", "volume of chamber 1 at x = 0", 0.0, lower_open=True, prior=0.1),
         ParameterKind("V_20", "m3", "volume of chamber 2 at x = 0", 0.0, lower_open=True, prior=0.1),
-        ParameterKind("beta", "Pa", "bulk modulus of the oil", 0.0, lower_open=True),
+        ParameterKind("beta", "Pa", "bulk modulus of the oil", 0.0, lower_open=True, prior=0.1, searched=False),
         ParameterKind("A", "m2", "piston area", 0.0, lower_open=True),
         ParameterKind("M", "kg", "mass of rod and piston", 0.0, lower_open=True, prior=0.1),
         ParameterKind("P_0", "Pa", "pressure at rest, gauge", -1.01325e5),

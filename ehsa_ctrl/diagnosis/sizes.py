@@ -1,0 +1,114 @@
+"""The sizes of the chosen causes and how well the log determines them.
+
+The search keeps the nominal parameters near their nominal values, so that causes stay apart. Where the rig's parameters
+differ, this pulls the sizes of the causes. Here all parameters are refitted once more, as uncertain as on a typical
+rig.
+
+A standard deviation holds for the form of the laws that was chosen. Where the rod sticks and slips, a small change of a
+parameter decides single slips, and the cost is a rough function of the parameters. Its scatter around the quadratic
+model of the fit is measured, and widens the standard deviations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..plant.arrays import needed_to_simulate
+from .model_selection import Selection
+from .refit import CONVERGED, TEMPER, HypothesisFit, NominalParameters, Objective, refit
+from .scoring import Scoring
+
+#: Most Gauss-Newton steps of a fit; each has a new Jacobian. Fits of the independent bench need two to six.
+STEPS = 10
+#: Pairs of random points at which the scatter of the cost is measured, their distance in standard deviations, and how
+#: often the fit starts again from a better point. Engineering judgement.
+PAIRS, DISTANCE, RESTARTS = 6, 0.5, 3
+#: Largest increase of the gap on held-out data, as a share of the threshold. Engineering judgement.
+MAX_LARGER = 0.1
+#: The median of the absolute value of a normal variable, in standard deviations.
+MEDIAN = 0.6745
+
+
+def with_sizes(selection: Selection, scoring: Scoring) -> tuple[Selection, dict[str, float]]:
+    """The selection with the final sizes of its causes, and the standard deviation of every parameter of these.
+
+    If the final fit clearly leaves a larger gap on held-out data, the sizes stay, and their difference adds to the
+    standard deviations.
+    """
+    chosen = selection.chosen
+    if not chosen.causes:
+        return selection, {}
+    objective = uncertain(scoring.objective, chosen.fit)
+    fit, sd = fit_sizes(objective, chosen.fit)
+    refined = scoring.score(fit)
+    larger = refined.held_out_gap["total"] - chosen.held_out_gap["total"]
+    if larger <= MAX_LARGER * scoring.threshold:
+        known = {**chosen.own_gaps, **refined.own_gaps}
+        selection = replace(selection, chosen=replace(refined, causes=chosen.causes, own_gaps=known))
+    else:
+        sd = {n: float(np.hypot(v, fit.values[n] - chosen.fit.values.get(n, fit.values[n]))) for n, v in sd.items()}
+    of_causes = {n for c in chosen.fit.candidates for n in c.names}
+    of_causes |= {n for n in sd if (scoring.ids.get(n), None) in chosen.causes}
+    return selection, {n: v for n, v in sd.items() if n in of_causes}
+
+
+def fit_sizes(objective: Objective, fit: HypothesisFit) -> tuple[HypothesisFit, dict[str, float]]:
+    """Refit from a hypothesis' values until the cost no longer falls; standard deviation of each free parameter."""
+    random = np.random.default_rng(0)
+    fit = _converged(objective, fit)
+    for restart in range(RESTARTS + 1):
+        scale, lower, upper = (np.array([getattr(f, name) for f in fit.free]) for name in ("scale", "lower", "upper"))
+        x = np.array([fit.values[f.name] for f in fit.free])
+        information = fit.information(objective)
+        covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+        half = random.multivariate_normal(np.zeros(x.size), DISTANCE**2 * covariance, PAIRS, method="eigh")
+        points = np.clip(x + np.vstack([half, -half]) * scale, lower, upper)
+        settings = [dict(zip(fit.values, point.tolist(), strict=True)) for point in points]
+        costs = np.array(
+            [
+                np.inf if r is None else TEMPER * objective.loss(r) + replace(fit, values=setting).prior_cost
+                for setting, r in zip(settings, objective.residuals(settings), strict=True)
+            ]
+        )
+        steps = (points - x) / scale
+        predicted = fit.cost + np.einsum("ij,jk,ik->i", steps, information, steps)
+        best = int(np.argmin(costs))
+        if restart == RESTARTS or costs[best] >= fit.cost - CONVERGED:
+            break
+        fit = _converged(objective, replace(fit, values=settings[best]))
+    known = np.isfinite(costs)
+    scatter = float(np.median(np.abs(costs - predicted)[known])) / MEDIAN if known.any() else 0.0
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0) * (1.0 + scatter)) * scale
+    return fit, {f.name: float(v) for f, v in zip(fit.free, sd, strict=True) if not f.fixed}
+
+
+def uncertain(objective: Objective, fit: HypothesisFit) -> Objective:
+    """The objective with nominal parameters as uncertain as on a typical rig, with those that the search holds."""
+    plant, known = objective.model.plant, objective.nominal
+    held = {name for c in fit.candidates for name in c.names} | {*known.names}
+    held |= objective.segment.own_parameters if objective.segment is not None else set()
+    needed = needed_to_simulate(plant.structure.equations)
+    added = {
+        kind.name: kind.prior * plant[kind.name]
+        for kind in plant.structure.equations.parameters
+        if kind.prior is not None and not kind.searched and kind.name in needed and kind.name not in held
+    }
+    typical = np.append(known.typical, [*added.values()])
+    values = np.append(known.values, [plant[name] for name in added])
+    return replace(objective, nominal=NominalParameters((*known.names, *added), values, typical, typical))
+
+
+def _converged(objective: Objective, fit: HypothesisFit) -> HypothesisFit:
+    """Gauss-Newton with a new Jacobian in every step."""
+    cost = np.inf
+    for _ in range(STEPS):
+        found = refit(objective, fit.candidates, fit.values, {}, steps=1)
+        if found is None:
+            break
+        fit = found
+        if fit.cost > cost - CONVERGED:
+            break
+        cost = fit.cost
+    return fit
