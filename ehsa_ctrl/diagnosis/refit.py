@@ -328,7 +328,11 @@ class _HypothesisProblem:
         """Fill these columns of J (n, k) by finite differences, with steps towards the interior of the bounds."""
         settings, steps = [], []
         for i in which:
-            h = 0.3 * self.scale[i] if i < self.n_effect else min(0.3 * self.scale[i], STEP * abs(self.nominal[i]))
+            h = (
+                0.3 * self.scale[i]
+                if i < self.n_effect
+                else min(0.3 * self.scale[i], STEP * abs(self.nominal[i]) or np.inf)
+            )
             h = -h if x[i] + h > self.upper[i] else h
             moved = x.copy()
             moved[i] += h

@@ -2,7 +2,7 @@
 
 The search keeps the nominal parameters near their nominal values, so that causes stay apart. Where the rig's parameters
 differ, this pulls the sizes of the causes. Here all parameters are refitted once more, as uncertain as on a typical
-rig.
+rig, and so are the filters of the logger's channels: a rig has them, and they are no cause as long as they are short.
 
 A standard deviation holds for the form of the laws that was chosen. Where the rod sticks and slips, a small change of a
 parameter decides single slips, and the cost is a rough function of the parameters. Its scatter around the quadratic
@@ -20,7 +20,9 @@ from .model_selection import Selection
 from .refit import CONVERGED, TEMPER, HypothesisFit, NominalParameters, Objective, refit
 from .scoring import Scoring
 
-#: Most Gauss-Newton steps of a fit; each has a new Jacobian. Fits of the independent bench need two to six.
+#: Time constant of a filter in a typical logger, in samples. Engineering judgement.
+FILTER = 1.0
+#: Most Gauss-Newton steps of a fit; each has a new Jacobian. Engineering judgement.
 STEPS = 10
 #: Pairs of random points at which the scatter of the cost is measured, their distance in standard deviations, and how
 #: often the fit starts again from a better point. Engineering judgement.
@@ -85,19 +87,24 @@ def fit_sizes(objective: Objective, fit: HypothesisFit) -> tuple[HypothesisFit, 
 
 
 def uncertain(objective: Objective, fit: HypothesisFit) -> Objective:
-    """The objective with nominal parameters as uncertain as on a typical rig, with those that the search holds."""
+    """The objective with nominal parameters as uncertain as on a typical rig, and with more of them than in the search:
+    the plant's parameters that the search holds, and a filter in each channel of the logger.
+    """
     plant, known = objective.model.plant, objective.nominal
     held = {name for c in fit.candidates for name in c.names} | {*known.names}
     held |= objective.segment.own_parameters if objective.segment is not None else set()
     needed = needed_to_simulate(plant.structure.equations)
     added = {
-        kind.name: kind.prior * plant[kind.name]
+        kind.name: (plant[kind.name], kind.prior * plant[kind.name])
         for kind in plant.structure.equations.parameters
-        if kind.prior is not None and not kind.searched and kind.name in needed and kind.name not in held
+        if kind.prior is not None and not kind.searched and kind.name in needed
     }
-    typical = np.append(known.typical, [*added.values()])
-    values = np.append(known.values, [plant[name] for name in added])
-    return replace(objective, nominal=NominalParameters((*known.names, *added), values, typical, typical))
+    sample_time = objective.model.log.sample_time
+    added |= {f"filter.{c}": (0.0, FILTER * sample_time) for c in objective.model.channels if f"delay.{c}" not in held}
+    added = {name: pair for name, pair in added.items() if name not in held}
+    values, typical = (np.array([pair[i] for pair in added.values()]) for i in (0, 1))
+    names, typical = (*known.names, *added), np.append(known.typical, typical)
+    return replace(objective, nominal=NominalParameters(names, np.append(known.values, values), typical, typical))
 
 
 def _converged(objective: Objective, fit: HypothesisFit) -> HypothesisFit:
