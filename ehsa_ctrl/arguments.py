@@ -197,18 +197,21 @@ def as_system(value: Any, given: Given) -> Any:
 
 
 def as_controller(value: Any, given: Given) -> Any:
-    """A controller. A name is designed on the argument `system`, or on the linear set of the file of `plant`."""
+    """A controller. A name is designed on the argument `system`, or on the linear model of `plant` (of `diagnosis`)."""
     if not isinstance(value, str | os.PathLike):
         return _checked(value, isinstance(value, Controller))
     from .design.load import load_controller
 
-    plant, system = given.get("plant"), given.get("system")
-    period = None
+    system: Any = given.get("system")
+    plant: Any = given.get("plant") or getattr(given.get("diagnosis"), "plant", None)
+    period, unit = None, ""
     if _is(plant, "Plant"):
-        period = plant.sample_time  # type: ignore[union-attr]
-        system = as_system(plant.path, given) if system is None else system  # type: ignore[union-attr]
+        from .plant.conditions import design_model
+
+        period, unit = plant.sample_time, plant.structure.system.drive_unit
+        system = design_model(plant) if system is None else system
     _checked(system, _is(system, "StateSpace"))
-    return load_controller(os.fspath(value), system, sample_time=period)
+    return load_controller(os.fspath(value), system, sample_time=period, drive_unit=unit)
 
 
 def _is_pair(value: Any, *, open_ended: bool = False) -> bool:
@@ -260,7 +263,7 @@ _NAMES = {
     WHOLE: "direction draws jobs lag n points rehearsals runs shortest starts",
     SEED: "seed",
     FLAG: "anew assumed centre check compiled raise_on_failure sensor_noise uniform",
-    TEXT: "criterion kind label method name system_name",
+    TEXT: "criterion drive_unit kind label method name system_name",
     TEXT | NONE: "chambers rod_friction shaft_friction",
     TEXT | PATH: "file folder identification path",
     ARRAY: "current force measured reference simulated start time",
@@ -288,6 +291,7 @@ _NAMES = {
     instance("Covariance", "the covariance of an identification"): "covariance",
     instance("DataFrame", "a table of pandas"): "frame",
     instance("Faults"): "faults",
+    instance("Diagnosis", "what diagnose(plant, log) gives"): "diagnosis",
     instance("Identification", "what identify(plant, log) gives"): "found",
     instance("Known", "what known_of(plant) gives"): "known",
     instance("RobustMargins", "what robust_margins(systems, controller) gives"): "robust",
@@ -306,6 +310,7 @@ OVERRIDES: dict[str, ArgumentKind] = {
     "Log.path": PATH,
     "Log.segment.start": NUMBER,
     "diagnose_many.logs": several(_or_name(LOG)),
+    "log_controller.controller": TEXT | PATH,
     "identify.logs": LOG | several(LOG),
     "identify.method": one_of("simulation", "balances"),
     "identify.validate": several(LOG),

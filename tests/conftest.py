@@ -49,6 +49,14 @@ def linear():
 
 
 @pytest.fixture
+def shared():
+    """The folder of shared data, where there is one."""
+    if not SHARED.is_dir():
+        pytest.skip("the shared data are not here")
+    return SHARED
+
+
+@pytest.fixture
 def shared_logs():
     """Folder of the labelled logs; the test is skipped where it is absent."""
     folder = SHARED / "logs" / "labelled"

@@ -11,6 +11,7 @@ import pytest
 
 import ehsa_ctrl as e
 from ehsa_ctrl.arguments import kind_of
+from ehsa_ctrl.diagnosis.diagnosis import Diagnosis
 from ehsa_ctrl.identification.identification import Identification
 
 FUNCTIONS = [name for name in e.__all__ if inspect.isfunction(getattr(e, name))]
@@ -41,7 +42,8 @@ def given():
         "controller": e.load_controller("pid_position", system), "scenario": "steps_spring", "time": time,
         "current": time, "parameters": time[None], "reference": np.zeros((50, 3)), "measured": time, "simulated": time,
         "name": "ehsa", "path": "nowhere/x.fmu", "plants": [plant], "n": 1, "required": (), "result": None,
-        "folder": ".", "found": object.__new__(Identification), "distance": 0.01, "current_limit": 6.0,
+        "folder": ".", "diagnosis": object.__new__(Diagnosis), "found": object.__new__(Identification),
+        "distance": 0.01, "current_limit": 6.0,
     }  # fmt: skip
 
 

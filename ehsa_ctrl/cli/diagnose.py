@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +16,7 @@ from .output import OutputOptions, provenance, to_json, warn
 
 if TYPE_CHECKING:
     from ..core.log import Log
+    from ..design.controller import SampledController
     from ..diagnosis.changed import Change
     from ..diagnosis.closed_loop import LoopComparison
     from ..diagnosis.diagnosis import Diagnosis
@@ -43,15 +44,21 @@ class SingleLogOptions:
         typer.Option(help="Scenario to run on the nominal and on the improved plant.", autocompletion=scenarios),
     ] = None
     controller: Annotated[
-        str | None, typer.Option(help="Controller instead of the scenario's own.", autocompletion=controllers)
+        str | None,
+        typer.Option(
+            help="Controller under which the log was recorded: simulate the closed loop as well, along the log's "
+            "channel reference; by default that of the plant's [log.controller]. With --scenario: controller instead "
+            "of the scenario's own.",
+            autocompletion=controllers,
+        ),
     ] = None
     replay: Annotated[
-        bool, typer.Option("--replay", help="The log was recorded in that closed loop: compute the closed-loop gap.")
+        bool, typer.Option("--replay", help="The log was recorded in the scenario: simulate its closed loop as well.")
     ] = False
 
     def check(self, logs: int, preparation: LogOptions) -> None:
         """Raises InputError for options that exclude each other."""
-        for word in ("validate", "before", "scenario"):
+        for word in ("validate", "before", "scenario", "controller"):
             if getattr(self, word) is not None and logs > 1:
                 raise InputError(f"--{word} is for a single log, but {logs} are given; diagnose them one by one")
         if self.validate is not None and self.before is not None:
@@ -59,9 +66,10 @@ class SingleLogOptions:
                 "--validate and --before exclude each other, because --before holds out a third of each log; "
                 "leave one out"
             )
-        for option, given in (("--replay", self.replay), ("--controller", self.controller is not None)):
-            if given and self.scenario is None:
-                raise InputError(f"{option} needs a scenario; name it with --scenario")
+        if self.replay and self.scenario is None:
+            raise InputError(
+                "--replay needs a scenario; name it with --scenario, or the controller alone with --controller"
+            )
         if self.replay and (preparation.start is not None or preparation.stop is not None):
             raise InputError(
                 "--replay compares the whole log with the scenario from its beginning; leave out --from and --to"
@@ -83,8 +91,11 @@ class DiagnosisOutcome:
     closed: LoopComparison | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        more = {"closed_loop": self.closed.to_dict()} if self.closed is not None else {}
-        return {**(self.change or self.found).to_dict(), **more, "preparation": self.steps}
+        content = (self.change or self.found).to_dict()
+        if self.closed is not None:
+            # The scenario's metrics stand beside the gaps of a closed-loop replay.
+            content["closed_loop"] = {**content.get("closed_loop", {}), **self.closed.to_dict()}
+        return {**content, "preparation": self.steps}
 
     def stored(self) -> dict[str, Any]:
         """Content of diagnosis.json."""
@@ -120,6 +131,9 @@ def command(
 
     Several logs get a folder each and a summary; after an interruption, the same command continues.
 
+    --controller, or [log.controller] in the plant's file, adds a closed-loop replay: the gaps of the same models under
+    the controller of the log, along the logged reference, with the position.
+
     --from and --to apply to each log that is diagnosed; logs of --validate and --before are used whole. --zero and
     --align remove the offset or delay of a channel, so that the diagnosis can't find it.
 
@@ -127,7 +141,8 @@ def command(
     my/rig.toml --validate other.csv --set load.stiffness=50e3 --threshold 0.05 · ehsa-ctrl diagnose logs/*.csv --plant
     ehsa --out results/logs · ehsa-ctrl diagnose rig.csv --plant my/rig.toml --from 2 --to 26 --resample 250 --zero
     p1,p2 · ehsa-ctrl diagnose today.csv --before last_year.csv --plant ehsa · ehsa-ctrl diagnose
-    log.csv --plant ehsa --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3
+    log.csv --plant ehsa --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3 ·
+    ehsa-ctrl diagnose loop.csv --plant my/rig.toml --controller pid_position --out results/loop
     """
     from ..plant.load import models_of
     from .inputs import load_model, preparation_sentences
@@ -147,7 +162,7 @@ def command(
     output.check(
         "diagnose",
         *file_names(nominal, before=single.before is not None, closed=single.scenario is not None),
-        figures=[*FIGURES, *closed_figure],
+        figures=[*FIGURES, "closed_loop_replay", *closed_figure],
     )
     outcome = _diagnose(nominal, logs[0], single, how, threshold=threshold, jobs=jobs, check=not unchecked)
     found, out = outcome.found, output.out
@@ -207,6 +222,7 @@ def _diagnose(
     """Read and diagnose one log, compare it with an earlier one, and run the scenario, as the options ask."""
     from ..diagnosis.changed import what_changed
     from ..diagnosis.closed_loop import check_replay, compare_loops
+    from ..diagnosis.closed_loop_replay import replay_closed_loop
     from ..diagnosis.diagnose import diagnose
     from ..identification.plant_log import missing_information
     from .inputs import read_prepared, whole
@@ -227,6 +243,7 @@ def _diagnose(
     case = prepare_case(single.scenario, single.controller, nominal) if single.scenario is not None else None
     if case is not None and single.replay:
         check_replay(case, nominal, measured)
+    controller = _controller_of_log(nominal, single, [one for one in (measured, second) if one is not None])
     missing = missing_information(measured, nominal)
     if "force" in missing:
         warn(missing["force"])
@@ -240,10 +257,38 @@ def _diagnose(
                 nominal, measured, validate=second, threshold=threshold, jobs=jobs, watch=watch, check=check
             )
         words = ("believed", "improved") if change is None else ("before", "after")
+        if controller is not None:
+            found = replay_closed_loop(found, controller, validate=second)
         closed = compare_loops(case, found, replay=single.replay, words=words) if case is not None else None
+        if closed is not None and closed.replay is not None:
+            found = replace(found, closed_loop=closed.replay)
+        if change is not None:
+            change = replace(change, after=found)
     for sentence in dict.fromkeys([*(change.before.findings if change is not None else ()), *found.findings]):
         warn(sentence)
     return DiagnosisOutcome(found, steps, (log, single.validate, single.before), change, closed)
+
+
+def _controller_of_log(plant: Plant, single: SingleLogOptions, logs: Sequence[Log]) -> SampledController | None:
+    """The controller for a closed-loop replay along the reference of these logs; None if none is asked for.
+
+    Raises InputError as `log_controller` and `reference_of` do; where only the plant's file names a controller, a log
+    without a reference has no closed-loop replay.
+    """
+    from ..core.log import REFERENCES
+    from ..diagnosis.logged_reference import reference_of
+    from ..scenario.log_controller import log_controller
+
+    asked = single.controller if single.scenario is None else None
+    if asked is None and (plant.log_controller is None or single.replay):
+        return None
+    if asked is None and any(REFERENCES[0] not in log.channels for log in logs):
+        warn(f"the log has no channel {REFERENCES[0]}: no closed-loop replay with the plant's [log.controller]")
+        return None
+    controller = log_controller(plant, asked)
+    for log in logs:
+        reference_of(log, controller)
+    return controller
 
 
 def prepare_case(scenario: str, controller: str | None, plant: Plant) -> PreparedScenario:
@@ -273,7 +318,8 @@ def _print_closed(closed: LoopComparison) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from ..report.closed_loop import MAX_CURRENT_DEVIATION, closed_table, plant_title
+    from ..diagnosis.closed_loop_replay import MAX_DRIVE_DIFFERENCE
+    from ..report.closed_loop import closed_table, plant_title
 
     console = Console(highlight=False)
     console.print(f"\n{closed.scenario} with {closed.controller}:")
@@ -291,7 +337,7 @@ def _print_closed(closed: LoopComparison) -> None:
         )
     if len(closed.metrics) == 1:
         console.print("No cause was named, so that there is no other plant to compare.")
-    if closed.replay is not None and (difference := closed.replay.current_difference) > MAX_CURRENT_DEVIATION:
+    if closed.replay is not None and (difference := closed.replay.drive_difference) > MAX_DRIVE_DIFFERENCE:
         warn(
             f"the logged current differs by {100 * difference:.0f} % from the output of {closed.controller} on the "
             "logged measurements: was the log recorded under this loop?"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import typing
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -30,20 +31,20 @@ LARGEST = 1e30
 
 
 class In:
-    """A quantity in an SI unit: `Annotated[float, In("m")]` reads "20 mm" as 0.02."""
+    """A quantity in an SI unit: `Annotated[float, In("m")]` reads "20 mm" as 0.02.
 
-    def __init__(self, unit: str) -> None:
-        self.unit = unit
+    others: further SI units, for a quantity whose unit depends on the plant, such as that of the drive.
+    """
+
+    def __init__(self, unit: str, *others: str) -> None:
+        self.unit, self.others = unit, others
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
 
         def convert(value: Any) -> float:
             if isinstance(value, str):
-                try:
-                    number = parse(value, self.unit)
-                except InputError as error:
-                    raise ValueError(str(error)) from None
+                number = self._number(value)
             elif isinstance(value, bool) or not isinstance(value, int | float):
                 raise ValueError(f"{shown(value)} is not a quantity; write it as in '3 {self.unit}'")
             elif self.unit not in ("1", "fraction"):
@@ -57,6 +58,16 @@ class In:
         # The bounds of a Field (gt, ge, lt, le) apply to the converted number.
         return core_schema.no_info_before_validator_function(convert, handler(source))
 
+    def _number(self, text: str) -> float:
+        """The text as a number in the first SI unit that fits."""
+        try:
+            return parse(text, self.unit)
+        except InputError as error:
+            for other in self.others:
+                with suppress(InputError):
+                    return parse(text, other)
+            raise ValueError(str(error)) from None
+
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         return {"type": "string", "unit": self.unit}
 
@@ -69,6 +80,8 @@ Unlimited = Annotated[float, AllowInfNan(True)]
 Metre = Annotated[float, In("m")]
 Second = Annotated[float, In("s")]
 Ampere = Annotated[float, In("A")]
+#: The drive of a plant: a current, or a force or voltage of a system that has such a drive.
+Drive = Annotated[float, In("A", "N", "V")]
 Newton = Annotated[float, In("N")]
 Hertz = Annotated[float, In("Hz")]
 RadianPerSecond = Annotated[float, In("rad/s")]

@@ -26,7 +26,8 @@ class Channel(NamedTuple):
     decimals: int
 
 
-#: Channels in the order of the columns. spring_p1 and spring_p2 are absolute pressures of gas springs at the rod.
+#: Channels in the order of the columns. spring_p1 and spring_p2 are absolute pressures of gas springs at the rod;
+#: reference is the target position of the controller under which the log was recorded.
 CHANNELS = {
     "t": Channel("s", 6),
     "current": Channel("A", 5),
@@ -41,7 +42,12 @@ CHANNELS = {
     "drive_force": Channel("N", 4),
     "spring_p1": Channel("Pa", 1),
     "spring_p2": Channel("Pa", 1),
+    "reference": Channel("m", 7),
+    "reference_velocity": Channel("m/s", 7),
+    "reference_acceleration": Channel("m/s2", 5),
 }
+#: What the controller of the rig was asked for: no sensor measures it, and no plant simulates it.
+REFERENCES = ("reference", "reference_velocity", "reference_acceleration")
 
 
 #: Tolerance of the sampling grid, in sample times. Engineering judgement: loggers round their time stamps, 4 ms to

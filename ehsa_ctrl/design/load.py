@@ -12,6 +12,7 @@ from ..core.catalogue import controllers
 from ..core.definition import validate
 from ..core.errors import InputError, choices, shown
 from ..core.files import read_toml
+from ..core.unit import parse
 from .controller import SampledController
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 
@@ -27,18 +28,39 @@ def read_controller(path: Path, sample_time: float | None = None) -> tuple[Contr
 
     Raises InputError with file and key.
     """
-    content: dict[str, Any] = read_toml(path)
+    return read_content(read_toml(path), str(path), sample_time)
+
+
+def read_content(
+    content: dict[str, Any], where: str, sample_time: float | None = None, drive_unit: str = ""
+) -> tuple[ControllerKind, ControllerFile]:
+    """Validate the content of a controller's TOML.
+
+    where: file, for messages. drive_unit: SI unit of the plant's drive, if the controller must be one for this plant.
+
+    Raises InputError with file and key, and for a controller of another drive.
+    """
+    content = dict(content)
     if sample_time is not None:
         content.setdefault("sample_time", f"{sample_time:.9g} s")
     word = content.get("kind")
     if not isinstance(word, str) or word not in CONTROLLER_KINDS:
-        raise InputError(f"{path}: kind = {shown(word)}; {choices(word, CONTROLLER_KINDS)}")
+        raise InputError(f"{where}: kind = {shown(word)}; {choices(word, CONTROLLER_KINDS)}")
     kind = CONTROLLER_KINDS[word]
-    return kind, validate(content, kind.file, str(path))
+    definition = validate(content, kind.file, where)
+    if drive_unit:
+        try:
+            parse(content["current_limit"], drive_unit)
+        except InputError:
+            raise InputError(
+                f"{where}: current_limit = {shown(content['current_limit'])}, but the drive of this plant is in "
+                f"{drive_unit}; the controller is one for another system"
+            ) from None
+    return kind, definition
 
 
 def load_controller(
-    name: str | Path, system: control.StateSpace, *, sample_time: float | None = None
+    name: str | Path, system: control.StateSpace, *, sample_time: float | None = None, drive_unit: str = ""
 ) -> SampledController:
     """Load a controller by catalogue name or path and design it on a linear model.
 
@@ -46,15 +68,31 @@ def load_controller(
     ----------
     system: linear model with the current as first input and an output x, e.g. `three_state(plant)`.
     sample_time: s, the plant's, for a file without one; 4 ms by default.
+    drive_unit: SI unit of the plant's drive, to reject a controller of another system; unchecked by default.
 
     Raises InputError for a missing or invalid file, and for an infeasible design.
     """
     path = controllers.find(name)
-    kind, definition = read_controller(path, sample_time)
+    return controller_of(read_toml(path), str(path), path.stem, system, sample_time, drive_unit)
+
+
+def controller_of(
+    content: dict[str, Any],
+    where: str,
+    name: str,
+    system: control.StateSpace,
+    sample_time: float | None = None,
+    drive_unit: str = "",
+) -> SampledController:
+    """The controller of a TOML's content; `where` is its file, for messages. Other arguments as in `load_controller`.
+
+    Raises InputError as `load_controller` does.
+    """
+    kind, definition = read_content(content, where, sample_time, drive_unit)
     try:
-        return build_controller(path.stem, kind, definition, system)
+        return build_controller(name, kind, definition, system)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{where}: {error}") from None
 
 
 def build_controller(

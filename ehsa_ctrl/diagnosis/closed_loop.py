@@ -1,5 +1,5 @@
 """Effect of a diagnosis on a closed loop: a scenario on the nominal and on the improved plant, and the closed-loop gap
-of a log that was recorded under this loop."""
+of a log that was recorded in this scenario."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.controller_interface import MEASURED
 from ..core.errors import InputError
 from ..core.result import as_dict
 from ..plant.file import label, symbol_of
-from .signals import gap, scored_signals, signal_noise
+from .closed_loop_replay import ClosedLoopReplay, LoopCase, replay_loop
+from .logged_reference import sampled_by
 
 if TYPE_CHECKING:
     from ..core.log import Log
@@ -21,20 +21,6 @@ if TYPE_CHECKING:
     from ..scenario.prepare import PreparedScenario
     from ..simulation.closed_loop import ClosedLoop
     from .diagnosis import Diagnosis
-
-
-@dataclass(frozen=True)
-class LoopReplay:
-    """A log compared with simulations of the same closed loop.
-
-    gap: plant -> signal -> gap. seconds: time that log and scenario have in common [s].
-    current_difference: RMS difference between the logged current and the controller's output on the logged
-        measurements, divided by the standard deviation of the logged current; nan if the log lacks a measurement.
-    """
-
-    gap: Mapping[str, Mapping[str, float]]
-    seconds: float
-    current_difference: float
 
 
 @dataclass(frozen=True)
@@ -47,7 +33,7 @@ class LoopComparison:
     metrics: plant -> metric -> value, SI units. Plants: "believed" (nominal) and, if a cause was named, "improved"; or
         "before" and "after" if two logs were compared.
     failures: plant -> exceeded limits of scenario and plant, in sentences.
-    replay: the closed-loop gap, if the log was recorded under this loop.
+    replay: the closed-loop gap, if the log was recorded in this scenario.
     loops: plant -> simulation.
     units: metric -> SI unit.
     """
@@ -56,13 +42,16 @@ class LoopComparison:
     controller: str
     metrics: Mapping[str, Mapping[str, float]]
     failures: Mapping[str, tuple[str, ...]]
-    replay: LoopReplay | None = None
+    replay: ClosedLoopReplay | None = None
     loops: Mapping[str, ClosedLoop] = field(default_factory=dict, repr=False)
     units: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Content of closed_loop.json, SI units."""
-        replay = self.replay
+        replay, gaps = self.replay, {}
+        if replay is not None:
+            # The nominal plant and the one with the causes, by the names that they have here.
+            gaps = dict(zip(self.metrics, (replay.gap["nominal"], replay.gap["with_effects"]), strict=False))
         return as_dict(
             self, "scenario controller failures", plants=list(self.metrics),
             metrics={
@@ -70,19 +59,14 @@ class LoopComparison:
                 for name, unit in self.units.items()
             },
             passed={word: not reasons for word, reasons in self.failures.items()},
-            replay=replay and as_dict(replay, "gap seconds", current_not_of_this_loop=replay.current_difference),
+            replay=replay
+            and as_dict(replay, "seconds", gap=gaps, current_not_of_this_loop=replay.drive_difference),
         )  # fmt: skip
 
 
 def check_replay(case: PreparedScenario, nominal: Plant, log: Log) -> None:
-    """Raises InputError if the log can't have been recorded under this loop."""
-    dt = case.controller.sample_time
-    where = log.path or "the log"
-    if abs(log.sample_time / dt - 1.0) > 1e-3:
-        raise InputError(
-            f"{where}: has a sample time of {log.sample_time:g} s, controller {case.controller.name} of {dt:g} s; omit "
-            "--replay, or give a log recorded under this loop"
-        )
+    """Raises InputError if the log can't have been recorded in this scenario."""
+    sampled_by(log, case.controller)
     for symbol, value in _settings(case, nominal).items():
         if not np.isclose(nominal[symbol], value, rtol=1e-9, atol=0.0):
             raise InputError(
@@ -117,50 +101,29 @@ def compare_loops(
         case.controller.name,
         {word: one.metrics for word, one in evaluated.items()},
         {word: one.failures for word, one in evaluated.items()},
-        _replay(case, plants, found) if replay else None,
+        replay_scenario(case, found)[0] if replay else None,
         loops,
         case.metric_units,
     )
+
+
+def replay_scenario(case: PreparedScenario, found: Diagnosis) -> tuple[ClosedLoopReplay, list[str]]:
+    """The log compared with simulations of the scenario in which it was recorded, and findings."""
+    definition, log = case.scenario.definition, sampled_by(found.log, case.controller)
+    noiseless = definition.model_copy(update={"sensors": definition.sensors.model_copy(update={"noise": False})})
+    quiet, settings = replace(case, scenario=replace(case.scenario, definition=noiseless)), _settings(case, found.plant)
+
+    def run(plant: Plant, lag: int, seed: int | None) -> ClosedLoop:
+        kept = {name: value for name, value in settings.items() if plant[name] == found.plant[name]}
+        return (quiet if seed is None else case).simulate(plant.set(**kept), seed)
+
+    time = case.controller.sample_time * np.arange(len(log))
+    reference = definition.reference.signal(time[time <= definition.duration + 1e-9])
+    first = 0 if found.held_from is None else int(np.searchsorted(log.time, found.held_from))
+    return replay_loop(found, LoopCase(case.controller, log, reference, first, run, definition.sensors.lag))
 
 
 def _settings(case: PreparedScenario, plant: Plant) -> dict[str, float]:
     """Parameters of the plant that the scenario sets, SI units."""
     names = map(symbol_of, case.scenario.definition.all_settings)
     return {name: case.nonlinear[name] for name in names if name in plant.parameters}
-
-
-def _replay(case: PreparedScenario, plants: Mapping[str, Plant], found: Diagnosis) -> LoopReplay:
-    """The log compared with simulations of the loop without sensor noise."""
-    log, definition = found.log, case.scenario.definition
-    quiet = definition.model_copy(update={"sensors": definition.sensors.model_copy(update={"noise": False})})
-    noiseless = replace(case, scenario=replace(case.scenario, definition=quiet))
-    loops = {word: noiseless.simulate(plant) for word, plant in plants.items()}
-    n = min(len(log), *(loop.asked.size for loop in loops.values()))
-    dt = log.sample_time
-    signals = found.plant.structure.system.scored
-    measured = scored_signals(signals, {name: values[:n] for name, values in log.channels.items()}, dt)
-    noise = signal_noise(signals, found.noise_sd, dt)
-    gaps = {}
-    for word, loop in loops.items():
-        simulated = dict(zip(MEASURED, loop.measured[:n].T, strict=True))
-        gaps[word] = gap(measured, scored_signals(signals, simulated, dt), noise)
-    reference = next(iter(loops.values())).reference[:n]
-    return LoopReplay(gaps, (n - 1) * dt, _current_difference(case, log, reference))
-
-
-def _current_difference(case: PreparedScenario, log: Log, reference: np.ndarray) -> float:
-    """See `LoopReplay.current_difference`."""
-    n, lag = len(reference), case.scenario.definition.sensors.lag
-    spread = float(np.std(log["current"][:n]))
-    if spread == 0.0 or any(name not in log.channels for name in MEASURED):
-        return float("nan")
-    rows = np.column_stack([log[name][:n] for name in MEASURED])
-    controller, memory = case.controller, case.controller.initial_memory()
-    compiled, settings = controller.compiled, controller.settings()
-    asked = np.array(
-        [
-            controller.step(r, m, memory) if compiled is None else compiled(r, m, memory, settings)
-            for r, m in zip(reference, rows, strict=True)
-        ]
-    )
-    return float(np.sqrt(np.mean((log["current"][lag:n] - asked[: n - lag]) ** 2))) / spread

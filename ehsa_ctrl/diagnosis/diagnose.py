@@ -358,7 +358,7 @@ def _log_gaps(
             model: dict.fromkeys([*record.measured, "total"], float("inf")) if run is None else record.gap(run[i])
             for model, run in simulated.items()
         }
-        gap |= {"upper_bound": _upper_bound(gap, locations[i])} if locations else dict.fromkeys(MODELS, gap["nominal"])
+        gap |= {"upper_bound": upper_bound(gap, locations[i])} if locations else dict.fromkeys(MODELS, gap["nominal"])
         split = segments.splits[i] if segments.splits is not None else None
         found.append(
             LogGap(
@@ -436,7 +436,7 @@ def _diagnose_selection(
         [own["total"] for own in own_gaps] or [1.0] * len(locations),
     )
     gap = {model: segments.held_out.gap(setting) for model, setting in values.items()}
-    gap["upper_bound"] = _upper_bound(gap, location)
+    gap["upper_bound"] = upper_bound(gap, location)
     causes: tuple[Cause, ...] = ()
     if selection.verdict != "outside_catalogue":
         causes = build_causes(plant, selection, scoring, known, sd, gap, [one.log for one in prepared.logs])
@@ -497,7 +497,7 @@ def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, floa
     return tuple(sorted(shares.items(), key=lambda row: -row[1]))
 
 
-def _upper_bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[str, float]:
+def upper_bound(gap: Mapping[str, Mapping[str, float]], location: Location) -> dict[str, float]:
     """Estimate of the smallest gap that any model could reach, by signal.
 
     The nominal gap without the share that injected unknown inputs close over the whole log, or the gap of the best

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
+    from .closed_loop_replay import ClosedLoopReplay
     from .gap_attribution import Location
     from .next_experiment import NextExperiment
 
@@ -158,6 +159,7 @@ class Diagnosis(Result):
     location: place of the gap, found without the catalogue of effects.
     improved: the plant with the causes added, or with refitted nominal parameters if none is named; None without a gap.
     next_experiment: the proposed experiment in words. experiment: its input, if there is one.
+    closed_loop: the same models under the controller of the log; None without a closed-loop replay.
     findings: warnings on the log and notes on the gaps. seconds: computing time. runs: number of simulations.
     """
 
@@ -183,6 +185,7 @@ class Diagnosis(Result):
     logs: tuple[LogGap, ...] = ()
     next_experiment: str | None = None
     experiment: NextExperiment | None = field(default=None, repr=False)
+    closed_loop: ClosedLoopReplay | None = None
     findings: tuple[str, ...] = ()
     seconds: float = 0.0
     runs: int = 0
@@ -243,6 +246,7 @@ class Diagnosis(Result):
             effects=[self._described(cause) for cause in self.effects],
             gap_whole_log=self.whole, law=None,
             **({"logs": [one.to_dict() for one in self.logs]} if self.logs else {}),
+            **({"closed_loop": loop.gap, "closed_loop_replay": loop} if (loop := self.closed_loop) else {}),
         )  # fmt: skip
 
     def _described(self, cause: Cause) -> dict[str, Any]:
@@ -277,16 +281,17 @@ class Diagnosis(Result):
         return draw(self)
 
     def __str__(self) -> str:
-        lines = [
-            self.sentence,
-            f"  held-out data: {self.held_out}",
-            f"  {'gap there (%)':<28}" + "".join(f"{s:>14}" for s in _signals(self)),
-        ]
-        for model, gaps in self.gap.items():
-            lines.append(f"  {MODELS[model]:<28}" + "".join(f"{100.0 * gaps[s]:>14.2f}" for s in _signals(self)))
+        lines = [self.sentence, f"  held-out data: {self.held_out}", *_gap_table("gap there (%)", self.gap)]
         for one in self.logs:
             before, after = (100.0 * one.gap[model]["total"] for model in ("nominal", "with_effects"))
             lines.append(f"  {one.log.name}: total gap {before:.2f} %, with the causes {after:.2f} %")
+        if self.closed_loop is not None:
+            loop = self.closed_loop
+            lines += _gap_table("in closed loop (%)", loop.gap)
+            rows = [f"{MODELS[model]} {1e3 * value:.3g} mm" for model, value in loop.position_error.items()]
+            lines.append(f"  position error with {loop.controller} (RMS): {', '.join(rows)}")
+            rows = [f"{MODELS[model]} {100.0 * value:.2f} %" for model, value in loop.drive_gap.items()]
+            lines.append(f"  gap of the drive: {', '.join(rows)}")
         if self.where:
             lines.append(
                 "  place of the gap, over the whole log: "
@@ -306,6 +311,12 @@ class Diagnosis(Result):
         return "\n".join(lines)
 
 
-def _signals(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Names of the scored signals, then "total"."""
-    return tuple(next(iter(diagnosis.gap.values())))
+def _gap_table(title: str, gap: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Gaps in percent, one line per model; the first line names the signals."""
+    signals = tuple(next(iter(gap.values())))
+    lines = [f"  {title:<28}" + "".join(f"{signal:>14}" for signal in signals)]
+    lines += [
+        f"  {MODELS[model]:<28}" + "".join(f"{100.0 * gaps[signal]:>14.2f}" for signal in signals)
+        for model, gaps in gap.items()
+    ]
+    return lines

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..core.log import Log
+from ..core.log import REFERENCES, Log
 from ..plant.system import ScoredSignal
 
 #: Standard deviation of a constant signal relative to its value, at most: rounding.
@@ -46,7 +46,7 @@ def estimate_noise(log: Log) -> dict[str, float]:
     Fourth differences remove nearly everything that the plant can produce. Samples equal to their neighbours are left
     out: at standstill the quantisation of the converter hides the noise.
     """
-    return {name: _noise(values) for name, values in log.channels.items()}
+    return {name: _noise(values) for name, values in log.channels.items() if name not in REFERENCES}
 
 
 def _noise(values: np.ndarray) -> float:

@@ -11,6 +11,7 @@ from ..core.errors import InputError
 from .file import label
 from .linear import three_state
 from .linearise import linearise, reduce_to_difference
+from .load import load_plant, models_of
 from .plant import Plant
 
 if TYPE_CHECKING:
@@ -87,6 +88,18 @@ def conditions(
     ]
     axes = (positions, velocities, stiffnesses or (None,), masses or (None,), betas or (None,))
     return [Condition(*values, named=tuple(named)) for values in product(*axes)]
+
+
+def design_model(plant: Plant) -> control.StateSpace:
+    """The linear model on which controllers of a plant are designed.
+
+    (7) of its file's linear set, without settings for one run; of a file without one, the nonlinear set linearised
+    during sliding.
+    """
+    if plant.path is None:
+        return Condition().model(plant)
+    models = models_of(plant.path)
+    return Condition().model(load_plant(plant.path, model="linear" if "linear" in models else models[0]))
 
 
 def operating_points(plant: Plant, at: Sequence[Condition]) -> dict[str, control.StateSpace]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from ..core.definition import Array, Definition, Hertz, Schema, Second, Unlimited
 from ..core.errors import InputError
-from ..core.log import CHANNELS
+from ..core.log import CHANNELS, REFERENCES
 from ..core.parameter import SOURCES, Parameter, check_range
 from ..core.unit import factor
 
@@ -32,7 +32,9 @@ LIMIT_STATES = {
 }
 
 #: Channel that a sensor may measure -> SI unit.
-CHANNEL_UNITS = {name: channel.unit for name, channel in CHANNELS.items() if name not in ("t", "current_measured")}
+CHANNEL_UNITS = {
+    name: channel.unit for name, channel in CHANNELS.items() if name not in ("t", "current_measured", *REFERENCES)
+}
 
 #: Names of the load in TOML and on the command line -> symbols in the equations.
 LOAD_SYMBOLS = {"stiffness": "K_S", "preload": "F_pre", "hardening": "k_3", "mass": "m_L", "force": "F_0"}
@@ -212,3 +214,19 @@ class PlantFile(Definition):
         default={},
         description="columns of the rig's own logs; a channel that is left out has its own name and SI units",
     )
+    log_controller: dict[str, Any] | None = Field(
+        default=None,
+        alias="log.controller",
+        description="controller under which the logs are recorded: the keys of a controller's file, or "
+        "`file = NAME`; `diagnose` then also simulates the closed loop",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_controller(cls, content: Any) -> Any:
+        """[log.controller] is a table beside the channels of [log]."""
+        log = content.get("log") if isinstance(content, dict) else None
+        if not isinstance(log, dict) or "controller" not in log:
+            return content
+        rest = {channel: column for channel, column in log.items() if channel != "controller"}
+        return {**content, "log": rest, "log.controller": log["controller"]}

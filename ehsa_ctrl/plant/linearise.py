@@ -11,7 +11,6 @@ import numpy as np
 
 from ..core.errors import InputError
 from .arrays import evaluate_tape
-from .linear import INPUTS
 from .plain import evaluator
 from .plant import Plant
 from .tangent import Tangent
@@ -65,10 +64,10 @@ def jacobian(
 def operating_point(
     plant: Plant, *, position: float = 0.0, pressure_level: float | None = None, velocity: float = 0.05
 ) -> OperatingPoint:
-    """The steady motion at rod speed `velocity` [m/s] through `position` [m], at (P_1 + P_2) / 2 = pressure_level [Pa].
+    """The steady motion at `velocity` through `position` [SI units of the moved part: rod, carriage, arm].
 
-    Speed, pressure difference and current are the solution for zero acceleration of shaft and rod and constant
-    pressure in chamber 1.
+    The other states and the drive are the solution for zero acceleration and constant pressures; chambers have the mean
+    pressure `pressure_level` [Pa]. Where the motion is prescribed, the drive is zero.
 
     Raises InputError if the plant sticks at this speed, or if no such motion exists.
     """
@@ -76,28 +75,34 @@ def operating_point(
 
     if not np.isfinite([position, velocity, 0.0 if pressure_level is None else pressure_level]).all():
         raise InputError("position, velocity and pressure level of an operating point must be finite numbers")
-    structure = plant.structure
-    equations = structure.equations
-    if structure.system_name != "ehsa":
-        raise InputError(f"{plant.name} is a {structure.system_name!r} system; linear models exist only for 'ehsa'")
-    if velocity == 0.0 and any(structure.law(contact).sticks for contact in structure.system.contacts):
+    structure, system = plant.structure, plant.structure.system
+    equations, moved = structure.equations, system.all_contacts[-1]
+    if velocity == 0.0 and any(structure.law(contact).sticks for contact in system.contacts):
         raise InputError(
             f"velocity = 0: the {plant.model} model of {plant.name} sticks at rest and has no linear model there; "
             "give a sliding velocity such as 0.05 m/s"
         )
-    level = plant["P_0"] if pressure_level is None else pressure_level
-    direction = float(np.sign(velocity))
-    directions = dict.fromkeys(equations.directions, direction)
+    own = {state.name: state.scale for state in system.states}
+    level = plant["P_0"] if pressure_level is None and system.pressures else pressure_level or 0.0
+    given = {moved.velocity: velocity, moved.position: position}
+    pressures, drive = system.pressures, system.inputs[0]
+    free = [name for name in own if name not in given and name not in pressures[1:]]
+    positions = {contact.position for contact in system.all_contacts}
+    balanced = [name for name in own if name not in positions and name not in pressures[1:]]
+    driven = [drive] if len(balanced) > len(free) else []
+    directions = dict.fromkeys(equations.directions, float(np.sign(velocity)))
     signals = evaluator(equations, plant.values)
-    bristles = {}
-    for contact in structure.system.contacts:
-        law = structure.law(contact)
-        if law.state_rate is not None:
-            bristles[contact.bristle.name] = contact
+    resting = {name: value for name, value in given.items() if name in own or name in system.inputs}
+    others = {name: 0.0 for name in system.inputs if name not in (*resting, *driven)}
+    bristles = {c.bristle.name: c for c in system.contacts if structure.law(c).state_rate is not None}
 
-    def states(unknown: np.ndarray) -> dict[str, float]:
-        omega, half, _ = unknown * (100.0, 1e5, 1.0)
-        values = {"omega": omega, "P_1": level + half, "P_2": level - half, "v": velocity, "x": position}
+    def values_of(unknown: np.ndarray) -> dict[str, float]:
+        """States and inputs; the unknown of the chambers is half their pressure difference."""
+        scales = [*(own[name] for name in free), *(1.0 for _ in driven)]
+        values = {**resting, **others, **dict(zip([*free, *driven], unknown * scales, strict=True))}
+        if pressures:
+            half = values[pressures[0]]
+            values |= {pressures[0]: level + half, pressures[1]: level - half}
         for name, contact in bristles.items():
             law = structure.law(contact)
             parameters = {symbol: plant[contact.symbol(symbol)] for symbol in law.symbols}
@@ -105,26 +110,37 @@ def operating_point(
         return values
 
     def imbalance(unknown: np.ndarray) -> list[float]:
-        found = signals(**states(unknown), current=unknown[2], F_D=0.0, **directions)
-        return [found["omega_dot"] / 1e4, found["P_1_dot"] / 1e8, found["v_dot"] / 1e2]
+        found = signals(**values_of(unknown), **directions)
+        # Relative to a change of each state by its scale within 10 ms (engineering judgement).
+        return [found[f"{name}_dot"] / (100.0 * own[name]) for name in balanced]
 
-    start = np.array([velocity * plant["A"] / plant["D"] / 100.0, 0.0, direction])
+    start = np.array([0.0] * len(free) + [float(np.sign(velocity)) for _ in driven])
     solution = root(imbalance, start, tol=1e-13)
     if np.max(np.abs(solution.fun)) > 1e-6:
         raise InputError(
-            f"no steady motion at {velocity:g} m/s through x = {position:g} m at {level:g} Pa: "
-            "a valve or end stop acts there; choose another operating point"
+            f"no steady motion at {velocity:g} {_velocity_unit(plant, moved.velocity)} through {moved.position} = "
+            f"{position:g}{f' at {level:g} Pa' if pressures else ''}: a valve, an end stop or the limit of the drive "
+            "acts there; choose another operating point"
         )
-    inputs = {"current": float(solution.x[2]), "F_D": 0.0}
-    return OperatingPoint({k: float(v) for k, v in states(solution.x).items()}, inputs, directions)
+    found = {name: float(value) for name, value in values_of(solution.x).items()}
+    names = [state.name for state in equations.states]
+    return OperatingPoint(
+        {name: found.get(name, 0.0) for name in names}, {name: found[name] for name in system.inputs}, directions
+    )
+
+
+def _velocity_unit(plant: Plant, velocity: str) -> str:
+    """Unit of the moved part's velocity."""
+    units = {state.name: state.unit for state in plant.structure.system.states}
+    return units.get(velocity, "m/s")
 
 
 def linearise(
     plant: Plant, *, position: float = 0.0, pressure_level: float | None = None, velocity: float = 0.05
 ) -> control.StateSpace:
-    """Linear model about a steady motion (see `operating_point`), all states as outputs, inputs current and F_D.
+    """Linear model about a steady motion (see `operating_point`): all states as outputs, the system's inputs.
 
-    With viscous friction and constant volumes it equals (6) at any point.
+    Of the EHSA with viscous friction and constant volumes it equals (6) at any point.
     """
     import control
 
@@ -137,7 +153,7 @@ def linearise(
         np.eye(len(names)),
         0,
         states=names,
-        inputs=list(INPUTS),
+        inputs=list(plant.structure.equations.inputs),
         outputs=names,
         name=f"{plant.name} linearised",
     )
@@ -146,12 +162,16 @@ def linearise(
 def reduce_to_difference(system: control.StateSpace, plant: Plant) -> control.StateSpace:
     """From states omega, P_1, P_2, v, x to omega, dP, v, x, as (7) does from (6): without the mode of P_1 + P_2.
 
+    A system without chambers keeps its states.
+
     Exact where the equations depend only on the pressure difference; with effects on one chamber it is the model at
     constant pressure level.
     """
     import control
 
     names = list(system.state_labels)
+    if not plant.structure.system.pressures:
+        return system
     first, second = names.index("P_1"), names.index("P_2")
     kept = [name for name in names if name != "P_2"]
     to_difference = np.delete(np.eye(len(names)), second, axis=0)
@@ -165,7 +185,7 @@ def reduce_to_difference(system: control.StateSpace, plant: Plant) -> control.St
         np.eye(len(kept)),
         0,
         states=labels,
-        inputs=list(INPUTS),
+        inputs=list(system.input_labels),
         outputs=labels,
         name=f"{plant.name} ({plant.model}) linearised",
     )

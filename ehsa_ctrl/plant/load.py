@@ -72,6 +72,7 @@ def load_plant(
         free=_free(path, file, part, model, structure),
         estimation=part.estimation,
         log=_log_columns(path, file),
+        log_controller=file.log_controller,
         sample_time=file.sampling.period.parameter("period", "s", f"{path}: [sampling] period").value,
         path=path,
     )

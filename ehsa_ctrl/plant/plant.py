@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -79,6 +79,7 @@ class Plant(Result):
     free: parameters that `identify` estimates by default.
     estimation: method of `identify`.
     log: channel -> column of this rig's logs, for channels whose name or unit differs.
+    log_controller: [log.controller] of the file, the controller under which the logs are recorded; None without one.
     path: the file.
     """
 
@@ -93,6 +94,7 @@ class Plant(Result):
     free: tuple[str, ...] = ()
     estimation: EstimationFile = field(default_factory=EstimationFile)
     log: Mapping[str, Column] = field(default_factory=dict)
+    log_controller: Mapping[str, Any] | None = None
     path: Path | None = field(default=None, compare=False)
 
     def __getitem__(self, symbol: str) -> float:

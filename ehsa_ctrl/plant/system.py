@@ -176,6 +176,8 @@ class System:
     symbols: symbol or signal in the catalogue of effects -> its name in this system, if that differs; not for the
         friction parameters of the system's own contacts.
     scored: signals by which a diagnosis scores a model; every output by default.
+    no_controller: why no sampled position controller can be put around the system, as the end of a sentence; empty if
+        one can, for a system whose drive moves the state x.
     units: channel or scored signal -> SI unit, for those that `core.log.CHANNELS` lacks; they are added there.
 
     Raises TypeError for unknown names in drives, outputs, scored, entries or contacts of balances.
@@ -202,6 +204,7 @@ class System:
     missing_effects: tuple[tuple[str, ...], ...] = ()
     symbols: Mapping[str, str] = field(default_factory=dict)
     scored: tuple[ScoredSignal, ...] = ()
+    no_controller: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -250,6 +253,11 @@ class System:
     def drive(self) -> str:
         """Channel of the log with the first input."""
         return self.drives[self.inputs[0]]
+
+    @property
+    def drive_unit(self) -> str:
+        """SI unit of the drive."""
+        return CHANNELS[self.drive].unit
 
     @property
     def entries(self) -> dict[str, Entry]:

@@ -1,4 +1,7 @@
-"""Consequences of a diagnosis for a closed loop, from closed_loop.json; the command line prints the same table."""
+"""Closed loops of a diagnosis: a scenario on its plants, from closed_loop.json, and the closed-loop replay of the log.
+
+The command line prints the same table of the scenario.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +9,19 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ..core.unit import factor
+from ..diagnosis.closed_loop_replay import MAX_DRIVE_DIFFERENCE
+from ..diagnosis.diagnosis import MODELS
 from ..scenario.metrics import METRICS
+from .outcome import models_shown
 from .page import DOUBT, Paragraph, Picture, Section, Sentence, Table
-from .text import NOTHING, unit, value_text
+from .signals import signal_display
+from .text import NOTHING, percent, unit, value_text
 
 #: Metrics shown if a run has them.
 CLOSED_LOOP = (
     "RiseTime", "SettlingTime", "SettlingRatio", "Overshoot", "SteadyStateError", "MaxError", "RMSError",
     "HuntingAmplitude", "Slips", "SaturationShare", "CurrentRMS", "Energy", "StopTime", "TravelAfterStop",
 )  # fmt: skip
-#: A logged current that differs from the controller's output by more than this share of its standard deviation was
-#: probably recorded with another controller (engineering judgement).
-MAX_CURRENT_DEVIATION = 0.2
 
 
 def plant_title(word: str) -> str:
@@ -44,12 +48,47 @@ def closed_loop_section(closed: Mapping[str, Any]) -> Section:
     if len(closed["failures"]) == 1:
         blocks.append(Paragraph("No cause was named, so there is no improved plant to compare."))
     deviation = (closed.get("replay") or {}).get("current_not_of_this_loop")
-    if deviation is not None and deviation > MAX_CURRENT_DEVIATION:
+    if deviation is not None and deviation > MAX_DRIVE_DIFFERENCE:
         words = f"differs by {100.0 * deviation:.0f} % from the output of this controller for the logged measurements"
         blocks.append(
             Paragraph(f"The logged current {words}. Check that the log was recorded with this controller.", DOUBT)
         )
     return Section("Closed loop", blocks, "closed")
+
+
+def replay_section(content: Mapping[str, Any]) -> Section:
+    """The gaps of the models under the controller of the log."""
+    gaps, loop, free = content["closed_loop"], content["closed_loop_replay"], content["gap"]
+    models = [model for model in models_shown(content["verdict"], gaps) if model in MODELS]
+    rows = []
+    for name in gaps["nominal"]:
+        words = name if name == "total" else "position" if name == "position" else signal_display(name).words
+        cells = [percent(gaps[model].get(name), 2) for model in models]
+        rows.append([words, percent(free["nominal"].get(name), 2), *cells, percent(loop["floor"].get(name), 2)])
+    driven = [model for model in models if model in loop["position_error"]]
+    errors = [
+        ["position error, RMS (mm)", *(value_text(loop["position_error"][model], 1e-3, 3) for model in driven)],
+        ["gap of the drive", *(percent(loop["drive_gap"][model], 2) for model in driven)],
+    ]
+    text = (
+        f"The same models under {loop['controller']}, along the logged reference. The loop corrects what differs, so "
+        "that its gaps are smaller than those of the free runs; what it has to correct appears in the drive."
+    )
+    caption = "Top: measured minus simulated position. Bottom: the drive. Dashed: beginning of the held-out data."
+    return Section(
+        "Closed-loop replay",
+        [
+            Paragraph(text),
+            Picture("closed_loop_replay", "Closed-loop replay", caption),
+            Table(
+                "Gap on held-out data in closed loop, in % of the signal's standard deviation; floor: by sensor noise",
+                ["signal", "free run\nnominal", *(MODELS[model] for model in models), "floor"],
+                rows,
+            ),
+            Table("On held-out data in closed loop", ["", *(MODELS[model] for model in driven)], errors),
+        ],
+        "closed_loop_replay",
+    )
 
 
 def closed_table(closed: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:

@@ -18,6 +18,7 @@ from .figures import (
     diagnosis_figure,
     identification_figure,
     loop_figure,
+    loop_replay_figure,
     parameters_figure,
     replay_figure,
     residuals_figure,
@@ -79,6 +80,8 @@ def comparison_figures(replays: Sequence[Comparison]) -> Figures:
 def diagnosis_figures(diagnosis: Diagnosis) -> Figures:
     """All figures for which the diagnosis has data."""
     yield "signals", diagnosis_figure(diagnosis)
+    if diagnosis.closed_loop is not None:
+        yield "closed_loop_replay", loop_replay_figure(diagnosis)
     if diagnosis.verdict == "no_gap":
         return
     if diagnosis.where:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..core.controller_interface import MEASURED, Controller
+from ..core.log import REFERENCES
 from ..core.parameter import Parameter
 from ..core.plotting import draw
 from ..core.result import Result, as_dict
@@ -211,13 +212,14 @@ class ScenarioResult(Result):
         """One row per sample of the nonlinear run, SI units. Saved as CSV it is a log that every command reads.
 
         Columns: t, current and the sensor readings, named as in a log (nan for a lost reading); reference, the target
-        position; then the true signals of both models with the suffixes _linear and _nonlinear.
+        position, with its velocity and acceleration; then the true signals of both models with the suffixes _linear and _nonlinear.
         """
         import pandas
 
         run = self.nonlinear
         columns = {"t": run.trajectory.time, "current": run.trajectory["current"]}
-        columns |= dict(zip(MEASURED, run.measured.T, strict=True)) | {"reference": run.reference[:, 0]}
+        columns |= dict(zip(MEASURED, run.measured.T, strict=True))
+        columns |= dict(zip(REFERENCES, run.reference.T, strict=True))
         table = pandas.DataFrame(columns).dropna(axis="columns", how="all")
         for word, loop in (("linear", self.linear), ("nonlinear", run)):
             table = table.join(loop.trajectory.to_pandas().drop(columns="time").add_suffix(f"_{word}"))

@@ -80,10 +80,10 @@ def test_an_improved_plant_that_is_the_rig_closes_the_gap_of_the_loop(scenario, 
 
     found = compare_loops(case, diagnosis(plant.set(K_S=20e3), log, worn), replay=True)
 
-    assert found.replay.gap["believed"]["total"] > 0.1
-    assert found.replay.gap["improved"]["total"] < 0.2 * found.replay.gap["believed"]["total"]
+    assert found.replay.gap["nominal"]["total"] > 0.1
+    assert found.replay.gap["with_effects"]["total"] < 0.2 * found.replay.gap["nominal"]["total"]
     assert found.replay.seconds == pytest.approx(2.0)
-    assert found.replay.current_difference < 1e-9
+    assert found.replay.drive_difference < 1e-9
     assert found.metrics["improved"]["Energy"] > found.metrics["believed"]["Energy"]
     assert closed_table(found.to_dict())[0] == ["nominal plant", "improved plant"]
 
@@ -94,7 +94,7 @@ def test_a_current_of_another_loop_is_seen(scenario, plant, worn):
 
     found = compare_loops(prepare_case(scenario, None, plant), diagnosis(plant.set(K_S=20e3), log, worn), replay=True)
 
-    assert found.replay.current_difference > 0.2
+    assert found.replay.drive_difference > 0.2
 
 
 def test_both_plants_have_the_scenarios_load(scenario, plant):
@@ -160,7 +160,9 @@ def test_a_log_that_is_not_of_this_loop_is_refused(scenario, plant):
         (("log.csv", "--before", "log.csv"), "is given as both the earlier and the later log"),
         (("log.csv", "--before", "a.csv", "--validate", "b.csv"), "--validate and --before exclude each other"),
         (("log.csv", "--replay"), "--replay needs a scenario; name it with --scenario"),
-        (("log.csv", "--controller", "pid_position"), "--controller needs a scenario"),
+        (("log.csv", "--controller", "pid_position"), "has no channel reference, which the closed-loop replay with"),
+        (("log.csv", "--controller", "pd"), "no controller 'pd'"),
+        (("log.csv", "other.csv", "--controller", "pid_position"), "--controller is for a single log, but 2 are given"),
         (("log.csv", "--scenario", "mov"), "no scenario 'mov'; did you mean 'moves'?"),
         (("log.csv", "--scenario", "moves", "--controller", "pd"), "no controller 'pd'"),
         (("log.csv", "--scenario", "carriage"), "scenario carriage is for emps"),

@@ -14,12 +14,13 @@ from ehsa_ctrl.physics.effects import EFFECTS, PLACES
 from ehsa_ctrl.physics.friction import LAWS
 from ehsa_ctrl.plant.arrays import array_evaluator, needs
 from ehsa_ctrl.plant.linear import four_state
-from ehsa_ctrl.plant.linearise import linearise
+from ehsa_ctrl.plant.linearise import linearise, operating_point
 from ehsa_ctrl.plant.load import load_plant
 from ehsa_ctrl.plant.plain import evaluator
 from ehsa_ctrl.plant.structure import Structure
 from ehsa_ctrl.plant.system import ScoredSignal
 from ehsa_ctrl.plant.systems import SYSTEMS
+from ehsa_ctrl.plant.systems.pendulum import DUTY_PER_RADIAN, GRAVITY
 from ehsa_ctrl.simulation.bench import _Centring
 from ehsa_ctrl.simulation.closed_loop import run_closed_loop
 from ehsa_ctrl.simulation.engine import simulate, simulate_batch
@@ -333,10 +334,39 @@ def test_a_controller_gets_what_there_is(emps):
     assert not loop.measured[:, [0, 1, 2, 4]].any()
 
 
-def test_linear_models_are_for_the_actuator(emps):
-    """(6), (7) and operating points are for the EHSA; another system is refused. Its figure shows inputs and states."""
+def test_the_paper_linear_models_are_for_the_actuator(emps):
+    """(6) and (7) are for the EHSA; another system is refused. Its figure shows inputs and states."""
     labels = {axes.get_ylabel() for axes in simulate(emps, np.full(3, 50.0)).plot().axes}
     assert {"F_M\n(N)", "v\n(m/s)", "x\n(m)"} <= labels
-    for asked in (four_state, linearise):
-        with pytest.raises(InputError, match="'positioning' system"):
-            asked(emps)
+    with pytest.raises(InputError, match="'positioning' system"):
+        four_state(emps)
+
+
+def test_a_sliding_carriage_is_linearised(emps):
+    """M v' = F_M - F_D - Fv v: a pole at -Fv / M, an integrator, and 1 / M from either force."""
+    system, p = linearise(emps), emps.values
+
+    np.testing.assert_allclose(np.sort(system.poles()), [-p["Fv"] / p["M"], 0.0], rtol=1e-9)
+    np.testing.assert_allclose(system.B, [[1.0 / p["M"], -1.0 / p["M"]], [0.0, 0.0]])
+    assert system.input_labels == ["F_M", "F_D"] and system.output_labels == ["v", "x"]
+
+
+def test_a_servo_is_linearised_with_its_position_loop():
+    """J theta'' = -(K_T^2 / R + B_FM) theta' - (K_T U_0 kp c / R + m g l cos(theta + offset)) theta."""
+    servo = load_plant("xl330_pendulum")
+    p, c = servo.values, DUTY_PER_RADIAN
+    inertia = p["J_M"] + p["m"] * p["l"] ** 2
+    damping = (p["K_T"] ** 2 / p["R"] + p["B_FM"]) / inertia
+    stiffness = (p["K_T"] * p["U_0"] * p["kp"] * c / p["R"] + p["m"] * GRAVITY * p["l"] * np.cos(p["offset"])) / inertia
+
+    np.testing.assert_allclose(np.poly(linearise(servo).A), [1.0, damping, stiffness], rtol=1e-9)
+
+
+def test_a_prescribed_rod_is_an_input_of_the_linear_model():
+    """At v the shaft turns at A v / D without leakage; the second input is v, and moves oil by A beta / V."""
+    pto = load_plant("mbari_pto")
+    point, system, p = operating_point(pto, velocity=-0.1), linearise(pto, velocity=-0.1), pto.values
+
+    assert point.inputs["v"] == -0.1 and point.inputs["current"] == 0.0
+    assert point.states["omega"] == pytest.approx(-0.1 * p["A"] / p["D"], rel=1e-2)
+    np.testing.assert_allclose(system.B[1:, 1], [-p["A"] * p["beta"] / p["V"], p["A"] * p["beta"] / p["V"]])

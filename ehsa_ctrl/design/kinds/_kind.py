@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
-from ...core.definition import Ampere, Definition, Schema, Second
+from ...core.definition import Definition, Drive, Schema, Second
 from ..stages.feedforward import Feedforward
 from ..stages.rest import Dither, Rest
 from ..stages.trajectory import TrajectoryLimits
@@ -24,7 +24,9 @@ class ControllerFile(Definition):
     sample_time: Second = Field(
         default=0.004, ge=1e-6, lt=1, description="sample time of the loop; by default that of the plant"
     )
-    current_limit: Ampere = Field(gt=0, description="largest magnitude of the current")
+    current_limit: Drive = Field(
+        gt=0, description="largest magnitude of the current, or of the plant's other drive in its unit (N, V)"
+    )
     trajectory: TrajectoryLimits | None = Field(default=None, description="motion planning; off if left out")
     feedforward: Feedforward | None = Field(default=None, description="model-based feedforward; off if left out")
     rest: Rest | None = Field(default=None, description="deadband at rest; off if left out")

@@ -3,6 +3,7 @@
     parallel   C = k_p + k_i / s + k_d s / (1 + T_f s)
     standard   C = K (1 + 1 / (T_i s) + T_d s / (1 + T_f s))
     series     C = K (1 + 1 / (T_i s)) (1 + T_d s / (1 + T_f s))
+    velocity   C = kv (kp + s / (1 + T_f s)): P on the position over P on the velocity, which is its filtered slope
 
 The law is the parallel form with setpoint weights and anti-windup,
 
@@ -36,12 +37,18 @@ def _check_phase_margin(margin: float) -> float:
     return margin
 
 
-AmperePerMetre = Annotated[float, In("A/m")]
+AmperePerMetre = Annotated[float, In("A/m", "N/m", "V/m")]
+AmpereSecondPerMetre = Annotated[float, In("A s/m", "N s/m", "V s/m")]
 PhaseMargin = Annotated[Radian, AfterValidator(_check_phase_margin)]
 Weight = Annotated[float, Field(ge=0, le=1)]
 
 #: Keys of each form, besides T_f.
-FORMS = {"parallel": ("k_p", "k_i", "k_d"), "standard": ("K", "T_i", "T_d"), "series": ("K", "T_i", "T_d")}
+FORMS = {
+    "parallel": ("k_p", "k_i", "k_d"),
+    "standard": ("K", "T_i", "T_d"),
+    "series": ("K", "T_i", "T_d"),
+    "velocity": ("kp", "kv"),
+}
 
 
 @dataclass(frozen=True)
@@ -73,21 +80,30 @@ class Gains:
 class PidGains(Definition):
     """[gains]: gains instead of a design, none negative; terms that are left out are zero."""
 
-    form: Literal["parallel", "standard", "series"] = Field(
-        default="parallel", description="parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d"
+    form: Literal["parallel", "standard", "series", "velocity"] = Field(
+        default="parallel",
+        description="parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d; velocity has kp, kv",
     )
     k_p: AmperePerMetre | None = Field(default=None, description="proportional gain of the parallel form")
-    k_i: Annotated[float, In("A/(m s)")] | None = Field(default=None, description="integral gain of the parallel form")
-    k_d: Annotated[float, In("A s/m")] | None = Field(default=None, description="derivative gain of the parallel form")
+    k_i: Annotated[float, In("A/(m s)", "N/(m s)", "V/(m s)")] | None = Field(
+        default=None, description="integral gain of the parallel form"
+    )
+    k_d: AmpereSecondPerMetre | None = Field(default=None, description="derivative gain of the parallel form")
     K: AmperePerMetre | None = Field(default=None, description="gain of the standard and series forms")
     T_i: Second | None = Field(default=None, description="integral time")
     T_d: Second | None = Field(default=None, description="derivative time")
+    kp: Annotated[float, In("1/s")] | None = Field(
+        default=None, description="velocity per position error, of the velocity form"
+    )
+    kv: AmpereSecondPerMetre | None = Field(default=None, description="drive per velocity error, of the velocity form")
     T_f: Second = Field(default=0.0, description="time constant of the derivative filter")
 
     @model_validator(mode="after")
     def _check_form(self) -> PidGains:
         keys = FORMS[self.form]
-        given = [name for name in ("k_p", "k_i", "k_d", "K", "T_i", "T_d") if getattr(self, name) is not None]
+        given = [
+            name for name in ("k_p", "k_i", "k_d", "K", "T_i", "T_d", "kp", "kv") if getattr(self, name) is not None
+        ]
         foreign = [name for name in given if name not in keys]
         if foreign or not given:
             got = f"got {', '.join(foreign)}" if foreign else "got none of them"
@@ -105,6 +121,9 @@ class PidGains(Definition):
         """These gains in the parallel form."""
         if self.form == "parallel":
             return Gains(self.k_p or 0.0, self.k_i or 0.0, self.k_d or 0.0, self.T_f)
+        if self.form == "velocity":
+            kp, kv = self.kp or 0.0, self.kv or 0.0
+            return Gains(kp * kv, 0.0, kv, self.T_f)
         K, T_d, T_f = self.K or 0.0, self.T_d or 0.0, self.T_f
         T_i = inf if self.T_i is None else self.T_i
         if self.form == "standard":

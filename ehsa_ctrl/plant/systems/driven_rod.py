@@ -22,6 +22,7 @@ system = System(
     inputs=("current", "v"),
     drives={"current": "current", "v": "velocity"},
     outputs={"speed": "omega", "p1": "P_1", "p2": "P_2"},
+    no_controller="the motion of its rod is prescribed, so that no controller can change it",
     hold="first_order",
     # Stroke volumes need the position as a state.
     chamber_forms={"constant": CHAMBER_FORMS["constant"]},

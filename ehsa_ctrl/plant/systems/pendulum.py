@@ -130,6 +130,8 @@ system = System(
     name="pendulum",
     title="geared DC motor with an arm and a weight under the firmware's position loop",
     states=(State("omega", "rad/s", 1.0), State("theta", "rad", 0.1)),
+    no_controller="its position loop is the firmware's and part of the system, so that every simulation is one in "
+    "closed loop; set its gain with --set kp=VALUE",
     inputs=("goal", "released"),
     drives={"goal": "goal", "released": "released"},
     outputs={"angle": "theta"},
@@ -173,6 +175,7 @@ system = System(
 by_voltage = replace(
     system,
     name="pendulum_voltage",
+    no_controller="sampled controllers act on the position of a rod or carriage, and this system has an angle",
     title="geared DC motor with an arm and a weight under a given voltage",
     inputs=("voltage", "T_D"),
     drives={"voltage": "voltage"},

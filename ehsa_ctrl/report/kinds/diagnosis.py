@@ -11,7 +11,7 @@ from ...core.text import join_words
 from ...diagnosis.diagnosis import MODELS
 from ...physics.effects import PLACES
 from ...plant.file import label
-from ..closed_loop import closed_loop_section, closed_loop_sentences
+from ..closed_loop import closed_loop_section, closed_loop_sentences, replay_section
 from ..outcome import OUTCOMES, after_model, after_words, models_shown, outcome
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence, State, Table
 from ..signals import BALANCES, channel_display, signal_display
@@ -68,6 +68,7 @@ def _read(content: Content, folder: Path) -> Page:
         sections=[
             *([_changed(content)] if "change" in content else []),
             *ordered,
+            *([replay_section(content)] if "closed_loop_replay" in content else []),
             *([closed_loop_section(closed)] if closed is not None else []),
             _recorded(content),
         ],
