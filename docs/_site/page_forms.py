@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 from words import cell, sentence
 
+from ehsa_ctrl.core.log import CHANNELS, REFERENCES
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS, ControllerFile
 from ehsa_ctrl.plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_SYMBOLS, PlantFile
 from ehsa_ctrl.plant.systems import SYSTEMS
@@ -41,12 +42,13 @@ def plants() -> str:
         "",
         "## Channels",
         "",
-        "Keys of `[sensors]` and `[log]`, in addition to `t`.",
+        "Keys of `[sensors]` and `[log]`, in addition to `t`; `[log]` also has the references of the controller.",
         "",
         "| channel | unit |",
         "|---|---|",
     ]
-    lines += [f"| `{name}` | {unit} |" for name, unit in CHANNEL_UNITS.items()]
+    references = {name: CHANNELS[name].unit for name in REFERENCES}
+    lines += [f"| `{name}` | {unit} |" for name, unit in (CHANNEL_UNITS | references).items()]
     lines += ["", "## Load", "", "On the command line `--set load.stiffness=50e3`.", ""]
     lines += ["| key | symbol |", "|---|---|", *(f"| `{word}` | `{symbol}` |" for word, symbol in LOAD_SYMBOLS.items())]
     return "\n".join(lines) + "\n"

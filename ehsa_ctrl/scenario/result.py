@@ -212,7 +212,8 @@ class ScenarioResult(Result):
         """One row per sample of the nonlinear run, SI units. Saved as CSV it is a log that every command reads.
 
         Columns: t, current and the sensor readings, named as in a log (nan for a lost reading); reference, the target
-        position, with its velocity and acceleration; then the true signals of both models with the suffixes _linear and _nonlinear.
+        position, with its velocity and acceleration; then the true signals of both models with the suffixes _linear and
+        _nonlinear.
         """
         import pandas
 
