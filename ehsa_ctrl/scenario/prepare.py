@@ -24,6 +24,7 @@ from ..simulation.sensors import Sensors
 from .baseline_file import baseline_files, read_baseline
 from .definition import Scenario, load_scenario
 from .disturbances import faults_of
+from .log_controller import log_controller
 from .metrics import METRICS, loop_metrics
 from .plant_data import check_controller_limits
 from .result import LimitCheck, failures_of
@@ -211,8 +212,8 @@ def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
     content = read_toml(path)
     if "system" in content:
         for model in ("linear", "nonlinear"):
-            if model in content:
-                load_plant(path, model=model)
+            if model in content and load_plant(path, model=model).log_controller is not None:
+                log_controller(load_plant(path, model=model))
         if "linear" not in content and "nonlinear" not in content:
             raise InputError(f"{path}: has neither a [linear] nor a [nonlinear] model")
         return "plant"

@@ -50,7 +50,7 @@ def tables(schema, table, path=""):
         yield path, list(table["properties"])
         for name, inner in table["properties"].items():
             yield from tables(schema, inner, f"{path}.{name}".lstrip("."))
-    elif table.get("additionalProperties"):
+    elif isinstance(table.get("additionalProperties"), dict):
         yield from tables(schema, table["additionalProperties"], f"{path}.CHANNEL")
 
 
