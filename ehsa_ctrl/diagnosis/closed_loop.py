@@ -12,7 +12,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.result import as_dict
 from ..plant.file import label, symbol_of
-from .closed_loop_replay import ClosedLoopReplay, LoopCase, replay_loop
+from .closed_loop_replay import ClosedLoopReplay, LoopCase, held_out_samples, replay_loop
 from .logged_reference import sampled_by
 
 if TYPE_CHECKING:
@@ -119,8 +119,8 @@ def replay_scenario(case: PreparedScenario, found: Diagnosis) -> tuple[ClosedLoo
 
     time = case.controller.sample_time * np.arange(len(log))
     reference = definition.reference.signal(time[time <= definition.duration + 1e-9])
-    first = 0 if found.held_from is None else int(np.searchsorted(log.time, found.held_from))
-    return replay_loop(found, LoopCase(case.controller, log, reference, first, run, definition.sensors.lag))
+    scored = held_out_samples(found, log)
+    return replay_loop(found, LoopCase(case.controller, log, reference, scored, run, definition.sensors.lag))
 
 
 def _settings(case: PreparedScenario, plant: Plant) -> dict[str, float]:

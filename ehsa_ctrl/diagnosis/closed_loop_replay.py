@@ -20,14 +20,14 @@ from ..core.log import Log
 from ..core.result import as_dict
 from ..identification.initial_state import find_initial_state
 from ..plant.plant import Plant
-from ..plant.system import ScoredSignal, System
+from ..plant.system import ScoredSignal
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.sensors import Sensors
 from .diagnose import upper_bound
 from .diagnosis import Diagnosis
 from .improved_plant import improved_plant
 from .logged_reference import controller_output, output_lag, reference_of, sampled_by
-from .signals import estimate_noise, gap, scored_signals, signal_noise
+from .signals import estimate_noise, gap, moving_signals, scored_signals, signal_noise
 
 #: A logged drive that differs from the controller's output by more than this share of its standard deviation was
 #: probably recorded with another controller (engineering judgement; with the right one it is 0.7 % on the EMPS record).
@@ -82,14 +82,14 @@ class ClosedLoopReplay:
 class LoopCase:
     """The loop of a log.
 
-    controller, log: the log by the samples of the controller. first: first sample that is scored. lag: see
+    controller, log: the log by the samples of the controller. scored: (N,) whether a sample is. lag: see
     ClosedLoopReplay. run: (plant, lag, seed of the sensor noise or None for none) -> simulation.
     """
 
     controller: Controller
     log: Log
     reference: np.ndarray
-    first: int
+    scored: np.ndarray
     run: Callable[[Plant, int, int | None], ClosedLoop]
     lag: int | None = None
 
@@ -110,9 +110,7 @@ def replay_closed_loop(diagnosis: Diagnosis, controller: Controller, *, validate
     if plant.structure.system.no_controller:
         raise InputError(f"{plant.name}: {plant.structure.system.no_controller}; leave the controller out")
     sampled, reference = sampled_by(log, controller), reference_of(log, controller)
-    first = 0
-    if validate is None and diagnosis.held_from is not None:
-        first = int(np.searchsorted(sampled.time, diagnosis.held_from))
+    scored = held_out_samples(diagnosis, sampled) if validate is None else np.ones(len(sampled), dtype=bool)
 
     def run(model: Plant, lag: int, seed: int | None) -> ClosedLoop:
         return run_closed_loop(
@@ -120,8 +118,15 @@ def replay_closed_loop(diagnosis: Diagnosis, controller: Controller, *, validate
             start=find_initial_state(model, log, log.before).state, raise_on_failure=False,
         )  # fmt: skip
 
-    replayed, findings = replay_loop(diagnosis, LoopCase(controller, sampled, reference, first, run))
+    replayed, findings = replay_loop(diagnosis, LoopCase(controller, sampled, reference, scored, run))
     return replace(diagnosis, closed_loop=replayed, findings=tuple(dict.fromkeys([*diagnosis.findings, *findings])))
+
+
+def held_out_samples(diagnosis: Diagnosis, log: Log) -> np.ndarray:
+    """(N,) whether a sample of the diagnosed log is held out; all of them if the diagnosis has a second log."""
+    slack = 1e-6 * log.sample_time
+    parts = [(log.time >= start - slack) & (log.time <= stop + slack) for start, stop in diagnosis.held_spans]
+    return np.any(parts, axis=0) if parts else np.ones(len(log), dtype=bool)
 
 
 def replay_loop(found: Diagnosis, case: LoopCase) -> tuple[ClosedLoopReplay, list[str]]:
@@ -133,7 +138,8 @@ def replay_loop(found: Diagnosis, case: LoopCase) -> tuple[ClosedLoopReplay, lis
     if case.lag is not None and output is not None:
         _, difference = output_lag(log[system.drive][:n], output, (case.lag,))
     noise = found.noise_sd if log.path == found.log.path else estimate_noise(log)
-    score = _Score(system, log, n, case.first if case.first < n - 1 else 0, noise)
+    rows = case.scored[:n] if case.scored[:n].any() else np.ones(n, dtype=bool)
+    score = _Score(found.plant, log, rows, noise)
     loops = {model: case.run(plant, lag, None) for model, plant in models_of(found).items()}
     gaps: dict[str, Mapping[str, float]] = {model: score.gap(_readings(loop)) for model, loop in loops.items()}
     best = models_of(found)["with_effects"]
@@ -143,7 +149,7 @@ def replay_loop(found: Diagnosis, case: LoopCase) -> tuple[ClosedLoopReplay, lis
     position = next(iter(system.positions))
     replayed = ClosedLoopReplay(
         case.controller.name, lag, gaps,
-        {model: replace(score, first=0).gap(_readings(loop)) for model, loop in loops.items()},
+        {model: replace(score, rows=np.ones(n, dtype=bool)).gap(_readings(loop)) for model, loop in loops.items()},
         score.floor([_readings(case.run(best, lag, seed)) for seed in range(REHEARSALS)], loops["with_effects"], best),
         {model: score.rms(log[position], run[position]) for model, run in channels.items()},
         {model: score.rms(log[system.drive], run["drive"], relative=True) for model, run in channels.items()},
@@ -162,32 +168,37 @@ def models_of(found: Diagnosis) -> dict[str, Plant]:
 
 @dataclass(frozen=True)
 class _Score:
-    """Comparison of a log's first n samples with a run; those from `first` on are scored."""
+    """Comparison of a log's first samples with a run; rows: (n,) whether a sample is scored."""
 
-    system: System
+    plant: Plant
     log: Log
-    n: int
-    first: int
+    rows: np.ndarray
     noise: Mapping[str, float]
 
     @property
     def signals(self) -> tuple[ScoredSignal, ...]:
         """The scored signals of the system, and its positions."""
-        whole = {one.channel for one in self.system.scored if not one.span}
-        return (*self.system.scored, *(ScoredSignal(c, c) for c in self.system.positions if c not in whole))
+        system = self.plant.structure.system
+        whole = {one.channel for one in system.scored if not one.span}
+        return (*system.scored, *(ScoredSignal(c, c) for c in system.positions if c not in whole))
 
     def _scored(self, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         signals = scored_signals(self.signals, channels, self.log.sample_time)
-        return {name: values[self.first : self.n] for name, values in signals.items()}
+        return {name: values[: self.rows.size][self.rows] for name, values in signals.items()}
 
     def gap(self, channels: Mapping[str, np.ndarray], measured: Mapping[str, np.ndarray] | None = None) -> Any:
-        """Gap of each signal that both have; inf for a run that stopped."""
+        """Gap of each signal that both have and that moves; inf for a run that stopped."""
+        dt = self.log.sample_time
+        noise, declared = (
+            signal_noise(self.signals, sd, dt)
+            for sd in (self.noise, {channel: sensor.sd for channel, sensor in self.plant.sensors.items()})
+        )
         shown = self._scored(self.log.channels if measured is None else measured)
-        simulated = self._scored(channels)
-        known = {name: values for name, values in shown.items() if name in simulated}
-        if len(next(iter(channels.values()))) < self.n:
+        moving = moving_signals(self._scored(self.log.channels), noise, declared)
+        known = {name: values for name, values in shown.items() if name in moving}
+        if len(next(iter(channels.values()))) < self.rows.size:
             return {**dict.fromkeys(known, float("inf")), "total": float("inf")}
-        return gap(known, simulated, signal_noise(self.signals, self.noise, self.log.sample_time))
+        return gap(known, self._scored(channels), noise)
 
     def floor(self, noisy: list[dict[str, np.ndarray]], quiet: ClosedLoop, plant: Plant) -> dict[str, float]:
         """Gap between runs with the declared sensor noise and the one without it."""
@@ -198,11 +209,11 @@ class _Score:
 
     def rms(self, measured: np.ndarray, simulated: np.ndarray, *, relative: bool = False) -> float:
         """RMS of the difference over the scored samples, or over the standard deviation; nan for a stopped run."""
-        if simulated.size < self.n:
+        n = self.rows.size
+        if simulated.size < n:
             return float("nan")
-        part = slice(self.first, self.n)
-        value = float(np.sqrt(np.mean((measured[part] - simulated[part]) ** 2)))
-        spread = float(np.std(measured[part]))
+        value = float(np.sqrt(np.mean((measured[:n] - simulated[:n])[self.rows] ** 2)))
+        spread = float(np.std(measured[:n][self.rows]))
         return value / spread if relative and spread > 0.0 else value
 
 

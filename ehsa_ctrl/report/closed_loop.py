@@ -74,7 +74,7 @@ def replay_section(content: Mapping[str, Any]) -> Section:
         f"The same models under {loop['controller']}, along the logged reference. The loop corrects what differs, so "
         "that its gaps are smaller than those of the free runs; what it has to correct appears in the drive."
     )
-    caption = "Top: measured minus simulated position. Bottom: the drive. Dashed: beginning of the held-out data."
+    caption = "Top: measured minus simulated position. Bottom: the drive. Shaded: the held-out data."
     return Section(
         "Closed-loop replay",
         [

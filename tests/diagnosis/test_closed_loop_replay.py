@@ -44,12 +44,12 @@ def recorded(rig, controller, target, lag=0, seed=3):
     return Log(loop.trajectory.time, {"current": loop.trajectory.current, **channels, "reference": target})
 
 
-def diagnosis(plant, log, improved, held_from=None):
+def diagnosis(plant, log, improved, held_spans=()):
     """One made by hand: nothing is searched for."""
     return Diagnosis(
         plant=plant, log=log, threshold=0.03, verdict="effect", where=(), effects=(),
         gap=dict.fromkeys(MODELS, GAPS), whole=GAPS, held_out="nothing", noise_sd=estimate_noise(log), values={},
-        simulated={}, improved=improved, held_from=held_from,
+        simulated={}, improved=improved, held_spans=held_spans,
     )  # fmt: skip
 
 
@@ -58,7 +58,7 @@ def test_the_true_plant_reaches_the_floor_of_the_noise(rig, pid):
     through the loop, and closes the gap of the drive."""
     log, believed = recorded(rig, pid, reference()), rig.set(A_FR=0.5 * rig["A_FR"])
 
-    found = replay_closed_loop(diagnosis(believed, log, rig, held_from=4.0), pid)
+    found = replay_closed_loop(diagnosis(believed, log, rig, held_spans=((4.0, 5.996),)), pid)
 
     loop = found.closed_loop
     assert list(loop.gap) == list(MODELS) and list(loop.gap["nominal"])[-2:] == ["position", "total"]
@@ -81,7 +81,10 @@ def test_the_gap_is_that_of_the_held_out_samples(rig, pid):
 
     gaps = [
         replay_closed_loop(
-            diagnosis(rig, replace(log, channels={**log.channels, "position": values}), None, held_from=4.0), pid
+            diagnosis(
+                rig, replace(log, channels={**log.channels, "position": values}), None, held_spans=((4.0, 5.996),)
+            ),
+            pid,
         ).closed_loop.gap["nominal"]["position"]
         for values in (log["position"], early, late)
     ]

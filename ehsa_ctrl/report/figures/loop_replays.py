@@ -11,6 +11,7 @@ from ..signals import channel_display
 from ..style import GREY, ROLES
 from . import _panels as panel
 from ._layout import header_legend
+from .free_runs import HELD_OUT
 
 
 def loop_replay_figure(diagnosis: Diagnosis) -> Figure:
@@ -43,8 +44,8 @@ def loop_replay_figure(diagnosis: Diagnosis) -> Figure:
         axes["error"].set_ylabel(f"{shown.words},\nmeasured − simulated\n({shown.unit})")
         axes["drive"].set_ylabel(of_drive.two_lines)
         axes["drive"].set_xlim(loop.time[0], loop.time[-1])
-        if diagnosis.held_from is not None:
+        for start, stop in diagnosis.held_spans:
             for ax in (axes["error"], axes["drive"]):
-                ax.axvline(diagnosis.held_from, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
+                ax.axvspan(start, stop, **HELD_OUT)
         header_legend(axes["header"], lines)
     return figure
