@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
+from ..core.text import stems
 from .complete import controllers, models, scenarios
-from .options import LogOptions, PlantOption, Settings, read_pairs
+from .options import LogOptions, LogSettings, PlantOption, Settings, read_pairs, settings_by_log
 from .output import OutputOptions, provenance, to_json, warn
 
 if TYPE_CHECKING:
@@ -56,9 +57,10 @@ class SingleLogOptions:
         bool, typer.Option("--replay", help="The log was recorded in the scenario: simulate its closed loop as well.")
     ] = False
 
-    def check(self, logs: int, preparation: LogOptions) -> None:
+    def check(self, logs: int, preparation: LogOptions, *, together: bool = False) -> None:
         """Raises InputError for options that exclude each other."""
-        for word in ("validate", "before", "scenario", "controller"):
+        ruled_out = ("before", "scenario", "controller")
+        for word in ruled_out if together else ("validate", *ruled_out):
             if getattr(self, word) is not None and logs > 1:
                 raise InputError(f"--{word} is for a single log, but {logs} are given; diagnose them one by one")
         if self.validate is not None and self.before is not None:
@@ -126,10 +128,16 @@ def command(
     unchecked: Annotated[
         bool, typer.Option("--unchecked", help="Diagnose the log even if the checks find an error in it.")
     ] = False,
+    together: Annotated[
+        bool, typer.Option("--together", help="One diagnosis over all logs, which are of one rig in one state.")
+    ] = False,
+    log_settings: LogSettings = [],
 ) -> None:
     """Find where log and nominal plant differ, which effect causes the gap, and how much of it that effect closes.
 
-    Several logs get a folder each and a summary; after an interruption, the same command continues.
+    Several logs get a folder each and a summary; after an interruption, the same command continues. With --together
+    they get one diagnosis: causes and nominal parameters are shared, also offsets of sensors and of the current. What
+    was set for one of them, such as the stiffness of a spring, is given by --log-set.
 
     --controller, or [log.controller] in the plant's file, adds a closed-loop replay: the gaps of the same models under
     the controller of the log, along the logged reference, with the position.
@@ -139,18 +147,22 @@ def command(
 
     Examples: ehsa-ctrl diagnose log.csv --plant ehsa --out results/diagnosis · ehsa-ctrl diagnose log.csv --plant
     my/rig.toml --validate other.csv --set load.stiffness=50e3 --threshold 0.05 · ehsa-ctrl diagnose logs/*.csv --plant
-    ehsa --out results/logs · ehsa-ctrl diagnose rig.csv --plant my/rig.toml --from 2 --to 26 --resample 250 --zero
-    p1,p2 · ehsa-ctrl diagnose today.csv --before last_year.csv --plant ehsa · ehsa-ctrl diagnose
-    log.csv --plant ehsa --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3 ·
+    ehsa --out results/logs · ehsa-ctrl diagnose free.csv spring.csv --together --log-set spring.csv:load.stiffness=50e3
+    --plant ehsa · ehsa-ctrl diagnose rig.csv --plant my/rig.toml --from 2 --to 26 --resample 250 --zero p1,p2 ·
+    ehsa-ctrl diagnose today.csv --before last_year.csv --plant ehsa · ehsa-ctrl diagnose log.csv --plant ehsa
+    --scenario steps_spring --controller pid_position --replay --set load.stiffness=50e3 ·
     ehsa-ctrl diagnose loop.csv --plant my/rig.toml --controller pid_position --out results/loop
     """
     from ..plant.load import models_of
     from .inputs import load_model, preparation_sentences
 
-    single.check(len(logs), preparation)
+    single.check(len(logs), preparation, together=together)
+    own = settings_by_log(log_settings, logs)
+    if log_settings and len(logs) > 1 and not together:
+        raise InputError("--log-set is for logs that are diagnosed together; add --together")
     how = preparation.preparation()
     nominal = load_model(plant, model, read_pairs(settings))
-    if len(logs) > 1:
+    if len(logs) > 1 and not together:
         from .diagnose_batch import diagnose_batch
 
         diagnose_batch(
@@ -161,10 +173,10 @@ def command(
     closed_figure = ["closed_loop"] if single.scenario is not None else []
     output.check(
         "diagnose",
-        *file_names(nominal, before=single.before is not None, closed=single.scenario is not None),
-        figures=[*FIGURES, "closed_loop_replay", *closed_figure],
+        *file_names(nominal, before=single.before is not None, closed=single.scenario is not None, logs=len(logs)),
+        figures=[*FIGURES, *stems("signals", len(logs))[1:], "closed_loop_replay", *closed_figure],
     )
-    outcome = _diagnose(nominal, logs[0], single, how, threshold=threshold, jobs=jobs, check=not unchecked)
+    outcome = _diagnose(nominal, logs, own, single, how, threshold=threshold, jobs=jobs, check=not unchecked)
     found, out = outcome.found, output.out
     improved = _improved_path(out, found) if out is not None else None
 
@@ -211,7 +223,8 @@ def improved_name(found: Diagnosis) -> str | None:
 
 def _diagnose(
     nominal: Plant,
-    log: Path,
+    logs: Sequence[Path],
+    own: Mapping[Path, Mapping[str, str]],
     single: SingleLogOptions,
     how: Preparation,
     *,
@@ -219,12 +232,16 @@ def _diagnose(
     jobs: int | None,
     check: bool,
 ) -> DiagnosisOutcome:
-    """Read and diagnose one log, compare it with an earlier one, and run the scenario, as the options ask."""
+    """Read and diagnose the logs, compare a single one with an earlier one, and run the scenario, as the options ask.
+
+    own: log -> settings of this log alone.
+    """
     from ..diagnosis.changed import what_changed
     from ..diagnosis.closed_loop import check_replay, compare_loops
     from ..diagnosis.closed_loop_replay import replay_closed_loop
     from ..diagnosis.diagnose import diagnose
     from ..identification.plant_log import missing_information
+    from ..plant.load import read_settings
     from .inputs import read_prepared, whole
     from .progress import compiling, counting
 
@@ -236,7 +253,12 @@ def _diagnose(
         steps.extend(prepared.diagnosis_step_dicts())
         return prepared.log
 
-    measured = read(log, how)
+    files = [path.resolve() for path in logs]
+    twice = next((path for path, file in zip(logs, files, strict=True) if files.count(file) > 1), None)
+    if twice is not None:
+        raise InputError(f"{twice}: is given twice; give it once")
+    together = [replace(read(path, how), settings=read_settings(nominal, own[path])) for path in logs]
+    measured = together[0]
     second = read(single.validate, whole(how)) if single.validate is not None else None
     earlier = read(single.before, whole(how)) if single.before is not None else None
     # Prepared now, so that an error in the scenario is reported before the long computation.
@@ -254,7 +276,7 @@ def _diagnose(
             found = change.after
         else:
             found = diagnose(
-                nominal, measured, validate=second, threshold=threshold, jobs=jobs, watch=watch, check=check
+                nominal, together, validate=second, threshold=threshold, jobs=jobs, watch=watch, check=check
             )
         words = ("believed", "improved") if change is None else ("before", "after")
         if controller is not None:
@@ -266,7 +288,7 @@ def _diagnose(
             change = replace(change, after=found)
     for sentence in dict.fromkeys([*(change.before.findings if change is not None else ()), *found.findings]):
         warn(sentence)
-    return DiagnosisOutcome(found, steps, (log, single.validate, single.before), change, closed)
+    return DiagnosisOutcome(found, steps, (*logs, single.validate, single.before), change, closed)
 
 
 def _controller_of_log(plant: Plant, single: SingleLogOptions, logs: Sequence[Log]) -> SampledController | None:
@@ -344,12 +366,13 @@ def _print_closed(closed: LoopComparison) -> None:
         )
 
 
-def file_names(plant: Plant, *, before: bool = False, closed: bool = False) -> list[str]:
-    """All files that a diagnosis can have besides its figures, the main one first."""
+def file_names(plant: Plant, *, before: bool = False, closed: bool = False, logs: int = 1) -> list[str]:
+    """All files that a diagnosis of so many logs can have besides its figures, the main one first."""
     from ..diagnosis.next_experiment import FILE
     from ..report.kinds.diagnosis import KIND
 
-    names = ["diagnosis.json", KIND.page, f"{plant.name}_improved.toml", "signals.csv", "causes.csv", FILE]
+    names = ["diagnosis.json", KIND.page, f"{plant.name}_improved.toml", "causes.csv", FILE]
+    names += [f"{stem}.csv" for stem in stems("signals", logs)]
     names += ["before.json", f"{plant.name}_before.toml"] if before else []
     return [*names, "closed_loop.json"] if closed else names
 
@@ -384,7 +407,9 @@ def write_files(out: Path, outcome: DiagnosisOutcome) -> None:
     improved = _improved_path(out, found)
     if improved is not None and found.improved is not None:
         write_plant(improved, found.improved)
-    signals_table(found).to_csv(out / "signals.csv", index=False, float_format="%.7g")
+    by_log = found.by_log()
+    for stem, one in zip(stems("signals", len(by_log)), by_log, strict=True):
+        signals_table(one).to_csv(out / f"{stem}.csv", index=False, float_format="%.7g")
     if found.effects:
         found.to_pandas().to_csv(out / "causes.csv", index=False)
     save_all(diagnosis_figures(found), out)

@@ -122,7 +122,7 @@ def _print(batch: LogBatch, out: Path | None) -> None:
     from ..core.text import unique_names
 
     table = Table(box=None, pad_edge=False)
-    for column in ("log", "verdict", "cause", "place"):
+    for column in ("log", "verdict", "causes", "place"):
         table.add_column(column, overflow="fold")
     for column in ("probability", "gap, %", "after, %", "s"):
         table.add_column(column, justify="right")
@@ -132,7 +132,15 @@ def _print(batch: LogBatch, out: Path | None) -> None:
             continue
         numbers = (f"{row.probability:.2f}" if row.cause else "", f"{100 * row.gap_before:.3g}")
         after = f"{100 * row.gap_after:.3g}" if row.verdict != "no_gap" else ""
-        table.add_row(name, row.verdict, " or ".join(row.set), row.place, *numbers, after, f"{row.seconds:.0f}")
+        table.add_row(
+            name,
+            row.verdict,
+            row.cause_words,
+            row.place,
+            *numbers,
+            after,
+            f"{row.seconds:.0f}",
+        )
     console = Console(highlight=False)
     console.print(table)
     console.print("gap, after: total gap on held-out data, of the nominal plant and with the causes added")

@@ -12,7 +12,7 @@ import typer
 from ..core.errors import InputError
 from ..core.result import as_dict
 from .complete import models_or_both, plants, several_symbols, symbols
-from .options import LogOptions, Settings, check_word, read_pairs, settings_by_log, split_names
+from .options import LogOptions, LogSettings, Settings, check_word, read_pairs, settings_by_log, split_names
 from .output import OutputOptions, provenance, warn
 
 if TYPE_CHECKING:
@@ -113,15 +113,7 @@ def command(
             autocompletion=several_symbols,
         ),
     ] = "",
-    log_settings: Annotated[
-        list[str],
-        typer.Option(
-            "--log-set",
-            metavar="LOG:KEY=VALUE",
-            help="Value of the plant for the logs of this name alone, which may have wildcards: 'kp100_*:kp=100'. "
-            "Repeatable.",
-        ),
-    ] = [],
+    log_settings: LogSettings = [],
     assumed: Annotated[
         bool,
         typer.Option(

@@ -172,6 +172,17 @@ def _read_rest(text: str) -> tuple[float, float] | None:
         raise InputError(f"--rest {text!r}: expected two times in seconds, as in --rest 0:0.5") from None
 
 
+LogSettings = Annotated[
+    list[str],
+    typer.Option(
+        "--log-set",
+        metavar="LOG:KEY=VALUE",
+        help="Value of the plant for the logs of this name alone, which may have wildcards: 'kp100_*:kp=100'. "
+        "Repeatable.",
+    ),
+]
+
+
 def read_pairs(settings: list[str], option: str = "--set") -> dict[str, str]:
     """Turn ["K_T=1.1"] into {"K_T": "1.1"}. Raises InputError for a text without '=' and for a repeated key."""
     pairs: dict[str, str] = {}

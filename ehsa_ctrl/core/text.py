@@ -12,6 +12,11 @@ def join_words(items: Iterable[str]) -> str:
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
+def stems(name: str, count: int) -> list[str]:
+    """Stems of the files of several logs: name, name-2, name-3."""
+    return [name if number == 1 else f"{name}-{number}" for number in range(1, count + 1)]
+
+
 def unique_names(files: Sequence[str | Path]) -> list[str]:
     """The name of each file, with as many parent folders as distinguish it from the others: a/log.csv, b/log.csv."""
     paths = [Path.cwd() / file for file in files]

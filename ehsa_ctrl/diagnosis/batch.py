@@ -42,7 +42,8 @@ class Row:
     ----------
     file: path of the log.
     verdict: see `Diagnosis`; empty if the diagnosis failed.
-    cause, probability: of the first cause. set: this cause and those that explain the log as well.
+    cause, probability: of the first cause. set: this cause and those that explain the log as well. causes: these
+        sets of all causes.
     place: with the largest share of the gap.
     gap_before, gap_after: total gap on held-out data, of the nominal plant and with the causes.
     seconds: computing time. error: why the diagnosis failed. digest: hash of the log's content.
@@ -59,6 +60,12 @@ class Row:
     seconds: float = 0.0
     error: str = ""
     digest: str = ""
+    causes: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def cause_words(self) -> str:
+        """All causes, each with those that explain the log as well."""
+        return " + ".join(" or ".join(one) for one in self.causes or (self.set,))
 
     @classmethod
     def of(cls, file: str, found: Diagnosis, digest: str = "") -> Row:
@@ -74,6 +81,7 @@ class Row:
             gap_after=found.gap["with_effects"]["total"],
             seconds=found.seconds,
             digest=digest,
+            causes=tuple((cause.name, *cause.ambiguous_with) for cause in found.effects),
         )
 
     @classmethod
@@ -81,7 +89,9 @@ class Row:
         """A row from a line of JSON."""
         content = parse_json(line)
         numbers = {name: math.nan if content[name] is None else float(content[name]) for name in NUMBERS}
-        return cls(**(content | numbers | {"set": tuple(content["set"])}))
+        # Files of earlier versions lack the other causes.
+        sets = {"set": tuple(content["set"]), "causes": tuple(map(tuple, content.get("causes", ())))}
+        return cls(**(content | numbers | sets))
 
     to_dict = as_dict
 
@@ -114,18 +124,20 @@ class LogBatch(Result):
 
     @property
     def counts(self) -> dict[str, int]:
-        """First cause (or verdict if no cause is named) -> number of logs, the most frequent first."""
+        """Cause (or verdict if no cause is named) -> number of logs that have it, the most frequent first."""
         found: dict[str, int] = {}
         for row in self.rows:
-            named = row.verdict in NAMING
-            word = "failed" if row.error else row.cause if named else row.verdict
-            found[word] = found.get(word, 0) + 1
+            names = [one[0] for one in row.causes] or [row.cause]
+            for word in ["failed"] if row.error else names if row.verdict in NAMING else [row.verdict]:
+                found[word] = found.get(word, 0) + 1
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per log."""
-        names = "verdict cause set probability place gap_before gap_after seconds error"
-        return as_table(self.rows, names, index="file", set=lambda row: " or ".join(row.set))
+        names = "verdict cause set causes probability place gap_before gap_after seconds error"
+        return as_table(
+            self.rows, names, index="file", set=lambda row: " or ".join(row.set), causes=lambda row: row.cause_words
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Content of summary.json."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from ..core.text import stems
 from ..diagnosis.diagnosis import Diagnosis
 from ..identification.comparison import Comparison
 from ..identification.identification import Identification
@@ -79,7 +80,9 @@ def comparison_figures(replays: Sequence[Comparison]) -> Figures:
 
 def diagnosis_figures(diagnosis: Diagnosis) -> Figures:
     """All figures for which the diagnosis has data."""
-    yield "signals", diagnosis_figure(diagnosis)
+    by_log = diagnosis.by_log()
+    for stem, one in zip(stems("signals", len(by_log)), by_log, strict=True):
+        yield stem, diagnosis_figure(one)
     if diagnosis.closed_loop is not None:
         yield "closed_loop_replay", loop_replay_figure(diagnosis)
     if diagnosis.verdict == "no_gap":

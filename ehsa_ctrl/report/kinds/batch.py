@@ -23,12 +23,12 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     if content["interrupted"]:
         sentences.append(("Interrupted: some logs have not been diagnosed.", DOUBT))
     rows = [
-        [name, row["verdict"].replace("_", " ") or "✗ failed", " or ".join(row["set"]), row["place"],
+        [name, row["verdict"].replace("_", " ") or "✗ failed", _causes(row), row["place"],
          value_text(row["probability"], 1.0, 2) if row["cause"] else "", percent(row["gap_before"], 2),
          percent(row["gap_after"], 2) if row["verdict"] != "no_gap" else "", value_text(row["seconds"], 1.0, 2)]
         for name, row in named
     ]  # fmt: skip
-    head = ["log", "verdict", "cause", "place", "probability", "gap", "gap with\ncauses", "time\ns"]
+    head = ["log", "verdict", "causes", "place", "probability", "gap", "gap with\ncauses", "time\ns"]
     return Page(
         title=f"Diagnosis of {len(logs)} logs of {content['plant']}",
         sentences=sentences,
@@ -43,6 +43,11 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
         versions=content["provenance"],
         covers=folder_names(files),
     )
+
+
+def _causes(row: Mapping[str, Any]) -> str:
+    """All causes of a log, each with those that explain it as well."""
+    return " + ".join(" or ".join(one) for one in row.get("causes") or [row["set"]])
 
 
 KIND = Kind("summary.json", "diagnoses", _read)

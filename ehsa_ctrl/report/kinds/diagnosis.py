@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...core.files import read_json
-from ...core.text import join_words
+from ...core.text import join_words, stems, unique_names
 from ...diagnosis.diagnosis import MODELS
 from ...physics.effects import PLACES
 from ...plant.file import label
@@ -73,7 +73,7 @@ def _read(content: Content, folder: Path) -> Page:
             _recorded(content),
         ],
         facts=[
-            ("log", str(content.get("log") or "not from a file")),
+            ("log", ", ".join(_names(content)) if "logs" in content else str(content.get("log") or "not from a file")),
             *([("title", str(content["plant_title"]))] if "plant_title" in content else []),
             *settings_of(content),
             ("held out", str(content["held_out"])),
@@ -87,6 +87,9 @@ def _read(content: Content, folder: Path) -> Page:
 def _log(content: Content) -> str:
     """Names of log and plant, as far as the file states them."""
     files = [Path(name) for name in (content.get("rests_on") or {}).get("files", {})]
+    names = _names(content)
+    if names:
+        return f"{len(names)} logs on {content['plant']} together"
     log = Path(content["log"]).name if content.get("log") else next((f.name for f in files if f.suffix != ".toml"), "")
     plant = content.get("plant") or next((file.stem for file in files if file.suffix == ".toml"), "")
     return f"{log or 'a log'}{f' on {plant}' if plant else ''}"
@@ -141,8 +144,20 @@ def _signals(content: Content) -> Section:
         "with the sensor noise subtracted, over the standard deviation of the signal; 0 % is within the noise. A run "
         "far from the measurement leaves its panel."
     )
-    picture = Picture("signals", "Measured and simulated", caption)
-    return Section("Measured and simulated", [Paragraph(_remaining_gap(content)), picture], "signals")
+    names = _names(content) or [""]
+    pictures = [
+        Picture(stem, f"Measured and simulated{f', {name}' if name else ''}", caption if stem == "signals" else "")
+        for stem, name in zip(stems("signals", len(names)), names, strict=True)
+    ]
+    return Section("Measured and simulated", [Paragraph(_remaining_gap(content)), *pictures], "signals")
+
+
+def _names(content: Content) -> list[str]:
+    """Names of the logs that were diagnosed together; empty for a single log."""
+    paths = [row["path"] for row in content.get("logs") or []]
+    if all(paths):
+        return unique_names(paths)
+    return [Path(path).name if path else f"log {number}" for number, path in enumerate(paths, 1)]
 
 
 def _remaining_gap(content: Content) -> str:
@@ -265,11 +280,24 @@ def _gaps(content: Content) -> Section:
         Picture("shrinkage", "Gap of each model", caption),
         Table("Gap in % of the signal's standard deviation; ● marks a relevant gap", head, rows),
     ]
+    if content.get("logs"):
+        blocks.append(_by_log(content, models))
     if causes_are_named(content) and len(content["effects"]) > 1:
         parts = [[cause_name(cause), percent(cause["gap_closed"])] for cause in content["effects"]]
         caption = "Part of each cause: mean over all orders in which the causes can be added (Shapley value)"
         blocks.append(Table(caption, ["cause", "gap closed"], parts))
     return Section("Gap of each model", blocks, "gaps")
+
+
+def _by_log(content: Content, models: Sequence[str]) -> Table:
+    """Total gap of each log."""
+    rows = [
+        [name, percent(row["gap_whole_log"].get("total"), 2),
+         *(percent(row["gap"].get(model, {}).get("total"), 2) for model in models)]
+        for name, row in zip(_names(content), content["logs"], strict=True)
+    ]  # fmt: skip
+    head = ["log", "whole log\nnominal", *(f"held out\n{MODELS[model]}" for model in models)]
+    return Table("Total gap of each log; the gaps above are means of squares over the logs", head, rows)
 
 
 def _next(content: Content) -> Section:
