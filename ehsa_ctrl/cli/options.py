@@ -177,7 +177,7 @@ LogSettings = Annotated[
     typer.Option(
         "--log-set",
         metavar="LOG:KEY=VALUE",
-        help="Value of the plant for the logs of this name alone, which may have wildcards: 'kp100_*:kp=100'. "
+        help="Value of the plant for the logs of this name or path alone, which may have wildcards: 'kp100_*:kp=100'. "
         "Repeatable.",
     ),
 ]
@@ -202,7 +202,7 @@ def settings_by_log(texts: list[str], logs: Sequence[Path]) -> dict[Path, dict[s
     found: dict[Path, list[str]] = {path: [] for path in logs}
     for text in texts:
         pattern, _, pair = text.rpartition(":")
-        fitting = [path for path in logs if fnmatch(path.name, pattern)]
+        fitting = [path for path in logs if fnmatch(path.name, pattern) or fnmatch(path.as_posix(), pattern)]
         if not fitting:
             raise InputError(
                 f"--log-set {text!r}: fits no log; expected LOG:KEY=VALUE with one of {', '.join(p.name for p in logs)}"
