@@ -265,7 +265,8 @@ def _diagnose(
     case = prepare_case(single.scenario, single.controller, nominal) if single.scenario is not None else None
     if case is not None and single.replay:
         check_replay(case, nominal, measured)
-    controller = _controller_of_log(nominal, single, [one for one in (measured, second) if one is not None])
+    followed = [one for one in (measured, second) if one is not None]
+    controller = _controller_of_log(nominal, single, followed) if len(logs) == 1 else None
     missing = missing_information(measured, nominal)
     if "force" in missing:
         warn(missing["force"])
