@@ -12,8 +12,8 @@ from ..plant.plant import Plant
 from .diagnose import diagnose
 from .diagnosis import NAMING, Cause, Diagnosis
 from .hypothesis_model import with_every_effect
-from .hypothesis_search import Watch
 from .improved_plant import improved_plant
+from .pool import Watch
 from .records import Segment
 from .refit import objective_of, refit_nominal
 from .validation_segment import whole_log

@@ -39,10 +39,11 @@ from .hypothesis_model import (
     law_switches,
     with_every_effect,
 )
-from .hypothesis_search import Hypotheses, Pool, Watch, search
+from .hypothesis_search import Hypotheses, search
 from .improved_plant import improved_plant
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
+from .pool import Pool, Watch
 from .records import Record, Runs, Segment, joint_gap, mean_square_root
 from .refit import objective_of, refit_nominal
 from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
@@ -50,12 +51,15 @@ from .several_parameters import may_be_several, with_several_parameters
 from .signals import estimate_noise, largest
 from .sizes import with_sizes
 from .split import NO_GAP, Split, choose_split
+from .stretch import search_segment
 from .together import check_together, joint_location
 from .validation_segment import initial_state, part_of_log, prepare_replay, replayed_effects
 from .verdict_text import advice, name_of
 
 #: Shortest log [s]. Engineering judgement: 2 s to fit and 1 s to hold out.
 SHORTEST = 3.0
+#: Shares of the computing time, as measured: search, several nominal parameters; scores end at the third.
+SEARCH_SHARE, SEVERAL_SHARE, SCORED = 0.4, 0.3, 0.9
 #: Factor on the prior deviations when only nominal parameters are refitted. Engineering judgement: practically no
 #: prior, so that the refit shows the most that wrong parameters can explain.
 REFIT_PRIOR_FACTOR = 30.0
@@ -140,7 +144,7 @@ def diagnose(
     validate: second log for validation; by default a third of each log is held out, see `split`.
     threshold: smallest relevant gap of a signal, as a share of its standard deviation.
     jobs: number of threads; all cores by default.
-    watch: progress callback, called with stage, steps done and total steps.
+    watch: progress callback, called with the current stage, and steps done and total steps of the whole diagnosis.
     check: reject a log in which `check_log` finds an error: a wrong sign or unit is not an effect.
 
     Returns
@@ -171,17 +175,29 @@ def diagnose(
     objective, sensitivities = objective_of(segments.training, threshold)
     lumped = lacks_dry_friction(prepared.model.plant)
     pool = Pool(jobs or os.cpu_count() or 1, watch)
-    hypotheses = Hypotheses.initial(objective, _candidates(segments.training), sensitivities, pool)
+    pool.progress.begin(SEARCH_SHARE)
+    searched = search_segment([one.plant for one in prepared.logs], segments.training)
+    all_data = searched is segments.training
+    problem = (objective, sensitivities) if all_data else objective_of(searched, threshold)
+    hypotheses = Hypotheses.initial(problem[0], _candidates(segments.training), problem[1], pool)
     hypotheses, screening = search(hypotheses, lumped=lumped)
     if not lumped and may_be_several(hypotheses):
         ids = effect_id_by_parameter(prepared.model.plant)
+        pool.progress.begin(SEVERAL_SHARE)
         hypotheses = with_several_parameters(hypotheses, screening, ids, threshold)
+    if not all_data:
+        hypotheses = hypotheses.on_all_data(objective, sensitivities)
+        words = f"effects were searched {searched.name}; the best were refitted to all training data and scored on it"
+        prepared = replace(prepared, findings=(*prepared.findings, words))
+    pool.progress.begin(SCORED - pool.progress.end)
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, threshold, lumped=lumped)
     hypotheses, scores, superseded = score_hypotheses(hypotheses, scoring)
     reference = Reference.of(scoring)
     selection = select_model(scores, reference, threshold)
     selection, hypotheses = with_absorbed_parameters(selection, hypotheses, scoring, reference, threshold)
     selection, sd = with_sizes(selection, scoring)
+    pool.progress.begin(1.0 - SCORED)
+    pool.progress.report("place of the gap", 0.0)
     nominal_refit = refit_nominal(objective, sensitivities, 1.0 if lumped else REFIT_PRIOR_FACTOR)
     known = [*superseded, *scores]
     return _diagnose_selection(

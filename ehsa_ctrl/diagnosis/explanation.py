@@ -16,7 +16,7 @@ from ..plant.plant import Plant
 from .candidate_effects import with_parameters
 from .diagnosis import Verdict
 from .free_curve import CurveLog, FreeCurve, free_curve
-from .hypothesis_search import Hypotheses
+from .hypothesis_search import Hypotheses, Task
 from .model_selection import Reference, Selection
 from .regimes import describe_curve
 from .scoring import CauseKey, Scoring
@@ -122,7 +122,7 @@ def with_absorbed_parameters(
         hypotheses.candidates,
         ids,
     )
-    task = members, values
+    task = Task(members, values)
     hypotheses = hypotheses.with_refits([task], "sets of causes", steps=6, renew_after=1)
     refitted = next((scoring.score(fit) for fit in hypotheses.fits_of([task])), chosen)
     least = min((selection.probability.get(key, 0.0) for key in chosen.causes), default=1.0)

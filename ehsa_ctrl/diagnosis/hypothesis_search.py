@@ -8,21 +8,23 @@ be corrected.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from ..physics.effects import CandidateEffect
 from .hypothesis_model import Setting
-from .refit import TEMPER, HypothesisFit, Objective, refit
+from .pool import Pool
+from .refit import TEMPER, HypothesisFit, Objective, refine, refit
 
 # The numbers below are engineering judgement: computing time against the risk of missing a cause.
 
 #: Candidates to refit after the screening, fits to refine, sets to grow, candidates to add to each of these.
 N_REFIT, N_REFINE, N_GROW, N_ADD = 12, 4, 3, 5
+#: Hypotheses that are refitted to all training data after a search on a stretch of it.
+N_MOVED = 6
 #: Sets grow if one more candidate is predicted to lower the cost by this much plus this share of what the best set
 #: explains.
 MIN_GAIN, MIN_GAIN_SHARE = 3.0, 0.004
@@ -33,28 +35,14 @@ MIN_ADDED_GAIN = 2.0
 PAIR_RATIO, NOISE_LEVEL = 0.7, 1.2
 
 Key = tuple[tuple[str, str | None], ...]
-Watch = Callable[[str, int, int], None]
-Task = tuple[tuple[CandidateEffect, ...], Setting]
-Item = TypeVar("Item")
-Result = TypeVar("Result")
 
 
-@dataclass(frozen=True)
-class Pool:
-    """Threads for the refits: the engine releases Python's interpreter lock. watch: see `diagnose`."""
+class Task(NamedTuple):
+    """A refit: effects, start values, and a fit whose Jacobian holds there (None: that of the nominal plant)."""
 
-    jobs: int = 1
-    watch: Watch | None = None
-
-    def map(self, stage: str, work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
-        """Results in the order of the items."""
-        out: list[Result] = []
-        with ThreadPoolExecutor(self.jobs) as threads:
-            for result in threads.map(work, items):
-                out.append(result)
-                if self.watch is not None:
-                    self.watch(stage, len(out), len(items))
-        return out
+    candidates: tuple[CandidateEffect, ...]
+    start: Setting
+    near: HypothesisFit | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +50,7 @@ class Hypotheses:
     """The best fit of every hypothesis so far.
 
     candidates: all that a hypothesis may contain. sensitivities: nominal parameter -> (n,) derivative of the residual
-    by one prior deviation. residual: (n,) of the nominal model. fits: hypothesis -> fit.
+    there. residual: (n,) of the nominal model. fits: hypothesis -> fit.
     """
 
     objective: Objective
@@ -99,24 +87,45 @@ class Hypotheses:
         """Refit hypotheses from given values; of each hypothesis the better fit is kept."""
 
         def work(task: Task) -> HypothesisFit | None:
-            return refit(self.objective, *task, self.sensitivities, steps=steps, renew_after=renew_after)
+            candidates, start, near = task
+            if near is None:
+                own = {name for candidate in candidates for name in candidate.names}
+                known = {name: column for name, column in self.sensitivities.items() if name not in own}
+            else:
+                known = near.sensitivities
+            return refit(self.objective, candidates, start, known, steps=steps, renew_after=renew_after)
 
+        return self._with_better(self.pool.map(stage, work, tasks))
+
+    def _with_better(self, found: Iterable[HypothesisFit | None]) -> Hypotheses:
         fits = dict(self.fits)
-        for found in self.pool.map(stage, work, tasks):
-            if found is not None:
-                key = hypothesis_key(found.candidates)
-                if key not in fits or found.cost < fits[key].cost:
-                    fits[key] = found
+        for fit in found:
+            if fit is not None:
+                key = hypothesis_key(fit.candidates)
+                if key not in fits or fit.cost < fits[key].cost:
+                    fits[key] = fit
         return replace(self, fits=fits)
 
     def fits_of(self, tasks: Sequence[Task]) -> list[HypothesisFit]:
         """The best fits of the hypotheses of tasks, without those that could not be simulated."""
-        keys = (hypothesis_key(candidates) for candidates, _ in tasks)
+        keys = (hypothesis_key(task.candidates) for task in tasks)
         return [self.fits[key] for key in keys if key in self.fits]
 
     def refine(self, fits: Sequence[HypothesisFit], steps: int = 6) -> Hypotheses:
-        """Continue fits with a new Jacobian."""
-        return self.with_refits([(fit.candidates, fit.values) for fit in fits], "refitting", steps=steps, renew_after=1)
+        """Continue fits with a new Jacobian, except for those that would not change."""
+        todo = [fit for fit in fits if not fit.settled]
+        return self._with_better(self.pool.map("refitting", lambda fit: refine(self.objective, fit, steps), todo))
+
+    def on_all_data(self, objective: Objective, sensitivities: Mapping[str, np.ndarray]) -> Hypotheses:
+        """The best hypotheses that were found on a stretch, and the best of each size, refitted with another objective.
+
+        sensitivities: of that objective, see `objective_of`.
+        """
+        best = {id(fit): fit for fit in [*self.best()[:N_MOVED], *(self.best(size)[0] for size in self.sizes)]}
+        tasks = [Task((), {}), *(Task(fit.candidates, fit.values) for fit in best.values() if fit.candidates)]
+        moved = Hypotheses.initial(objective, self.candidates, sensitivities, self.pool)
+        moved = moved.with_refits(tasks, "all training data", steps=4)
+        return moved.with_level_of(moved.best()[0])
 
     def with_level_of(self, fit: HypothesisFit) -> Hypotheses:
         """Take the typical block from this fit, and recompute the costs of all fits."""
@@ -166,7 +175,8 @@ class Screening:
         if fit is None:
             own, used, r = 0, set[tuple[str, str | None]](), hypotheses.residual
             names = list(hypotheses.objective.nominal.names)
-            nuisance = np.column_stack([hypotheses.sensitivities[n] for n in names])
+            nominal = hypotheses.objective.nominal
+            nuisance = np.column_stack([hypotheses.sensitivities[n] for n in names]) * nominal.sd
             prior = np.zeros(len(names))
         else:
             own, used, r, nuisance = fit.n_effect, {c.key for c in fit.candidates}, fit.residual, fit.jacobian
@@ -287,7 +297,7 @@ def _pairs_leave_much(hypotheses: Hypotheses) -> bool:
 
 def _fit_singles(hypotheses: Hypotheses, screening: Screening) -> Hypotheses:
     """Refit the nominal parameters alone, then the single effects with the largest predicted gain."""
-    hypotheses = hypotheses.with_refits([((), {})], "nominal parameters", steps=6)
+    hypotheses = hypotheses.with_refits([Task((), {})], "nominal parameters", steps=6)
     null = hypotheses.fits[()]
     hypotheses = hypotheses.with_level_of(null)
     null = hypotheses.fits[()]
@@ -297,16 +307,17 @@ def _fit_singles(hypotheses: Hypotheses, screening: Screening) -> Hypotheses:
         if response.candidate.key in seen and len(response.candidate.starts) < 2:
             continue
         seen.add(response.candidate.key)
-        tasks.append(((response.candidate,), start_values(response, step, {})))
+        tasks.append(Task((response.candidate,), start_values(response, step, {})))
         if len(tasks) >= N_REFIT:
             break
     for _, response, step in screening.gains(hypotheses, null)[: N_REFIT // 2]:
-        tasks.append(((response.candidate,), start_values(response, step, null.values)))
+        tasks.append(Task((response.candidate,), start_values(response, step, null.values)))
     hypotheses = hypotheses.with_refits(tasks, "single effects", steps=3)
     # A hypothesis that explains less than the nominal parameters alone has not reached its optimum.
     worse = [fit for fit in hypotheses.best(1) if fit.cost > null.cost and not fit.candidates[0].shaped]
     worse = [fit for fit in worse if all(np.isfinite(f.nominal) for f in fit.candidates[0].free)]
-    hypotheses = hypotheses.with_refits([(fit.candidates, null.values) for fit in worse], "single effects", steps=3)
+    again = [Task(fit.candidates, null.values) for fit in worse]
+    hypotheses = hypotheses.with_refits(again, "single effects", steps=3)
     hypotheses = hypotheses.with_level_of(hypotheses.best()[0])
     hypotheses = hypotheses.refine(hypotheses.best(1)[:N_REFINE])
     return hypotheses.with_level_of(hypotheses.best()[0])
@@ -333,7 +344,7 @@ def _grow_sets(hypotheses: Hypotheses, screening: Screening, size: int) -> Hypot
             if key in seen and len(response.candidate.starts) < 2:
                 continue
             seen.add(key)
-            tasks.append((candidates, start_values(response, step, base.values)))
+            tasks.append(Task(candidates, start_values(response, step, base.values)))
     hypotheses = hypotheses.with_refits(tasks, f"sets of {size}", steps=3)
     hypotheses = hypotheses.refine(hypotheses.best(size)[: N_REFINE - 1])
     return hypotheses.with_level_of(hypotheses.best()[0])
@@ -349,7 +360,7 @@ def _fit_missing_friction(hypotheses: Hypotheses) -> Hypotheses:
         members = tuple(next(c for c in hypotheses.candidates if c.id == id) for id in sought)
         seen = {name: value for c in members for name, value in zip(c.names, c.starts[0], strict=True)}
         start = {**seen, **start}
-        hypotheses = hypotheses.with_refits([(members, start)], "missing friction", steps=8, renew_after=1)
+        hypotheses = hypotheses.with_refits([Task(members, start)], "missing friction", steps=8, renew_after=1)
         key = hypothesis_key(members)
         if key not in hypotheses.fits:
             break
@@ -368,10 +379,10 @@ def hypothesis_key(candidates: Sequence[CandidateEffect]) -> Key:
 def distinct_tasks(tasks: Iterable[Task]) -> list[Task]:
     """The first task of each hypothesis, which starts from its candidates' values and the nominal ones of the rest."""
     found: dict[Key, Task] = {}
-    for candidates, values in tasks:
-        names = {name for candidate in candidates for name in candidate.names}
-        own = {name: value for name, value in values.items() if name in names}
-        found.setdefault(hypothesis_key(candidates), (candidates, own))
+    for task in tasks:
+        names = {name for candidate in task.candidates for name in candidate.names}
+        own = {name: value for name, value in task.start.items() if name in names}
+        found.setdefault(hypothesis_key(task.candidates), task._replace(start=own))
     return list(found.values())
 
 

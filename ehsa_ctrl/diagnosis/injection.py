@@ -148,28 +148,21 @@ def _simulate_impulses(
     fine = np.arange((samples - 1) * steps + 1) / steps
     driven, pushed = (np.interp(fine if lines else fine // 1, np.arange(samples), u) for u in (current, force))
     halves = halves / steps
-    rows, y = np.tile(plant.vector, (runs, 1)), np.tile(start, (runs, 1))
-    modes, carry = initial_modes(plant, y), initial_carry(plant, runs, dt / steps)
-    out = np.full((samples, runs, n), np.nan)
-    states, cells = np.empty((runs, 2, n)), np.empty((runs, 2))
-    chosen, extremes = np.zeros((runs, 2, modes.shape[1]), dtype=np.int8), np.stack([y, y], axis=1)
-    status = np.zeros(runs, dtype=np.int64)
-    out[0] = y
-    impulses = halves.copy()
-    impulses[1:] += halves[:-1]
-    for k in range(samples - 1):
-        for step in range(steps):
-            y += 2.0 * halves[k] if step else impulses[k]
-            # The engine reuses the rates at the end of a step, which are invalid after an impulse.
-            carry[:, 1] = np.nan
-            at = slice(k * steps + step, k * steps + step + 2)
-            run_open_loop(
-                code, rows, y, modes, carry, driven[at], pushed[at], lines, dt / steps, tolerance, states, chosen,
-                cells, extremes, status=status,
-            )  # fmt: skip
-        out[k + 1] = y
-        if not k % 64 and status.any():
-            break
-    out[1:] += halves[:-1]
-    out[:, status != 0] = np.nan
-    return out.swapaxes(0, 1)
+    # At a sample the impulse at the end of the one before joins that at the start of the next one.
+    impulses = np.repeat(2.0 * halves, steps, axis=0)[: fine.size]
+    impulses[::steps] = halves
+    impulses[steps::steps] += halves[:-1]
+    out = np.full((runs, samples, n), np.nan)
+    for run in range(runs):
+        y = start[None, :].copy()
+        modes, status = initial_modes(plant, y), np.zeros(1, dtype=np.int64)
+        states, cells = np.full((1, fine.size, n), np.nan), np.empty((1, fine.size))
+        run_open_loop(
+            code, plant.vector[None, :], y, modes, initial_carry(plant, 1, dt / steps), driven, pushed, lines,
+            dt / steps, tolerance, states, np.zeros((1, fine.size, modes.shape[1]), dtype=np.int8), cells,
+            np.stack([y, y], axis=1), status=status, impulses=np.ascontiguousarray(impulses[None, :, run]),
+        )  # fmt: skip
+        if not status.any():
+            out[run] = states[0, ::steps]
+    out[:, 1:] += halves[:-1].swapaxes(0, 1)
+    return out

@@ -120,7 +120,7 @@ class NominalParameters:
 def nominal_parameters(
     training: Segment, scale: ResidualScale, threshold: float, *, lumped: bool = False
 ) -> tuple[NominalParameters, dict[str, np.ndarray]]:
-    """Nominal parameters of a segment's model, and the sensitivity of the residual (n,) to one prior deviation of each.
+    """Nominal parameters of a segment's model, and the derivative of the residual (n,) by each.
 
     The prior deviation of a parameter is the change that makes a gap of PRIOR_SHARE of the threshold, or the deviation
     typical of its kind if that is smaller.
@@ -152,7 +152,7 @@ def nominal_parameters(
             relative = LUMPED
         found[name] = relative * plant[name]
         typical.append(max(prior[name], relative) * plant[name])
-        sensitivities[name] = (scale.residual_of(training.records, run) - residual) * (relative / STEP)
+        sensitivities[name] = (scale.residual_of(training.records, run) - residual) / (STEP * plant[name])
     values = np.array([plant[name] for name in found])
     return NominalParameters(tuple(found), values, np.array(list(found.values())), np.array(typical)), sensitivities
 
@@ -261,7 +261,8 @@ class HypothesisFit:
     """A hypothesis at its optimum.
 
     values: free parameters by name. cost: loss times TEMPER, plus priors. residual: (n,). jacobian: (n, k) derivatives
-    by one scale of each of `free`, which lists the candidates' parameters first.
+    by one scale of each of `free`, which lists the candidates' parameters first. settled: another refinement would not
+    lower the cost.
     """
 
     candidates: tuple[CandidateEffect, ...]
@@ -270,6 +271,7 @@ class HypothesisFit:
     residual: np.ndarray = field(repr=False)
     jacobian: np.ndarray = field(repr=False)
     free: tuple[FreeNumber, ...] = ()
+    settled: bool = False
 
     @property
     def n_effect(self) -> int:
@@ -285,6 +287,11 @@ class HypothesisFit:
     def prior_cost(self) -> float:
         """Sum of squares of the changes of the nominal parameters, in prior deviations."""
         return float(sum(((self.values[f.name] - f.nominal) / f.scale) ** 2 for f in self.free[self.n_effect :]))
+
+    @property
+    def sensitivities(self) -> dict[str, np.ndarray]:
+        """Free parameter -> (n,) derivative of the residual."""
+        return {f.name: column / f.scale for f, column in zip(self.free, self.jacobian.T, strict=True)}
 
     def information(self, objective: Objective) -> np.ndarray:
         """Information matrix (k, k) of data and priors, by the scales of `free`."""
@@ -304,7 +311,8 @@ class _HypothesisProblem:
     """The least-squares problem of a hypothesis: parameter vector x (k,), residuals (n,), derivatives by one scale."""
 
     def __init__(self, objective: Objective, candidates: Sequence[CandidateEffect]) -> None:
-        self.objective, self.free = objective, objective.free_numbers(candidates)
+        self.objective, self.candidates = objective, tuple(candidates)
+        self.free = objective.free_numbers(candidates)
         self.names = [f.name for f in self.free]
         self.nominal, self.scale, self.lower, self.upper = (
             np.array([getattr(f, field) for f in self.free]) for field in ("nominal", "scale", "lower", "upper")
@@ -353,6 +361,48 @@ class _HypothesisProblem:
         g[self.n_effect :] += self.prior_residual(x)
         return G, g
 
+    def fit(
+        self, x: np.ndarray, r: np.ndarray, J: np.ndarray, steps: int, renew_after: int = 0, *, exact: bool = False
+    ) -> HypothesisFit:
+        """Steps from x (k,) with residuals r (n,) and Jacobian J (n, k); see `refit`. exact: J was computed there."""
+        cost, damping, drop, gained, settled = self.cost(r, x), 1e-3, np.inf, False, False
+        renewed = exact or not renew_after
+        for step in range(steps):
+            if step == renew_after and not renewed:
+                self.differentiate(range(len(self.free)), x, r, J)
+                exact = renewed = True
+            w = self.objective.weights(r)
+            G, g = self.normal_equations(J, r, x, w)
+            gained, settled = False, exact
+            for _ in range(4):
+                z = _bounded_step(G, g, damping, (self.lower - x) / self.scale, (self.upper - x) / self.scale)
+                trial = np.clip(x + z * self.scale, self.lower, self.upper)
+                z = (trial - x) / self.scale
+                new = self.residual(trial)
+                if new is None:
+                    damping = max(10.0 * damping, 1e-2)
+                    continue
+                J += np.outer(new - r - J @ z, z / max(float(z @ z), 1e-12))
+                c = self.cost(new, trial)
+                if c < cost:
+                    gained, exact = True, False
+                    drop = cost - c
+                    x, r, cost = trial, new, c
+                    damping = max(0.2 * damping, 1e-6)
+                    break
+                G, g = self.normal_equations(J, r, x, w)
+                damping = max(10.0 * damping, 1e-2)
+            if not gained and not renewed:
+                # The Jacobian may be too far off: it was computed at another point and updated.
+                self.differentiate(range(len(self.free)), x, r, J)
+                exact = renewed = True
+                damping = 1e-2
+                continue
+            if not gained or drop < CONVERGED:
+                break
+        settled = settled and (not gained or drop < CONVERGED)
+        return HypothesisFit(self.candidates, self.setting(x), cost, r, J, self.free, settled)
+
 
 def refit(
     objective: Objective,
@@ -365,8 +415,8 @@ def refit(
 ) -> HypothesisFit | None:
     """Damped Gauss-Newton from `start` with Broyden's update of the Jacobian; None if the start can't be simulated.
 
-    sensitivities: nominal parameter -> (n,) derivative of the residual by its scale, near the start. renew_after:
-    number of steps after which the Jacobian is recomputed (0: only if a step fails).
+    sensitivities: parameter -> (n,) derivative of the residual near the start; others are computed. renew_after: number
+    of steps after which the Jacobian is recomputed, or before if a step fails (0: it is not).
 
     Sources: K. Levenberg, "A method for the solution of certain non-linear problems in least squares", Quarterly of
     Applied Mathematics 2 (1944); C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations",
@@ -374,52 +424,24 @@ def refit(
     """
     problem = _HypothesisProblem(objective, candidates)
     x = np.array([start.get(f.name, f.nominal) for f in problem.free])
-    everything = range(len(problem.free))
-    first = problem.residual(x)
-    if first is None:
+    r = problem.residual(x)
+    if r is None:
         return None
-    r = first
     J = np.zeros((r.size, len(problem.free)))
-    missing = [i for i, name in enumerate(problem.names) if name not in sensitivities or i < problem.n_effect]
     for i, name in enumerate(problem.names):
-        if i not in missing:
-            J[:, i] = sensitivities[name]
-    problem.differentiate(missing, x, r, J)
-    cost, damping, drop = problem.cost(r, x), 1e-3, np.inf
-    renewed = not renew_after
-    for step in range(steps):
-        if renew_after and step == renew_after and not renewed:
-            problem.differentiate(everything, x, r, J)
-            renewed = True
-        w = objective.weights(r)
-        G, g = problem.normal_equations(J, r, x, w)
-        gained = False
-        for _ in range(4):
-            z = _bounded_step(G, g, damping, (problem.lower - x) / problem.scale, (problem.upper - x) / problem.scale)
-            trial = np.clip(x + z * problem.scale, problem.lower, problem.upper)
-            z = (trial - x) / problem.scale
-            new = problem.residual(trial)
-            if new is None:
-                damping = max(10.0 * damping, 1e-2)
-                continue
-            J += np.outer(new - r - J @ z, z / max(float(z @ z), 1e-12))
-            c = problem.cost(new, trial)
-            if c < cost:
-                gained = True
-                drop = cost - c
-                x, r, cost = trial, new, c
-                damping = max(0.2 * damping, 1e-6)
-                break
-            G, g = problem.normal_equations(J, r, x, w)
-            damping = max(10.0 * damping, 1e-2)
-        if not gained and not renewed:
-            # The Jacobian may be too far off: it was computed at another point and updated.
-            problem.differentiate(everything, x, r, J)
-            renewed, damping = True, 1e-2
-            continue
-        if not gained or drop < CONVERGED:
-            break
-    return HypothesisFit(tuple(candidates), problem.setting(x), cost, r, J, problem.free)
+        if name in sensitivities:
+            J[:, i] = sensitivities[name] * problem.scale[i]
+    problem.differentiate([i for i, name in enumerate(problem.names) if name not in sensitivities], x, r, J)
+    return problem.fit(x, r, J, steps, renew_after)
+
+
+def refine(objective: Objective, fit: HypothesisFit, steps: int) -> HypothesisFit:
+    """Continue a fit with a new Jacobian."""
+    problem = _HypothesisProblem(objective, fit.candidates)
+    x = np.array([fit.values[name] for name in problem.names])
+    J = np.empty_like(fit.jacobian)
+    problem.differentiate(range(len(problem.free)), x, fit.residual, J)
+    return problem.fit(x, fit.residual, J, steps, exact=True)
 
 
 def refit_nominal(objective: Objective, sensitivities: Mapping[str, np.ndarray], prior_factor: float = 1.0) -> Setting:
@@ -428,9 +450,8 @@ def refit_nominal(objective: Objective, sensitivities: Mapping[str, np.ndarray],
     sensitivities: see `objective_of`.
     """
     nominal = replace(objective.nominal, sd=objective.nominal.sd * prior_factor)
-    scaled = {name: column * prior_factor for name, column in sensitivities.items()}
     wide = replace(objective, nominal=nominal, level=1.0, count=RunCount())
-    found = refit(wide, (), {}, scaled, steps=8, renew_after=2)
+    found = refit(wide, (), {}, sensitivities, steps=8, renew_after=2)
     return {} if found is None else found.values
 
 

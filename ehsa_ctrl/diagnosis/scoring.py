@@ -17,7 +17,7 @@ from ..physics.effects import EFFECTS, CandidateEffect
 from ..plant.plant import Plant
 from .candidate_effects import with_parameters
 from .hypothesis_model import Setting
-from .hypothesis_search import Hypotheses, distinct_tasks
+from .hypothesis_search import Hypotheses, Task, distinct_tasks
 from .records import Record, Runs, Segment, mean_square_root
 from .refit import HypothesisFit, Objective
 from .signals import largest, signal_noise
@@ -270,11 +270,12 @@ def score_hypotheses(
     # Priors and minor effects favour one set over another: the best sets compete with exactly their causes free.
     refined = score_best(hypotheses, first)
     exact = distinct_tasks(
-        (members, one.fit.values)
+        Task(members, one.fit.values)
         for one in ([] if scoring.lumped else rank(refined))
         if (members := exact_members(one, hypotheses.candidates, scoring.ids))
     )[:N_EXACT]
     hypotheses = hypotheses.with_refits(exact, "sets of causes", steps=6, renew_after=1)
+    hypotheses = hypotheses.refine(sorted(hypotheses.fits_of(exact), key=lambda fit: fit.cost)[:N_REFINE])
     scores = score_best(hypotheses, refined)
     scored = {id(one.fit) for one in scores}
     unscored = [fit for fit in hypotheses.fits_of(exact) if id(fit) not in scored]

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..physics.effects import CandidateEffect
 from .candidate_effects import with_parameters
-from .hypothesis_search import N_REFINE, Hypotheses, Screening, distinct_tasks, start_values
+from .hypothesis_search import N_REFINE, Hypotheses, Screening, Task, distinct_tasks, start_values
 from .records import Segment
 from .refit import TEMPER, HypothesisFit, Objective
 
@@ -45,10 +45,8 @@ def with_several_parameters(
     objective = hypotheses.objective
     nominal = objective.nominal
     wide = replace(objective, nominal=replace(nominal, sd=nominal.typical))
-    scale = dict(zip(nominal.names, nominal.typical / nominal.sd, strict=True))
-    columns = {name: column * scale.get(name, 1.0) for name, column in hypotheses.sensitivities.items()}
-    start = Hypotheses(wide, hypotheses.candidates, columns, hypotheses.residual, {}, hypotheses.pool)
-    start = start.with_refits([((), {})], "all nominal parameters", steps=6, renew_after=3)
+    start = replace(hypotheses, objective=wide, fits={})
+    start = start.with_refits([Task((), {})], "all nominal parameters", steps=6, renew_after=3)
     if () not in start.fits:
         return hypotheses
     start = start.with_level_of(start.fits[()])
@@ -62,11 +60,11 @@ def with_several_parameters(
     found = found.with_level_of(found.best()[0])
     fits = [found.fits[()], *found.best(1)[:REDUCED], *found.best(2)[:REDUCED]]
     tasks = distinct_tasks(
-        (with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES], fit.values)
+        Task(with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES], values, fit)
         for fit in fits
-        for kept in _eliminated(found, fit, threshold)
+        for kept, values in _eliminated(found, fit, threshold)
     )
-    hypotheses = hypotheses.with_refits(tasks, "several nominal parameters", steps=5, renew_after=1)
+    hypotheses = hypotheses.with_refits(tasks, "several nominal parameters", steps=5)
     return hypotheses.refine(sorted(hypotheses.fits_of(tasks), key=lambda fit: fit.cost)[:N_REFINE])
 
 
@@ -91,27 +89,31 @@ def _grow(
             members = (*base.candidates, candidate)
             options.append((base.cost - gain, members, start_values(response, step, base.values)))
     options.sort(key=lambda row: row[0])
-    return found.with_refits([(members, start) for _, members, start in options[:count]], "effects beside", steps=4)
+    return found.with_refits([Task(members, start) for _, members, start in options[:count]], "effects beside", steps=4)
 
 
-def _eliminated(found: Hypotheses, fit: HypothesisFit, threshold: float) -> list[list[str]]:
-    """Names of the nominal parameters that stay, the most needed first; and these without the last one and two.
+def _eliminated(found: Hypotheses, fit: HypothesisFit, threshold: float) -> list[tuple[list[str], dict[str, float]]]:
+    """Names of the nominal parameters that stay, the most needed first, and all values; and these without the last one
+    and two. The values are those at which a linear model expects the optimum.
 
     A parameter that alone changes no signal by most of the threshold is no cause, and goes first.
     """
     objective = found.objective
     names = [f.name for f in fit.free]
     z = np.array([(fit.values[f.name] - f.nominal) / f.scale for f in fit.free])
+    change = np.zeros(len(names))
     information = fit.information(objective)
     information[np.arange(fit.n_effect), np.arange(fit.n_effect)] += 1e-6
     covariance = np.linalg.inv(information)
     explained = TEMPER / objective.level * (objective.loss(found.residual) - objective.loss(fit.residual))
     limit = NEEDED + NEEDED_SHARE * max(explained, 0.0)
     size = _changes(objective, fit.jacobian)
-    kept, order = list(range(fit.n_effect, len(names))), []
+    kept, order, changes = list(range(fit.n_effect, len(names))), [], {}
     while kept:
-        price = np.array([z[i] ** 2 / covariance[i, i] for i in kept])
-        small = np.array([abs(z[i]) * size[i] < SMALL * threshold for i in kept])
+        changes[len(kept)] = change
+        now = z + change
+        price = np.array([now[i] ** 2 / covariance[i, i] for i in kept])
+        small = np.array([abs(now[i]) * size[i] < SMALL * threshold for i in kept])
         k = int(np.argmin(np.where(small, price - 1e9, price)))
         if not small[k] and price[k] > limit:
             order.append(kept[k])
@@ -119,10 +121,20 @@ def _eliminated(found: Hypotheses, fit: HypothesisFit, threshold: float) -> list
             order.clear()
         i = kept.pop(k)
         gain = covariance[:, i] / covariance[i, i]
-        z = z - gain * z[i]
+        change = change - gain * now[i]
         covariance = covariance - np.outer(gain, covariance[i])
+    changes[0] = change
     order.reverse()
-    return [[names[i] for i in order[: len(order) - n]] for n in range(min(3, len(order) + 1))]
+    return [
+        (
+            [names[i] for i in order[:count]],
+            {
+                f.name: float(np.clip(fit.values[f.name] + d * f.scale, f.lower, f.upper))
+                for f, d in zip(fit.free, changes[count], strict=True)
+            },
+        )
+        for count in range(len(order), max(len(order) - 3, -1), -1)
+    ]
 
 
 def _changes(objective: Objective, jacobian: np.ndarray) -> np.ndarray:

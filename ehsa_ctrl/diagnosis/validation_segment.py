@@ -73,7 +73,7 @@ def part_of_log(plant: Plant, model: HypothesisModel, noise: Mapping[str, float]
     """
     log, begin, end = model.log, parts[0].start, parts[-1].stop
     # A state without a sensor is known only at the start of the log.
-    if begin == 0 or len(parts) > 1 or _has_unmeasured_state(plant, log):
+    if begin == 0 or len(parts) > 1 or has_unmeasured_state(plant, log):
         return Record(replace(model, log=log.rows(0, end)), noise, tuple(parts))
     back = max(begin - max(int(round(RUN_IN / log.sample_time)), 1), 0)
     estimate = estimate_states(plant, log)
@@ -90,7 +90,7 @@ def part_of_log(plant: Plant, model: HypothesisModel, noise: Mapping[str, float]
     return Record(piece, noise, (slice(begin - run_in, end - run_in),))
 
 
-def _has_unmeasured_state(plant: Plant, log: Log) -> bool:
+def has_unmeasured_state(plant: Plant, log: Log) -> bool:
     """Whether a measurable state of the system has no channel in the log; a rod's speed follows from its position."""
     outputs = plant.structure.system.outputs
     seen = {state for channel, state in outputs.items() if channel in log.channels}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import ContextVar
 from dataclasses import dataclass
 from threading import Event
 from typing import TYPE_CHECKING, Any, Literal
@@ -34,6 +35,17 @@ STATUS = {
 }
 
 
+#: The event that ends the runs of this thread, see `end_runs_at`.
+_end: ContextVar[Event | None] = ContextVar("_end", default=None)
+
+
+def end_runs_at(event: Event) -> None:
+    """Let all later runs of this thread end when the event is set: a thread gets no interrupts."""
+    _end.set(event)
+
+
+#: See `open_loop_kernel.open_loop`.
+NO_IMPULSES = np.empty((0, 0, 0))
 #: Largest magnitude of an input, SI units, as in `core.definition`.
 LARGEST = 1e30
 
@@ -62,6 +74,7 @@ def run_open_loop(
     carry: np.ndarray,
     *inputs_and_outputs: Any,
     status: np.ndarray,
+    impulses: np.ndarray = NO_IMPULSES,
     stop: Event | None = None,
 ) -> None:
     """Simulate all samples of every run that has not failed; arguments as in `open_loop_kernel.open_loop`.
@@ -74,7 +87,7 @@ def run_open_loop(
     carry[:, -1] = 0.0
     status[status == DONE] = UNFINISHED
     while (status == UNFINISHED).any() and not (stop is not None and stop.is_set()):
-        open_loop(*code.arguments, parameters, states, modes, carry, *inputs_and_outputs, status)
+        open_loop(*code.arguments, parameters, states, modes, carry, *inputs_and_outputs, impulses, status)
 
 
 def checked_input(values: np.ndarray | Sequence[float], name: str, length: int | None = None) -> np.ndarray:
@@ -280,7 +293,7 @@ def _run(
         directions=modes,
     )
 
-    stop = Event()
+    stop = _end.get() or Event()
 
     def work(part: slice) -> None:
         run_open_loop(

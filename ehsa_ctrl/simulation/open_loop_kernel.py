@@ -41,6 +41,7 @@ from .integrator import (
         BYTE_CUBE,
         TABLE,
         CUBE,
+        CUBE,
         WORDS,
     ),
     error_model="numpy",
@@ -48,11 +49,12 @@ from .integrator import (
 )
 def open_loop(
     functions, shape, scales, p, y, mode, carry, current, force, first_order, dt, tol,
-    states_out, modes_out, cell_out, extremes, status,
+    states_out, modes_out, cell_out, extremes, impulses, status,
 ):  # fmt: skip
     """Simulate all samples of a run for every row of p, y, mode and carry, which are updated to the end of the run.
 
     Inputs are held over each sample, or linear between samples (first_order). Outputs after a failure stay as they are.
+    impulses (runs, N, n): added to the states at each sample, after the output; (0, 0, 0) for none.
     The next call continues runs that are still UNFINISHED after STEPS_PER_CALL.
     """
     n, contacts = shape[STATES], shape[CONTACTS]
@@ -83,6 +85,11 @@ def open_loop(
                 status[run] = DONE
             if k + 1 == current.size or spent > STEPS_PER_CALL:
                 break
+            if impulses.shape[0] > 0:
+                for i in range(n):
+                    state[i] += impulses[run, k, i]
+                # The rates at the end of the last sample no longer hold.
+                memory[1] = np.nan
             end = k + 1 if first_order else k
             # A delayed current changes within the sample: from `before` to `turn` in its first part, then to `after`.
             turn, new = current[max(k - whole, 0)], current[max(k + 1 - whole, 0)]

@@ -1,0 +1,52 @@
+"""Threads of a diagnosis: progress over all stages, and an end of all runs at an error or interrupt."""
+
+import threading
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.diagnosis.pool import STEPS, Pool
+
+
+def test_progress_never_goes_back_and_keeps_to_its_phases():
+    """Whatever the number of stages: the first phase, of 0.6, ends before the second one begins."""
+    told = []
+    pool = Pool(2, lambda *arguments: told.append(arguments))
+    ends = []
+    for share in (0.6, 0.4):
+        pool.progress.begin(share)
+        for _ in range(12):
+            pool.map("stage", abs, range(5))
+        ends.append(told[-1][1])
+
+    done = [steps for _, steps, _ in told]
+    assert len(told) == 120 and {total for _, _, total in told} == {STEPS}
+    assert done == sorted(done)
+    assert ends[0] == pytest.approx(0.6 * STEPS, abs=0.03 * STEPS) and ends[0] <= 0.6 * STEPS
+    assert ends[1] <= STEPS
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+def test_an_error_ends_the_simulations_of_all_threads(error):
+    """A run of three hours of plant time, begun before the error, ends unfinished; so does one begun after it."""
+    plant = ehsa_ctrl.load_plant("ehsa")
+    current = np.sin(np.arange(2_500_000) / 50.0)
+    started, found = threading.Event(), []
+
+    def simulate(length):
+        return int(ehsa_ctrl.simulate_batch(plant, plant.vector[None, :], current[:length], jobs=1).status[0])
+
+    def work(item):
+        if item == "fail":
+            started.wait()
+            raise error
+        started.set()
+        found.extend([simulate(None), simulate(100_000)])
+
+    with pytest.raises(error):
+        Pool(2).map("stage", work, ["fail", "simulate"])
+
+    assert 0 not in found and len(found) == 2
+    # Later runs, of this thread and of another pool, are complete.
+    assert simulate(100) == 0 and Pool(1).map("stage", simulate, [100]) == [0]
