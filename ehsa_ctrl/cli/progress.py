@@ -40,7 +40,8 @@ def _progress(*columns: Any) -> Iterator[Callable[..., None] | None]:
     if not console.is_terminal:
         yield None
         return
-    with Progress(*columns, console=console, transient=True) as progress:
+    # The time left follows from the whole time so far: stages differ in length.
+    with Progress(*columns, console=console, transient=True, speed_estimate_period=86400.0) as progress:
         yield partial(progress.update, progress.add_task("reading", total=None))
 
 

@@ -206,10 +206,10 @@ class Segment:
         return out
 
 
-def run_records(records: Sequence[Record], settings: Sequence[Setting]) -> list[Runs | None]:
-    """Simulate each setting on each record; None if a run stopped."""
+def run_records(records: Sequence[Record], settings: Sequence[Setting], jobs: int = 1) -> list[Runs | None]:
+    """Simulate each setting on each record in `jobs` threads; None if a run stopped."""
     found: list[Runs | None] = []
-    for runs in zip(*(record.model.run(settings) for record in records), strict=True):
+    for runs in zip(*(record.model.run(settings, jobs) for record in records), strict=True):
         complete = tuple(run for run in runs if run is not None)
         found.append(complete if len(complete) == len(runs) else None)
     return found
