@@ -8,6 +8,7 @@ be corrected.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -25,6 +26,8 @@ from .refit import TEMPER, HypothesisFit, Objective, refine, refit
 N_REFIT, N_REFINE, N_GROW, N_ADD = 12, 4, 3, 5
 #: Hypotheses that are refitted to all training data after a search on a stretch of it.
 N_MOVED = 6
+#: Starts of one hypothesis that are refitted from the nominal model, and those of one that is added to a set.
+N_STARTS, N_ADDED_STARTS = 4, 2
 #: Sets grow if one more candidate is predicted to lower the cost by this much plus this share of what the best set
 #: explains.
 MIN_GAIN, MIN_GAIN_SHARE = 3.0, 0.004
@@ -302,11 +305,11 @@ def _fit_singles(hypotheses: Hypotheses, screening: Screening) -> Hypotheses:
     hypotheses = hypotheses.with_level_of(null)
     null = hypotheses.fits[()]
     tasks: list[Task] = []
-    seen = set()
+    seen: Counter[tuple[str, str | None]] = Counter()
     for _, response, step in screening.gains(hypotheses):
-        if response.candidate.key in seen and len(response.candidate.starts) < 2:
+        if seen[response.candidate.key] >= (N_STARTS if len(response.candidate.starts) > 1 else 1):
             continue
-        seen.add(response.candidate.key)
+        seen[response.candidate.key] += 1
         tasks.append(Task((response.candidate,), start_values(response, step, {})))
         if len(tasks) >= N_REFIT:
             break
@@ -332,7 +335,7 @@ def _grow_sets(hypotheses: Hypotheses, screening: Screening, size: int) -> Hypot
     if screening.gains(hypotheses, best[0])[0][0] < MIN_GAIN + MIN_GAIN_SHARE * max(explained, 0.0):
         return hypotheses
     tasks: list[Task] = []
-    seen = set(hypotheses.fits)
+    seen = Counter(hypotheses.fits.keys())
     for base in best[:N_GROW]:
         added = 0
         for gain, response, step in screening.gains(hypotheses, base):
@@ -340,10 +343,10 @@ def _grow_sets(hypotheses: Hypotheses, screening: Screening, size: int) -> Hypot
             key = hypothesis_key(candidates)
             if gain < MIN_ADDED_GAIN or added >= N_ADD:
                 break
-            added += 1
-            if key in seen and len(response.candidate.starts) < 2:
+            if seen[key] >= (N_ADDED_STARTS if len(response.candidate.starts) > 1 else 1):
                 continue
-            seen.add(key)
+            added += 1
+            seen[key] += 1
             tasks.append(Task(candidates, start_values(response, step, base.values)))
     hypotheses = hypotheses.with_refits(tasks, f"sets of {size}", steps=3)
     hypotheses = hypotheses.refine(hypotheses.best(size)[: N_REFINE - 1])

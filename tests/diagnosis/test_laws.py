@@ -50,6 +50,8 @@ def scipy_log(rig, current):
         ("pump_torque_loss", {"c_f": 0.12, "b_f": 2.0, "w_f": 40.0}),
         ("torque_saturation", {"k_sat": 0.0, "I_knee": 1.8, "s_knee": 0.2}),
         ("end_stop", {"x_stop": np.inf, "x_cushion": 0.006, "C_cushion": 5e7}),
+        ("hose_wall", {"C_h": 1.5e-12, "tau_h": 0.1}),
+        ("entrained_air", {"air_fraction": 0.03, "P_diss": 10e5, "tau_diss": 1.0}),
     ],
 )
 def test_a_log_of_another_integrator_is_named(plant, id, form):

@@ -69,8 +69,12 @@ class CandidateEffect:
 
     @property
     def shaped(self) -> bool:
-        """Whether further numbers are a location or shape, which has no effect while the first number is zero."""
-        return any(p.shape for p in self.effect.parameters if p.name in self.names)
+        """Whether further numbers are a location or shape, which has no effect while the first number is zero.
+
+        Not where the first one is infinite without the effect: no secant leads there.
+        """
+        shapes = any(p.shape for p in self.effect.parameters if p.name in self.names)
+        return shapes and isfinite(self.free[0].nominal)
 
 
 @dataclass(frozen=True)
