@@ -13,7 +13,7 @@ OTHER_FORMS = {
     "torque_saturation": "hard knee", "torque_ripple": "two orders", "pump_torque_loss": "with the speed",
     "drive_lag": "second order", "orifice_leakage": "power 0.7", "entrained_air": "dissolving late",
     "relief_valve": "hysteresis", "rod_friction": "Maxwell slip", "position_dependent_friction": "waves",
-    "line_pressure_drop": "Blasius", "end_stop": "cushion", "viscosity_warmup": "with the losses",
+    "line_pressure_drop": "Blasius", "end_stop": "cushion", "viscosity_warmup": "with the losses", "hose_wall": "late",
 }  # fmt: skip
 
 
@@ -70,6 +70,8 @@ def draw_other_form(c: Conditions, id: str) -> Effect:
                 return stop.apply(b, s).with_rig(stop_law=2.0)
 
             return Effect(id, law, cushion, stop.smallest, stop.largest, lambda b: {})
+        case "hose_wall":
+            return one("hose", 3e-14, 2e-11, hose_time=rng.uniform(0.05, 0.5))
         case "viscosity_warmup":
             return one("drop", 0.02, 0.7, warm_law=2.0, warm_time=rng.uniform(6.0, 20.0))
     raise KeyError(id)

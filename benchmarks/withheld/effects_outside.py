@@ -10,7 +10,7 @@ OUTSIDE = "outside_catalogue"
 
 #: Outside the catalogue: rig field -> range of sizes.
 _RIG = {
-    "flow_ripple": (0.01, 0.5), "coupling_play": (0.01, 1.5), "hose": (3e-14, 2e-11),
+    "flow_ripple": (0.01, 0.5), "coupling_play": (0.01, 1.5),
     "leak_growth": (1e-12, 8e-11), "one_way_leak": (1e-12, 8e-11), "wander": (10.0, 600.0),
     "drive_step": (0.02, 0.8), "heat_droop": (0.005, 0.3), "memory": (0.03, 0.9),
     "jam": (10.0, 700.0), "brake": (0.03, 0.5),
@@ -22,7 +22,7 @@ PLACES = {
     **dict.fromkeys(("drive_step", "drive_slope"), "drive"),
     **dict.fromkeys(("wander", "memory", "jam"), "force"),
     **dict.fromkeys(_SENSORS, "sensor"),
-    **dict.fromkeys(("flow_ripple", "hose", "leak_growth", "one_way_leak"), "flow"),
+    **dict.fromkeys(("flow_ripple", "leak_growth", "one_way_leak"), "flow"),
 }
 #: All of them.
 LAWS = (*_RIG, "drive_slope", *_SENSORS)
@@ -45,8 +45,8 @@ def draw_outside(c: Conditions, law: str = "") -> Effect:
         fixed = {"coupling": 0.02}
     elif law == "flow_ripple":
         fixed = {"flow_order": float(c.rng.choice([1, 2, 3]))}
-    elif law in ("hose", "memory"):
-        fixed = {f"{law}_time": float(c.rng.uniform(0.05, 0.5))}
+    elif law == "memory":
+        fixed = {"memory_time": float(c.rng.uniform(0.05, 0.5))}
     elif law == "wander":
         fixed = {"wander_seed": float(c.rng.integers(1_000_000))}
     elif law == "jam":

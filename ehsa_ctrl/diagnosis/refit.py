@@ -426,6 +426,8 @@ def refit(
     """
     problem = _HypothesisProblem(objective, candidates)
     x = np.array([start.get(f.name, f.nominal) for f in problem.free])
+    fixed = [i for i, f in enumerate(problem.free) if f.fixed]
+    problem.lower[fixed] = problem.upper[fixed] = x[fixed]
     r = problem.residual(x)
     if r is None:
         return None

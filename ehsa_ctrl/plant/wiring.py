@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from .structure import Structure
 
 
+#: Prefix of a signal's name: its value before any effect.
+ASKED = "asked_"
+
+
 @dataclass(frozen=True)
 class Call:
     """One equation: target = function(**arguments); arguments are names of states, inputs, parameters or targets."""
@@ -125,9 +129,7 @@ class _Wiring:
             *(contact.direction for contact in system.prescribed),
         )
         self.calls: list[Call] = []
-        # asked_current is the commanded current: the state of an effect may follow it, while the effect changes the
-        # current that acts.
-        self.placed: dict[str, str] = {f"asked_{name}": name for name in system.inputs}
+        self.placed: dict[str, str] = {}
         self.open: list[str] = []
         self.used: set[str] = set()
 
@@ -138,6 +140,11 @@ class _Wiring:
         """
         name = self.structure.system.own(name)
         if name in self.placed:
+            return self.placed[name]
+        # asked_current is the current before any effect: the state of an effect may follow it, while the effect changes
+        # the current that acts.
+        if name.startswith(ASKED):
+            self.place(name.removeprefix(ASKED), asked_by)
             return self.placed[name]
         if name in self.open:
             raise InputError(f"algebraic loop: {' -> '.join([*self.open, name])}; break it with a state")
@@ -156,6 +163,7 @@ class _Wiring:
                 f"{asked_by or 'an equation'} needs {name!r}, which is not a signal, state, input or parameter of the "
                 f"system {self.structure.system.name!r} with these friction laws and effects; {choices(name, known)}"
             )
+        self.placed[f"{ASKED}{name}"] = current
         for effect, function in self.changes.get(name, ()):
             old = {a for a in inspect.signature(function).parameters if self.structure.system.own(a) == name}
             current = self._call(f"{name}__{effect}", function, dict.fromkeys(old, current), ready=old)

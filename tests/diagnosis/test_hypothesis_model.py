@@ -7,6 +7,10 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
+from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses, Pool, screen, start_values
+from ehsa_ctrl.diagnosis.records import Record, Segment
+from ehsa_ctrl.diagnosis.refit import objective_of, refit
+from ehsa_ctrl.physics.effects import EFFECTS, CandidateEffect, FreeNumber
 from ehsa_ctrl.plant.plant import Sensor
 
 #: Errors of sensors, by channel.
@@ -15,6 +19,9 @@ WRONG = {
     "p1": {"scale": 1.2, "bias": 3e4, "filter": 0.003},
     "speed": {"delay": 0.008},
 }
+
+#: Noise of the sensors, SI units.
+NOISE = {"speed": 0.5, "p1": 15e3, "p2": 15e3, "position": 2e-5, "force": 10.0}
 
 
 @pytest.fixture
@@ -34,6 +41,11 @@ def wrong(plant):
 def record(rig):
     time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=3.0, seed=1)
     return ehsa_ctrl.record(rig, time, current, sensor_noise=False)[0]
+
+
+def whole(plant, log):
+    """A log as the segment of a search."""
+    return Segment((Record(HypothesisModel(with_every_effect(plant), log), NOISE),), "the log")
 
 
 def worst(log, shown):
@@ -114,3 +126,29 @@ def test_a_run_with_the_acting_effects_alone_is_that_with_all(rig):
         np.testing.assert_array_equal(found[channel], expected[channel])
         np.testing.assert_array_equal(found[channel], run.states[0, :, every.structure.equations.index(state)])
     assert worst(log, elastic) > 1e-3
+
+
+def test_a_fixed_number_keeps_its_start(rig):
+    """The order of a ripple to the last bit, while its amplitude moves."""
+    log = record(rig.with_effects("torque_ripple", T_c=0.05, n_c=4.0, phi_c=0.3))
+    objective, sensitivities = objective_of(whole(rig, log), 0.03)
+    free = FreeNumber("T_c", 0.0, 0.03, 0.0), FreeNumber("n_c", 3.0, 1e-6, 1.0, 200.0, fixed=True)
+    ripple = CandidateEffect(EFFECTS["torque_ripple"], free, ((0.03, 4.0),))
+
+    fit = refit(objective, (ripple,), {"T_c": 0.03, "n_c": 4.0}, sensitivities)
+
+    assert fit.values["n_c"] == 4.0
+    assert fit.values["T_c"] != 0.03
+
+
+def test_a_shape_beside_an_infinite_number_is_searched_from_its_start(rig):
+    """A valve that never opens has no level: the start of the refit is finite and near the truth."""
+    log = record(rig.with_effects("relief_valve", P_crack=24e5))
+    objective, sensitivities = objective_of(whole(rig, log), 0.03)
+    free = FreeNumber("P_crack", np.inf, 1e5), FreeNumber("tau_relief", 3e-3, 1e-3, 1e-4, 0.1)
+    candidate = CandidateEffect(EFFECTS["relief_valve"], free, ((25e5, 3e-3),))
+    hypotheses = Hypotheses.initial(objective, (candidate,), sensitivities, Pool(1))
+
+    ((_, response, step),) = screen(hypotheses).gains(hypotheses)
+
+    assert start_values(response, step, {})["P_crack"] == pytest.approx(24e5, abs=2e5)

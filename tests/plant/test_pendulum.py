@@ -225,3 +225,20 @@ def test_load_and_saturation_explain_records_of_another_gain(servo):
     effects = ("load_dependent_friction", "torque_saturation")
     loaded = with_law(servo, "coulomb", *effects, kappa=0.2, k_sat=0.3)
     assert tested(loaded, "kappa", "k_sat") < 0.030 < tested(servo)
+
+
+def test_a_lag_of_the_current_and_friction_over_the_angle_act_in_the_servo(servo):
+    """Absent at their neutral values to the last bit; a slow current loop delays the motor torque by its lag."""
+    driven = replace(servo, structure=replace(servo.structure, system_name="pendulum"))
+    goal = np.full(400, 0.5)
+    base = simulate(driven, goal, sample_time=0.005)
+    neutral = driven.with_effects("drive_lag", "position_dependent_friction", tau_I=0.0, h_FR=0.0)
+    slow = simulate(neutral.set(tau_I=0.02), goal, sample_time=0.005)
+    tight = simulate(neutral.set(h_FR=3.0, x_h=0.2, w_h=0.1), goal, sample_time=0.005)
+
+    assert np.array_equal(simulate(neutral, goal, sample_time=0.005).states[:, :2], base.states)
+    late = np.interp([0.05, 0.1], slow["theta"][:60], slow.time[:60]) - np.interp(
+        [0.05, 0.1], base["theta"][:60], base.time[:60]
+    )
+    assert np.all((late > 0.005) & (late < 0.03))
+    assert np.max(np.abs(tight["theta"] - base["theta"])) > 0.01

@@ -5,7 +5,7 @@ flow by the orifice law Q = opening K_relief sqrt(P).
 
 A valve to the tank may have hysteresis: its flow holds it open, so that it closes at P_crack - P_hyst. A state S is 1
 once the valve has opened and 0 once it has closed, behind a lag tau_relief of the poppet, and P_crack - S P_hyst
-replaces P_crack.
+replaces P_crack: the further it opens, the lower the pressure that keeps it open.
 """
 
 from math import inf, sqrt
@@ -37,9 +37,10 @@ def relief_flow(P: float, P_crack: float, P_open_range: float, K_relief: float) 
 
 
 def latch(P: float, S: float, P_crack: float, P_hyst: float, tau_relief: float) -> float:
-    """dS/dt: to 1 above P_crack, to 0 below P_crack - P_hyst, unchanged in between; zero without hysteresis."""
-    opening = min(max(P - P_crack, 0.0) / P_LATCH, 1.0)
-    closing = min(max(P_crack - P_hyst - P, 0.0) / P_LATCH, 1.0)
+    """dS/dt: towards 1 above P_crack - S P_hyst, towards 0 below, so that the valve snaps; zero without hysteresis."""
+    above = P - (P_crack - S * P_hyst)
+    opening = min(max(above, 0.0) / P_LATCH, 1.0)
+    closing = min(max(-above, 0.0) / P_LATCH, 1.0)
     return ((1.0 - S) * opening - S * closing) / tau_relief if P_hyst > 0.0 else 0.0
 
 

@@ -146,6 +146,7 @@ system = System(
         "F_P": "T_G",
         "d_R": "d_M",
         "v": "omega",
+        "x": "theta",
         "A_FR": "A_FM",
         "B_FR": "B_FM",
     },
