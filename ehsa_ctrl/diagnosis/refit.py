@@ -367,6 +367,8 @@ class _HypothesisProblem:
         self, x: np.ndarray, r: np.ndarray, J: np.ndarray, steps: int, renew_after: int = 0, *, exact: bool = False
     ) -> HypothesisFit:
         """Steps from x (k,) with residuals r (n,) and Jacobian J (n, k); see `refit`. exact: J was computed there."""
+        fixed = [i for i, number in enumerate(self.free) if number.fixed]
+        self.lower[fixed] = self.upper[fixed] = x[fixed]
         cost, damping, drop, gained, settled = self.cost(r, x), 1e-3, np.inf, False, False
         renewed = exact or not renew_after
         for step in range(steps):
@@ -426,8 +428,6 @@ def refit(
     """
     problem = _HypothesisProblem(objective, candidates)
     x = np.array([start.get(f.name, f.nominal) for f in problem.free])
-    fixed = [i for i, f in enumerate(problem.free) if f.fixed]
-    problem.lower[fixed] = problem.upper[fixed] = x[fixed]
     r = problem.residual(x)
     if r is None:
         return None
