@@ -23,8 +23,9 @@ from ..core.text import unique_names
 from ..identification.plant_log import read_plant_log
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
-from .diagnose import check_threshold, diagnose
+from .diagnose import diagnose
 from .diagnosis import NAMING, Diagnosis
+from .prepared_logs import check_threshold
 
 if TYPE_CHECKING:
     import pandas

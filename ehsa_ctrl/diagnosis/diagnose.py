@@ -1,6 +1,6 @@
 """The stages of a diagnosis.
 
-    PreparedLog -> Segments -> Hypotheses -> Scoring, Selection -> Diagnosis
+    PreparedLogs -> Segments -> Hypotheses -> Scoring, Selection -> Diagnosis
 
 Each stage is an immutable object; the functions below compute it from the previous ones.
 """
@@ -10,117 +10,56 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.log import Log, named
+from ..core.log import Log
 from ..core.parallel import one_blas_thread
 from ..core.text import join_words
-from ..identification.checks import check_log, raise_on_error
-from ..identification.plant_log import plant_of_log
-from ..physics.effects import EFFECTS, CandidateEffect
+from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
-from .candidate_effects import candidate_effects
 from .causes import build_causes, related_effects
 from .diagnosis import MODELS, Cause, Diagnosis, LogGap, RankedHypothesis
 from .explanation import explain, only_parameters, with_absorbed_parameters
-from .free_curve import CurveLog
 from .gap_attribution import Location, attribute_gap
 from .hypothesis_model import (
-    STRIBECK_SPECIAL_CASES,
-    HypothesisModel,
     Setting,
-    inapplicable_effects,
     lacks_dry_friction,
-    law_switches,
-    with_every_effect,
 )
 from .hypothesis_search import Hypotheses, search
 from .improved_plant import improved_plant
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
 from .pool import Pool, Watch
-from .records import Record, Runs, Segment, joint_gap, mean_square_root
+from .prepared_logs import (
+    PreparedLogs,
+    Segments,
+    curve_logs,
+    one_sided_gap,
+    prepare_logs,
+    segment_candidates,
+    split_logs,
+    unmoved_signals,
+)
+from .records import Runs, Segment, joint_gap
 from .refit import objective_of, refit_nominal
 from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
 from .several_parameters import may_be_several, with_several_parameters
-from .signals import estimate_noise, largest
+from .signals import largest
 from .sizes import with_sizes
-from .split import NO_GAP, Split, choose_split
 from .stretch import search_segment
-from .together import check_together, joint_location
-from .validation_segment import initial_state, part_of_log, prepare_replay, replayed_effects
+from .together import joint_location
 from .verdict_text import advice, name_of
 
-#: Shortest log [s]. Engineering judgement: 2 s to fit and 1 s to hold out.
-SHORTEST = 3.0
 #: Shares of the computing time, for its display: search, several nominal parameters, and the end of the scores.
 #: Measured on logs of 24 s, and on logs of 400 and 570 s that are searched in a stretch.
 SHARES, SHARES_OF_STRETCH = (0.35, 0.25, 0.8), (0.1, 0.1, 0.75)
 #: Factor on the prior deviations when only nominal parameters are refitted. Engineering judgement: practically no
 #: prior, so that the refit shows the most that wrong parameters can explain.
 REFIT_PRIOR_FACTOR = 30.0
-
-
-@dataclass(frozen=True)
-class PreparedLog:
-    """A checked log and the model that is compared with it.
-
-    plant: nominal, with the settings of this log. log: as given. model: the plant with every effect, and the log with
-    the channels that replayed effects need. noise: channel -> standard deviation, SI units.
-    """
-
-    plant: Plant
-    log: Log
-    model: HypothesisModel
-    noise: Mapping[str, float]
-
-    @property
-    def record(self) -> Record:
-        """The whole log as a record."""
-        return Record(self.model, self.noise)
-
-    def part(self, parts: Sequence[slice]) -> Record:
-        """Parts of the log as a record."""
-        return part_of_log(self.plant, self.model, self.noise, parts)
-
-
-@dataclass(frozen=True)
-class PreparedLogs:
-    """The logs of a rig, and the second log for validation. plant: as given. findings: warnings."""
-
-    plant: Plant
-    logs: tuple[PreparedLog, ...]
-    validation: PreparedLog | None
-    findings: tuple[str, ...]
-    threshold: float
-
-    @property
-    def model(self) -> HypothesisModel:
-        """The model of the first log."""
-        return self.logs[0].model
-
-    @property
-    def noise(self) -> dict[str, float]:
-        """Channel -> standard deviation, RMS over the logs."""
-        return mean_square_root([log.noise for log in self.logs])
-
-
-@dataclass(frozen=True)
-class Segments:
-    """The whole logs, the part for fitting, and the part held out for validation.
-
-    splits: of each log; None with a second log for validation.
-    """
-
-    whole: Segment
-    training: Segment
-    held_out: Segment
-    splits: tuple[Split, ...] | None
 
 
 @one_blas_thread()
@@ -167,7 +106,7 @@ def diagnose(
     gaps = joint_gap(own_gaps) if own_gaps else whole.gap_of(None)
     small = bool(own_gaps) and all(largest(own) < threshold for own in own_gaps)
     segments = split_logs(prepared, whole, has_gap=not small)
-    prepared = replace(prepared, findings=(*prepared.findings, *_unmoved(segments)))
+    prepared = replace(prepared, findings=(*prepared.findings, *unmoved_signals(segments)))
     if small:
         gap = dict.fromkeys(MODELS, segments.held_out.gap({}))
         return _build_diagnosis(
@@ -181,7 +120,7 @@ def diagnose(
     shares = SHARES if all_data else SHARES_OF_STRETCH
     pool.progress.begin(shares[0])
     problem = (objective, sensitivities) if all_data else objective_of(searched, threshold)
-    hypotheses = Hypotheses.initial(problem[0], _candidates(segments.training), problem[1], pool)
+    hypotheses = Hypotheses.initial(problem[0], segment_candidates(segments.training), problem[1], pool)
     hypotheses, screening = search(hypotheses, lumped=lumped)
     if not lumped and may_be_several(hypotheses):
         ids = effect_id_by_parameter(prepared.model.plant)
@@ -206,121 +145,6 @@ def diagnose(
     return _diagnose_selection(
         prepared, segments, gaps, own_gaps, hypotheses, scoring, reference, selection, sd, known, nominal_refit, began
     )
-
-
-def prepare_logs(
-    plant: Plant, logs: Sequence[Log], validate: Log | None, threshold: float, *, check: bool
-) -> PreparedLogs:
-    """Check threshold and logs, and set up the model of all hypotheses.
-
-    Raises InputError as `diagnose`.
-    """
-    check_threshold(threshold)
-    everything = named([*logs, *([] if validate is None else [validate])])
-    check_together(everything[: len(logs)])
-    findings = [*_check_logs(plant, everything, check), *(e.caveat for e in replayed_effects(plant))]
-    findings += [f"effect {name} was not tested: {reason}" for name, reason in inapplicable_effects(plant).items()]
-    found: list[PreparedLog] = []
-    for log in everything:
-        own = plant_of_log(plant, log)
-        ready = prepare_replay(own, log, found[0].model.log if found else None, all_effects=True)
-        model = HypothesisModel(with_every_effect(own), ready, initial_state(own, log), _plants_by_law(own))
-        found.append(PreparedLog(own, log, model, estimate_noise(log)))
-    validation = None if validate is None else found.pop()
-    return PreparedLogs(plant, tuple(found), validation, tuple(filter(None, findings)), threshold)
-
-
-def _candidates(training: Segment) -> tuple[CandidateEffect, ...]:
-    """Candidate effects on a segment; parameters that are set for single logs can't be estimated."""
-    found = candidate_effects(training.model, [record.scored_log for record in training.records])
-    return tuple(c for c in found if training.own_parameters.isdisjoint(c.names))
-
-
-def check_threshold(threshold: float) -> None:
-    """Raises InputError unless the threshold is a share between 0 and 1."""
-    if not 0.0 < threshold < 1.0:
-        raise InputError(f"threshold = {threshold:g}; expected a share between 0 and 1, such as 0.03")
-
-
-def _plants_by_law(plant: Plant) -> dict[str, Plant]:
-    """Friction law -> the plant with this law, for hypotheses that replace the rod's friction law.
-
-    Empty where no replacement is possible: presliding needs a rod that the chamber pressures move.
-    """
-    structure = plant.structure
-    if plant.model != "nonlinear" or structure.chambers is None or structure.system.prescribed:
-        return {}
-    own = [plant.structure.law(contact) for contact in plant.structure.system.contacts if contact.name == "rod"]
-    if any(law.name not in STRIBECK_SPECIAL_CASES and law.state_rate is None for law in own):
-        # The two laws are not nested: replacing one by the other would change more than the effect does.
-        return {}
-    return {switch.law: with_every_effect(plant, switch.law) for switch in law_switches()}
-
-
-def _check_logs(plant: Plant, logs: Sequence[Log], check: bool) -> list[str]:
-    """Warnings on the logs.
-
-    Raises InputError for a log that is too short, lacks the channel of the drive or, with `check`, has an error.
-    """
-    sentences = []
-    for log in logs:
-        for drive in plant.structure.system.drives.values():
-            if drive not in log.channels:
-                raise InputError(
-                    f"{log.path or 'the log'}: has no channel {drive}, which drives the simulation; record it, or map "
-                    "it in the plant's [log] table"
-                )
-        findings = check_log(log, plant)
-        if check:
-            raise_on_error(log, findings)
-        sentences += [finding.labelled(log).sentence for finding in findings]
-        length = float(log.time[-1] - log.time[0])
-        if length < SHORTEST:
-            raise InputError(
-                f"{log.path or 'the log'}: lasts {length:.3g} s; a diagnosis needs at least {SHORTEST:g} s, of which "
-                "a third is held out"
-            )
-    return sentences
-
-
-def split_logs(prepared: PreparedLogs, whole: Segment, *, has_gap: bool) -> Segments:
-    """The segments: the validation log is held out, or else a part of each log.
-
-    has_gap: whether the nominal model has a gap, so that the parts of a single log should have it too.
-    """
-    logs, validation = prepared.logs, prepared.validation
-    if validation is not None:
-        training = Segment(whole.records, "the training data")
-        return Segments(whole, training, Segment((validation.record,), validation.log.name), None)
-
-    def nominal_gaps(split: Split) -> tuple[float, float]:
-        training, held_out = (Segment((logs[0].part(parts),), "") for parts in (split.training, split.held_out))
-        return largest(training.gap({})), largest(held_out.gap({}))
-
-    compare = nominal_gaps if has_gap and len(logs) == 1 else None
-    chosen = tuple(choose_split(log.record, prepared.threshold, compare) for log in logs)
-    fitted = tuple(log.part(split.training) for log, split in zip(logs, chosen, strict=True))
-    kept = tuple(log.part(split.held_out) for log, split in zip(logs, chosen, strict=True))
-    words = join_words(split.words(log.model.log) for log, split in zip(logs, chosen, strict=True))
-    return Segments(whole, Segment(fitted, "the training data"), Segment(kept, words), chosen)
-
-
-def _unmoved(segments: Segments) -> list[str]:
-    """Findings on signals that stand still in a segment.
-
-    Raises InputError if no signal moves in it.
-    """
-    found = []
-    for segment in (segments.training, segments.held_out):
-        names = sorted(segment.unmoved)
-        if not any(record.measured for record in segment.records):
-            raise InputError(
-                f"{segment.paths}: no signal moves by more than its noise in {segment.name}; record the rig in motion, "
-                "or select a part in which it moves"
-            )
-        if names:
-            found.append(f"not scored in {segment.name}, because it stands still there: {join_words(names)}")
-    return found
 
 
 def _build_diagnosis(
@@ -393,32 +217,6 @@ def _log_gaps(
     return tuple(found)
 
 
-def _curve_logs(prepared: PreparedLogs, segments: Segments, improved: Plant) -> list[CurveLog]:
-    """The logs for a free curve beside the improved plant."""
-    found = []
-    for i, one in enumerate(prepared.logs):
-        split = segments.splits[i] if segments.splits is not None else None
-        parts = (split.training, split.held_out) if split is not None else ((slice(0, len(one.log)),), ())
-        found.append(CurveLog(plant_of_log(improved, one.log), one.log, one.noise, *parts))
-    if prepared.validation is not None:
-        log = prepared.validation.log
-        # The curve's noise is that of the data it is fitted to.
-        found.append(CurveLog(plant_of_log(improved, log), log, prepared.noise, (), (slice(0, len(log)),)))
-    return found
-
-
-def _one_sided(segments: Segments, threshold: float) -> list[str]:
-    """A finding where the nominal model has a gap in the training or the held-out data only."""
-    training, held_out = (largest(segment.gap({})) for segment in (segments.training, segments.held_out))
-    if min(training, held_out) >= NO_GAP * threshold or max(training, held_out) < threshold:
-        return []
-    here, there = ("training", "held-out") if training > held_out else ("held-out", "training")
-    sizes = f"{100 * max(training, held_out):.3g} %, {100 * min(training, held_out):.2g} % in the {there} data"
-    why = "what was fitted could not be validated" if training > held_out else "nothing could be fitted to it"
-    words = f"the gap of the nominal model lies in the {here} data alone ({sizes}), so that {why}"
-    return [f"{words}: give a second log with --validate"]
-
-
 def _diagnose_selection(
     prepared: PreparedLogs,
     segments: Segments,
@@ -442,7 +240,7 @@ def _diagnose_selection(
     plant, chosen = prepared.plant, selection.chosen
     changed = {n: v for n, v in chosen.fit.values.items() if v != prepared.model.nominal_value(n)}
     improved = improved_plant(plant, chosen.fit.candidates, changed, sd)
-    explanation = explain(selection, reference, prepared.threshold, _curve_logs(prepared, segments, improved))
+    explanation = explain(selection, reference, prepared.threshold, curve_logs(prepared, segments, improved))
     selection = replace(selection, verdict=explanation.verdict)
     if not selection.named:
         refitted = {n: v for n, v in nominal_refit.items() if v != prepared.model.nominal_value(n)}
@@ -478,7 +276,7 @@ def _diagnose_selection(
         locations,
         findings=[
             *(EFFECTS[id].caveat for id, _ in chosen.causes if selection.named and EFFECTS[id].caveat),
-            *_one_sided(segments, prepared.threshold),
+            *one_sided_gap(segments, prepared.threshold),
         ],
         verdict=verdict,
         where=_where(location, causes),

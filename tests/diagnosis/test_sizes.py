@@ -4,7 +4,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
-from ehsa_ctrl.diagnosis.diagnose import prepare_logs, split_logs
+from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, split_logs
 from ehsa_ctrl.diagnosis.records import Segment
 from ehsa_ctrl.diagnosis.refit import objective_of, refit
 from ehsa_ctrl.diagnosis.sizes import fit_sizes, uncertain

@@ -1,14 +1,19 @@
 """The part of a log that is held out: it moves, and so does the rest."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
+from ehsa_ctrl.diagnosis.prepared_logs import one_sided_gap
 from ehsa_ctrl.diagnosis.records import Record
-from ehsa_ctrl.diagnosis.signals import moving_signals
-from ehsa_ctrl.diagnosis.split import choose_split, splits
+from ehsa_ctrl.diagnosis.signals import estimate_noise, moving_signals
+from ehsa_ctrl.diagnosis.split import EXCITED, choose_split, excitation, splits
+from ehsa_ctrl.identification.plant_log import read_plant_log
+from ehsa_ctrl.identification.preparation import Preparation
 
 SAMPLES = 3000
 TIME = 0.004 * np.arange(SAMPLES)
@@ -100,6 +105,44 @@ def test_a_signal_that_stands_still_has_no_gap():
     found = moving_signals(signals, {"noise": 1.0, "moving": 1.0}, {"declared": 1.5})
 
     assert found == {"moving"}
+
+
+@pytest.mark.parametrize(
+    ("training", "held_out", "words"),
+    [
+        (0.12, 0.001, "lies in the training data alone (12 %, 0.1 % in the held-out data), so that what was fitted"),
+        (0.001, 0.12, "lies in the held-out data alone (12 %, 0.1 % in the training data), so that nothing could be"),
+        (0.12, 0.02, ""),
+        (0.02, 0.02, ""),
+    ],
+)
+def test_a_gap_that_lies_in_one_part_alone_is_said_to(training, held_out, words):
+    """One below half of the threshold, the other above it."""
+    segments = SimpleNamespace(
+        training=SimpleNamespace(gap=lambda _: {"p1": training, "total": training}),
+        held_out=SimpleNamespace(gap=lambda _: {"p1": held_out, "total": held_out}),
+    )
+
+    found = one_sided_gap(segments, 0.03)
+
+    assert len(found) == bool(words)
+    assert all(words in sentence for sentence in found)
+
+
+def test_servo_records_that_end_at_rest_are_split_where_they_move(shared_logs):
+    """Each record of the published servo moves in both parts, also those whose last third is a standstill."""
+    plant = ehsa_ctrl.load_plant("xl330_pendulum")
+    names = {}
+    for path in sorted((shared_logs.parents[1] / "data" / "bam").glob("*.csv")):
+        log, _ = Preparation(resample=200.0).apply(read_plant_log(path, plant, uniform=False), plant)
+        record = Record(HypothesisModel(plant, log), estimate_noise(log))
+        split = choose_split(record, 0.03)
+        names[path.stem] = split.name
+        assert excitation(record, split) >= EXCITED, path.stem
+
+    resting = {name: words for name, words in names.items() if "lift" in name or "up_and" in name}
+    assert resting
+    assert "the last third" not in resting.values()
 
 
 def test_the_words_name_part_and_time(record_of):
