@@ -54,7 +54,7 @@ def open_loop(
     """Simulate all samples of a run for every row of p, y, mode and carry, which are updated to the end of the run.
 
     Inputs are held over each sample, or linear between samples (first_order). Outputs after a failure stay as they are.
-    impulses (runs, N, n): added to the states at each sample, after the output; (0, 0, 0) for none.
+    impulses (runs, N, n): added to states other than speeds at each sample, after the output; (0, 0, 0) for none.
     The next call continues runs that are still UNFINISHED after STEPS_PER_CALL.
     """
     n, contacts = shape[STATES], shape[CONTACTS]

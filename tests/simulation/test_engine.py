@@ -6,6 +6,8 @@ from scipy.linalg import expm
 from scipy.signal import cont2discrete
 
 from ehsa_ctrl import InputError, SimulationError, Structure, four_state, simulate, simulate_batch, simulate_reference
+from ehsa_ctrl.simulation.engine import initial_carry, initial_modes, run_open_loop
+from ehsa_ctrl.simulation.plant_code import plant_code
 
 #: So small that the other side of the pump or the piston is not felt.
 NOTHING = 1e-14
@@ -245,6 +247,27 @@ def test_a_batch_is_the_single_runs(plant):
     assert np.array_equal(one.states, two.states)
     alone = simulate(plant.set(**dict(zip(names, rows[5], strict=True))), current, tolerance=1e-4)
     assert np.array_equal(alone.states, two.states[5])
+
+
+def test_an_impulse_is_a_new_start_from_the_changed_state(plant):
+    """The samples up to an impulse show the state before it; the rest is a run from the state after it."""
+    current, at, samples = 1.5 * np.sin(np.linspace(0, 8, 201)), 80, 201
+    impulses = np.zeros((1, samples, plant.rest.size))
+    impulses[0, at] = [0.0, 1e5, -2e5, 0.0, 1e-3]
+    y, dt = plant.rest[None, :].copy(), plant.sample_time
+    modes, states, status = initial_modes(plant, y), np.empty((1, samples, y.size)), np.zeros(1, dtype=np.int64)
+    run_open_loop(
+        plant_code(plant.structure.equations), plant.vector[None, :], y, modes, initial_carry(plant, 1, dt), current,
+        np.zeros(samples), False, dt, 1e-9, states, np.zeros((1, samples, 2), dtype=np.int8), np.empty((1, samples)),
+        np.stack([y, y], axis=1), status=status, impulses=impulses,
+    )  # fmt: skip
+
+    before = simulate(plant, current[: at + 1], tolerance=1e-9)
+    after = simulate(plant, current[at:], start=before.states[-1] + impulses[0, at], tolerance=1e-9)
+
+    assert status[0] == 0
+    assert np.array_equal(states[0, : at + 1], before.states)
+    assert states[0, at + 1 :] == pytest.approx(after.states[1:], rel=1e-6, abs=1e-9)
 
 
 def test_a_failed_run_does_not_stop_a_batch(plant):
