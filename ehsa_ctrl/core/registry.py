@@ -16,7 +16,7 @@ import logging
 import os
 import pkgutil
 import sys
-from collections.abc import ItemsView, Iterator, Mapping, ValuesView
+from collections.abc import Callable, ItemsView, Iterator, Mapping, ValuesView
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -35,14 +35,14 @@ _loads = 0
 
 
 def add_project(plant: Path) -> None:
-    """Add the project of a plant's file: the parent of its `plants/`, or else the file's own folder.
+    """Add the project of a plant's or effect's file: the parent of `plants/` or `effects/`, else the file's folder.
 
     Registries then look for new and changed files in all projects.
     """
     global _loads
     _loads += 1
     folder = plant.resolve().parent
-    project = folder.parent if folder.name == "plants" else folder
+    project = folder.parent if folder.name in ("plants", "effects") else folder
     if project not in _PROJECTS:
         _PROJECTS.append(project)
 
@@ -79,12 +79,20 @@ class Registry(Mapping[str, T], Generic[T]):
     """Name -> member, from the package, installed packages, the working directory's project and other projects in use.
 
     package: its modules define the shipped members. attribute: name that each module defines. kind: its type.
-    folder: folder in a project; "ehsa_ctrl." and this name is the group of entry points.
+    folder: folder in a project; "ehsa_ctrl." and this name is the group of entry points. read: of a TOML file in that
+    folder, for members that need no code.
     """
 
-    def __init__(self, package: ModuleType, attribute: str, kind: type[T], folder: str) -> None:
+    def __init__(
+        self,
+        package: ModuleType,
+        attribute: str,
+        kind: type[T],
+        folder: str,
+        read: Callable[[Path], T] | None = None,
+    ) -> None:
         self._shipped: dict[str, T] = dict(sorted(members(package, attribute).items()))
-        self._attribute, self._kind, self._folder = attribute, kind, folder
+        self._attribute, self._kind, self._folder, self._read = attribute, kind, folder, read
         #: Folder of a project -> (file, time of its last change, size) of each of its files, and its members.
         self._known: dict[Path, tuple[list[tuple[Path, int, int]], dict[str, T]]] = {}
         #: Number of loads, projects and working directory at the last merge, and all members.
@@ -109,7 +117,8 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def _of(self, folder: Path) -> dict[str, T]:
         """Members of a project's folder; its modules are executed once, and again after a change."""
-        files = sorted(folder.glob("*.py")) if folder.is_dir() else []
+        kinds = ("*.py",) if self._read is None else ("*.py", "*.toml")
+        files = [file for kind in kinds for file in sorted(folder.glob(kind))] if folder.is_dir() else []
         state = [(file, file.stat().st_mtime_ns, file.stat().st_size) for file in files]
         if folder not in self._known or self._known[folder][0] != state:
             found: dict[str, T] = {}
@@ -124,6 +133,9 @@ class Registry(Mapping[str, T], Generic[T]):
         return self._known[folder][1]
 
     def _load(self, file: Path) -> tuple[T, ...]:
+        if file.suffix == ".toml":
+            assert self._read is not None
+            return (self._read(file),)
         spec = importlib.util.spec_from_file_location(f"ehsa_ctrl_project_{self._folder}_{file.stem}", file)
         assert spec is not None
         module = importlib.util.module_from_spec(spec)

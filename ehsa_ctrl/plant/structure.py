@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 from ..core.errors import InputError, choices
+from ..core.log import CHANNELS
 from ..physics.effects import EFFECTS, Effect
 from ..physics.friction import LAWS, SYMBOLS, FrictionLaw
 from .system import Contact, System
@@ -74,6 +75,9 @@ class Structure:
         known |= {signal for form in system.chamber_forms.values() for signal, _ in form}
         self._check_names(known)
         for name in self.effects:
+            law = EFFECTS[name].law
+            if law is not None:
+                law.check(self._units)
             if not EFFECTS[name].wired:
                 raise InputError(f"effects: {name!r} {_instead(EFFECTS[name])}")
             for contact in system.all_contacts:
@@ -81,6 +85,22 @@ class Structure:
             if missing_signals := set(system.own_changes(EFFECTS[name].changes)) - known:
                 missing = ", ".join(sorted(missing_signals))
                 raise InputError(f"effects: {name!r} changes {missing}, which the system {system.name!r} does not have")
+
+    @property
+    def _units(self) -> dict[str, str]:
+        """State, input, direction or parameter -> SI unit, also under the names that the catalogue of effects uses."""
+        system = self.system
+        units = {state.name: state.unit for state in system.states}
+        units |= {name: system.units.get(c) or CHANNELS[c].unit for name, c in system.drives.items()}
+        for balance in system.balances:
+            units |= {one.target: balance.unit for one in balance.entries if one.target in system.inputs[1:]}
+        units |= {kind.name: kind.unit for kind in system.parameters}
+        for contact in system.all_contacts:
+            units |= {contact.direction: "1", contact.velocity: f"{contact.length_unit}/s"}
+            for symbol, part in self.law(contact).symbols.items():
+                units[contact.symbol(symbol)] = part.unit_at(contact.effort_unit, contact.length_unit)
+        catalogue = [*system.symbols, *(f"{s}_{c.suffix}" for c in system.all_contacts for s in c.symbols)]
+        return units | {name: units[system.own(name)] for name in catalogue if system.own(name) in units}
 
     def _check_names(self, known: Set[str]) -> None:
         """Raise InputError if the system already has a name that a friction law or an effect adds."""

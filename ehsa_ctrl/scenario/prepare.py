@@ -13,8 +13,10 @@ from ..core.catalogue import controllers, plants
 from ..core.controller_interface import MEASURED, Controller
 from ..core.errors import InputError
 from ..core.files import read_toml
+from ..core.registry import add_project
 from ..design.controller import SampledController
 from ..design.load import load_controller, read_controller
+from ..physics.effects import read_law
 from ..plant.file import key_of, symbol_of
 from ..plant.linear import three_state
 from ..plant.load import has_setting, load_plant, with_settings
@@ -200,12 +202,13 @@ def _check_length(scenario: Scenario, controller: Controller) -> None:
 
 
 def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
-    """Validate a definition file and return its kind: "plant", "controller" or "scenario".
+    """Validate a definition file and return its kind: "plant", "controller", "scenario" or "effect".
 
     Parameters
     ----------
     plant: for a controller, the plant on whose linear model it is designed and whose ratings it must respect; by
-        default the model of the shipped EHSA, without its ratings.
+        default the model of the shipped EHSA, without its ratings. For an effect, the plant that it must fit; by
+        default none.
 
     Raises InputError with file and key for the first error: schema, unit, value, unknown name, failed design.
     """
@@ -233,6 +236,13 @@ def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
         for file in baseline_files(scenario):
             read_baseline(file)
         return "scenario"
+    if "expression" in content:
+        effect = read_law(path)
+        if plant is not None:
+            add_project(path)
+            load_plant(plant).with_effects(effect.name)
+        return "effect"
     raise InputError(
-        f"{path}: is neither a plant (system = ...) nor a controller (kind = ...) nor a scenario (why = ...)"
+        f"{path}: is neither a plant (system = ...) nor a controller (kind = ...) nor a scenario (why = ...) nor an "
+        "effect (expression = ...)"
     )

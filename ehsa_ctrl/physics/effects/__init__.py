@@ -1,6 +1,7 @@
 """Effects beyond (12), one per file; those without equations share two files. Adding a file adds the effect everywhere.
 
-Users add their own in `effects/` beside their `plants/`, or in a package with an entry point `ehsa_ctrl.effects`.
+Users add their own in `effects/` beside their `plants/`, as Python or as a TOML file with an expression
+(`_law_file.py`), or in a package with an entry point `ehsa_ctrl.effects`.
 """
 
 import sys
@@ -8,8 +9,9 @@ import sys
 from ...core.registry import Registry
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber
 from ._effect import PLACES, Effect, EffectParameter, EffectState, LawSwitch, MeasuredReplay
+from ._law_file import read_law
 
-EFFECTS: Registry[Effect] = Registry(sys.modules[__name__], "effect", Effect, "effects")
+EFFECTS: Registry[Effect] = Registry(sys.modules[__name__], "effect", Effect, "effects", read=read_law)
 
 __all__ = [
     "EFFECTS",
@@ -22,4 +24,5 @@ __all__ = [
     "FreeNumber",
     "LawSwitch",
     "MeasuredReplay",
+    "read_law",
 ]

@@ -14,11 +14,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...core.log import Log
 from ._candidate import CandidateEffect, DiagnosisContext, from_neutral, from_symbols
+
+if TYPE_CHECKING:
+    from ._law_file import EffectExpression
 
 PLACES = ("torque", "drive", "flow", "force", "sensor")
 
@@ -150,6 +154,7 @@ class Effect:
         distinguish from this one, with the reason.
     replay: how a diagnosis simulates it along a measured signal.
     caveat: sentence that a diagnosis with this effect adds about its gaps.
+    law: the expression of an effect from a TOML file.
     source: of its equation.
 
     Raises TypeError for an unknown place.
@@ -176,6 +181,7 @@ class Effect:
     equivalent_effects: Callable[[Mapping[str, float], Mapping[str, float], float], Mapping[str, str]] | None = None
     replay: MeasuredReplay | None = None
     caveat: str = ""
+    law: EffectExpression | None = None
     source: str = ""
 
     def __post_init__(self) -> None:

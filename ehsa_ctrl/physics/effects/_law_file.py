@@ -1,0 +1,262 @@
+"""An effect without code: one TOML file in a project's `effects/` with an arithmetic expression.
+
+The expression adds to one balance of the plant. Terms with the direction of a contact (d_M of the shaft, d_R of the
+rod) are dry friction: they change the friction of that contact, which sticks and breaks away at the new level. The
+other terms change the balance itself.
+"""
+
+from __future__ import annotations
+
+import keyword
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from ...core.definition import Array, Definition, Schema, validate
+from ...core.errors import InputError, choices
+from ...core.expression import Expression
+from ...core.files import read_toml
+from ...core.unit import base_units
+from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber
+from ._effect import Effect, EffectParameter
+
+#: Variables of a range that are tried at both ends for the check of neutrality; of further ones the middle is.
+TRIED = 6
+
+
+@dataclass(frozen=True)
+class Addend:
+    """What an expression adds to. unit: of the expression. signal, sign: changed signal, and with which sign.
+
+    friction, friction_sign, direction: the same for terms with the direction of a contact; empty if there are none.
+    """
+
+    place: str
+    unit: str
+    meaning: str
+    signal: str
+    sign: str
+    friction: str = ""
+    friction_sign: str = ""
+    direction: str = ""
+    velocity: str = ""
+
+
+#: `adds_to` of a file -> what it means. The signs are those of the unknown inputs of a diagnosis.
+ADDENDS = {
+    "torque": Addend(
+        "torque", "N m", "torque on the shaft, driving its motion", "T_net", "+", "T_FM", "-", "d_M", "omega"
+    ),
+    "force": Addend("force", "N", "force on the rod, resisting extension", "F_net", "-", "F_FR", "+", "d_R", "v"),
+    "flow_1": Addend("flow", "m3/s", "flow into chamber 1, from outside", "Q_T1", "+"),
+    "flow_2": Addend("flow", "m3/s", "flow into chamber 2, from outside", "Q_T2", "+"),
+    "pump_flow": Addend("flow", "m3/s", "flow of the pump, from chamber 2 into chamber 1", "Q_P", "+"),
+    "drive": Addend("drive", "A", "current of the motor", "current", "+"),
+}
+
+
+class LawParameter(Definition):
+    """A number of the expression, in SI units."""
+
+    value: float = Field(description="in `unit`")
+    unit: str = Field(description="SI unit")
+    neutral: float | None = Field(
+        default=None,
+        description="value at which its term vanishes; left out for a location or shape, which acts only with its term",
+    )
+    bounds: Annotated[tuple[float, float], Array] | None = Field(default=None, description="[lower, upper] in `unit`")
+    sd: Annotated[float, Field(ge=0)] | None = Field(default=None, description="standard deviation in `unit`")
+    meaning: str = Field(default="", description="for tables")
+
+    @field_validator("unit")
+    @classmethod
+    def _si(cls, unit: str) -> str:
+        try:
+            base_units(unit)
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        return unit
+
+    @model_validator(mode="after")
+    def _inside(self) -> LawParameter:
+        if self.bounds is not None:
+            lower, upper = self.bounds
+            if not lower < upper:
+                raise ValueError(f"bounds = [{lower:g}, {upper:g}]; expected the lower one first")
+            for key, value in (("value", self.value), ("neutral", self.neutral)):
+                if value is not None and not lower <= value <= upper:
+                    raise ValueError(f"{key} = {value:g} is outside bounds = [{lower:g}, {upper:g}]")
+        return self
+
+
+class LawLog(Definition):
+    """A log from which the expression was found."""
+
+    path: str = Field(description="file")
+    sha256: str = Field(description="hash of its content")
+
+
+class LawFile(Definition):
+    """An effect's TOML."""
+
+    schema_version: Schema = Field(alias="schema", description="format version")
+    status: Literal["proposed", "confirmed"] = Field(description="whether a second log has confirmed it")
+    summary: str = Field(description="one line for lists")
+    adds_to: Literal["torque", "force", "flow_1", "flow_2", "pump_flow", "drive"] = Field(
+        description="what the expression adds to; signs as there"
+    )
+    expression: str = Field(description="of states, inputs and parameters of the plant, and of its own parameters")
+    parameters: dict[str, LawParameter] = Field(description="own parameters; one with `neutral` at least")
+    range: dict[str, Annotated[tuple[float, float], Array]] = Field(
+        default={}, description="[lowest, highest] value of each variable in the logs, SI units"
+    )
+    logs: list[LawLog] = Field(default=[], description="logs from which it was found")
+    note: str = Field(default="", description="origin")
+
+    @field_validator("expression")
+    @classmethod
+    def _parsed(cls, text: str) -> str:
+        try:
+            Expression.parse(text)
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        return text
+
+    @model_validator(mode="after")
+    def _complete(self) -> LawFile:
+        names, addend = Expression.parse(self.expression).names, ADDENDS[self.adds_to]
+        for name in self.parameters:
+            if not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
+                raise ValueError(f"[parameters] {name}: expected a name of letters, digits and _")
+            if name not in names:
+                raise ValueError(f"[parameters] {name}: the expression does not use it; {choices(name, names)}")
+        if not any(p.neutral is not None for p in self.parameters.values()):
+            raise ValueError("[parameters]: none has `neutral`, the value at which the effect is absent; state it")
+        for name in self.range:
+            if name not in names or name in self.parameters:
+                raise ValueError(f"[range] {name}: is not a variable of the expression")
+        if addend.velocity and f"sign({addend.velocity})" in self.expression.replace(" ", ""):
+            raise ValueError(
+                f"expression: has sign({addend.velocity}), which is zero at standstill; write {addend.direction}, the "
+                "direction of dry friction, so that the contact sticks"
+            )
+        return self
+
+    @property
+    def own_parameters(self) -> dict[str, LawParameter]:
+        """Parameters with a neutral value first: the first of them measures the size."""
+        return dict(sorted(self.parameters.items(), key=lambda row: row[1].neutral is None))
+
+
+@dataclass(frozen=True)
+class EffectExpression:
+    """The expression of an effect, for checks that need the plant. where: file, for messages."""
+
+    where: str
+    addend: Addend
+    expression: Expression
+    units: Mapping[str, str]
+    status: str
+
+    def check(self, units: Mapping[str, str]) -> None:
+        """Raise InputError unless the expression fits a plant. units: name of the plant -> SI unit."""
+        try:
+            self.expression.check_unit(self.addend.unit, {**units, **self.units})
+        except InputError as error:
+            raise InputError(f"{self.where}: expression: {error}") from None
+
+
+def read_law(path: Path) -> Effect:
+    """Read an effect's TOML file; its name is that of the file. Raises InputError with file and key."""
+    return effect_of(path.stem, validate(read_toml(path), LawFile, str(path)), str(path))
+
+
+def effect_of(name: str, law: LawFile, where: str) -> Effect:
+    """The effect of a definition. Raises InputError for a name or an expression that can't be an effect."""
+    if not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
+        raise InputError(f"{where}: the name of the file becomes that of the effect; expected letters, digits and _")
+    expression, addend = Expression.parse(law.expression), ADDENDS[law.adds_to]
+    changes: dict[str, Callable[..., float]] = {}
+    dry = [t for t in expression.terms if addend.direction and addend.direction in t.names]
+    other = [t for t in expression.terms if t not in dry]
+    parts = (other, addend.signal, addend.sign), (dry, addend.friction, addend.friction_sign)
+    for terms, signal, sign in parts:
+        if terms:
+            total = Expression.parse(" + ".join(f"({term.text})" for term in terms))
+            changes[signal] = total.function(name, where, signal, f"{signal} {sign} {{}}")
+    _check_neutral(law, expression, name, where)
+    parameters = tuple(
+        EffectParameter(
+            key,
+            one.unit,
+            one.meaning or f"of {law.expression}",
+            one.value if one.neutral is None else one.neutral,
+            one.value,
+            *(one.bounds or (-1e30, 1e30)),
+            source="identified" if law.logs else "assumed",
+            shape=one.neutral is None,
+        )
+        for key, one in law.own_parameters.items()
+    )
+    return Effect(
+        name=name,
+        place=addend.place,
+        summary=f"{law.summary} ({law.status})",
+        fingerprint=f"{addend.meaning}: {law.expression}",
+        changes=changes,
+        parameters=parameters,
+        candidates=candidates,
+        law=EffectExpression(where, addend, expression, {k: one.unit for k, one in law.parameters.items()}, law.status),
+        source=law.note or where,
+    )
+
+
+def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """All numbers of the expression together, started at those of the file."""
+    free, start = [], []
+    for parameter in effect.parameters:
+        size = abs(parameter.typical) or 1.0
+        scale = 0.1 * (size if parameter.shape else abs(parameter.typical - parameter.neutral) or size)
+        nominal = context.values.get(parameter.name, parameter.neutral)
+        free.append(FreeNumber(parameter.name, nominal, scale, parameter.lower, parameter.upper))
+        start.append(parameter.typical)
+    return [CandidateEffect(effect, tuple(free), (tuple(start),))]
+
+
+def _check_neutral(law: LawFile, expression: Expression, name: str, where: str) -> None:
+    """Raise InputError unless the expression is exactly zero at neutral parameters, and finite at those of the file.
+
+    It is tried at both ends of the range of each variable, by default at -1 and 1, and in the middle.
+    """
+    value = expression.function(name, where, "zero", "{}")
+    variables = [one for one in expression.names if one not in law.parameters]
+    ends = []
+    for i, one in enumerate(variables):
+        low, high = law.range.get(one, (-1.0, 1.0))
+        ends.append((low, high) if i < TRIED else (0.5 * (low + high),))
+    middle = tuple(0.5 * (each[0] + each[-1]) for each in ends)
+    typical = {key: one.value for key, one in law.parameters.items()}
+    neutral = {key: one.value if one.neutral is None else one.neutral for key, one in law.parameters.items()}
+    for point in (*product(*ends), middle):
+        at = dict(zip(variables, point, strict=True))
+        shown = ", ".join(f"{key} = {one:g}" for key, one in at.items()) or "any point"
+        for words, given in (("the values of [parameters]", typical), ("the neutral values", neutral)):
+            try:
+                found = value(0.0, **at, **given)
+            except (ArithmeticError, ValueError):
+                found = math.nan
+            if not math.isfinite(found):
+                raise InputError(
+                    f"{where}: expression: can't be computed at {shown} with {words}; keep its terms finite over the "
+                    "whole range, as in max(P_1, 0)"
+                )
+        if found != 0.0:
+            raise InputError(
+                f"{where}: expression: is {found:g} at {shown} with the neutral values; expected exactly 0, so that "
+                "the effect can be absent: every term needs a factor whose `neutral` makes it vanish"
+            )
