@@ -52,6 +52,7 @@ from .signals import largest
 from .sizes import with_sizes
 from .stretch import search_segment
 from .together import joint_location
+from .validation_segment import windows_of
 from .verdict_text import advice, name_of
 
 #: Shares of the computing time, for its display: search, several nominal parameters, and the end of the scores.
@@ -132,7 +133,8 @@ def diagnose(
         words = f"effects were searched {searched.name}; the best were refitted to all training data and scored on it"
         prepared = replace(prepared, findings=(*prepared.findings, words))
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, threshold, lumped=lumped)
-    hypotheses, scores, superseded = score_hypotheses(hypotheses, scoring)
+    windows = windows_of([one.plant for one in prepared.logs], segments.training) if all_data else None
+    hypotheses, scores, superseded = score_hypotheses(hypotheses, scoring, windows)
     reference = Reference.of(scoring)
     selection = select_model(scores, reference, threshold)
     pool.progress.begin(1.0 - pool.progress.end)

@@ -18,7 +18,8 @@ import numpy as np
 from ..physics.effects import CandidateEffect
 from .hypothesis_model import Setting
 from .pool import Pool
-from .refit import TEMPER, HypothesisFit, Objective, refine, refit
+from .records import Segment
+from .refit import TEMPER, HypothesisFit, Objective, refine, refit, refit_thoroughly
 
 # The numbers below are engineering judgement: computing time against the risk of missing a cause.
 
@@ -97,6 +98,14 @@ class Hypotheses:
             else:
                 known = near.sensitivities
             return refit(self.objective, candidates, start, known, steps=steps, renew_after=renew_after)
+
+        return self._with_better(self.pool.map(stage, work, tasks))
+
+    def with_thorough_refits(self, tasks: Sequence[Task], stage: str, windows: Segment | None) -> Hypotheses:
+        """Refit hypotheses from given values as well as can be, see `refit_thoroughly`."""
+
+        def work(task: Task) -> HypothesisFit | None:
+            return refit_thoroughly(self.objective, windows, task.candidates, task.start)
 
         return self._with_better(self.pool.map(stage, work, tasks))
 

@@ -43,6 +43,8 @@ MAX_LAG = 1.0
 N_SCORED = 10
 #: Best sets of causes that are refitted with exactly their causes free.
 N_EXACT = 6
+#: Best of these that are refitted without one cause, and how many of their causes are left out in turn.
+N_REDUCED, N_LEFT_OUT = 2, 2
 #: Hypotheses whose deviance is within this share of the nominal one's from the best are refined and scored again; at
 #: most so many.
 PROMISING, N_REFINE = 0.1, 4
@@ -246,11 +248,12 @@ class Scoring:
 
 
 def score_hypotheses(
-    hypotheses: Hypotheses, scoring: Scoring
+    hypotheses: Hypotheses, scoring: Scoring, windows: Segment | None = None
 ) -> tuple[Hypotheses, list[ScoredHypothesis], list[ScoredHypothesis]]:
     """Score the best hypotheses of each size, refine the most promising ones and score them again.
 
-    Returns the hypotheses with the refined fits, the final scores, and the first ones.
+    windows: training data in short windows, see `refit_thoroughly`. Returns the hypotheses with the refined fits, the
+    final scores, and the first ones.
 
     Raises InputError if no hypothesis can be simulated on the held-out data.
     """
@@ -274,11 +277,18 @@ def score_hypotheses(
         for one in ([] if scoring.lumped else rank(refined))
         if (members := exact_members(one, hypotheses.candidates, scoring.ids))
     )[:N_EXACT]
-    hypotheses = hypotheses.with_refits(exact, "sets of causes", steps=6, renew_after=1)
-    hypotheses = hypotheses.refine(sorted(hypotheses.fits_of(exact), key=lambda fit: fit.cost)[:N_REFINE])
+    hypotheses = hypotheses.with_thorough_refits(exact, "sets of causes", windows)
+    found = hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(exact))
+    # A larger set may only make up for what a smaller one has not reached.
+    smaller = distinct_tasks(
+        Task(tuple(c for c in one.fit.candidates if c is not left_out), one.fit.values)
+        for one in rank(found)[:N_REDUCED]
+        for left_out in least_needed(one.fit, scoring.objective)
+    )
+    hypotheses = hypotheses.with_thorough_refits(smaller, "smaller sets", windows)
     scores = score_best(hypotheses, refined)
     scored = {id(one.fit) for one in scores}
-    unscored = [fit for fit in hypotheses.fits_of(exact) if id(fit) not in scored]
+    unscored = [fit for fit in hypotheses.fits_of([*exact, *smaller]) if id(fit) not in scored]
     scores += hypotheses.pool.map("scores", scoring.score, unscored)
     if not any(np.isfinite(one.deviance) for one in scores):
         raise InputError(
@@ -287,6 +297,22 @@ def score_hypotheses(
             "parameters"
         )
     return hypotheses, scores, first
+
+
+def least_needed(fit: HypothesisFit, objective: Objective) -> list[CandidateEffect]:
+    """The effects of a set that its fit can best do without, by its linear model; none of a single effect."""
+    if len(fit.candidates) < 2:
+        return []
+    covariance = np.linalg.pinv(fit.information(objective), rcond=1e-12, hermitian=True)
+    rise: list[tuple[float, CandidateEffect]] = []
+    begin = 0
+    for candidate in fit.candidates:
+        own = slice(begin, begin + len(candidate.free))
+        begin = own.stop
+        if all(np.isfinite(f.nominal) for f in candidate.free):
+            z = np.array([(fit.values[f.name] - f.nominal) / f.scale for f in candidate.free])
+            rise.append((float(z @ np.linalg.pinv(covariance[own, own], hermitian=True) @ z), candidate))
+    return [candidate for _, candidate in sorted(rise, key=lambda row: row[0])[:N_LEFT_OUT]]
 
 
 def exact_members(

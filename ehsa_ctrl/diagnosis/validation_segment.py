@@ -15,6 +15,9 @@ from .hypothesis_model import HypothesisModel
 from .records import Record, Segment
 from .signals import estimate_noise
 
+#: Length of a window [s]. Engineering judgement: longer than a slip's consequences, a few times the run-in at most.
+WINDOW = 2.0
+
 
 def gap(plant: Plant, log: Log) -> dict[str, float]:
     """Gap between a log and a free run of the plant.
@@ -88,6 +91,25 @@ def part_of_log(plant: Plant, model: HypothesisModel, noise: Mapping[str, float]
         start |= {s.name: float(s.along(log, plant.values)[run_in]) for s in effect.states if s.along is not None}
     piece = replace(model, log=log.rows(run_in, end), start=start)
     return Record(piece, noise, (slice(begin - run_in, end - run_in),))
+
+
+def windows_of(plants: Sequence[Plant], segment: Segment) -> Segment | None:
+    """The segment in windows of WINDOW, each from the state that the log shows there; None where it does not show it.
+
+    plants: nominal, of each record, for these states.
+    """
+    found = []
+    for plant, record in zip(plants, segment.records, strict=True):
+        log = record.model.log
+        if has_unmeasured_state(plant, log):
+            return None
+        for part in record.parts:
+            begin, end, _ = part.indices(len(log))
+            count = max(int(round((end - begin) * log.sample_time / WINDOW)), 1)
+            edges = np.round(np.linspace(begin, end, count + 1)).astype(int).tolist()
+            pairs = zip(edges[:-1], edges[1:], strict=True)
+            found += [part_of_log(plant, record.model, record.noise, [slice(a, b)]) for a, b in pairs]
+    return Segment(tuple(found), segment.name)
 
 
 def has_unmeasured_state(plant: Plant, log: Log) -> bool:
