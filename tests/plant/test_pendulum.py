@@ -242,3 +242,16 @@ def test_a_lag_of_the_current_and_friction_over_the_angle_act_in_the_servo(servo
     )
     assert np.all((late > 0.005) & (late < 0.03))
     assert np.max(np.abs(tight["theta"] - base["theta"])) > 0.01
+
+
+def test_the_gear_warms_up_by_its_own_heat(servo):
+    """First law: what a released arm loses of its energy is the heat of the gear's friction, counted once."""
+    warm = with_law(servo, "coulomb", "viscosity_warmup", drop=0.3, E_w=1.0)
+    start = np.array([0.0, 1.2, 0.0, 0.0])
+    run = simulate(warm, np.zeros(2500), force=np.ones(2500), start=start, sample_time=0.002, tolerance=1e-9)
+    kinetic = 0.5 * inertia(warm) * run["omega"] ** 2
+    potential = warm["m"] * GRAVITY * warm["l"] * (1.0 - np.cos(run["theta"] + warm["offset"]))
+    energy = kinetic + potential
+
+    np.testing.assert_allclose(run["E_run"], energy[0] - energy, atol=1e-4 * energy[0])
+    assert run["E_run"][-1] > 0.5 * energy[0]

@@ -39,8 +39,12 @@ def clock(drop: float) -> float:
 
 
 def heating(T_FM: float, omega: float, F_FR: float, v: float, drop: float, E_w: float) -> float:
-    """Power that friction dissipates [W], never negative; zero if only the time counts."""
-    return 0.0 if drop == 0.0 or E_w == inf else T_FM * omega + F_FR * v
+    """Power that friction dissipates [W], never negative; zero if only the time counts.
+
+    The one contact of a servo stands for shaft and rod, and counts once.
+    """
+    rod_part = 0.0 if F_FR == T_FM and v == omega else F_FR * v
+    return 0.0 if drop == 0.0 or E_w == inf else T_FM * omega + rod_part
 
 
 def heat_of(log: Log, plant: Mapping[str, float]) -> np.ndarray:
