@@ -87,7 +87,8 @@ class Location:
     def to_dict(self) -> dict[str, Any]:
         """As under `location` in diagnosis.json."""
         regimes = [as_dict(r, "balance words explained gap_closed") for r in self.regimes]
-        return as_dict(self, "by_signal sensor untold", shares=dict(self.shares), regimes=regimes)
+        of_log = {"log": self.log} if self.log else {}
+        return as_dict(self, "by_signal sensor untold", shares=dict(self.shares), regimes=regimes, **of_log)
 
     def __str__(self) -> str:
         seen = [f"{place} {100 * s:.0f} %" for place, s in self.shares if s >= 0.005 and place not in self.unobserved]

@@ -106,6 +106,7 @@ def test_two_loads_tell_what_one_does_not(plant, leaking):
     for model in ("nominal", "with_effects"):
         squares = [row["gap"][model]["p1"] ** 2 for row in content["logs"]]
         assert content["gap"][model]["p1"] ** 2 == pytest.approx(np.mean(squares))
+    assert content["location"]["log"] == "12000N.csv"
     assert "4000N.csv" in str(together) and "12000N.csv" in content["held_out"]
 
 

@@ -194,6 +194,9 @@ def _where(content: Content) -> Section:
     ]
     if location is None:
         return Section("Location of the gap", blocks, "where")
+    if location.get("log"):
+        words = "Shares are weighted by the squared gaps of the logs; what is drawn over time is that of"
+        blocks.append(Paragraph(f"{words} {location['log']}, which has the largest gap."))
     if location["sensor"] is not None and (balances.get("sensor") or 0.0) >= SENSOR_SHARE:
         blocks.append(Paragraph(f"Sensor indicated by the balances: {location['sensor']}."))
     by_signal = [
