@@ -62,7 +62,7 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
     With air that dissolves, the exponent keeps its value: a log can't tell all of them.
     """
     air, exponent = effect_number(effect, context, "air_fraction", 0.003), effect_number(effect, context, "n_air", 0.1)
-    dissolving = (air, FreeNumber("P_diss", 30e5, 10e5, 5e5, 1e9), FreeNumber("tau_diss", TAU_DISS, 0.5, 0.1, 60.0))
+    dissolving = (air, FreeNumber("P_diss", 30e5, 3e5, 5e5, 1e9), FreeNumber("tau_diss", TAU_DISS, 0.5, 0.1, 60.0))
     return [
         CandidateEffect(effect, (air, exponent), tuple((share, exponent.nominal) for share in (0.003, 0.02))),
         CandidateEffect(effect, dissolving, ((0.01, 30e5, TAU_DISS),)),
