@@ -60,7 +60,7 @@ _ArrayLike = npt.NDArray[np.number] | Sequence[float]
 __version__: str
 __all__: list[str]
 
-def analyse(system: _SystemLike) -> Analysis: ...
+def analyse(system: _SystemLike, *, drive_unit: str = "A") -> Analysis: ...
 def analyse_loop(
     system: _SystemLike,
     controller: _ControllerLike,

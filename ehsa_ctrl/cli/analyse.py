@@ -29,12 +29,13 @@ def command(
         ),
     ] = None,
     model: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="linear: the plant's linear set; nonlinear: its nonlinear set, linearised during sliding.",
+            help="linear: the plant's linear set; nonlinear: its nonlinear set, linearised during sliding. By default "
+            "the linear one, if the plant has one.",
             autocompletion=models,
         ),
-    ] = "linear",
+    ] = None,
     position: Annotated[
         str, typer.Option(help="Rod positions of the operating points, m; for --model nonlinear, e.g. '0,50 mm'.")
     ] = "0",
@@ -75,9 +76,11 @@ def command(
     from ..design.review import review as review_design
     from ..plant.conditions import conditions
     from ..plant.draws import draw, drawn_models, read_covariance
+    from ..plant.load import models_of
     from .inputs import load_model
     from .options import check_word
 
+    model = model or ("linear" if "linear" in models_of(plant) else "nonlinear")
     check_word("--model", model, "linear", "nonlinear")
     names = split_names(controller or "")
     at = conditions(
@@ -100,7 +103,10 @@ def command(
     pairs = read_pairs(settings)
     loaded = load_model(plant, model, pairs)
     system = conditions(positions=[at[0].position], velocities=[at[0].velocity])[0].model(loaded)
-    analysis = analyse(system)
+    unit = loaded.structure.system.drive_unit
+    analysis = analyse(system, drive_unit=unit)
+    if names and loaded.structure.system.no_controller:
+        raise InputError(f"{loaded.name}: {loaded.structure.system.no_controller}; leave --controller out")
     known = _known(plant, loaded, pairs)
     systems = {}
     if many:
@@ -109,7 +115,7 @@ def command(
         systems = drawn_models(loaded, drawn, at)
     loops, robust, reviews = [], [], []
     for name in names:
-        chosen = load_controller(name, system, sample_time=loaded.sample_time)
+        chosen = load_controller(name, system, sample_time=loaded.sample_time, drive_unit=unit)
         loops.append(analyse_loop(system, chosen, lag=lag, noise=known.noise))
         robust.append(robust_margins(systems, chosen, lag=lag) if systems else None)
         if review:

@@ -35,7 +35,11 @@ def command(
         str, typer.Option(metavar="M", help="Parameters to keep fixed.", autocompletion=several_symbols)
     ] = "",
     amplitude: Annotated[
-        float | None, typer.Option(metavar="A", help="Largest current; by default as large as the limits allow.")
+        float | None,
+        typer.Option(
+            metavar="A",
+            help="Largest current, or other drive in its SI unit; by default as large as the limits allow.",
+        ),
     ] = None,
     criterion: Annotated[
         str,

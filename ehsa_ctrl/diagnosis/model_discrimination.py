@@ -17,7 +17,7 @@ from ..core.log import Log
 from ..identification.input_limits import limit_shares
 from ..plant.file import LOAD_SYMBOLS
 from ..plant.plant import Plant
-from ..simulation.bench import CENTRING_GAIN, CENTRING_LIMIT, CENTRING_TIME
+from ..simulation.bench import CENTRING_TIME
 from ..simulation.engine import simulate_batch
 from .excitation_library import LibraryInput
 from .hypothesis_model import HypothesisModel, Setting, law_switches, with_every_effect
@@ -180,10 +180,11 @@ class CandidateModels:
         known = self.plant.structure.equations.parameter_names
         plant, dt = self.plant.set(**{n: v for n, v in values.items() if n in known}), self.plant.sample_time
         out, state, low = current.copy(), plant.rest[None], 0.0
+        gain, limit = plant.structure.system.centring
         length, x = max(int(round(CENTRING_STEP / dt)), 1), plant.structure.equations.index(self._position)
         for first in range(0, current.size - 1, length):
             block = out[first : first + length + 1]
-            block -= np.clip(CENTRING_GAIN * low, -CENTRING_LIMIT, CENTRING_LIMIT)
+            block -= np.clip(gain * low, -limit, limit)
             batch = simulate_batch(plant, plant.vector[None], block, start=state, sample_time=dt, jobs=1)
             if batch.status[0]:
                 break

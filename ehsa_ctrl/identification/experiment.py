@@ -46,8 +46,9 @@ class ExperimentDesign(Result):
     Attributes
     ----------
     plant: the nominal plant.
-    time, current: (N,) s and A, to apply from rest. centre: whether the bench's slow loop around the rod has to be on
-        too, because without it the rod of a plant with somewhat different parameters leaves its stroke.
+    time, current: (N,) s and A, or the unit of another drive, to apply from rest.
+    centre: whether the bench's slow loop around the rod has to be on too, because without it the rod of a plant with
+        somewhat different parameters leaves its stroke.
     chosen: the selected candidate. candidates: all that were tried in full, best first.
     checks: number of a candidate -> check of its predicted sd on simulated logs; empty if none was asked for.
     at_worst: name -> largest relative sd over the variations of the plant, calibrated like the forecast.
@@ -103,10 +104,10 @@ class ExperimentDesign(Result):
         return self.forecast.undetermined
 
     def write(self, path: str | Path) -> Path:
-        """Write columns t, current for `ehsa-ctrl simulate --input`, replacing a file of that name."""
+        """Write columns t and current (or another drive) for `ehsa-ctrl simulate --input`, replacing such a file."""
         import pandas
 
-        table = pandas.DataFrame({"t": self.time.round(6), "current": self.current.round(6)})
+        table = pandas.DataFrame({"t": self.time.round(6), self.plant.structure.system.drive: self.current.round(6)})
         return write_text(path, table.to_csv(index=False))
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -206,7 +207,7 @@ def design_experiment(
     kind: noise (band-limited, as in the paper), multisine, steps, sine, chirp, ramp, or best: the best of them all,
         two of them one after the other included.
     free, fix: as for `identify`.
-    amplitude: largest current to use, A; by default what the limits allow.
+    amplitude: largest current to use, A, or the unit of another drive; by default what the limits allow.
     criterion: "worst": the largest relative sd of a parameter; "D": the volume of the uncertainty, as the geometric
         mean of its axes. The number of undetermined parameters counts first.
     margin: share of the way from rest to each limit that the nominal plant leaves.
@@ -220,20 +221,21 @@ def design_experiment(
 
     Raises
     ------
-    InputError: values out of range, a system other than the EHSA, no input within the limits that moves shaft and rod,
-        a free parameter that no measured channel shows.
+    InputError: values out of range, a system whose motion is prescribed, no input within the limits that moves shaft
+        and rod, a free parameter that no measured channel shows.
     """
     began = clock.monotonic()
-    if plant.structure.system_name != "ehsa":
+    if plant.structure.system.prescribed:
         raise InputError(
-            f"{plant.name} is a {plant.structure.system_name!r} system; inputs are designed for 'ehsa' systems alone"
+            f"{plant.name}: the motion of its rod is prescribed, and an experiment needs one beside the "
+            f"{plant.structure.system.drive}; inputs are designed for systems with one drive"
         )
     if not SHORTEST <= duration <= LONGEST:
         raise InputError(f"duration = {duration:g} s; expected {SHORTEST:g} to {LONGEST:g} s")
     if criterion not in CRITERIA:
         raise InputError(f"no criterion {criterion!r}; {choices(criterion, CRITERIA)}")
     if amplitude is not None and not 0.0 < amplitude < np.inf:
-        raise InputError(f"amplitude = {amplitude:g} A; expected more than 0")
+        raise InputError(f"amplitude = {amplitude:g} {plant.structure.system.drive_unit}; expected more than 0")
     if not 0.0 <= margin < 1.0:
         raise InputError(f"margin = {margin:g}; expected a share of the limits, 0 or more and less than 1")
     if not 0.0 <= spread < 1.0:

@@ -111,7 +111,7 @@ def _all_reached(plants: Sequence[Plant], time: np.ndarray, current: np.ndarray,
         return []
     found = []
     diverged = ReachedLimits(dict.fromkeys(plants[0].limits, math.nan), dict.fromkeys(plants[0].limits, math.inf))
-    if centre:
+    if centre and plants[0].structure.system.centring[0]:
         for plant in plants:
             try:
                 found.append(reached_limits(record(plant, time, current, sensor_noise=False, centre=True)[1]))
@@ -150,7 +150,8 @@ class AdmissibleRuns:
     def run(
         self, time: np.ndarray, current: np.ndarray, plant: Plant | None = None, *, centre: bool = True
     ) -> Trajectory | None:
-        """The nominal plant, or another, with the rod held in its stroke; None if the run diverges."""
+        """The nominal plant, or another, held in its stroke where it has one; None if the run diverges."""
+        centre = centre and bool(self.plant.structure.system.centring[0])
         try:
             return record(plant or self.plant, time, current, sensor_noise=False, centre=centre)[1]
         except SimulationError:

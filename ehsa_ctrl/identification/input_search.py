@@ -71,7 +71,7 @@ class InputCandidate:
 
     @property
     def words(self) -> str:
-        return self.shape.words(self.amplitude)
+        return self.shape.words(self.amplitude, self.forecast.run.plant.structure.system.drive_unit)
 
     @property
     def score(self) -> float:
@@ -227,7 +227,7 @@ class InputSearch:
         if why in self.plant.limits:
             within = f"within the limits, above all {limit_words(self.plant, why)},"
         elif self.amplitude is not None:
-            within = f"of no more than {self.amplitude:g} A"
+            within = f"of no more than {self.amplitude:g} {self.plant.structure.system.drive_unit}"
         return (
             f"{self.plant.name}: no input {within} moves shaft and rod, so nothing can be determined; check limits, "
             "load and friction"

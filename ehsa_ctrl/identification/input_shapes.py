@@ -67,9 +67,9 @@ class InputShape:
     def kind(self) -> str:
         return ", then ".join(part.kind for part in self.parts)
 
-    def words(self, amplitude: float) -> str:
-        """As "noise 0.2-15 Hz, 2.5 A peak"."""
-        return ", then ".join(f"{part}, {part.size * amplitude:.3g} A" for part in self.parts)
+    def words(self, amplitude: float, unit: str = "A") -> str:
+        """As "noise 0.2-15 Hz, 2.5 A"; unit: SI unit of the drive."""
+        return ", then ".join(f"{part}, {part.size * amplitude:.3g} {unit}" for part in self.parts)
 
 
 def single_shapes(kind: str, seed: int, seeds: int) -> Iterator[InputShape]:

@@ -161,13 +161,29 @@ def predict_accuracy(run: Trajectory, parameters: Sequence[FreeParameter]) -> Pr
     return PredictedAccuracy(run, estimates(here, covariance, sizes), covariance, here, sizes)
 
 
+def logged_channels(plant: Plant) -> tuple[str, ...]:
+    """Drives and outputs of a log of this plant.
+
+    A velocity whose sensor has no noise in the plant's file is not logged if the position is: it would be exact.
+    """
+    system = plant.structure.system
+    exact = {
+        channel
+        for channel, state in system.outputs.items()
+        if not plant.sensors[channel].sd > 0.0 and system.slopes.get(state) in system.outputs.values()
+    }
+    return tuple(name for name in (*system.drives.values(), *system.outputs) if name not in exact)
+
+
 def _noise_free_log(run: Trajectory) -> Log:
-    """The sensors' outputs along a run, without noise and converter steps."""
+    """The outputs of the sensors in `logged_channels` along a run, without noise and converter steps."""
     plant, system = run.plant, run.plant.structure.system
     signals = {**{channel: signal for signal, channel in system.drives.items()}, **system.outputs}
     channels = {}
     for channel, signal in signals.items():
         sensor = plant.sensors[channel]
+        if channel not in logged_channels(plant):
+            continue
         if channel in system.outputs and not sensor.sd > 0.0:
             raise InputError(
                 f"{plant.path or plant.name}: gives no noise of {channel}, on which all standard deviations depend; "
@@ -225,6 +241,7 @@ def check_accuracy(
     def error(number: int) -> np.ndarray:
         """Errors (k,) of one estimate, in the predicted standard deviations of independent directions."""
         log, _ = record(plant, time, current, seed=1000 * (seed + 1) + number, centre=centre)
+        log = replace(log, channels={name: log[name] for name in logged_channels(plant)})
         try:
             found = fit(plant, shooting_windows(plant, log, None), determined, steps=15)
         except EhsaError:

@@ -12,6 +12,11 @@ UNITS = {
 }  # fmt: skip
 
 
+def has_motion_current(plant: Plant) -> bool:
+    """Whether a current moves shaft and rod together: the system has pump, piston and load."""
+    return {"K_T", "D", "A", "M", "m_L"} <= plant.parameters.keys()
+
+
 def motion_current(plant: Plant) -> dict[str, float]:
     """Coefficients of I = inertia a + viscous v + stiffness x + preload + sign(v) (coulomb .. static).
 
@@ -21,7 +26,7 @@ def motion_current(plant: Plant) -> dict[str, float]:
 
     Raises InputError for a system other than the EHSA.
     """
-    if plant.structure.system_name != "ehsa":
+    if not has_motion_current(plant):
         raise InputError(f"{plant.name} is a {plant.structure.system_name!r} system; it has no motor current")
     p = plant.values
     travel = p["D"] / p["A"]

@@ -176,6 +176,8 @@ class System:
     symbols: symbol or signal in the catalogue of effects -> its name in this system, if that differs; not for the
         friction parameters of the system's own contacts.
     scored: signals by which a diagnosis scores a model; every output by default.
+    centring: of the bench's slow loop that keeps the moved part within its stroke: drive per metre of the low-pass
+        filtered position, and largest drive of it, SI units; zero for a system that needs none.
     no_controller: why no sampled position controller can be put around the system, as the end of a sentence; empty if
         one can, for a system whose drive moves the state x.
     units: channel or scored signal -> SI unit, for those that `core.log.CHANNELS` lacks; they are added there.
@@ -204,6 +206,7 @@ class System:
     missing_effects: tuple[tuple[str, ...], ...] = ()
     symbols: Mapping[str, str] = field(default_factory=dict)
     scored: tuple[ScoredSignal, ...] = ()
+    centring: tuple[float, float] = (0.0, 0.0)
     no_controller: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
 

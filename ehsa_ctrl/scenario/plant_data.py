@@ -10,7 +10,7 @@ from ..core.controller_interface import MEASURED
 from ..core.errors import InputError
 from ..design.kinds import ControllerFile
 from ..design.review import Known
-from ..plant.motion_current import motion_current
+from ..plant.motion_current import has_motion_current, motion_current
 from ..plant.plant import Plant
 
 #: Key of a controller's TOML -> the plant rating that bounds it.
@@ -72,14 +72,12 @@ def check_controller_limits(file: Path, definition: ControllerFile, plant: Plant
 
 
 def known_of(plant: Plant) -> Known:
-    """Plant data for `review`: sensor noise and, for a nonlinear parameter set, friction and half the stroke.
+    """Plant data for `review`: sensor noise and, for the nonlinear set of an EHSA, friction and half the stroke.
 
     Callers add the smallest slip and the solver time with `dataclasses.replace`.
-
-    Raises InputError as `motion_current` does.
     """
     noise = {channel: plant.sensors[channel].sd for channel in MEASURED if channel in plant.sensors}
-    if plant.model != "nonlinear":
+    if plant.model != "nonlinear" or not has_motion_current(plant):
         return Known(noise=noise)
     needed, stroke = motion_current(plant), plant.limits.get("stroke")
     return Known(

@@ -19,7 +19,7 @@ from ..design.load import load_controller, read_controller
 from ..physics.effects import read_law
 from ..plant.file import key_of, symbol_of
 from ..plant.linear import three_state
-from ..plant.load import has_setting, load_plant, with_settings
+from ..plant.load import has_setting, load_plant, models_of, with_settings
 from ..plant.plant import Model, Plant
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.sensors import Sensors
@@ -140,6 +140,9 @@ def prepare(
         nominal = _given_plant("plant", plant, "nonlinear")
         base = _given_plant("design", design, "linear")
         file = (nominal and nominal.path) or plants.find(definition.plant, beside=beside)
+        reason = load_plant(file, model=models_of(file)[0]).structure.system.no_controller
+        if reason:
+            raise InputError(f"{file}: {reason}; scenarios are for plants whose drive a controller computes")
         base = base or load_plant(file, model="linear")
         nominal = nominal or load_plant(file, model="nonlinear")
         model = three_state(base)

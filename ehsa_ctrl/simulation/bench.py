@@ -16,9 +16,9 @@ from .engine import checked_input, simulate
 from .sensors import Sensors
 from .trajectory import Trajectory
 
-#: Centring loop: current per metre of the low-pass filtered position [A/m], time constant of the filter [s], largest
-#: current [A]. Engineering judgement: slow and weak against the excitation.
-CENTRING_GAIN, CENTRING_TIME, CENTRING_LIMIT = 20.0, 0.5, 1.0
+#: Time constant [s] of the filter of the centring loop. Engineering judgement: slow against the excitation. Gain and
+#: limit are the system's.
+CENTRING_TIME = 0.5
 
 
 def centring_step(reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
@@ -43,6 +43,8 @@ class _Centring:
     """The centring loop of the bench, as a controller."""
 
     sample_time: float
+    gain: float
+    limit: float
     name: str = "centring"
 
     @property
@@ -54,7 +56,7 @@ class _Centring:
         return {}
 
     def settings(self) -> np.ndarray:
-        return np.array([CENTRING_GAIN, CENTRING_TIME, CENTRING_LIMIT, self.sample_time])
+        return np.array([self.gain, CENTRING_TIME, self.limit, self.sample_time])
 
     def initial_memory(self) -> np.ndarray:
         return np.zeros(1)
@@ -93,9 +95,10 @@ def record(
     Raises
     ------
     SimulationError: the run stopped early within all limits of the plant.
-    InputError: centre, for a system whose position is not in m.
+    InputError: centre, for a system without a centring loop.
     """
-    if centre and "position" not in plant.structure.system.outputs:
+    gain, limit = plant.structure.system.centring
+    if centre and not gain:
         raise InputError(f"{plant.name}: has no channel position to centre; leave out --centre")
     time, current = checked_input(time, "time"), checked_input(current, "current", time.size)
     check_time("time", time, first_row=0)
@@ -105,7 +108,7 @@ def record(
         reference = np.zeros((time.size, 3))
         reference[:, 0] = current
         loop = run_closed_loop(
-            plant, _Centring(dt), reference, sensors=sensors, tolerance=tolerance, raise_on_failure=False
+            plant, _Centring(dt, gain, limit), reference, sensors=sensors, tolerance=tolerance, raise_on_failure=False
         )
         run = loop.trajectory
     else:

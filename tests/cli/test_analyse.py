@@ -74,3 +74,40 @@ def test_wrong_input_is_one_sentence(run, arguments, says):
 
     assert status == 2 and out == ""
     assert says in err and len(err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("plant", "says"),
+    [
+        ("emps", "from F_M"),
+        ("xl330_pendulum", "from goal"),
+        ("mbari_pto", "from the current"),
+    ],
+)
+def test_a_plant_without_a_linear_set_is_linearised(run, tmp_path, plant, says):
+    """Its nonlinear set while sliding; the page and the Bode plot name its drive."""
+    status, out, err = run("analyse", plant, "--out", tmp_path / plant)
+
+    assert status == 0, err
+    assert says in out and "linearised" in out
+    assert (tmp_path / plant / "bode.svg").is_file()
+    assert says.removeprefix("from ").removeprefix("the ") in (tmp_path / plant / "report.html").read_text()
+
+
+def test_a_controller_for_another_drive_is_refused(run):
+    """Gains in A on a plant that has a force; and a plant whose controller is part of it."""
+    assert "the drive of this plant is in N" in run("analyse", "emps", "--controller", "pid_position")[2]
+    assert "is the firmware's" in run("analyse", "xl330_pendulum", "--controller", "pid_position")[2]
+
+
+def test_the_loop_of_a_carriage(run, tmp_path):
+    """P over P: at low frequency the compliance under force is 1 / (kp kv), and the units are those of a force."""
+    file = tmp_path / "pv.toml"
+    file.write_text(
+        'schema = 1\nkind = "pid"\ntitle = "t"\nsample_time = "1 ms"\ncurrent_limit = "300 N"\n'
+        '[gains]\nform = "velocity"\nkp = "160 1/s"\nkv = "8500 N s/m"\nT_f = "0.5 ms"\n'
+    )
+
+    loop = json.loads(run("analyse", "emps", "--controller", file, "--json")[1])["loop"]
+
+    assert loop["stable"] and loop["static_compliance"] == pytest.approx(-1.0 / (160.0 * 8500.0), rel=1e-6)

@@ -75,7 +75,8 @@ def test_what_is_not_determined_is_a_warning(run):
         (("ehsa", "--free", "K_X"), "can't be estimated"),
         (("ehsa", "--set", "load.preload=50e3", "--duration", "2"), "is passed without any input"),
         (("ehsa", "--amplitude", "0.2", "--kind", "sine", "--duration", "2"), "no input of no more than 0.2 A moves"),
-        (("emps",), "inputs are designed for 'ehsa' systems alone"),
+        (("emps",), "has no [limits], so any input is allowed; give an amplitude"),
+        (("mbari_pto",), "the motion of its rod is prescribed"),
     ],
 )
 def test_a_wrong_call_is_one_sentence(run, arguments, says):

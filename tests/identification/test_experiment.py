@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
+import pandas
 import pytest
 from scipy import stats
 
@@ -288,7 +289,29 @@ def test_what_no_input_can_do_is_a_sentence(plant, change, arguments, says):
         design_experiment(given, **{"duration": 2.0, "kind": "sine", "rehearsals": 0, **arguments})
 
 
-def test_other_systems_are_refused():
-    """The families of currents, and the loop around the rod, are those of the EHSA."""
-    with pytest.raises(InputError, match="emps is a 'positioning' system"):
-        design_experiment(load_plant("emps"))
+def test_a_prescribed_motion_is_refused():
+    """It would have to be designed beside the current."""
+    with pytest.raises(InputError, match="mbari_pto: the motion of its rod is prescribed"):
+        design_experiment(load_plant("mbari_pto"))
+
+
+def test_an_input_for_a_carriage(tmp_path):
+    """In the unit and channel of its drive. The velocity, whose sensor has no noise, is not logged. Estimates from
+    simulated logs scatter as predicted."""
+    found = design_experiment(load_plant("emps"), kind="sine", duration=4.0, amplitude=100.0, rehearsals=2, draws=2)
+
+    assert not found.undetermined and found.check.passed and found.check.ratio < 2.0
+    assert np.max(np.abs(found.current)) <= 100.0 + 50.0 and " N" in found.chosen.words
+    table = pandas.read_csv(found.write(tmp_path / "input.csv"))
+    assert list(table) == ["t", "drive_force"]
+
+
+def test_an_input_for_a_servo():
+    """Its goal in rad, without a loop around the arm; K_T and R alone can't be told apart with voltage drive, as only
+    K_T / R and K_T^2 / R act."""
+    found = design_experiment(
+        load_plant("xl330_pendulum"), kind="sine", duration=3.0, amplitude=1.0, rehearsals=0, draws=0
+    )
+
+    assert not found.centre and " rad" in found.chosen.words
+    assert found.forecast.relative["J_M"] < 0.2

@@ -327,7 +327,7 @@ def test_derivatives_of_a_run(name):
 @pytest.mark.slow
 def test_a_controller_gets_what_there_is(emps):
     """A closed loop around a carriage: its position is measured; channels that it lacks read zero."""
-    loop = run_closed_loop(emps, _Centring(0.004), np.tile([40.0, 0.0, 0.0], (200, 1)))
+    loop = run_closed_loop(emps, _Centring(0.004, 20.0, 1.0), np.tile([40.0, 0.0, 0.0], (200, 1)))
 
     assert loop.trajectory["F_M"][0] == 40.0 and loop.trajectory["x"][-1] > 0.01
     np.testing.assert_array_equal(loop.measured[:, 3], loop.trajectory["x"])

@@ -16,7 +16,7 @@ from ...core.plotting import draw
 from ...core.result import Result, as_dict
 from .closed_loop import INPUTS, OUTPUTS, close_loop, closed_loop_matrix, discrete_response, spectral_radius
 from .margins import Margins, disk_range, frequency_grid, margins
-from .sampled import LATEST, sample, scale_model, scaled_matrices
+from .sampled import DRIVES, LATEST, drive_of, sample, scale_model, scaled_matrices
 
 if TYPE_CHECKING:
     import control
@@ -53,6 +53,7 @@ class LoopAnalysis(Result, Margins):
     stable: all poles of the closed sampled loop lie inside the unit circle.
     noise_gain: channel -> RMS current per RMS of white noise on its readings [A per SI unit].
     current_noise: RMS current from the sensors' noise [A]; nan if that is unknown.
+    drive: input of the model; for a force (F_M) N takes the place of A in all units.
     compliance: m/N, peak of |position / force|; static_compliance: its steady-state value.
     Mks: A/m, peak from noise on the position to the current.
     sample_time: s. delay: s, added to the loop.
@@ -65,6 +66,7 @@ class LoopAnalysis(Result, Margins):
     stable: bool
     noise_gain: Mapping[str, float] = field(default_factory=dict)
     current_noise: float = nan
+    drive: str = "current"
     compliance: float = nan
     static_compliance: float = nan
     Mks: float = nan
@@ -103,17 +105,26 @@ class LoopAnalysis(Result, Margins):
         """One row per figure: value, SI unit (phase in deg)."""
         import pandas
 
-        rows = {name: (getattr(self, name), unit) for name, unit in FIGURES.items()}
-        rows |= {f"noise_gain {name}": (gain, f"A/({CHANNELS[name].unit})") for name, gain in self.noise_gain.items()}
+        own = DRIVES[self.drive]
+        rows = {name: (getattr(self, name), unit.replace("A", own)) for name, unit in FIGURES.items()}
+        for name, gain in self.noise_gain.items():
+            rows[f"noise_gain {name}"] = (gain, f"{own}/({CHANNELS[name].unit})")
         return pandas.DataFrame.from_dict(rows, orient="index", columns=["value", "unit"]).rename_axis("figure")
 
     def __str__(self) -> str:
         late = f", {1e3 * self.delay:.3g} ms late" if self.delay else ""
-        head = f"loop with {self.controller}, broken at the current{late}"
+        where = "the current" if self.drive == "current" else self.drive
+        size = (
+            f"{1e3 * self.current_noise:.3g} mA"
+            if self.drive == "current"
+            else (f"{self.current_noise:.3g} {DRIVES[self.drive]}")
+        )
+        head = f"loop with {self.controller}, broken at {where}{late}"
         if not self.stable:
             return f"{head}\n  closed loop NOT STABLE: spectral radius {np.max(np.abs(self.poles), initial=0.0):.4g}"
         low, high = self.disk_gain
-        noise = f"; current from sensor noise {1e3 * self.current_noise:.3g} mA rms" if self.current_noise >= 0 else ""
+        source = where.removeprefix("the ")
+        noise = f"; {source} from sensor noise {size} rms" if self.current_noise >= 0 else ""
         return (
             f"{head}\n"
             f"  crossover {self.crossover:.4g} rad/s, phase margin {self.phase_margin:.3g} deg, "
@@ -185,6 +196,7 @@ def analyse_loop(
         stable=stable,
         noise_gain=noise_gain,
         current_noise=_total_noise(noise_gain, noise),
+        drive=drive_of(system),
         compliance=compliance,
         static_compliance=0.0 if abs(lasting) < NEGLIGIBLE * compliance else lasting,
         Mks=float(np.max(np.abs(C[:, x] * sensitivity))) if stable else nan,

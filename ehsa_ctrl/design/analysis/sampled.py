@@ -12,6 +12,9 @@ from ...core.errors import InputError
 if TYPE_CHECKING:
     import control
 
+#: Inputs that are a drive: the current, or the force of a carriage, which takes its place everywhere.
+#: With its SI unit.
+DRIVES = {"current": "A", "F_M": "N"}
 #: Longest delay of the current [samples]: each sample adds a state.
 LATEST = 100
 #: Typical magnitude of each state [SI]: rad/s, Pa and m differ by ten decades, too much for Riccati and QP solvers.
@@ -69,17 +72,23 @@ class ScaledModel(NamedTuple):
     c: np.ndarray
 
 
+def drive_of(system: control.StateSpace) -> str:
+    """Name of the input of a model that is its drive; empty for one without."""
+    return next((name for name in DRIVES if name in system.input_labels), "")
+
+
 def scale_model(system: control.StateSpace) -> ScaledModel:
     """The model with inputs current and force and the five channels as outputs; errors as `sampled_plant`."""
     if not system.isctime():
         raise InputError(f"the model {system.name} is in discrete time; expected the continuous linear model")
-    if "current" not in system.input_labels:
+    drive = drive_of(system)
+    if not drive:
         raise InputError(f"the model {system.name} has the inputs {', '.join(system.input_labels)}; expected current")
     if np.any(system.D):
         raise InputError(f"the model {system.name} has direct feedthrough; expected none")
     a, b, c = scaled_matrices(system, state_scales(system))
     inputs = np.zeros((system.nstates, 2))
-    for column, name in enumerate(("current", "F_D")):
+    for column, name in enumerate((drive, "F_D")):
         if name in system.input_labels:
             inputs[:, column] = b[:, system.input_labels.index(name)]
     return ScaledModel(*remove_constant_states(a, inputs, readings(system) @ c))

@@ -15,20 +15,21 @@ if TYPE_CHECKING:
     import pandas
 
 #: Outputs to analyse -> unit of the output, and -> key in results.
-OUTPUTS = {"omega": "rad/s", "dP": "Pa", "v": "m/s", "x": "m"}
-KEYS = {"omega": "speed", "dP": "dP", "v": "rod_speed", "x": "position"}
+OUTPUTS = {"omega": "rad/s", "dP": "Pa", "v": "m/s", "x": "m", "theta": "rad"}
+KEYS = {"omega": "speed", "dP": "dP", "v": "rod_speed", "x": "position", "theta": "angle"}
 
 
 @dataclass(frozen=True, repr=False)
 class Analysis(Result):
-    """Properties of a linear model with the current as input.
+    """Properties of a linear model from its first input, the drive.
 
     Attributes
     ----------
     system: the model.
     poles, natural_frequencies, damping: (n,) [rad/s, rad/s, 1], sorted by frequency.
     zeros: output -> zeros from the current, rad/s.
-    dc_gains: output -> steady value per ampere, inf for an integrator.
+    dc_gains: output -> steady value per unit of the drive, inf for an integrator.
+    drive_unit: SI unit of the drive.
     """
 
     system: control.StateSpace
@@ -37,6 +38,12 @@ class Analysis(Result):
     damping: np.ndarray
     zeros: dict[str, np.ndarray]
     dc_gains: dict[str, float]
+    drive_unit: str = "A"
+
+    @property
+    def drive(self) -> str:
+        """Name of the drive."""
+        return str(self.system.input_labels[0])
 
     def to_dict(self) -> dict[str, Any]:
         """Content of analysis.json, SI units."""
@@ -44,6 +51,7 @@ class Analysis(Result):
             self, "poles natural_frequencies damping", states=self.system.state_labels,
             zeros={KEYS[output]: zeros for output, zeros in self.zeros.items()},
             dc_gain={KEYS[output]: gain for output, gain in self.dc_gains.items()},
+            drive={"input": self.drive, "unit": self.drive_unit},
         )  # fmt: skip
 
     def __str__(self) -> str:
@@ -52,10 +60,10 @@ class Analysis(Result):
             place = f"{pole.real:.4g}" + (f" {pole.imag:+.4g}i" if pole.imag else "")
             detail = f"{frequency / (2 * np.pi):8.3g} Hz, damping {damping:.3g}" if frequency else "integrator"
             lines.append(f"  {place:<20} rad/s   {detail}")
-        lines.append("from the current")
+        lines.append("from the current" if self.drive == "current" else f"from {self.drive}")
         for output, gain in self.dc_gains.items():
             zeros = ", ".join(f"{z.real:.4g}" + (f"{z.imag:+.4g}i" if z.imag else "") for z in self.zeros[output])
-            size = f"{gain:.5g} {OUTPUTS[output]}/A" if np.isfinite(gain) else "integrates"
+            size = f"{gain:.5g} {OUTPUTS[output]}/{self.drive_unit}" if np.isfinite(gain) else "integrates"
             lines.append(f"  {output:<6} DC gain {size:<20} zeros {zeros or 'none'}")
         return "\n".join(lines)
 
@@ -68,10 +76,10 @@ class Analysis(Result):
         return pandas.DataFrame({**parts, **rest}).rename_axis("pole")
 
 
-def analyse(system: control.StateSpace) -> Analysis:
+def analyse(system: control.StateSpace, *, drive_unit: str = "A") -> Analysis:
     """Poles, zeros and DC gains of a linear model, by python-control.
 
-    system: the current is the first input; outputs are named omega, dP, v, x.
+    system: the drive is the first input, in drive_unit; outputs are named omega, dP, v, x, theta.
     """
     poles = np.sort_complex(system.poles())
     poles = poles[np.argsort(np.abs(poles), kind="stable")]
@@ -88,7 +96,7 @@ def analyse(system: control.StateSpace) -> Analysis:
         # A strictly proper system has zeros at infinity, which rounding makes large numbers.
         zeros[output] = np.array([zero for zero in _balanced(channel).zeros() if abs(zero) < 1e3 * fastest])
         gains[output] = float(np.real(channel.dcgain()))
-    return Analysis(system, poles, frequency, damping, zeros, gains)
+    return Analysis(system, poles, frequency, damping, zeros, gains, drive_unit)
 
 
 def _without_free_position(system: control.StateSpace) -> control.StateSpace:

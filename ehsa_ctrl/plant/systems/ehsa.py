@@ -92,6 +92,8 @@ system = System(
     chamber_forms=CHAMBER_FORMS,
     start={"P_1": "P_0", "P_2": "P_0", "x": "x_0"},
     scored=(*(ScoredSignal(channel, channel) for channel in ("speed", "p1", "p2")), ROD_VELOCITY),
+    # Engineering judgement: slow and weak against the excitation, 20 A/m and 1 A at most.
+    centring=(20.0, 1.0),
     cell="F_cell",
     measured=("force",),
     # Dry friction of both contacts, and the stroke in the volumes.

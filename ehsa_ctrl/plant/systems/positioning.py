@@ -37,6 +37,8 @@ system = System(
     drives={"F_M": "drive_force"},
     outputs={"position": "x", "velocity": "v"},
     hold="first_order",
+    # Engineering judgement: 500 N/m and 50 N at most, somewhat more than the friction of such an axis.
+    centring=(500.0, 50.0),
     scored=(ROD_VELOCITY,),
     start={"x": "x_0"},
     measured=("acceleration",),

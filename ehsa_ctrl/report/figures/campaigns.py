@@ -15,11 +15,12 @@ from ...identification.experiment import ExperimentDesign
 from ...identification.uncertainty import POOR, WELL
 from ...plant.file import label
 from ...scenario.montecarlo import MonteCarlo
-from ..signals import SIGNALS
+from ..signals import SIGNALS, Signal
 from ..style import BLUE, GREY, LIMIT, PRESSURES, PURPLE, ROLES, VERMILION
 from ..text import SUPERSCRIPTS, number, unit
 from . import _panels as panel
 from ._layout import XLABEL, header_legend, share_x, sheet
+from .runs import shown_signals, units_of
 
 #: Height of a bar, in; smallest relative standard deviation that the axis shows, %.
 BAR, SMALLEST = 0.21, 1e-3
@@ -30,11 +31,17 @@ SHOWN, BINS = 4, 20
 @draw.register
 def experiment_figure(experiment: ExperimentDesign) -> Figure:
     """Current [A], speed [rpm], pressures [bar] and position [mm] over time [s], and the expected sd [%] of each
-    parameter: bars for the nominal plant, ticks for the worst of its variations."""
+    parameter: bars for the nominal plant, ticks for the worst of its variations.
+
+    Of a system without chambers the drive and all states, in SI units.
+    """
     run = experiment.run
     look = {"color": ROLES[run.plant.model]["color"], "linewidth": 1.2, "label": f"nominal {run.plant.model} model"}
     relative = experiment.forecast.relative
-    names = ["current", "omega", "pressures", "x"]
+    system = run.plant.structure.system
+    names = ["current", "omega", "pressures", "x"] if system.pressures else shown_signals(run)
+    units = units_of(run)
+    signals = SIGNALS if system.pressures else {n: Signal(n, units[n], units[n], 0.0) for n in names}
     heights = [*[panel.PANEL] * len(names), BAR * len(relative)]
     title = f"{run.plant.name}: {experiment.chosen.words}" + (", with the slow loop" if experiment.centre else "")
     rows = [[name] for name in (*names, "spread")]
@@ -46,11 +53,11 @@ def experiment_figure(experiment: ExperimentDesign) -> Figure:
                 panel.panel_legend(ax, [panel.draw(ax, run.time, read(run[p]), how) for p, how in PRESSURES.items()])
             else:
                 held = {"drawstyle": "steps-post"} if name == "current" else {}
-                line = panel.draw(ax, run.time, SIGNALS[name].read(run[name]), look | held)
-            panel.set_range(ax, SIGNALS[name])
+                line = panel.draw(ax, run.time, signals[name].read(run[name]), look | held)
+            panel.set_range(ax, signals[name])
         share_x([axes[name] for name in names])
-        axes["x"].set_xlim(run.time[0], run.time[-1])
-        axes["x"].set_xlabel("time (s)")
+        axes[names[-1]].set_xlim(run.time[0], run.time[-1])
+        axes[names[-1]].set_xlabel("time (s)")
         header_legend(axes["header"], [line])
         _accuracy(axes["spread"], relative, dict(experiment.at_worst) if experiment.draws else {})
     return figure

@@ -20,7 +20,9 @@ from ..text import number, unit
 from ._layout import XLABEL, share_x, sheet
 
 #: Units of a gain per ampere; the speed in rad/s, as the axis of frequency is.
-SHOWN = {"omega": "rad/s", "dP": "bar", "v": "mm/s", "x": "mm"}
+SHOWN = {"omega": "rad/s", "dP": "bar", "v": "mm/s", "x": "mm", "theta": "rad"}
+#: Names of outputs that are not among SIGNALS.
+NAMES = {"theta": "angle"}
 #: |S| and |T| are not shown below this, dB.
 FLOOR = -45.0
 #: A margin.
@@ -31,7 +33,8 @@ BAR: dict[str, Any] = {
 
 @draw.register
 def bode_figure(analysis: Analysis) -> Figure:
-    """Magnitude [rad/s, bar, mm/s, mm per A] and phase [deg] from the current to each output over frequency [rad/s].
+    """Magnitude [rad/s, bar, mm/s, mm, rad per unit of the drive] and phase [deg] from the drive to each output over
+    frequency [rad/s].
 
     One row per output; dotted lines mark the natural frequencies of the poles.
     """
@@ -41,13 +44,14 @@ def bode_figure(analysis: Analysis) -> Figure:
     omega = np.geomspace(min(centres) / 50, 50 * max(centres), 2000)
     response = np.asarray(analysis.system(1j * omega))
     rows = [[f"{name} gain", f"{name} phase"] for name in outputs]
-    title = f"Bode plot of {analysis.system.name}, input: current"
+    title = f"Bode plot of {analysis.system.name}, input: {analysis.drive}"
     notes = ["dotted, poles at " + "; ".join(words for _, words in poles)] if poles else []
     with sheet(title, rows, [1.5] * len(rows), notes=notes) as (figure, axes):
         for name, (left, right) in zip(outputs, rows, strict=True):
             channel = response[analysis.system.output_labels.index(name), 0]
             axes[left].loglog(omega, np.abs(channel) / factor(SHOWN[name], OUTPUTS[name]), color=BLUE)
-            axes[left].set_ylabel(f"{SIGNALS[name].words}\n({unit(SHOWN[name])} per A)")
+            words = NAMES.get(name) or SIGNALS[name].words
+            axes[left].set_ylabel(f"{words}\n({unit(SHOWN[name])} per {unit(analysis.drive_unit)})")
             axes[right].semilogx(omega, phase(channel), color=BLUE)
             axes[right].set_ylabel("phase\n(deg)")
             degrees(axes[right])

@@ -65,12 +65,23 @@ def trajectory_figure(run: Trajectory) -> Figure:
     return figure
 
 
-def _states_figure(run: Trajectory) -> Figure:
-    """Each input that is not zero throughout and each state over time [s], by their names and SI units."""
+def units_of(run: Trajectory) -> dict[str, str]:
+    """Driven inputs and states of a run -> SI unit."""
     system, states = run.plant.structure.system, run.plant.structure.equations.states
     units = {name: CHANNELS[channel].unit for name, channel in system.drives.items()}
-    units |= {state.name: state.unit for state in states}
-    names = [name for name in system.inputs if name in units and run[name].any()] + [state.name for state in states]
+    return units | {state.name: state.unit for state in states}
+
+
+def shown_signals(run: Trajectory) -> list[str]:
+    """Names of the driven inputs that are not zero throughout, and of the states."""
+    inputs = run.plant.structure.system.inputs
+    return [name for name in units_of(run) if name not in inputs or run[name].any()]
+
+
+def _states_figure(run: Trajectory) -> Figure:
+    """Each input that is not zero throughout and each state over time [s], by their names and SI units."""
+    system, units = run.plant.structure.system, units_of(run)
+    names = shown_signals(run)
     heights = dict.fromkeys(names, panel.PANEL) | {"strip": panel.ROW * len(system.contacts)}
     with panel.column(f"{run.plant.name}: simulated run", heights) as (figure, axes):
         for name in names:

@@ -18,6 +18,7 @@ OUTPUTS = {
     "dP": ("pressure difference", "Pa", "bar"),
     "rod_speed": ("rod speed", "m/s", "mm/s"),
     "position": ("position", "m", "mm"),
+    "angle": ("angle", "rad", "rad"),
 }
 MARKS = {"good": "✓ good", "fault": "✗ fault"}
 
@@ -77,7 +78,10 @@ def _sentences(content: Mapping[str, Any], loops: list[Any], robust: list[Any], 
 
 
 def _model(content: Mapping[str, Any]) -> Iterator[Any]:
-    yield Picture("bode", "Bode plot", "From the current to speed, pressure difference, rod speed and position.")
+    drive = content.get("drive", {"input": "current", "unit": "A"})
+    source = "the current" if drive["input"] == "current" else drive["input"]
+    shown = join_words([OUTPUTS[name][0] for name in content["dc_gain"]])
+    yield Picture("bode", "Bode plot", f"From {source} to {shown}.")
     yield Table(
         "Poles",
         ["pole, rad/s", "natural frequency, Hz", "damping"],
@@ -92,8 +96,10 @@ def _model(content: Mapping[str, Any]) -> Iterator[Any]:
     for name, gain in content["dc_gain"].items():
         words, si, usual = OUTPUTS[name]
         zeros = ", ".join(map(_complex, content["zeros"][name])) or "none"
-        rows.append([words, "∞" if gain is None else value_text(gain, factor(usual, si)), f"{usual} per A", zeros])
-    yield Table("Transfer functions from the current", ["output", "DC gain", "unit", "zeros, rad/s"], rows)
+        rows.append(
+            [words, "∞" if gain is None else value_text(gain, factor(usual, si)), f"{usual} per {drive['unit']}", zeros]
+        )
+    yield Table(f"Transfer functions from {source}", ["output", "DC gain", "unit", "zeros, rad/s"], rows)
 
 
 def _worst(robust: list[Any]) -> Iterator[Table]:

@@ -22,15 +22,21 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     poor = [name for name, each in parameters.items() if each["verdict"] != "well determined"]
     determined = f"{len(parameters) - len(poor)} of {len(parameters)} parameters are expected to be well determined"
     worst = max(parameters, key=lambda name: parameters[name]["relative_sd"] or float("inf"))
-    nearest = max(content["limits"], key=lambda name: content["limits"][name]["worst_share"])
+    kept: Sentence = ("The plant's file has no limits, so none were checked.", DOUBT)
+    if content["limits"]:
+        nearest = max(content["limits"], key=lambda name: content["limits"][name]["worst_share"])
+        kept = (
+            f"The plant's limits are kept even with parameter errors of {percent(content['variations']['spread'], 2)}; "
+            f"the closest is {nearest.replace('_', ' ')}, at most "
+            f"{percent(content['limits'][nearest]['worst_share'], 2)} of which is used.",
+            True,
+        )
     sentences: list[Sentence] = [
         (as_sentence(f"{content['input']}, for {value_text(content['duration'])} s"), None),
         (f"{determined}{'; not ' + join_words(map(label, poor)) if poor else ''}. The least certain is {label(worst)}, "
          f"with a relative standard deviation of {percent(parameters[worst]['relative_sd'])}.",
          True if not poor else DOUBT),
-        (f"The plant's limits are kept even with parameter errors of {percent(content['variations']['spread'], 2)}; "
-         f"the closest is {nearest.replace('_', ' ')}, at most "
-         f"{percent(content['limits'][nearest]['worst_share'], 2)} of which is used.", True),
+        kept,
     ]  # fmt: skip
     return Page(
         title=f"Proposed experiment for {content['plant']}",
