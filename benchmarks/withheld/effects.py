@@ -25,8 +25,12 @@ BEYOND = {
     "windage": "torque", "drive_dead_band": "drive", "pump_dead_zone": "flow", "filling_loss": "flow",
     "pressure_dependent_displacement": "flow",
 }  # fmt: skip
+#: Ids that are drawn in one form only, by `effects_other_forms`, and the balance of each.
+ONE_FORM = {"hose_wall": "flow"}
+#: Ids that the families of single effects draw in turn.
+DRAWN = (*CONTRACT, *BEYOND)
 #: All ids: the index of scores and of the confusion matrix.
-IDS = (*CONTRACT, *BEYOND)
+IDS = (*DRAWN, *ONE_FORM)
 _PLACES = (("torque", 7), ("drive", 10), ("flow", 20), ("force", 34), ("sensor", 38))
 
 
@@ -43,8 +47,8 @@ def place_of(id: str, law: str) -> list[str]:
     """Balances that the cause changes."""
     if id == OUTSIDE:
         return [OUTSIDE_PLACES[law]]
-    if id in BEYOND:
-        return [BEYOND[id]]
+    if id in (*BEYOND, *ONE_FORM):
+        return [{**BEYOND, **ONE_FORM}[id]]
     if id == "viscosity_warmup":
         return ["torque", "force"]
     return [next(place for place, end in _PLACES if IDS.index(id) < end)]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from cause import Conditions, Effect
 from effect_gap import THRESHOLD, Cause
-from effects import CONTRACT, IDS
+from effects import CONTRACT, DRAWN
 from effects import draw as draw_effect
 from effects_other_forms import OTHER_FORMS, draw_other_form
 from effects_outside import LAWS, OUTSIDE, draw_outside
@@ -28,7 +28,7 @@ REPLACE = 30
 def effect_of(family: str, index: int, attempt: int) -> str:
     """Id of a family that takes every id in turn; empty where it is drawn."""
     if family in ("single", "closed_loop"):
-        return IDS[index % len(IDS)]
+        return DRAWN[index % len(DRAWN)]
     if family in ("nominals_off", "rig_loop") and attempt < REPLACE:
         return CONTRACT[index % len(CONTRACT)]
     if family == "other_form" and attempt < REPLACE:
