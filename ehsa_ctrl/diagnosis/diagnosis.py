@@ -54,7 +54,7 @@ class Cause:
     Attributes
     ----------
     id, place: of the effect in the catalogue. channel: of the sensor, if the effect is a sensor error.
-    probability: posterior probability that the cause is present.
+    probability: that the cause, or one in `ambiguous_with`, is present.
     parameters: name -> estimate.
     ambiguous_with: ids of effects that explain this log as well.
     absorbed_by_refit: share of its improvement that a refit of the nominal parameters alone achieves.
