@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..scenario.prepare import PreparedScenario
 
 #: All figures that a diagnosis can have.
-FIGURES = ("signals", "where", "unknown_inputs", "candidates", "shrinkage")
+FIGURES = ("signals", "law", "where", "unknown_inputs", "candidates", "shrinkage")
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,11 @@ class DiagnosisOutcome:
     def stored(self) -> dict[str, Any]:
         """Content of diagnosis.json."""
         plant = self.found.plant if self.change is None else self.change.before.plant
+        content = (self.change or self.found).to_dict()
+        if self.found.law is not None:
+            content["law"]["proposal"] = self.found.law.proposal
         return {
-            **(self.change or self.found).to_dict(),
+            **content,
             "improved": improved_name(self.found),
             "preparation": self.steps,
             "rests_on": provenance([plant], [file for file in self.files if file is not None]),
@@ -409,6 +412,9 @@ def write_files(out: Path, outcome: DiagnosisOutcome) -> None:
     if improved is not None and found.improved is not None:
         write_plant(improved, found.improved)
     by_log = found.by_log()
+    if found.law is not None:
+        (out / found.law.proposal).parent.mkdir(exist_ok=True)
+        (out / found.law.proposal).write_text(found.law.text([one.log for one in by_log]), encoding="utf-8")
     for stem, one in zip(stems("signals", len(by_log)), by_log, strict=True):
         signals_table(one).to_csv(out / f"{stem}.csv", index=False, float_format="%.7g")
     if found.effects:

@@ -12,8 +12,11 @@ import linecache
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property, reduce
+from types import CodeType
 from typing import Any
+
+import numpy as np
 
 from .errors import InputError, choices, shown
 from .unit import base_units
@@ -83,6 +86,12 @@ class Expression:
         """The expression in Python, with every number as a float and small powers as products."""
         return _python(self.tree)
 
+    def values(self, known: Mapping[str, Any]) -> Any:
+        """Its value for numbers or arrays (N,) by name."""
+        names = {one: getattr(np, one) for one in ("sign", "abs", "sqrt", "exp", "sin", "cos", "tanh")}
+        names |= {"min": _smallest, "max": _largest}
+        return eval(_compiled(self.python), {"__builtins__": {}, **names, **known})
+
     def function(self, name: str, file: str, first: str, form: str) -> Callable[..., float]:
         """A Python function of `first` and the names of the expression, with a source that the engine can read.
 
@@ -100,6 +109,19 @@ class Expression:
         exec(compile(source, place, "exec"), known)
         found: Callable[..., float] = known[name]
         return found
+
+
+def _smallest(*values: Any) -> Any:
+    return reduce(np.minimum, values)
+
+
+def _largest(*values: Any) -> Any:
+    return reduce(np.maximum, values)
+
+
+@cache
+def _compiled(python: str) -> CodeType:
+    return compile(python, "<expression>", "eval")
 
 
 def dimension_of(unit: str) -> Dimension:

@@ -93,6 +93,8 @@ class Registry(Mapping[str, T], Generic[T]):
     ) -> None:
         self._shipped: dict[str, T] = dict(sorted(members(package, attribute).items()))
         self._attribute, self._kind, self._folder, self._read = attribute, kind, folder, read
+        #: Members that are found by their names, but not listed.
+        self._kept: dict[str, T] = {}
         #: Folder of a project -> (file, time of its last change, size) of each of its files, and its members.
         self._known: dict[Path, tuple[list[tuple[Path, int, int]], dict[str, T]]] = {}
         #: Number of loads, projects and working directory at the last merge, and all members.
@@ -159,8 +161,13 @@ class Registry(Mapping[str, T], Generic[T]):
         found = [self._checked(point.load(), f"entry point {point.name} of {group}") for point in points]
         return {member.name: member for member in found}  # type: ignore[attr-defined]
 
+    def keep(self, name: str, member: T) -> None:
+        """Make a member known by its name, for one that is being tried: it is not listed, nor is it in `members`."""
+        self._kept[name] = member
+
     def __getitem__(self, name: str) -> T:
-        return self.members()[name]
+        found = self.members()
+        return found[name] if name in found else self._kept[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.members())

@@ -31,6 +31,7 @@ from .hypothesis_model import (
 )
 from .hypothesis_search import Hypotheses, search
 from .improved_plant import improved_plant
+from .law.find import LawBase, ProposedLaw, find_law
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
 from .pool import Pool, Watch
@@ -256,6 +257,7 @@ def _diagnose_selection(
     )
     gap = {model: segments.held_out.gap(setting) for model, setting in values.items()}
     gap["upper_bound"] = upper_bound(gap, location)
+    law = _law(prepared, segments, hypotheses, scoring, reference, selection, improved)
     causes: tuple[Cause, ...] = ()
     if selection.verdict != "outside_catalogue":
         causes = build_causes(plant, selection, scoring, known, sd, gap, [one.log for one in prepared.logs])
@@ -294,9 +296,28 @@ def _diagnose_selection(
         improved=replace(improved, title=f"{plant.title} (diagnosis: {verdict})"),
         floor=reference.floors[1],
         rest=explanation.rest,
+        law=law,
         nearest=related_effects(selection, scoring, reference) if verdict in ("outside_catalogue", "partly") else (),
         runs=hypotheses.objective.count.total,
     )
+
+
+def _law(
+    prepared: PreparedLogs,
+    segments: Segments,
+    hypotheses: Hypotheses,
+    scoring: Scoring,
+    reference: Reference,
+    selection: Selection,
+    improved: Plant,
+) -> ProposedLaw | None:
+    """The law of what no effect of the catalogue explains, beside the causes if some are named."""
+    if selection.verdict not in ("outside_catalogue", "partly"):
+        return None
+    bases = [LawBase(curve_logs(prepared, segments, prepared.plant), hypotheses.fits[()])]
+    if selection.named:
+        bases.append(LawBase(curve_logs(prepared, segments, improved), selection.chosen.fit))
+    return find_law(bases, scoring, reference, hypotheses.pool)
 
 
 def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, float], ...]:

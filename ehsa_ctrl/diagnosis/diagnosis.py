@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from .closed_loop_replay import ClosedLoopReplay
     from .gap_attribution import Location
+    from .law.find import ProposedLaw
     from .next_experiment import NextExperiment
 
 Verdict = Literal["no_gap", "effect", "ambiguous", "partly", "parameters", "outside_catalogue", "underdetermined"]
@@ -155,6 +156,7 @@ class Diagnosis(Result):
     floor: signal -> gap on held-out data that sensor noise, noise of the logged input and single slips make.
     nearest: effects near to what stays unexplained, not claimed ("outside_catalogue" and "partly").
     rest: the free curve that closes most of what the causes leave, in words; None if none closes much of it.
+    law: law that the catalogue lacks, for what the causes leave; None if none is clearly better.
     candidates: all scored hypotheses, the best first.
     location: place of the gap, found without the catalogue of effects.
     improved: the plant with the causes added, or with refitted nominal parameters if none is named; None without a gap.
@@ -178,6 +180,7 @@ class Diagnosis(Result):
     floor: Mapping[str, float] = field(default_factory=dict)
     nearest: tuple[RelatedEffect, ...] = ()
     rest: str | None = None
+    law: ProposedLaw | None = None
     candidates: tuple[RankedHypothesis, ...] = ()
     location: Location | None = None
     improved: Plant | None = field(default=None, repr=False)
@@ -244,7 +247,7 @@ class Diagnosis(Result):
             settings={p.name: p.written for p in plant.parameters.values() if p.source == "given"},
             where=[{"place": place, "share": share} for place, share in self.where],
             effects=[self._described(cause) for cause in self.effects],
-            gap_whole_log=self.whole, law=None,
+            gap_whole_log=self.whole, law=None if self.law is None else self.law.to_dict(),
             **({"logs": [one.to_dict() for one in self.logs]} if self.logs else {}),
             **({"closed_loop": loop.gap, "closed_loop_replay": loop} if (loop := self.closed_loop) else {}),
         )  # fmt: skip
@@ -306,6 +309,8 @@ class Diagnosis(Result):
                 lines.append(f"    this log can't separate it from {' and '.join(cause.ambiguous_with)}")
         if self.nearest_sentence:
             lines.append(f"  {self.nearest_sentence}")
+        if self.law is not None:
+            lines.append(f"  {self.law.sentence}")
         if self.next_experiment:
             lines.append(f"  next experiment: {self.next_experiment}")
         return "\n".join(lines)

@@ -61,13 +61,13 @@ def free_curve(logs: Sequence[CurveLog]) -> FreeCurve | None:
         return None
     fitted = [i for i, one in enumerate(logs) if one.training]
     runs = {i: cases[i].run([{}, *(form.inputs for _, form in forms[i])]) for i in fitted}
-    left = [[_total(cases[i].gap, run, logs[i].training) for run in runs[i][1:]] for i in fitted]
+    left = [[total_gap(cases[i].gap, run, logs[i].training) for run in runs[i][1:]] for i in fitted]
     best = int(np.argmin(np.mean(np.square(left), axis=0)))
     ends = []
     for i, one in enumerate(logs):
         if one.held_out:
             pair = [runs[i][0], runs[i][1 + best]] if i in runs else cases[i].run([{}, forms[i][best][1].inputs])
-            ends.append([_total(cases[i].gap, run, one.held_out) for run in pair])
+            ends.append([total_gap(cases[i].gap, run, one.held_out) for run in pair])
     without, with_curve = np.sqrt(np.mean(np.square(ends), axis=0)).tolist()
     place, form = forms[0][best]
     return FreeCurve(place, form.curves, without, with_curve)
@@ -81,19 +81,9 @@ def _curve_forms(case: InjectionCase) -> list[tuple[str, Form]]:
 
 def _with_curves(cases: Sequence[InjectionCase], logs: Sequence[CurveLog]) -> list[InjectionCase]:
     """Curves fitted to the training data of all logs, and followed over the whole of each."""
-    masks = [np.zeros(len(one.log), dtype=bool) for one in logs]
-    for mask, one in zip(masks, logs, strict=True):
-        for part in one.training:
-            mask[part] = True
-    fitted = np.concatenate(masks)[:-1]
-    signals = BalanceSignals(
-        {n: np.concatenate([c.signals[n] for c in cases]) for n in cases[0].signals.values},
-        {n: np.concatenate([c.signals.slides[n] for c in cases]) for n in cases[0].signals.slides},
-        cases[0].signals.sample_time,
-    )
+    signals, joint, fitted = joined(cases, logs)
     curves: list[dict[str, list[Curve]]] = [{} for _ in cases]
-    for name in cases[0].unknown.values:
-        values = np.concatenate([np.append(c.unknown.values[name], np.nan) for c in cases])[:-1]
+    for name, values in joint.items():
         found = curves_of(cases[0].plant, signals, name, values, fitted)
         begin = 0
         for case, own in zip(cases, curves, strict=True):
@@ -103,7 +93,30 @@ def _with_curves(cases: Sequence[InjectionCase], logs: Sequence[CurveLog]) -> li
     return [replace(case, curves=own) for case, own in zip(cases, curves, strict=True)]
 
 
-def _total(gap: GapMeasure, run: Mapping[str, np.ndarray], parts: Sequence[slice]) -> float:
+def joined(
+    cases: Sequence[InjectionCase], logs: Sequence[CurveLog]
+) -> tuple[BalanceSignals, dict[str, np.ndarray], np.ndarray]:
+    """Signals (N,) and unknown inputs (N - 1,) of all logs, one after the other, and the samples (N - 1,) to fit.
+
+    Unknown inputs are NaN between two logs.
+    """
+    masks = [np.zeros(len(one.log), dtype=bool) for one in logs]
+    for mask, one in zip(masks, logs, strict=True):
+        for part in one.training:
+            mask[part] = True
+    signals = BalanceSignals(
+        {n: np.concatenate([c.signals[n] for c in cases]) for n in cases[0].signals.values},
+        {n: np.concatenate([c.signals.slides[n] for c in cases]) for n in cases[0].signals.slides},
+        cases[0].signals.sample_time,
+    )
+    joint = {
+        name: np.concatenate([np.append(c.unknown.values[name], np.nan) for c in cases])[:-1]
+        for name in cases[0].unknown.values
+    }
+    return signals, joint, np.concatenate(masks)[:-1]
+
+
+def total_gap(gap: GapMeasure, run: Mapping[str, np.ndarray], parts: Sequence[slice]) -> float:
     """Gap in total over parts of a run."""
     errors = gap.errors(run)
     errors = np.concatenate([errors[:, part] for part in parts], axis=1)

@@ -7,6 +7,7 @@ and Time-Series Analysis", Springer 2011) in its simplest form, with cross-valid
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -71,25 +72,43 @@ class Curve:
         return self.unknown_input, self.family, self.against
 
 
-class _Windows:
-    """Weighted means of an unknown input over windows in which it is known, and the fold of each window."""
+class Windows:
+    """Weighted means of an unknown input over windows in which it is known.
 
-    def __init__(self, values: np.ndarray, sample_time: float, fitted: np.ndarray | None = None) -> None:
-        weights = np.sin(np.pi * (np.arange(WINDOW) + 0.5) / WINDOW) ** 2
+    values, centres, fold: (windows,) mean, time [s] and fold of each window. size: number of samples of the input.
+    longer: factor on length, stride and interval.
+    """
+
+    def __init__(
+        self, values: np.ndarray, sample_time: float, fitted: np.ndarray | None = None, *, longer: int = 1
+    ) -> None:
+        self._window, self._stride = longer * WINDOW, longer * STRIDE
+        weights = np.sin(np.pi * (np.arange(self._window) + 0.5) / self._window) ** 2
         self._weights = weights / weights.sum()
-        self._usable = self._means(np.isfinite(values).astype(float)) > 1.0 - 1e-9
+        self.usable = self._means(np.isfinite(values).astype(float)) > 1.0 - 1e-9
         if fitted is not None:
-            self._usable &= np.lib.stride_tricks.sliding_window_view(fitted, WINDOW)[::STRIDE].all(axis=1)
-        self.values = self._means(fill_nan(values))[self._usable]
-        centre = STRIDE * np.arange(self._usable.size)[self._usable] * sample_time
-        self._fold = (centre // INTERVAL).astype(int) % 2
+            parts = np.lib.stride_tricks.sliding_window_view(fitted, self._window)
+            self.usable &= parts[:: self._stride].all(axis=1)
+        self.values = self._means(fill_nan(values))[self.usable]
+        self.centres = self._stride * np.arange(self.usable.size)[self.usable] * sample_time
+        self.fold = (self.centres // (longer * INTERVAL)).astype(int) % 2
+        self.size = values.size
 
     def _means(self, values: np.ndarray) -> np.ndarray:
-        return np.asarray(np.lib.stride_tricks.sliding_window_view(values, WINDOW)[::STRIDE] @ self._weights)
+        return np.asarray(
+            np.lib.stride_tricks.sliding_window_view(values, self._window)[:: self._stride] @ self._weights
+        )
 
     def of(self, columns: np.ndarray) -> np.ndarray:
         """Columns (N - 1, k) averaged over the same windows."""
-        return np.column_stack([self._means(column)[self._usable] for column in columns.T])
+        found = [self._means(column)[self.usable] for column in columns.T]
+        return np.column_stack(found) if found else np.zeros((self.values.size, 0))
+
+    def reversed(self) -> Windows:
+        """The same windows with the unknown input reversed in time."""
+        other = copy(self)
+        other.values = self.values[::-1]
+        return other
 
     def fit(self, x: Regressors, unknown_input: str) -> Curve | None:
         """The best curve with these regressors; None if there are too few windows."""
@@ -100,7 +119,7 @@ class _Windows:
         else:
             left = np.empty_like(y)
             for fold in (0, 1):
-                train, test = self._fold != fold, self._fold == fold
+                train, test = self.fold != fold, self.fold == fold
                 if train.sum() < 2 * X.shape[1] + 5:
                     return None
                 left[test] = y[test] - X[test] @ _ridge(X[train], y[train])
@@ -130,7 +149,7 @@ def curves_of(
 
     fitted: (N - 1,) samples that the curves may be fitted to; by default all.
     """
-    windows = _Windows(values, signals.sample_time, fitted)
+    windows = Windows(values, signals.sample_time, fitted)
     if windows.values.size < MIN_WINDOWS:
         return []
     if name == "torque":
@@ -147,7 +166,7 @@ def curves_of(
 
 
 def _best_of_each(
-    candidates: list[Regressors], windows: _Windows, name: str, known: dict[CurveKey, Curve]
+    candidates: list[Regressors], windows: Windows, name: str, known: dict[CurveKey, Curve]
 ) -> dict[CurveKey, Curve]:
     best = dict(known)
     for curve in (windows.fit(x, name) for x in candidates):
@@ -156,7 +175,7 @@ def _best_of_each(
     return best
 
 
-def _ripple_orders(windows: _Windows, plant: Plant, signals: BalanceSignals, count: int = 2) -> tuple[float, ...]:
+def _ripple_orders(windows: Windows, plant: Plant, signals: BalanceSignals, count: int = 2) -> tuple[float, ...]:
     """The dominant orders of a ripple, in periods per turn of the shaft."""
     angle = shaft_angle(plant, signals)
     gains = []

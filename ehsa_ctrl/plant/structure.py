@@ -77,7 +77,7 @@ class Structure:
         for name in self.effects:
             law = EFFECTS[name].law
             if law is not None:
-                law.check(self._units)
+                law.check(self.units)
             if not EFFECTS[name].wired:
                 raise InputError(f"effects: {name!r} {_instead(EFFECTS[name])}")
             for contact in system.all_contacts:
@@ -87,7 +87,7 @@ class Structure:
                 raise InputError(f"effects: {name!r} changes {missing}, which the system {system.name!r} does not have")
 
     @property
-    def _units(self) -> dict[str, str]:
+    def units(self) -> dict[str, str]:
         """State, input, direction or parameter -> SI unit, also under the names that the catalogue of effects uses."""
         system = self.system
         units = {state.name: state.unit for state in system.states}
@@ -167,12 +167,11 @@ class Structure:
     def parts(self) -> tuple[object, ...]:
         """What the names stand for: the system, the friction laws and the effects."""
         laws = LAWS.members()
-        # A project's effects are not executed for a plant that has none.
-        effects = EFFECTS.members() if self.effects else {}
         return (
             self.system,
             *(laws[name] for name in (self.shaft_friction, self.rod_friction) if name is not None),
-            *(effects[name] for name in self.effects),
+            # A project's effects are not executed for a plant that has none.
+            *(EFFECTS[name] for name in self.effects),
         )
 
 

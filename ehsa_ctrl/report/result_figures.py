@@ -18,6 +18,7 @@ from .figures import (
     correlation_figure,
     diagnosis_figure,
     identification_figure,
+    law_figure,
     loop_figure,
     loop_replay_figure,
     parameters_figure,
@@ -87,6 +88,8 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Figures:
         yield "closed_loop_replay", loop_replay_figure(diagnosis)
     if diagnosis.verdict == "no_gap":
         return
+    if diagnosis.law is not None:
+        yield "law", law_figure(diagnosis)
     if diagnosis.where:
         yield "where", where_figure(diagnosis)
     if regimes_by_balance(diagnosis.location):

@@ -9,11 +9,12 @@ import sys
 from ...core.registry import Registry
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber
 from ._effect import PLACES, Effect, EffectParameter, EffectState, LawSwitch, MeasuredReplay
-from ._law_file import read_law
+from ._law_file import ADDENDS, LawFile, LawLog, effect_of, law_candidate, law_text, read_law
 
 EFFECTS: Registry[Effect] = Registry(sys.modules[__name__], "effect", Effect, "effects", read=read_law)
 
 __all__ = [
+    "ADDENDS",
     "EFFECTS",
     "PLACES",
     "CandidateEffect",
@@ -22,7 +23,12 @@ __all__ = [
     "EffectParameter",
     "EffectState",
     "FreeNumber",
+    "LawFile",
+    "LawLog",
     "LawSwitch",
     "MeasuredReplay",
+    "effect_of",
+    "law_candidate",
+    "law_text",
     "read_law",
 ]

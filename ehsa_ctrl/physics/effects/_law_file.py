@@ -7,6 +7,7 @@ other terms change the balance itself.
 
 from __future__ import annotations
 
+import json
 import keyword
 import math
 from collections.abc import Callable, Mapping
@@ -148,6 +149,11 @@ class LawFile(Definition):
         return self
 
     @property
+    def variables(self) -> tuple[str, ...]:
+        """Names in the expression that are not its own parameters."""
+        return tuple(name for name in Expression.parse(self.expression).names if name not in self.parameters)
+
+    @property
     def own_parameters(self) -> dict[str, LawParameter]:
         """Parameters with a neutral value first: the first of them measures the size."""
         return dict(sorted(self.parameters.items(), key=lambda row: row[1].neutral is None))
@@ -216,16 +222,40 @@ def effect_of(name: str, law: LawFile, where: str) -> Effect:
     )
 
 
+def law_text(law: LawFile) -> str:
+    """The TOML of a definition, which `read_law` reads back."""
+
+    def table(one: Mapping[str, object]) -> str:
+        return "{ " + ", ".join(f"{key} = {json.dumps(value)}" for key, value in one.items()) + " }"
+
+    lines = ["schema = 1", f'status = "{law.status}"', f"summary = {json.dumps(law.summary)}"]
+    lines += [f'adds_to = "{law.adds_to}"', f"expression = {json.dumps(law.expression)}"]
+    lines += [f"note = {json.dumps(law.note)}"] if law.note else []
+    lines += ["", "[parameters]"]
+    for name, one in law.parameters.items():
+        stated = one.model_dump(exclude_none=True, exclude_defaults=True)
+        lines.append(f"{name} = {table(stated)}")
+    lines += ["", "[range]", *(f"{name} = {json.dumps(pair)}" for name, pair in law.range.items())] if law.range else []
+    for log in law.logs:
+        lines += ["", "[[logs]]", f"path = {json.dumps(log.path)}", f'sha256 = "{log.sha256}"']
+    return "\n".join(lines) + "\n"
+
+
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """All numbers of the expression together, started at those of the file."""
+    return [law_candidate(effect, context.values)]
+
+
+def law_candidate(effect: Effect, values: Mapping[str, float]) -> CandidateEffect:
+    """The candidate of an effect with an expression. values: of the plant's parameters."""
     free, start = [], []
     for parameter in effect.parameters:
         size = abs(parameter.typical) or 1.0
         scale = 0.1 * (size if parameter.shape else abs(parameter.typical - parameter.neutral) or size)
-        nominal = context.values.get(parameter.name, parameter.neutral)
+        nominal = values.get(parameter.name, parameter.neutral)
         free.append(FreeNumber(parameter.name, nominal, scale, parameter.lower, parameter.upper))
         start.append(parameter.typical)
-    return [CandidateEffect(effect, tuple(free), (tuple(start),))]
+    return CandidateEffect(effect, tuple(free), (tuple(start),))
 
 
 def _check_neutral(law: LawFile, expression: Expression, name: str, where: str) -> None:

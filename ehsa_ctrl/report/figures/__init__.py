@@ -8,6 +8,7 @@ from .diagnosis import candidates_figure, shrinkage_figure, unknown_inputs_figur
 from .estimates import correlation_figure, parameters_figure, residuals_figure
 from .free_runs import diagnosis_figure, identification_figure, overlay_figure, replay_figure
 from .frequency import bode_figure, loop_figure
+from .law import law_figure
 from .loop_replays import loop_replay_figure
 from .loops import nyquist_figure, robustness_figure, step_figure
 from .runs import baseline_figure, closed_figure, scenario_figure, trajectory_figure
@@ -22,6 +23,7 @@ __all__ = [
     "diagnosis_figure",
     "experiment_figure",
     "identification_figure",
+    "law_figure",
     "loop_figure",
     "loop_replay_figure",
     "montecarlo_figure",

@@ -17,6 +17,7 @@ from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section
 from ..signals import BALANCES, channel_display, signal_display
 from ..text import NOTHING, as_sentence, percent, quantity, unit, value_text
 from ._diagnosis_causes import cause_name, cause_section, causes_are_named, parameter_rows
+from ._diagnosis_law import law_section
 from ._tables import settings_of, steps_of
 
 Content = Mapping[str, Any]
@@ -38,8 +39,8 @@ ORDER = {
     "effect": ("signals", "where", "causes", "candidates", "gaps", "next"),
     "ambiguous": ("signals", "causes", "candidates", "where", "gaps", "next"),
     "parameters": ("signals", "causes", "candidates", "where", "gaps", "next"),
-    "partly": ("signals", "causes", "where", "gaps", "candidates", "next"),
-    "outside_catalogue": ("where", "signals", "causes", "gaps", "candidates", "next"),
+    "partly": ("signals", "causes", "law", "where", "gaps", "candidates", "next"),
+    "outside_catalogue": ("law", "where", "signals", "causes", "gaps", "candidates", "next"),
     "underdetermined": ("causes", "candidates", "next", "where", "signals", "gaps"),
 }
 
@@ -47,7 +48,7 @@ ORDER = {
 def _read(content: Content, folder: Path) -> Page:
     parts: dict[str, Callable[[Content], Section]] = {
         "signals": _signals, "where": _where, "causes": _causes, "candidates": _candidates, "gaps": _gaps,
-        "next": _next,
+        "next": _next, "law": law_section,
     }  # fmt: skip
     closed = read_json(folder / "closed_loop.json") if (folder / "closed_loop.json").is_file() else None
     state, heading = VERDICTS.get(content["verdict"], (False, str(content["verdict"])))

@@ -1,0 +1,284 @@
+"""Find the law behind what the causes of a diagnosis leave."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.log import Log
+from ...core.text import join_words
+from ...physics.effects import ADDENDS, LawFile, LawLog, law_text
+from ..free_curve import BETTER, CurveLog, joined, total_gap
+from ..injection import Injection
+from ..model_selection import Reference
+from ..place_sets import InjectionCase
+from ..pool import Pool
+from ..refit import HypothesisFit, NominalParameters
+from ..regimes import MIN_WINDOWS, Windows
+from ..scoring import ScoredHypothesis, Scoring
+from ..unknown_inputs import BalanceSignals, unknown_inputs
+from .free_run import FreeRunLaw, refit_laws
+from .grammar import Grammar, variables_of
+from .regression import LawFit, find_sums, placebo
+
+# The numbers below are engineering judgement.
+
+#: Most laws that are refitted in free run, and the smallest probability of a law in the result.
+MOST, LIKELY = 6, 0.02
+#: A law must explain this share of the unknown input more than the placebo does.
+MORE = 0.1
+#: Unknown inputs that a chamber integrates, which are averaged over windows this much longer too: a leakage too small
+#: to see beside errors of the rates moves the mean pressure by and by.
+FLOWS, SLOW = ("flow_1", "flow_2", "pump_flow"), 8
+#: Relative step of derivatives by nominal parameters.
+STEP = 0.02
+
+
+@dataclass(frozen=True)
+class LawForm:
+    """One form of a law: its definition as an effect, the probability among the forms, and the share of the gap that
+    it closes on held-out data, nominal parameters refitted with it."""
+
+    file: LawFile
+    probability: float
+    gap_closed: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """As in diagnosis.json."""
+        numbers = {n: {"value": p.value, "sd": p.sd, "unit": p.unit} for n, p in self.file.parameters.items()}
+        return {
+            "expression": self.file.expression, "parameters": numbers, "probability": self.probability,
+            "gap_closed": self.gap_closed,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ProposedLaw:
+    """A law that the catalogue lacks.
+
+    place: what its expression adds to, see ADDENDS. variables: on which it depends. forms: those that the log can't
+    tell apart, the most probable first. range: variable -> lowest and highest value in the logs. variable,
+    unit: (N - 1,) the first of `variables` along the logs; measured, fitted: (N - 1,) unknown input and the best form.
+    explained: share of the unknown input that it explains by cross-validation; placebo: the same of a term for the
+    input reversed in time. beside: effects that act beside it.
+    """
+
+    place: str
+    variables: tuple[str, ...]
+    forms: tuple[LawForm, ...]
+    range: Mapping[str, tuple[float, float]]
+    unit: str
+    variable: np.ndarray = field(repr=False)
+    measured: np.ndarray = field(repr=False)
+    fitted: np.ndarray = field(repr=False)
+    explained: float = 0.0
+    placebo: float = 0.0
+    beside: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the effect that is proposed, and of its file."""
+        words = "_".join("".join(c for c in text if c.isalnum() or c == "_") for text in self.variables)
+        return f"proposed_{self.place}" + (f"_{words}" if words else "")
+
+    @property
+    def proposal(self) -> str:
+        """The file of the proposed effect in a result."""
+        return f"effects/{self.name}.toml"
+
+    def text(self, logs: Sequence[Log]) -> str:
+        """The TOML of the proposed effect: the most probable form, with the logs from which it was found."""
+        files = [Path(log.path) for log in logs if log.path]
+        known = [LawLog(path=str(f), sha256=hashlib.sha256(f.read_bytes()).hexdigest()) for f in files if f.is_file()]
+        best = self.forms[0]
+        note = f"proposed by a diagnosis of {join_words(log.name for log in logs)}; closes "
+        note += f"{100.0 * best.gap_closed:.0f} % of the gap on held-out data; valid within [range] only"
+        return law_text(best.file.model_copy(update={"logs": known, "note": note}))
+
+    @property
+    def sentence(self) -> str:
+        """The best form in one sentence."""
+        best = self.forms[0]
+        numbers = join_words(f"{n} = {p.value:.4g} {p.unit}" for n, p in best.file.parameters.items())
+        beside = f"beside {join_words(self.beside)} " if self.beside else "alone "
+        others = f" ({len(self.forms)} forms fit)" if len(self.forms) > 1 else ""
+        return (
+            f"{beside}a law closes {100.0 * best.gap_closed:.0f} % of the gap{others}: {ADDENDS[self.place].meaning} "
+            f"of {best.file.expression}, with {numbers}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """As in diagnosis.json, without the file of the proposal, which only a written result has."""
+        return {
+            "place": self.place, "variables": list(self.variables), "forms": [one.to_dict() for one in self.forms],
+            "range": {n: list(pair) for n, pair in self.range.items()}, "proposal": None,
+            "explained": self.explained, "placebo": self.placebo, "beside": list(self.beside),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Input:
+    """An unknown input (N - 1,) on the joined logs. nuisance: (windows, p), see `find_sums`."""
+
+    grammar: Grammar
+    windows: Windows
+    nuisance: np.ndarray
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class LawBase:
+    """What a law is added to. logs: with the plant. fit: the hypothesis, refitted in the scoring."""
+
+    logs: Sequence[CurveLog]
+    fit: HypothesisFit
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A law in free run, with what it was found from."""
+
+    law: FreeRunLaw
+    base: LawBase
+    measured: np.ndarray
+    placebo: float
+
+
+def find_law(bases: Sequence[LawBase], scoring: Scoring, reference: Reference, pool: Pool) -> ProposedLaw | None:
+    """The law that closes most of what the last of the hypotheses leaves; None where none is clearly better than it.
+
+    Where effects are named beside the unknown one, they may be its image: the plant without them is tried too.
+    """
+    without = scoring.score(bases[-1].fit)
+    tried = [one for base in bases for one in _try(base, scoring, MOST // len(bases), pool)]
+    return _select(tried, without, reference)
+
+
+def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]:
+    """The most promising laws beside a hypothesis, in free run."""
+    cases = [InjectionCase.of(one.plant, one.log, one.noise) for one in base.logs]
+    signals, values, fitted = joined(cases, base.logs)
+    inputs = _inputs(cases, signals, values, fitted, scoring.objective.nominal)
+    found = pool.map("laws", _sums, inputs)
+    placebos = {one.grammar.name: share for one, (_, share) in zip(inputs, found, strict=True)}
+    sums = [one for fits, share in found for one in fits if one.explained > share + MORE]
+    chosen = _by_injection(cases, base.logs, sums)[:most]
+    measured = {one.grammar.name: one.values for one in inputs}
+    return [
+        _Tried(one, base, measured[one.law.grammar.name], placebos[one.law.grammar.name])
+        for one in refit_laws(chosen, scoring, base.fit, pool)
+    ]
+
+
+def _sums(one: _Input) -> tuple[list[LawFit], float]:
+    """The best sums for an unknown input, and the share that the placebo explains."""
+    return find_sums(one.grammar, one.windows, one.nuisance), placebo(one.grammar, one.windows, one.nuisance)
+
+
+def _inputs(
+    cases: Sequence[InjectionCase],
+    signals: BalanceSignals,
+    values: Mapping[str, np.ndarray],
+    fitted: np.ndarray,
+    nominal: NominalParameters,
+) -> list[_Input]:
+    """The unknown inputs that the logs show, with the pump's flow beside those of the chambers."""
+    plant = cases[0].plant
+    changes = _changes(cases, nominal)
+    everything = {name: (value, changes[name]) for name, value in values.items() if name in ADDENDS}
+    if {"flow_1", "flow_2"} <= set(everything):
+        (one, d_one), (two, d_two) = everything["flow_1"], everything["flow_2"]
+        everything["pump_flow"] = 0.5 * (one - two), 0.5 * (d_one - d_two)
+    found = []
+    for name, (value, change) in everything.items():
+        for longer in (1, SLOW) if name in FLOWS else (1,):
+            windows = Windows(value, signals.sample_time, fitted, longer=longer)
+            if windows.values.size >= MIN_WINDOWS and float(windows.values @ windows.values) > 0.0:
+                found.append(_Input(Grammar.of(plant, signals, name), windows, windows.of(change), value))
+    return found
+
+
+def _changes(cases: Sequence[InjectionCase], nominal: NominalParameters) -> dict[str, np.ndarray]:
+    """Unknown input -> (N - 1, p) change by one typical deviation of each nominal parameter, on the joined logs."""
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in cases[0].unknown.values}
+    for name, typical in zip(nominal.names, nominal.typical, strict=True):
+        if not cases[0].plant.values.get(name):
+            # Of an effect or a friction law that this plant does not have.
+            continue
+        parts: dict[str, list[np.ndarray]] = {one: [] for one in columns}
+        for case in cases:
+            value = case.plant[name]
+            other = unknown_inputs(case.plant.set(**{name: (1.0 + STEP) * value}), case.signals)
+            for one in columns:
+                change = (other.values[one] - case.unknown.values[one]) * (typical / (STEP * value))
+                parts[one].append(np.append(np.nan_to_num(change), 0.0))
+        for one in columns:
+            columns[one].append(np.concatenate(parts[one])[:-1])
+    size = {one: sum(case.unknown.values[one].size + 1 for case in cases) - 1 for one in columns}
+    return {one: np.column_stack(rows) if rows else np.zeros((size[one], 0)) for one, rows in columns.items()}
+
+
+def _by_injection(cases: Sequence[InjectionCase], logs: Sequence[CurveLog], sums: Sequence[LawFit]) -> list[LawFit]:
+    """Those that leave least of the gap on the training data if they are injected along the log."""
+    left = []
+    begin = 0
+    for case, one in zip(cases, logs, strict=True):
+        part = slice(begin, begin + len(case.log) - 1)
+        begin += len(case.log)
+        if one.training and sums:
+            runs = case.run([_injection(fit.grammar.name, fit.values[part]) for fit in sums])
+            left.append([total_gap(case.gap, run, one.training) for run in runs])
+    if not left:
+        return []
+    return [sums[int(i)] for i in np.argsort(np.mean(np.square(left), axis=0))]
+
+
+def _injection(name: str, values: np.ndarray) -> Injection:
+    return {"flow_1": values, "flow_2": -values} if name == "pump_flow" else {name: values}
+
+
+def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Reference) -> ProposedLaw | None:
+    """The forms that the data can't tell apart, if the best one is clearly better than none."""
+    good = [one for one in tried if _better(one.law.scored, without) and one.law.stable]
+    if not good:
+        return None
+    good.sort(key=lambda one: one.law.scored.deviance)
+    best = good[0]
+    same = [one for one in good if one.base is best.base and one.law.law.grammar.name == best.law.law.grammar.name]
+    temperature = reference.margin(best.law.scored) / 6.0
+    deviance = np.array([one.law.scored.deviance for one in same])
+    weights = np.exp(-0.5 * np.clip((deviance - deviance[0]) / temperature, 0.0, 500.0))
+    weights /= weights.sum()
+    nominal = reference.nominal_gaps[1]
+    forms = [
+        LawForm(one.law.file, float(w), 1.0 - one.law.scored.held_out_gap["total"] / max(nominal, 1e-12))
+        for one, w in zip(same, weights, strict=True)
+        if w >= LIKELY
+    ]
+    law = best.law.law
+    used = variables_of(law.terms)
+    shown = [v for v in law.grammar.variables if v.text in used] or list(law.grammar.variables[:1])
+    return ProposedLaw(
+        place=law.grammar.name,
+        variables=tuple(v.text for v in law.grammar.variables if v.text in used),
+        forms=tuple(forms),
+        range=dict(forms[0].file.range),
+        unit=shown[0].unit,
+        variable=shown[0].values,
+        measured=best.measured,
+        fitted=law.values,
+        explained=law.explained,
+        placebo=max(best.placebo, 0.0),
+        beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),
+    )
+
+
+def _better(one: ScoredHypothesis, without: ScoredHypothesis) -> bool:
+    """Whether a law leaves clearly less of the gap than the hypothesis without it, on training and held-out data."""
+    pairs = (one.training_gap, without.training_gap), (one.held_out_gap, without.held_out_gap)
+    return all(after["total"] < BETTER * before["total"] for after, before in pairs)

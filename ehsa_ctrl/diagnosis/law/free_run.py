@@ -1,0 +1,128 @@
+"""Laws in free run: each is an effect, refitted together with the nominal parameters and judged on held-out data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...physics.effects import EFFECTS, CandidateEffect, Effect, LawFile, effect_of, law_candidate
+from ...plant.plant import Plant
+from ..hypothesis_model import HypothesisModel
+from ..pool import Pool
+from ..records import Segment
+from ..refit import HypothesisFit, Objective, refit
+from ..scoring import ScoredHypothesis, Scoring
+from .grammar import Term, put
+from .regression import STABLE, LawFit
+
+#: Gauss-Newton steps of a refit, and after how many the Jacobian is computed again. Engineering judgement.
+STEPS, RENEW = 6, 2
+#: A width may change by this factor, a location by this share of the variable's range. Engineering judgement.
+WIDER, FARTHER = 5.0, 0.5
+
+
+@dataclass(frozen=True)
+class FreeRunLaw:
+    """A law refitted in free run. file: its definition with the values of the refit. law: what it started from."""
+
+    law: LawFit
+    file: LawFile
+    scored: ScoredHypothesis
+    sd: Mapping[str, float]
+
+    @property
+    def stable(self) -> bool:
+        """Whether every factor keeps the sign of the regression, and is beyond its scatter there."""
+        found = [one.value for one in self.file.parameters.values() if one.neutral is not None]
+        pairs = zip(found, self.law.factors, self.law.sd, strict=True)
+        return all(value * before > 0.0 and abs(value) > STABLE * sd for value, before, sd in pairs)
+
+
+def definition_of(law: LawFit, taken: Sequence[str]) -> LawFile:
+    """The definition of an effect with this law. taken: names that its parameters must not have."""
+    ends = [f"_{i}" for i in range(1, len(law.terms) + 1)]
+    ends += [f"_{name}_{i}" for i, term in enumerate(law.terms, 1) for name in term.shapes]
+    prefix = next(one for one in ("c", "q", "law") if not any(f"{one}{end}" in taken for end in ends))
+    grammar = law.grammar
+    parameters: dict[str, dict[str, object]] = {}
+    texts = []
+    for i, (term, factor, sd) in enumerate(zip(law.terms, law.factors, law.sd, strict=True), 1):
+        shapes = {name: f"{prefix}_{name}_{i}" for name in term.shapes}
+        parameters[f"{prefix}_{i}"] = {"value": factor, "unit": grammar.factor_unit(term), "neutral": 0.0, "sd": sd}
+        for name, own in shapes.items():
+            parameters[own] = {"value": term.shapes[name], "unit": term.units[name]} | _bounds(law, term, name)
+        inner = put(term.text, **shapes)
+        texts.append(f"{prefix}_{i}" + ("" if inner == "1" else f" * {inner}"))
+    expression = " + ".join(texts)
+    used = {name for v in grammar.variables for name in grammar.known if name in v.text}
+    ranges = {n: (float(np.min(grammar.known[n])), float(np.max(grammar.known[n]))) for n in sorted(used)}
+    file = {
+        "schema": 1, "status": "proposed", "summary": f"found by a diagnosis: {' + '.join(t.text for t in law.terms)}",
+        "adds_to": grammar.name, "expression": expression, "parameters": parameters,
+    }  # fmt: skip
+    names = LawFile.model_validate(file).variables
+    return LawFile.model_validate({**file, "range": {n: pair for n, pair in ranges.items() if n in names}})
+
+
+def _bounds(law: LawFit, term: Term, name: str) -> dict[str, object]:
+    if term.units[name] == "1":
+        return {}
+    if name == "width":
+        return {"bounds": (term.shapes[name] / WIDER, term.shapes[name] * WIDER)}
+    reach = max(float(np.ptp(v.values)) for v in law.grammar.variables if v.text in term.variables)
+    return {"bounds": (term.shapes[name] - FARTHER * reach, term.shapes[name] + FARTHER * reach)}
+
+
+def refit_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool) -> list[FreeRunLaw]:
+    """Each law refitted beside the effects of a hypothesis, from its values; those that can be simulated."""
+    taken = [*scoring.objective.model.plant.parameters]
+    items = []
+    for i, law in enumerate(laws):
+        file, name = definition_of(law, taken), f"law_{i + 1}"
+        effect = effect_of(name, file, "the law")
+        EFFECTS.keep(name, effect)
+        items.append((law, file, effect))
+
+    def one(item: tuple[LawFit, LawFile, Effect]) -> FreeRunLaw | None:
+        law, file, effect = item
+        own = _with_effect(scoring, effect)
+        candidate = law_candidate(effect, own.objective.model.plant.values)
+        # Nominal parameters start at their nominal values: without the law, a refit bends them to make up for it.
+        start = {name: base.values[name] for c in base.candidates for name in c.names}
+        start |= dict(zip(candidate.names, candidate.starts[0], strict=True))
+        fit = refit(own.objective, (*base.candidates, candidate), start, {}, steps=STEPS, renew_after=RENEW)
+        if fit is None:
+            return None
+        scored, sd = own.score(fit), own.standard_deviations(fit)
+        return FreeRunLaw(law, _refitted(file, fit, candidate, sd), scored, {n: sd[n] for n in candidate.names})
+
+    return [found for found in pool.map("laws", one, items) if found is not None]
+
+
+def _refitted(file: LawFile, fit: HypothesisFit, candidate: CandidateEffect, sd: Mapping[str, float]) -> LawFile:
+    """The definition with the values of a fit."""
+    changed = {n: {"value": fit.values[n], "sd": sd[n]} for n in candidate.names}
+    own = {n: one.model_copy(update=changed[n]) for n, one in file.parameters.items()}
+    return file.model_copy(update={"parameters": own})
+
+
+def _with_effect(scoring: Scoring, effect: Effect) -> Scoring:
+    """The same scoring with an effect, neutral, in every model."""
+
+    def segment(one: Segment) -> Segment:
+        return replace(one, records=tuple(replace(r, model=_model(r.model, effect)) for r in one.records))
+
+    training, held_out = segment(scoring.training), segment(scoring.held_out)
+    objective: Objective = replace(scoring.objective, model=training.model, segment=training)
+    return replace(scoring, objective=objective, training=training, held_out=held_out)
+
+
+def _model(model: HypothesisModel, effect: Effect) -> HypothesisModel:
+    by_law = {law: _neutral(plant, effect) for law, plant in model.plants_by_law.items()}
+    return replace(model, plant=_neutral(model.plant, effect), plants_by_law=by_law)
+
+
+def _neutral(plant: Plant, effect: Effect) -> Plant:
+    return plant.with_effects(effect.name, **{p.name: p.neutral for p in effect.parameters})

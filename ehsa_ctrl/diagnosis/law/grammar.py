@@ -1,0 +1,219 @@
+"""The grammar of laws: the variables on which an unknown input may depend, and terms in one or two of them.
+
+A term is an expression without its factor. It may have a location `at` and a width, tried on a grid of the variable's
+range. The unit of the factor follows from the units of the unknown input and of the term, so that every law has the
+right dimension. Dry friction has the direction of the contact as a factor and sticks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...core.expression import Expression, dimension_of, words
+from ...physics.effects import ADDENDS
+from ...plant.arrays import array_evaluator
+from ...plant.plant import Plant
+from ..regressors import balance_contact, torque_drive
+from ..unknown_inputs import BalanceSignals
+
+#: Quantiles of a variable that are tried as locations, and shares of its range as widths. Engineering judgement.
+LOCATIONS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97)
+WIDTHS = (0.04, 0.08, 0.16, 0.32)
+#: Periods in the range of a position that are tried. Engineering judgement.
+PERIODS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
+
+#: Terms of one variable z. The first of several that act alike is the one that is named.
+SMOOTH = ("z", "z**2", "z**3", "abs(z)", "z * abs(z)", "sqrt(abs(z))", "sign(z) * sqrt(abs(z))")
+SHAPED = (
+    "max(z - at, 0)",
+    "max(at - z, 0)",
+    "exp(-((z - at) / width)**2)",
+    "max(1 - ((z - at) / width)**2, 0)",
+    "tanh(z / width)",
+)
+#: Terms of dry friction, with the direction d.
+DRY = ("d * abs(z)", "d * z**2", "d * sqrt(abs(z))")
+DRY_SHAPED = (
+    "d * max(abs(z) - at, 0)",
+    "d * exp(-((z - at) / width)**2)",
+    "d * max(1 - ((z - at) / width)**2, 0)",
+)
+#: Terms of the contact's own speed: odd ones, so that they dissipate in both directions, and a decaying dry friction.
+OF_SPEED = ("z", "z * abs(z)", "z**3", "abs(z)")
+#: Products of two variables.
+PRODUCTS = ("z * y", "z * abs(y)", "y * abs(z)")
+
+
+@dataclass(frozen=True)
+class LawVariable:
+    """A variable.
+
+    text: expression in the names of the equations. values: (N - 1,). speed, position: whether it is the contact's own.
+    """
+
+    text: str
+    unit: str
+    values: np.ndarray = field(repr=False)
+    speed: bool = False
+    position: bool = False
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term without its factor.
+
+    text: expression in variables and `at`, `width`. shapes: their values. units: their units. variables: texts of the
+    variables in it. family: what stays the same over the grid of shapes.
+    """
+
+    text: str
+    variables: frozenset[str]
+    shapes: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def family(self) -> str:
+        return self.text
+
+    def values(self, known: Mapping[str, np.ndarray]) -> np.ndarray:
+        """(N - 1,) along a log. known: name in the equations -> (N - 1,)."""
+        return np.asarray(Expression.parse(self.text).values({**known, **self.shapes}), dtype=float)
+
+
+@dataclass(frozen=True)
+class Grammar:
+    """What a law of one unknown input may consist of.
+
+    name: unknown input, a key of ADDENDS. known: name in the equations -> (N - 1,) along the logs. units: of those.
+    direction, speed, friction: of the contact, with the friction that the plant has; resists: 1 if a positive law acts
+    against positive motion, else -1. Empty, None or zero where the balance has no contact.
+    """
+
+    name: str
+    variables: tuple[LawVariable, ...]
+    known: Mapping[str, np.ndarray] = field(repr=False)
+    units: Mapping[str, str] = field(repr=False)
+    direction: str = ""
+    speed: np.ndarray | None = field(default=None, repr=False)
+    friction: np.ndarray | float = field(default=0.0, repr=False)
+    resists: float = 1.0
+
+    @classmethod
+    def of(cls, plant: Plant, signals: BalanceSignals, name: str) -> Grammar:
+        """The variables that a log shows, for one unknown input of a plant."""
+        structure, system = plant.structure, plant.structure.system
+        place = ADDENDS[name].place
+        contact = balance_contact(plant, place) if place in ("torque", "force") else None
+        units = structure.units
+        known = {n: np.asarray(signals[n][:-1]) for n in units if n in signals}
+        if contact is not None:
+            sign = known[contact.direction]
+            known[contact.direction] = np.where(sign == 0.0, 1.0, sign)
+        pressures = system.pressures if set(system.pressures) <= set(known) else ()
+        own = [] if contact is None else [contact.velocity, contact.position]
+        others: list[str] = []
+        if name.startswith("flow") and pressures:
+            others = [system.entries[name].target]
+        if place == "flow":
+            others += [n for one in system.all_contacts for n in (one.velocity, one.position)]
+        if place == "torque" and torque_drive(plant, signals).unit == units.get(system.inputs[0]):
+            others.append(system.inputs[0])
+        speeds = {one.velocity for one in system.all_contacts}
+        found = [
+            LawVariable(
+                n, units[n], known[n], contact is not None and n == contact.velocity, n not in speeds and n in own
+            )
+            for n in dict.fromkeys([*own, *others])
+            if n in known
+        ]
+        if pressures:
+            first, second = pressures
+            found.insert(1, LawVariable(f"({first} - {second})", units[first], known[first] - known[second]))
+        moving = tuple(v for v in found if np.ptp(v.values) > 0.0)
+        if contact is None:
+            return cls(name, moving, known, units)
+        evaluate = array_evaluator(plant.structure.equations, [contact.friction])
+        friction = evaluate({**plant.values, **{n: signals[n][:-1] for n in signals.values}})[contact.friction]
+        resists = 1.0 if ADDENDS[name].sign == "-" else -1.0
+        return cls(name, moving, known, units, contact.direction, known[contact.velocity], friction, resists)
+
+    def is_friction(self, term: Term) -> bool:
+        """Whether a term has the direction of the contact, or its speed."""
+        speed = {v.text for v in self.variables if v.speed}
+        return self.direction in Expression.parse(term.text).names or bool(speed & term.variables)
+
+    def terms(self) -> Iterator[Term]:
+        """All terms of one variable, over the grid of their shapes, and all products of two variables."""
+        yield Term("1", frozenset())
+        if self.direction:
+            yield Term(self.direction, frozenset())
+        for variable in self.variables:
+            yield from self._of_one(variable)
+        for i, one in enumerate(self.variables):
+            for other in self.variables[i + 1 :]:
+                both = frozenset({one.text, other.text})
+                for text in PRODUCTS:
+                    yield Term(put(text, z=one.text, y=other.text), both)
+
+    def _of_one(self, variable: LawVariable) -> Iterator[Term]:
+        used, z = frozenset({variable.text}), variable.text
+        plain = OF_SPEED if variable.speed else (*SMOOTH, *(DRY if self.direction else ()))
+        for text in plain:
+            yield Term(put(text, z=z, d=self.direction), used)
+        low, high = np.quantile(variable.values, [0.005, 0.995]).tolist()
+        if variable.speed:
+            for share in WIDTHS:
+                units = {"width": variable.unit}
+                yield Term(put("d * exp(-abs(z) / width)", z=z, d=self.direction), used, {"width": share * high}, units)
+            return
+        for text in (*SHAPED, *(DRY_SHAPED if self.direction else ())):
+            of = np.abs(variable.values) if "abs(z) - at" in text else variable.values
+            for quantile in LOCATIONS if "at" in text.replace("tanh", "") else (0.5,):
+                for share in WIDTHS if "width" in text else (0.0,):
+                    shapes = {"at": float(np.quantile(of, quantile)), "width": share * (high - low)}
+                    shapes = {n: v for n, v in shapes.items() if n in Expression.parse(text.replace("d *", "")).names}
+                    yield Term(put(text, z=z, d=self.direction), used, shapes, dict.fromkeys(shapes, variable.unit))
+        if variable.position:
+            for count in PERIODS:
+                for phase in (0.0, 0.5 * np.pi):
+                    shapes = {"at": phase, "width": (high - low) / (2.0 * np.pi * count)}
+                    units = {"at": "1", "width": variable.unit}
+                    yield Term(put("sin(z / width + at)", z=z), used, shapes, units)
+
+    def factor_unit(self, term: Term) -> str:
+        """SI unit of the factor of a term."""
+        whole = ADDENDS[self.name].unit
+        inner = Expression.parse(term.text).dimension({**self.units, **term.units}) or {}
+        powers = {base: -power for base, power in inner.items()}
+        if not powers:
+            return whole
+        plain = set(powers) <= ({"s"} if whole == "N m" else {"m", "s"}) and "/" not in whole
+        return f"{whole} {words(powers)}" if plain else _joined(whole, powers)
+
+
+def _joined(whole: str, powers: Mapping[str, float]) -> str:
+    """The product of a unit and powers of base units, in base units."""
+    total = dict(dimension_of(whole))
+    for base, power in powers.items():
+        total[base] = total.get(base, 0.0) + power
+    return words({base: power for base, power in total.items() if abs(power) > 1e-9})
+
+
+def put(text: str, **names: str) -> str:
+    """A template with its variables: z, y and d stand alone as words."""
+    out, word = [], ""
+    for sign in text + " ":
+        if sign.isalnum() or sign == "_":
+            word += sign
+            continue
+        out.append(names.get(word, word) + sign)
+        word = ""
+    return "".join(out)[:-1]
+
+
+def variables_of(terms: Sequence[Term]) -> frozenset[str]:
+    """Texts of the variables of several terms."""
+    return frozenset().union(*(term.variables for term in terms))

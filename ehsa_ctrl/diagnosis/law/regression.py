@@ -1,0 +1,268 @@
+"""Sums of terms that explain an unknown input: forward selection with cross-validation, and a block bootstrap.
+
+Unknown input and terms are averaged over short windows (`regimes.Windows`), and each sum is validated on the intervals
+that it was not fitted to. Errors of the nominal parameters are further columns under their priors: a wrong inertia adds
+an acceleration to an unknown torque, which is no law.
+
+Sources: A. Miller, "Subset Selection in Regression", 2nd ed., 2002 (forward selection); S. N. Lahiri, "Resampling
+Methods for Dependent Data", 2003 (block bootstrap).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from ..regimes import Windows
+from .grammar import Grammar, Term, variables_of
+
+# The numbers below are engineering judgement.
+
+#: Most terms of a sum, and most variables.
+MOST_TERMS, MOST_VARIABLES = 3, 2
+#: Sums that are kept in each step of the selection, and in its result.
+BEAM, KEPT = 6, 8
+#: Penalty on each number of a law, and smallest gain of a further term, as shares of the unknown input's square.
+PENALTY, GAIN = 0.002, 0.01
+#: Variance that is left to chance, as a share of the unknown input's square, when it is weighed against the priors of
+#: the nominal parameters. Windows overlap, so that only one in OVERLAP counts.
+CHANCE, OVERLAP = 0.05, 4.0
+#: Length of a block [s] and resamples of the bootstrap; a term is unstable if its factor is smaller than so many of its
+#: standard deviations.
+BLOCK, RESAMPLES, STABLE = 1.0, 100, 2.0
+#: Ridge on the factors of the terms, relative to the mean square of their columns.
+RIDGE = 1e-6
+#: Sums whose difference is this share of their size are the same.
+ALIKE = 0.01
+#: A contact moves from this share of its highest speed on; share of these samples in which its friction may drive it.
+MOVES, DRIVEN = 0.02, 0.02
+
+
+#: Explained share of a sum, and the indices of its terms.
+RankedSum = tuple[float, tuple[int, ...]]
+
+
+@dataclass(frozen=True)
+class LawFit:
+    """A sum of terms with its factors.
+
+    explained: share of what errors of the nominal parameters leave of the unknown input's square, by cross-validation,
+    less the penalty. factors, sd: of the terms, in the unknown input's unit over the term's.
+    """
+
+    grammar: Grammar
+    terms: tuple[Term, ...]
+    factors: tuple[float, ...]
+    sd: tuple[float, ...]
+    explained: float
+
+    @property
+    def numbers(self) -> int:
+        """Number of free numbers."""
+        return len(self.terms) + sum(len(term.shapes) for term in self.terms)
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether its friction, together with that of the plant, opposes the motion."""
+        grammar = self.grammar
+        if grammar.speed is None:
+            return True
+        pairs = zip(self.factors, self.terms, strict=True)
+        parts = [f * t.values(grammar.known) for f, t in pairs if grammar.is_friction(t)]
+        if not parts:
+            return True
+        moves = grammar.known[grammar.direction] * grammar.speed > MOVES * np.max(np.abs(grammar.speed))
+        effort = grammar.resists * np.asarray(sum(parts)) + grammar.friction
+        power = (effort * grammar.speed)[moves]
+        return float(np.mean(power < 0.0)) <= DRIVEN
+
+    @property
+    def values(self) -> np.ndarray:
+        """(N - 1,) along the logs."""
+        parts = [f * t.values(self.grammar.known) for f, t in zip(self.factors, self.terms, strict=True)]
+        return np.asarray(sum(parts) + np.zeros(self.grammar.variables[0].values.size))
+
+
+class _SumProblem:
+    """Normal equations of all terms, for each fold, so that a sum costs one small solution."""
+
+    def __init__(self, grammar: Grammar, windows: Windows, terms: Sequence[Term], nuisance: np.ndarray) -> None:
+        self.grammar, self.windows = grammar, windows
+        self.y = windows.values
+        columns, kept = [], []
+        size = windows.size
+        for term in terms:
+            column = windows.of((term.values(grammar.known) * np.ones(size))[:, None])[:, 0]
+            scale = float(np.sqrt(np.mean(column**2)))
+            if np.isfinite(scale) and scale > 0.0:
+                columns.append(column / scale)
+                kept.append((term, scale))
+        self.terms = [term for term, _ in kept]
+        self.scales = np.array([scale for _, scale in kept])
+        self.P = nuisance
+        self.X = np.column_stack([self.P, *columns])
+        self.free = self.P.shape[1]
+        chance = CHANCE * float(np.mean(self.y**2))
+        self.prior = np.append(np.full(self.free, OVERLAP * chance), np.full(len(columns), RIDGE * self.y.size))
+        self.folds = [windows.fold == fold for fold in (0, 1)]
+        self.gram = [self.X[f].T @ self.X[f] for f in self.folds]
+        self.moment = [self.X[f].T @ self.y[f] for f in self.folds]
+        self.total = float(self.y @ self.y)
+        self.nuisance_left = self.left(())
+
+    def index(self, chosen: Sequence[int]) -> np.ndarray:
+        return np.array([*range(self.free), *(self.free + i for i in chosen)], dtype=int)
+
+    def left(self, chosen: Sequence[int]) -> float:
+        """Sum of squares that a sum leaves on the folds that it was not fitted to."""
+        at = self.index(chosen)
+        found = self.total
+        for test in (0, 1):
+            train = 1 - test
+            G, g = self.gram[train][np.ix_(at, at)], self.moment[train][at]
+            b = np.linalg.solve(G + np.diag(self.prior[at] + 1e-12), g) if at.size else np.zeros(0)
+            found += float(b @ self.gram[test][np.ix_(at, at)] @ b) - 2.0 * float(b @ self.moment[test][at])
+        return found
+
+    def explained(self, chosen: Sequence[int]) -> float:
+        numbers = len(chosen) + sum(len(self.terms[i].shapes) for i in chosen)
+        return 1.0 - self.left(chosen) / max(self.nuisance_left, 1e-300) - PENALTY * numbers
+
+    def solve(self, chosen: Sequence[int], weights: np.ndarray | None = None) -> np.ndarray:
+        """Factors of the terms, fitted to all windows. weights: of the windows."""
+        at = self.index(chosen)
+        X = self.X[:, at]
+        W = X if weights is None else X * weights[:, None]
+        b = np.linalg.solve(W.T @ X + np.diag(self.prior[at] + 1e-12), W.T @ self.y)
+        return np.asarray(b[self.free :] / self.scales[list(chosen)])
+
+
+def find_sums(
+    grammar: Grammar, windows: Windows, nuisance: np.ndarray, *, most_terms: int = MOST_TERMS
+) -> list[LawFit]:
+    """The best sums of terms for an unknown input, the one that explains most first.
+
+    windows: of the unknown input. nuisance: (windows, p) change of the unknown input by one prior deviation of each
+    nominal parameter, averaged over the same windows.
+    """
+    problem = _SumProblem(grammar, windows, list(grammar.terms()), nuisance)
+    everything = range(len(problem.terms))
+    beam: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
+    found: list[tuple[float, tuple[int, ...]]] = []
+    best = 0.0
+    for _ in range(most_terms):
+        rows: dict[frozenset[str], tuple[float, tuple[int, ...]]] = {}
+        for before, chosen in beam:
+            used = variables_of([problem.terms[i] for i in chosen])
+            families = {problem.terms[i].family for i in chosen}
+            for i in everything:
+                term = problem.terms[i]
+                if term.family in families or len(used | term.variables) > MOST_VARIABLES:
+                    continue
+                share = problem.explained((*chosen, i))
+                key = frozenset({*families, term.family})
+                if share > before + GAIN and (key not in rows or share > rows[key][0]):
+                    rows[key] = (share, (*chosen, i))
+        beam = sorted(rows.values(), reverse=True)[:BEAM]
+        if not beam or beam[0][0] < best + GAIN:
+            break
+        best = beam[0][0]
+        found += beam
+    fits = [_fit(problem, chosen, share) for share, chosen in _varied(problem, found)]
+    stable = [one for one in (_stable(grammar, windows, nuisance, fit) for fit in fits) if one is not None]
+    distinct: list[LawFit] = []
+    for one in sorted(stable, key=lambda fit: -fit.explained):
+        if one.dissipates and not any(_alike(one, other) for other in distinct):
+            distinct.append(one)
+    return distinct
+
+
+def _varied(
+    problem: _SumProblem, found: Sequence[tuple[float, tuple[int, ...]]]
+) -> list[tuple[float, tuple[int, ...]]]:
+    """The best sums, and the best one of each size for each set of variables.
+
+    Small errors of the balances at high frequency are explained well, and hardly matter in free run.
+    """
+    ranked = sorted(found, reverse=True)
+    best: dict[tuple[int, frozenset[str]], tuple[float, tuple[int, ...]]] = {}
+    for share, chosen in ranked:
+        best.setdefault((len(chosen), variables_of([problem.terms[i] for i in chosen])), (share, chosen))
+    return list(dict.fromkeys([*ranked[:3], *sorted(best.values(), reverse=True)]))[:KEPT]
+
+
+def _alike(one: LawFit, other: LawFit) -> bool:
+    """Whether two sums are the same function along the logs."""
+    a, b = one.values, other.values
+    return float(np.sum((a - b) ** 2)) < ALIKE**2 * float(np.sum(a**2) + np.sum(b**2))
+
+
+def placebo(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> float:
+    """Share that a single term explains of the unknown input reversed in time: what the selection finds in chance."""
+    problem = _SumProblem(grammar, windows.reversed(), list(grammar.terms()), nuisance)
+    return max((problem.explained((i,)) for i in range(len(problem.terms))), default=0.0)
+
+
+def _fit(problem: _SumProblem, chosen: tuple[int, ...], share: float) -> LawFit:
+    """A sum with its factors and their standard deviations by the block bootstrap."""
+    random = np.random.default_rng(0)
+    names, which = np.unique((problem.windows.centres // BLOCK).astype(int), return_inverse=True)
+    draws = []
+    for _ in range(RESAMPLES):
+        count = np.bincount(random.integers(0, names.size, names.size), minlength=names.size)
+        draws.append(problem.solve(chosen, count[which].astype(float)))
+    terms = tuple(problem.terms[i] for i in chosen)
+    factors = problem.solve(chosen)
+    return LawFit(problem.grammar, terms, tuple(factors.tolist()), tuple(np.std(draws, axis=0).tolist()), share)
+
+
+def _stable(grammar: Grammar, windows: Windows, nuisance: np.ndarray, fit: LawFit) -> LawFit | None:
+    """The sum with its shapes off the grid and without unstable terms; None if none is stable."""
+    while True:
+        sure = [abs(f) > STABLE * sd for f, sd in zip(fit.factors, fit.sd, strict=True)]
+        terms = [term for term, one in zip(fit.terms, sure, strict=True) if one]
+        if not terms:
+            return None
+        terms = _shaped(grammar, windows, nuisance, terms)
+        problem = _SumProblem(grammar, windows, terms, nuisance)
+        chosen = tuple(range(len(problem.terms)))
+        share = problem.explained(chosen)
+        found = _fit(problem, chosen, share)
+        if all(sure):
+            return found
+        fit = found
+
+
+def _shaped(grammar: Grammar, windows: Windows, nuisance: np.ndarray, terms: list[Term]) -> list[Term]:
+    """Terms with the shapes that leave least, from those of the grid."""
+    start = np.array([value for term in terms for value in term.shapes.values()])
+    if start.size == 0:
+        return terms
+    reach = {v.text: float(np.ptp(v.values)) for v in grammar.variables}
+    scale = []
+    for term in terms:
+        whole = max((reach[text] for text in term.variables), default=1.0)
+        scale += [
+            term.shapes[n] if n == "width" else (1.0 if term.units[n] == "1" else 0.1 * whole) for n in term.shapes
+        ]
+
+    def moved(z: np.ndarray) -> list[Term]:
+        given, out = iter((start + z * np.array(scale)).tolist()), []
+        for term in terms:
+            out.append(replace(term, shapes={name: next(given) for name in term.shapes}))
+        return out
+
+    def left(z: np.ndarray) -> float:
+        shaped = moved(z)
+        pairs = zip(shaped, terms, strict=True)
+        if any(new.shapes.get("width", 1.0) <= 0.1 * old.shapes.get("width", 0.0) for new, old in pairs):
+            return np.inf
+        problem = _SumProblem(grammar, windows, shaped, nuisance)
+        return problem.left(range(len(problem.terms))) if len(problem.terms) == len(terms) else np.inf
+
+    first = np.vstack([np.zeros(start.size), 0.3 * np.eye(start.size)])
+    options = {"maxiter": 40 * start.size, "initial_simplex": first, "xatol": 0.01, "fatol": 1e-4 * left(first[0])}
+    return moved(minimize(left, first[0], method="Nelder-Mead", options=options).x)

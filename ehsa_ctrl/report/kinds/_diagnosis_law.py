@@ -1,0 +1,47 @@
+"""The section of a diagnosis' page on the law that it proposes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...physics.effects import ADDENDS
+from ..page import Paragraph, Picture, Section, Table
+from ..text import percent, unit, value_text
+
+
+def law_section(content: Mapping[str, Any]) -> Section:
+    """The forms of the law with their numbers; empty without a law."""
+    law = content.get("law")
+    if not law:
+        return Section("Law", [])
+    rows = [[f["expression"], value_text(f["probability"], 1.0, 2), percent(f["gap_closed"], 2)] for f in law["forms"]]
+    numbers = [
+        [name, value_text(p["value"], 1.0, 4), value_text(p["sd"], 1.0, 2), unit(p["unit"])]
+        for name, p in law["forms"][0]["parameters"].items()
+    ]
+    ranges = "; ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in law["range"].items())
+    beside = f"It stands beside {', '.join(law['beside'])}. " if law.get("beside") else ""
+    words = [
+        f"No effect of the catalogue has this law. It is the {ADDENDS[law['place']].meaning}. {beside}Forms that the "
+        f"log can't tell apart stand together. Seen in the log, in SI units: {ranges or 'no variable'}.",
+    ]
+    if law.get("proposal"):
+        words.append(
+            f"{law['proposal']} is the first form as an effect, with status proposed: copy it to effects/ of the "
+            "project, and simulate, identify and diagnose with it. Outside the range above it is not known."
+        )
+    caption = (
+        "Left: unknown input in bins of the variable, mean and one standard deviation, and the law. Right: what the "
+        "law leaves."
+    )
+    return Section(
+        "Law",
+        [
+            *map(Paragraph, words),
+            Picture("law", "Law along its variable", caption),
+            Table("Forms, the most probable first", ["expression", "probability", "gap closed,\nheld out"], rows),
+            Table("Numbers of the first form", ["name", "value", "sd", "unit"], numbers),
+        ],
+        "law",
+    )

@@ -1,0 +1,164 @@
+"""The law behind an unknown input: closed forms come back with their numbers, chance does not, a rig's law is found."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import ehsa_ctrl as e
+from ehsa_ctrl.cli.main import app
+from ehsa_ctrl.core import registry
+from ehsa_ctrl.diagnosis.law.free_run import definition_of
+from ehsa_ctrl.diagnosis.law.grammar import Grammar, LawVariable
+from ehsa_ctrl.diagnosis.law.regression import find_sums, placebo
+from ehsa_ctrl.diagnosis.regimes import Windows
+from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of, law_text, read_law
+
+TIME = 0.004 * np.arange(6001)
+
+
+def case(unknown, *, position="x", seed=0):
+    """Grammar and windows of a force that is this function of x, v and the direction, with 5 % of white noise."""
+    x = 0.03 * np.sin(1.3 * TIME) + 0.012 * np.sin(3.1 * TIME + 1.0)
+    v = np.gradient(x, TIME)
+    known = {"x": x[:-1], "v": v[:-1], "d_R": np.where(v[:-1] < 0.0, -1.0, 1.0)}
+    units = {"x": "m", "v": "m/s", "d_R": "1"}
+    variables = LawVariable("v", "m/s", known["v"], speed=True), LawVariable("x", "m", known["x"], position=True)
+    grammar = Grammar("force", variables, known, units, "d_R", known["v"], 0.0, 1.0)
+    values = unknown(known["x"], known["v"], known["d_R"])
+    noise = np.random.default_rng(seed).standard_normal(values.size)
+    windows = Windows(values + 0.05 * np.std(values) * noise + 0.0, 0.004)
+    return grammar, windows, np.zeros((windows.values.size, 0))
+
+
+@pytest.mark.parametrize(
+    ("unknown", "terms", "factors"),
+    [
+        (lambda x, v, d: 3e3 * v * np.abs(v), ["v * abs(v)"], [3e3]),
+        (lambda x, v, d: 4e5 * v**3, ["v**3"], [4e5]),
+        (lambda x, v, d: 20.0 * d + 200.0 * v, ["d_R", "v"], [20.0, 200.0]),
+        (lambda x, v, d: 5e4 * x, ["x"], [5e4]),
+    ],
+)
+def test_a_closed_form_comes_back(unknown, terms, factors):
+    """The right terms with their factors, within 5 %."""
+    best = find_sums(*case(unknown))[0]
+
+    assert dict(zip((term.text for term in best.terms), best.factors, strict=True)) == pytest.approx(
+        dict(zip(terms, factors, strict=True)), rel=0.05
+    )
+    assert best.explained > 0.9
+
+
+@pytest.mark.parametrize(
+    ("unknown", "text", "at", "width"),
+    [
+        (lambda x, v, d: 2e4 * np.maximum(x - 0.01, 0.0), "max(x - at, 0)", 0.01, None),
+        (lambda x, v, d: 300.0 * np.exp(-(((x - 0.008) / 0.006) ** 2)), "exp(-((x - at) / width)**2)", 0.008, 0.006),
+        (
+            lambda x, v, d: 300.0 * np.maximum(1.0 - ((x + 0.005) / 0.01) ** 2, 0.0),
+            "max(1 - ((x - at) / width)**2, 0)",
+            -0.005,
+            0.01,
+        ),
+    ],
+)
+def test_location_and_width_come_back(unknown, text, at, width):
+    """Off the grid of the selection: within a millimetre, and the width within a tenth."""
+    best = find_sums(*case(unknown))[0]
+
+    assert best.terms[0].text == text
+    assert best.terms[0].shapes["at"] == pytest.approx(at, abs=1e-3)
+    assert width is None or best.terms[0].shapes["width"] == pytest.approx(width, rel=0.1)
+
+
+def test_a_wave_over_the_position_comes_back():
+    """sin(x / width): a period of 20 mm."""
+    best = find_sums(*case(lambda x, v, d: 80.0 * np.sin(2.0 * np.pi * x / 0.02 + 0.4)))[0]
+
+    assert best.terms[0].text == "sin(x / width + at)"
+    assert 2.0 * np.pi * best.terms[0].shapes["width"] == pytest.approx(0.02, rel=0.02)
+
+
+def test_friction_that_drives_the_motion_is_no_law():
+    """A negative Coulomb level on a frictionless rod would move it by itself."""
+    found = find_sums(*case(lambda x, v, d: -20.0 * d - 200.0 * v))
+
+    assert all("d_R" not in term.text and "v" not in term.variables for one in found for term in one.terms)
+
+
+def test_chance_explains_nothing():
+    """White noise has no law, and a law reversed in time explains less than the law by far."""
+    noise = case(lambda x, v, d: np.random.default_rng(1).standard_normal(x.size))
+    bump = case(lambda x, v, d: 300.0 * np.exp(-(((x - 0.008) / 0.006) ** 2)))
+
+    assert find_sums(*noise) == []
+    assert placebo(*bump) < find_sums(*bump)[0].explained - 0.1
+
+
+def test_a_wrong_nominal_parameter_is_no_law():
+    """What follows the change by a nominal parameter is explained by that parameter."""
+    grammar, windows, _ = case(lambda x, v, d: 5e4 * x)
+    nuisance = windows.of((1e5 * grammar.known["x"])[:, None])
+
+    assert find_sums(grammar, windows, nuisance) == []
+
+
+def test_the_definition_is_an_effect_that_the_engine_runs(plant, tmp_path):
+    """Its expression has the unit of a force, and the file is read back as it was written."""
+    law = find_sums(*case(lambda x, v, d: 150.0 * d + 2e4 * np.maximum(x - 0.01, 0.0)))[0]
+    definition = definition_of(law, list(plant.parameters))
+    path = tmp_path / "found.toml"
+    path.write_text(law_text(definition), encoding="utf-8")
+    effect = read_law(path)
+    EFFECTS.keep("found", effect)
+    run = e.simulate(plant.with_effects("found"), np.full(250, 2.0))
+
+    assert set(effect.changes) == {"F_net", "F_FR"}
+    assert definition.range.keys() == {"x"}
+    assert run["x"][-1] < e.simulate(plant, np.full(250, 2.0))["x"][-1]
+    assert "found" not in list(EFFECTS)
+
+
+LEAK = {
+    "schema": 1, "status": "proposed", "summary": "a valve that lets oil out of chamber 1", "adds_to": "flow_1",
+    "expression": "-k_rig * max(P_1 - P_rig, 0)",
+    "parameters": {
+        "k_rig": {"value": 6e-13, "unit": "m3/(s Pa)", "neutral": 0.0}, "P_rig": {"value": 1.2e6, "unit": "Pa"},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_rig_with_a_law_of_its_own(plant, tmp_path, monkeypatch):
+    """A valve on one chamber that the catalogue lacks: place, form, threshold and size, and a file that closes the gap.
+
+    The proposed effect is simulated on the same input: it leaves a tenth of the nominal gap.
+    """
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "_PROJECTS", [])
+    EFFECTS.keep("rig_leak", effect_of("rig_leak", LawFile.model_validate(LEAK), "the rig"))
+    rig = plant.with_effects("rig_leak")
+    log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=16.0, sample_time=0.004), centre=True)
+    log.write(tmp_path / "log.csv")
+    result = CliRunner().invoke(app, ["diagnose", "log.csv", "--plant", "ehsa", "--out", "out"])
+    assert result.exit_code == 0, result.output
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    law = content["law"]
+
+    assert content["verdict"] in ("outside_catalogue", "partly")
+    assert law["place"] == "flow_1" and law["variables"] == ["P_1"]
+    assert "c_1 * max(P_1 - c_at_1, 0)" in [form["expression"] for form in law["forms"][:3]]
+    best = next(form for form in law["forms"] if form["expression"].startswith("c_1 * max"))
+    assert best["parameters"]["c_1"]["value"] == pytest.approx(-6e-13, rel=0.15)
+    assert best["parameters"]["c_at_1"]["value"] == pytest.approx(1.2e6, rel=0.1)
+    assert best["gap_closed"] > 0.9
+    assert (tmp_path / "out" / law["proposal"]).is_file()
+    assert (tmp_path / "out" / "law.png").is_file()
+    assert law["forms"][0]["expression"] in (tmp_path / "out" / "diagnosis.html").read_text()
+    effect = read_law(tmp_path / "out" / law["proposal"])
+    EFFECTS.keep(effect.name, effect)
+    simulated = e.simulate(plant.with_effects(effect.name), log["current"])
+    before, after = (np.std(log["p1"] - run["P_1"]) for run in (e.simulate(plant, log["current"]), simulated))
+    assert after < 0.1 * before
