@@ -95,6 +95,8 @@ def operating_point(
     resting = {name: value for name, value in given.items() if name in own or name in system.inputs}
     others = {name: 0.0 for name in system.inputs if name not in (*resting, *driven)}
     bristles = {c.bristle.name: c for c in system.contacts if structure.law(c).state_rate is not None}
+    of_effects = {s.name: s.scale for s in equations.states if s.name not in own and s.name not in bristles}
+    others |= dict.fromkeys(of_effects, 0.0)
 
     def values_of(unknown: np.ndarray) -> dict[str, float]:
         """States and inputs; the unknown of the chambers is half their pressure difference."""
@@ -114,6 +116,15 @@ def operating_point(
         # Relative to a change of each state by its scale within 10 ms (engineering judgement).
         return [found[f"{name}_dot"] / (100.0 * own[name]) for name in balanced]
 
+    # States of effects: those that move find their steady value, those of neutral effects stay at zero.
+    still = values_of(np.zeros(len(free) + len(driven)))
+    rates = signals(**still, **directions)
+    for name, scale in of_effects.items():
+        if signals(**{**still, name: scale}, **directions)[f"{name}_dot"] != rates[f"{name}_dot"]:
+            own[name] = scale
+            free.append(name)
+            balanced.append(name)
+            del others[name]
     start = np.array([0.0] * len(free) + [float(np.sign(velocity)) for _ in driven])
     solution = root(imbalance, start, tol=1e-13)
     if np.max(np.abs(solution.fun)) > 1e-6:

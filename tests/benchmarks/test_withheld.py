@@ -24,7 +24,7 @@ import score_statistics  # noqa: E402
 from answer_score import FAILED, score_answer  # noqa: E402
 from cause import Conditions  # noqa: E402
 from effect_gap import EffectGap  # noqa: E402
-from effects import IDS, OUTSIDE  # noqa: E402
+from effects import DRAWN, IDS, OUTSIDE  # noqa: E402
 from effects import draw as draw_effect  # noqa: E402
 from effects_outside import LAWS, draw_outside  # noqa: E402
 from plant import simulate  # noqa: E402
@@ -128,7 +128,7 @@ def test_a_shorter_step_changes_less_than_the_noise(rig):
     assert np.all(np.sqrt(np.mean((coarse - fine) ** 2, axis=0)) < 0.1 * noise)
 
 
-@pytest.mark.parametrize("id", IDS)
+@pytest.mark.parametrize("id", DRAWN)
 def test_every_effect_grows_from_little_to_a_gap(id):
     """At the small end of its range an effect moves the signals less than at the large end, which makes a gap."""
     spring = 5e4 if id in ("backlash", "load_spring") else 0.0

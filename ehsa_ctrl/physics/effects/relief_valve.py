@@ -1,57 +1,21 @@
 """Relief valves, from each chamber to the tank or from port to port; section 2 of the paper describes both.
 
 A static valve, whose opening is proportional to the pressure above P_crack and complete P_open_range above it, with
-flow by the orifice law Q = opening K_relief sqrt(P).
-
-A valve to the tank may have hysteresis: its flow holds it open, so that it closes at P_crack - P_hyst. A state S is 1
-once the valve has opened and 0 once it has closed, behind a lag tau_relief of the poppet, and P_crack - S P_hyst
-replaces P_crack: the further it opens, the lower the pressure that keeps it open.
+flow by the orifice law Q = opening K_relief sqrt(P). Hysteresis and valve dynamics (a lag of some 10 ms) are neglected.
 """
 
 from math import inf, sqrt
 
 import numpy as np
 
-from ._candidate import (
-    PRESSURE_SCALE,
-    CandidateEffect,
-    DiagnosisContext,
-    FreeNumber,
-    effect_number,
-    from_levels,
-    measured,
-)
-from ._effect import Effect, EffectParameter, EffectState
-
-#: Lag of the poppet [s], and typical fall of the pressure at which it closes, in P_crack. Engineering judgement:
-#: direct-acting valves close at 85 to 95 % of the cracking pressure, within some milliseconds.
-POPPET, RESEAT = 3e-3, 0.07
-#: Pressure [Pa] beyond its limit at which the poppet moves at full rate, to keep the rate continuous.
-P_LATCH = 1e4
+from ._candidate import PRESSURE_SCALE, CandidateEffect, DiagnosisContext, effect_number, from_levels, measured
+from ._effect import Effect, EffectParameter
 
 
 def relief_flow(P: float, P_crack: float, P_open_range: float, K_relief: float) -> float:
     """Flow to the tank [m3/s], zero up to P_crack."""
     opening = min(max(P - P_crack, 0.0) / P_open_range, 1.0)
     return K_relief * opening * sqrt(max(P, 0.0))
-
-
-def latch(P: float, S: float, P_crack: float, P_hyst: float, tau_relief: float) -> float:
-    """dS/dt: towards 1 above P_crack - S P_hyst, towards 0 below, so that the valve snaps; zero without hysteresis."""
-    above = P - (P_crack - S * P_hyst)
-    opening = min(max(above, 0.0) / P_LATCH, 1.0)
-    closing = min(max(-above, 0.0) / P_LATCH, 1.0)
-    return ((1.0 - S) * opening - S * closing) / tau_relief if P_hyst > 0.0 else 0.0
-
-
-def latch_1(P_1: float, S_1: float, P_crack: float, P_hyst: float, tau_relief: float) -> float:
-    """The valve of chamber 1."""
-    return latch(P_1, S_1, P_crack, P_hyst, tau_relief)
-
-
-def latch_2(P_2: float, S_2: float, P_crack: float, P_hyst: float, tau_relief: float) -> float:
-    """The valve of chamber 2."""
-    return latch(P_2, S_2, P_crack, P_hyst, tau_relief)
 
 
 def crossing(P_1: float, P_2: float, P_cross: float, P_open_range: float, K_relief: float) -> float:
@@ -62,40 +26,30 @@ def crossing(P_1: float, P_2: float, P_cross: float, P_open_range: float, K_reli
 
 
 def flow_1(
-    Q_T1: float, P_1: float, P_2: float, S_1: float,
-    P_crack: float, P_cross: float, P_open_range: float, K_relief: float, P_hyst: float,
-) -> float:  # fmt: skip
+    Q_T1: float, P_1: float, P_2: float, P_crack: float, P_cross: float, P_open_range: float, K_relief: float
+) -> float:
     """Chamber 1 loses the flow of its valve and the flow to port 2."""
-    lost = relief_flow(P_1, P_crack - S_1 * P_hyst, P_open_range, K_relief)
+    lost = relief_flow(P_1, P_crack, P_open_range, K_relief)
     return Q_T1 - (lost + crossing(P_1, P_2, P_cross, P_open_range, K_relief))
 
 
 def flow_2(
-    Q_T2: float, P_1: float, P_2: float, S_2: float,
-    P_crack: float, P_cross: float, P_open_range: float, K_relief: float, P_hyst: float,
-) -> float:  # fmt: skip
+    Q_T2: float, P_1: float, P_2: float, P_crack: float, P_cross: float, P_open_range: float, K_relief: float
+) -> float:
     """Chamber 2 loses the flow of its valve and gains the flow from port 1."""
-    lost = relief_flow(P_2, P_crack - S_2 * P_hyst, P_open_range, K_relief)
+    lost = relief_flow(P_2, P_crack, P_open_range, K_relief)
     return Q_T2 - (lost - crossing(P_1, P_2, P_cross, P_open_range, K_relief))
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """A level somewhat below the highest pressure, or the highest difference; with the flow gain nominal or free.
-
-    Under the level of a valve to the tank, with hysteresis too.
-    """
+    """A level somewhat below the highest pressure, or the highest difference; with the flow gain nominal or free."""
     pressures = measured(context, "P_1", "P_2")
     high = max((float(np.quantile(p, 0.998)) for p in pressures), default=2e7)
     low = context.value("P_0")
     levels = [low + share * (high - low) for share in (0.95, 0.8, 0.6)]
     crack = effect_number(effect, context, "P_crack", max(0.05 * (high - low), PRESSURE_SCALE))
     gain = effect_number(effect, context, "K_relief", 0.3 * context.value("K_relief"))
-    fall = FreeNumber("P_hyst", RESEAT * high, max(0.02 * high, PRESSURE_SCALE), 0.0, 0.5 * high)
-    found = [
-        from_levels(effect, crack, levels),
-        from_levels(effect, crack, levels[:2], gain),
-        from_levels(effect, crack, levels[:2], fall, gain),
-    ]
+    found = [from_levels(effect, crack, levels), from_levels(effect, crack, levels[:2], gain)]
     if len(pressures) == 2:
         top = float(np.quantile(np.abs(pressures[0] - pressures[1]), 0.998))
         levels = [share * top for share in (0.95, 0.8, 0.6)]
@@ -115,10 +69,6 @@ effect = Effect(
         EffectParameter("P_cross", "Pa", "cracking difference between the ports", inf, inf, 0.0),
         EffectParameter("P_open_range", "Pa", "rise from cracking to fully open", 10e5, 10e5, 1e4),
         EffectParameter("K_relief", "m3/(s Pa^0.5)", "flow over root of pressure, fully open", 1e-7, 1e-7, 0.0),
-        EffectParameter("P_hyst", "Pa", "closing pressure below P_crack", 0.0, 0.0, 0.0),
-        EffectParameter("tau_relief", "s", "lag of the poppet", POPPET, POPPET, 1e-4, 1.0, shape=True),
     ),
-    states=(EffectState("S_1", "1", 0.5), EffectState("S_2", "1", 0.5)),
-    adds={"S_1_dot": latch_1, "S_2_dot": latch_2},
     candidates=candidates,
 )
