@@ -141,14 +141,14 @@ def test_a_fixed_number_keeps_its_start(rig):
     assert fit.values["T_c"] != 0.03
 
 
-def test_a_shape_beside_an_infinite_number_is_searched_from_its_start(rig):
+def test_a_number_beside_an_infinite_one_is_searched_from_its_start(rig):
     """A valve that never opens has no level: the start of the refit is finite and near the truth."""
     log = record(rig.with_effects("relief_valve", P_crack=24e5))
     objective, sensitivities = objective_of(whole(rig, log), 0.03)
-    free = FreeNumber("P_crack", np.inf, 1e5), FreeNumber("tau_relief", 3e-3, 1e-3, 1e-4, 0.1)
-    candidate = CandidateEffect(EFFECTS["relief_valve"], free, ((25e5, 3e-3),))
+    free = FreeNumber("P_crack", np.inf, 1e5), FreeNumber("P_open_range", 1e6, 1e5, 1e5, 1e7)
+    candidate = CandidateEffect(EFFECTS["relief_valve"], free, ((25e5, 1e6),))
     hypotheses = Hypotheses.initial(objective, (candidate,), sensitivities, Pool(1))
 
     ((_, response, step),) = screen(hypotheses).gains(hypotheses)
 
-    assert start_values(response, step, {})["P_crack"] == pytest.approx(24e5, abs=2e5)
+    assert start_values(response, step, {})["P_crack"] == pytest.approx(24e5, abs=3e5)

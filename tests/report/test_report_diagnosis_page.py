@@ -117,6 +117,7 @@ def test_each_verdict_has_its_sections_in_its_order(pages, verdict):
     made = diagnosis(verdict)
     empty = {
         "causes": not made.effects,
+        "law": made.law is None,
         "next": made.next_experiment is None and made.location is None,
         "candidates": not made.candidates,
     }
@@ -134,7 +135,7 @@ def test_what_a_verdict_is_about_comes_before_the_rest():
         "ambiguous": "signals",
         "parameters": "signals",
         "partly": "signals",
-        "outside_catalogue": "where",
+        "outside_catalogue": "law",
         "underdetermined": "causes",
     }
 
