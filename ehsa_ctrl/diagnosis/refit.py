@@ -450,10 +450,13 @@ def refine(objective: Objective, fit: HypothesisFit, steps: int) -> HypothesisFi
     return problem.fit(x, fit.residual, J, steps, exact=True)
 
 
-def converge(objective: Objective, fit: HypothesisFit) -> HypothesisFit:
-    """Continue a fit until its cost no longer falls with a new Jacobian."""
+def refit_until_converged(
+    objective: Objective, candidates: Sequence[CandidateEffect], start: Setting
+) -> HypothesisFit | None:
+    """A fit from `start` until its cost no longer falls with a new Jacobian; None if the start can't be simulated."""
+    fit = refit(objective, candidates, start, {}, steps=STEPS_A_ROUND)
     for _ in range(MOST_ROUNDS):
-        if fit.settled:
+        if fit is None or fit.settled:
             break
         before, fit = fit.cost, refine(objective, fit, STEPS_A_ROUND)
         if fit.cost > before - CONVERGED:
@@ -472,15 +475,12 @@ def refit_thoroughly(
 
     windows: training data in short windows, None to do without.
     """
-    found = refit(objective, candidates, start, {}, steps=STEPS_A_ROUND)
-    fits = [] if found is None else [converge(objective, found)]
+    fits = [refit_until_converged(objective, candidates, start)]
     if windows is not None:
-        over_windows = replace(objective, segment=windows)
-        found = refit(over_windows, candidates, start, {}, steps=STEPS_A_ROUND)
-        if found is not None:
-            found = refit(objective, candidates, converge(over_windows, found).values, {}, steps=STEPS_A_ROUND)
-        fits += [] if found is None else [converge(objective, found)]
-    return min(fits, key=lambda fit: fit.cost, default=None)
+        over_windows = refit_until_converged(replace(objective, segment=windows), candidates, start)
+        if over_windows is not None:
+            fits.append(refit_until_converged(objective, candidates, over_windows.values))
+    return min((fit for fit in fits if fit is not None), key=lambda fit: fit.cost, default=None)
 
 
 def refit_nominal(objective: Objective, sensitivities: Mapping[str, np.ndarray], prior_factor: float = 1.0) -> Setting:

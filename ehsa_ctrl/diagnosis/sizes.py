@@ -17,7 +17,7 @@ import numpy as np
 
 from ..plant.arrays import needed_to_simulate
 from .model_selection import Selection
-from .refit import CONVERGED, STEPS_A_ROUND, TEMPER, HypothesisFit, NominalParameters, Objective, converge, refit
+from .refit import CONVERGED, TEMPER, HypothesisFit, NominalParameters, Objective, refit_until_converged
 from .scoring import Scoring
 
 #: Time constant of a filter in a typical logger, in samples. Engineering judgement.
@@ -57,7 +57,7 @@ def with_sizes(selection: Selection, scoring: Scoring, jobs: int = 1) -> tuple[S
 def fit_sizes(objective: Objective, fit: HypothesisFit) -> tuple[HypothesisFit, dict[str, float]]:
     """Refit from a hypothesis' values until the cost no longer falls; standard deviation of each free parameter."""
     random = np.random.default_rng(0)
-    fit = _refitted(objective, fit)
+    fit = refit_until_converged(objective, fit.candidates, fit.values) or fit
     for restart in range(RESTARTS + 1):
         scale, lower, upper = (np.array([getattr(f, name) for f in fit.free]) for name in ("scale", "lower", "upper"))
         x = np.array([fit.values[f.name] for f in fit.free])
@@ -77,7 +77,7 @@ def fit_sizes(objective: Objective, fit: HypothesisFit) -> tuple[HypothesisFit, 
         best = int(np.argmin(costs))
         if restart == RESTARTS or costs[best] >= fit.cost - CONVERGED:
             break
-        fit = _refitted(objective, replace(fit, values=settings[best]))
+        fit = refit_until_converged(objective, fit.candidates, settings[best]) or replace(fit, values=settings[best])
     known = np.isfinite(costs)
     scatter = float(np.median(np.abs(costs - predicted)[known])) / MEDIAN if known.any() else 0.0
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0) * (1.0 + scatter)) * scale
@@ -103,9 +103,3 @@ def uncertain(objective: Objective, fit: HypothesisFit) -> Objective:
     values, typical = (np.array([pair[i] for pair in added.values()]) for i in (0, 1))
     names, typical = (*known.names, *added), np.append(known.typical, typical)
     return replace(objective, nominal=NominalParameters(names, np.append(known.values, values), typical, typical))
-
-
-def _refitted(objective: Objective, fit: HypothesisFit) -> HypothesisFit:
-    """The converged fit from the values of another, which may be that of another objective."""
-    found = refit(objective, fit.candidates, fit.values, {}, steps=STEPS_A_ROUND)
-    return fit if found is None else converge(objective, found)
