@@ -13,9 +13,10 @@ from .diagnose import diagnose
 from .diagnosis import NAMING, Cause, Diagnosis
 from .hypothesis_model import with_every_effect
 from .improved_plant import improved_plant
+from .objective import objective_of
 from .pool import Watch
 from .records import Segment
-from .refit import objective_of, refit_nominal
+from .refit import refit_nominal
 from .validation_segment import whole_log
 
 if TYPE_CHECKING:

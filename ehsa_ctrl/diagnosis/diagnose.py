@@ -34,6 +34,7 @@ from .improved_plant import improved_plant
 from .law.find import LawBase, ProposedLaw, find_law
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
+from .objective import objective_of
 from .pool import Pool, Watch
 from .prepared_logs import (
     PreparedLogs,
@@ -46,7 +47,7 @@ from .prepared_logs import (
     unmoved_signals,
 )
 from .records import Runs, Segment, joint_gap
-from .refit import objective_of, refit_nominal
+from .refit import refit_nominal
 from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
 from .several_parameters import may_be_several, with_several_parameters
 from .signals import largest

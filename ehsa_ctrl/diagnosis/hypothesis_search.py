@@ -17,9 +17,10 @@ import numpy as np
 
 from ..physics.effects import CandidateEffect
 from .hypothesis_model import Setting
+from .objective import TEMPER, Objective
 from .pool import Pool
 from .records import Segment
-from .refit import TEMPER, HypothesisFit, Objective, refine, refit, refit_thoroughly
+from .refit import HypothesisFit, refine, refit, refit_thoroughly
 
 # The numbers below are engineering judgement: computing time against the risk of missing a cause.
 

@@ -21,7 +21,7 @@ from ..simulation.bench import CENTRING_TIME
 from ..simulation.engine import simulate_batch
 from .excitation_library import LibraryInput
 from .hypothesis_model import HypothesisModel, Setting, law_switches, with_every_effect
-from .refit import STEP, TEMPER, NominalParameters, Objective, ResidualScale
+from .objective import STEP, TEMPER, NominalParameters, Objective, ResidualScale
 from .regressors import balance_contact
 
 # The numbers below are engineering judgement.

@@ -29,7 +29,7 @@ from .hypothesis_model import HypothesisModel, Setting
 from .hypothesis_search import Hypotheses
 from .model_discrimination import FIRST_AMPLITUDE, SPRING_STIFFNESS, CandidateModels, ExperimentTrial, Pair
 from .model_selection import Selection
-from .refit import NominalParameters
+from .objective import NominalParameters
 from .verdict_text import name_of
 
 # The numbers below are engineering judgement.

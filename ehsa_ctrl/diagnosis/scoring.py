@@ -18,8 +18,9 @@ from ..plant.plant import Plant
 from .candidate_effects import with_parameters
 from .hypothesis_model import Setting
 from .hypothesis_search import Hypotheses, Task, distinct_tasks
+from .objective import Objective
 from .records import Record, Runs, Segment, mean_square_root
-from .refit import HypothesisFit, Objective
+from .refit import HypothesisFit
 from .signals import largest, signal_noise
 
 # The constants without another reason are engineering judgement, chosen with the tuning seeds of the independent bench.
@@ -303,7 +304,7 @@ def least_needed(fit: HypothesisFit, objective: Objective) -> list[CandidateEffe
     """The effects of a set that its fit can best do without, by its linear model; none of a single effect."""
     if len(fit.candidates) < 2:
         return []
-    covariance = np.linalg.pinv(fit.information(objective), rcond=1e-12, hermitian=True)
+    covariance = fit.covariance(objective)
     rise: list[tuple[float, CandidateEffect]] = []
     begin = 0
     for candidate in fit.candidates:

@@ -17,8 +17,9 @@ import numpy as np
 from ..physics.effects import CandidateEffect
 from .candidate_effects import with_parameters
 from .hypothesis_search import N_REFINE, Hypotheses, Screening, Task, distinct_tasks, start_values
+from .objective import TEMPER, Objective
 from .records import Segment
-from .refit import TEMPER, HypothesisFit, Objective
+from .refit import HypothesisFit
 
 #: Effects and pairs that are fitted beside all nominal parameters, sets that are reduced.
 SINGLES, PAIRS, REDUCED = 10, 6, 3

@@ -7,9 +7,9 @@ import ehsa_ctrl
 from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
 from ehsa_ctrl.diagnosis.hypothesis_search import MIN_GAIN, Hypotheses, Response, Screening, screen
+from ehsa_ctrl.diagnosis.objective import TEMPER, objective_of
 from ehsa_ctrl.diagnosis.pool import Pool
 from ehsa_ctrl.diagnosis.records import Record, Segment
-from ehsa_ctrl.diagnosis.refit import TEMPER, objective_of
 from ehsa_ctrl.diagnosis.signals import estimate_noise
 from ehsa_ctrl.physics.effects import CandidateEffect, Effect, FreeNumber
 

@@ -8,8 +8,9 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
 from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses, Pool, screen, start_values
+from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.records import Record, Segment
-from ehsa_ctrl.diagnosis.refit import objective_of, refit
+from ehsa_ctrl.diagnosis.refit import refit
 from ehsa_ctrl.physics.effects import EFFECTS, CandidateEffect, FreeNumber
 from ehsa_ctrl.plant.plant import Sensor
 

@@ -7,8 +7,8 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
+from ehsa_ctrl.diagnosis.objective import NominalParameters, Objective, ResidualScale
 from ehsa_ctrl.diagnosis.records import Record, Segment
-from ehsa_ctrl.diagnosis.refit import NominalParameters, Objective, ResidualScale
 from ehsa_ctrl.diagnosis.scoring import input_noise_effect
 
 NOISE = {"speed": 0.5, "p1": 1.5e4, "p2": 1.5e4, "position": 2e-5, "force": 15.0}

@@ -11,8 +11,8 @@ from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.gap_attribution import attribute_gap
 from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
 from ehsa_ctrl.diagnosis.injection import simulate_injections
+from ehsa_ctrl.diagnosis.objective import ResidualScale, nominal_parameters
 from ehsa_ctrl.diagnosis.records import Segment
-from ehsa_ctrl.diagnosis.refit import ResidualScale, nominal_parameters
 from ehsa_ctrl.diagnosis.signals import estimate_noise
 from ehsa_ctrl.diagnosis.unknown_inputs import balance_signals, unknown_inputs
 from ehsa_ctrl.diagnosis.validation_segment import gap, whole_log

@@ -18,7 +18,8 @@ from ehsa_ctrl.diagnosis.excitation_library import library_inputs
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
 from ehsa_ctrl.diagnosis.model_discrimination import CandidateModels
 from ehsa_ctrl.diagnosis.next_experiment import next_experiment
-from ehsa_ctrl.diagnosis.refit import NominalParameters, Objective, ResidualScale, refit
+from ehsa_ctrl.diagnosis.objective import NominalParameters, Objective, ResidualScale
+from ehsa_ctrl.diagnosis.refit import refit
 from ehsa_ctrl.physics.effects import EFFECTS, CandidateEffect, FreeNumber
 from ehsa_ctrl.simulation.bench import record
 from ehsa_ctrl.simulation.excitation import excitation

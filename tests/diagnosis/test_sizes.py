@@ -4,9 +4,10 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
+from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, split_logs
 from ehsa_ctrl.diagnosis.records import Segment
-from ehsa_ctrl.diagnosis.refit import objective_of, refit
+from ehsa_ctrl.diagnosis.refit import refit
 from ehsa_ctrl.diagnosis.sizes import fit_sizes, uncertain
 
 #: What is off on the rig, as factors; the bulk modulus is not among the parameters that the search refits.

@@ -11,8 +11,8 @@ from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.diagnose import diagnose
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
+from ehsa_ctrl.diagnosis.objective import ResidualScale, objective_of
 from ehsa_ctrl.diagnosis.records import Record, Segment, joint_gap
-from ehsa_ctrl.diagnosis.refit import ResidualScale, objective_of
 from ehsa_ctrl.diagnosis.signals import estimate_noise
 from ehsa_ctrl.diagnosis.together import check_together
 

@@ -16,9 +16,10 @@ from ...physics.effects import ADDENDS, LawFile, LawLog, law_text
 from ..free_curve import BETTER, CurveLog, joined, total_gap
 from ..injection import Injection
 from ..model_selection import Reference
+from ..objective import NominalParameters
 from ..place_sets import InjectionCase
 from ..pool import Pool
-from ..refit import HypothesisFit, NominalParameters
+from ..refit import HypothesisFit
 from ..regimes import MIN_WINDOWS, Windows
 from ..scoring import ScoredHypothesis, Scoring
 from ..unknown_inputs import BalanceSignals, unknown_inputs

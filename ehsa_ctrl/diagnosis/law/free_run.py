@@ -10,9 +10,10 @@ import numpy as np
 from ...physics.effects import EFFECTS, CandidateEffect, Effect, LawFile, effect_of, law_candidate
 from ...plant.plant import Plant
 from ..hypothesis_model import HypothesisModel
+from ..objective import Objective
 from ..pool import Pool
 from ..records import Segment
-from ..refit import HypothesisFit, Objective, refit
+from ..refit import HypothesisFit, refit
 from ..scoring import ScoredHypothesis, Scoring
 from .grammar import Term, put
 from .regression import STABLE, LawFit
