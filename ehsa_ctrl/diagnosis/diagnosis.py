@@ -16,7 +16,7 @@ from ..plant.file import label
 from ..plant.plant import Plant, Sensor
 from .records import joint_gap
 from .signals import gap, scored_signals, signal_noise
-from .verdict_text import name_of, nearest_sentence, verdict_sentence
+from .verdict_text import name_of, nearest_sentence, the_data, verdict_sentence
 
 if TYPE_CHECKING:
     import pandas
@@ -306,7 +306,7 @@ class Diagnosis(Result):
             )
             lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")
             if cause.ambiguous_with:
-                lines.append(f"    this log can't separate it from {' and '.join(cause.ambiguous_with)}")
+                lines.append(f"    {the_data(self)} can't separate it from {' and '.join(cause.ambiguous_with)}")
         if self.nearest_sentence:
             lines.append(f"  {self.nearest_sentence}")
         if self.law is not None:

@@ -37,7 +37,8 @@ def verdict_sentence(d: Diagnosis) -> str:
         return f"The gap ({size}) comes from {names}{_closed(d, seen=seen)}."
     if d.verdict == "ambiguous":
         sets = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in d.effects)
-        return f"The gap ({size}) comes from {sets}{_closed(d, seen=seen)}; this log can't separate these alternatives."
+        untold = f"{the_data(d)} can't separate these alternatives"
+        return f"The gap ({size}) comes from {sets}{_closed(d, seen=seen)}; {untold}."
     if d.verdict == "parameters":
         numbers = f"{_numbers(d)}{_closed(d, seen=seen)}"
         return f"Wrong nominal values cause the gap ({size}), and no effect is needed: {numbers}."
@@ -49,7 +50,12 @@ def verdict_sentence(d: Diagnosis) -> str:
         return f"No effect of the catalogue explains the gap ({size}).{place}"
     if not d.effects:
         return f"The gap ({size}) is the sum of several errors, each below the threshold.{place}"
-    return f"The excitation of this log can't separate the possible causes of the gap ({size}): {names}.{place}"
+    return f"The excitation of {the_data(d)} can't separate the possible causes of the gap ({size}): {names}.{place}"
+
+
+def the_data(d: Diagnosis) -> str:
+    """One log or several, as the subject of a sentence."""
+    return "these logs" if d.logs else "this log"
 
 
 def _numbers(d: Diagnosis) -> str:
@@ -81,7 +87,7 @@ def _place(d: Diagnosis) -> str:
         return ""
     place = d.where[0][0]
     if d.location is not None and place in d.location.unobserved and not d.effects:
-        (why,) = d.location.untold or ("the channels of this log do not show it",)
+        (why,) = d.location.untold or (f"the channels of {the_data(d)} do not show it",)
         return f" Its place is unknown: {why}."
     return " It lies in a sensor." if place == "sensor" else f" It lies in the {place} balance."
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -10,6 +10,7 @@ from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from ..core.errors import InputError
 from ..core.log import Log
+from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from .logged_inputs import acting_drive, undo_sensor
 
@@ -34,7 +35,8 @@ def balance_signals(plant: Plant, log: Log, method: Method, cutoff: float) -> Me
 
     Sensors are undone (filter, delay, bias, scale), and the input acts after its dead time. A speed without a channel
     is the slope of its position: of a cubic over seven samples ("weak"), or by central differences of the position
-    after a fourth-order zero-phase Butterworth filter at `cutoff` Hz ("filtered").
+    after a fourth-order zero-phase Butterworth filter at `cutoff` Hz ("filtered"). States of effects follow from the
+    log where they can (`EffectState.along`).
     """
     system, dt, filtered = plant.structure.system, log.sample_time, method == "filtered"
     channels = {channel: undo_sensor(plant, log, channel) for channel in system.channels if channel in log.channels}
@@ -74,6 +76,10 @@ def balance_signals(plant: Plant, log: Log, method: Method, cutoff: float) -> Me
     for name in [*(state.name for state in system.states), *system.inputs]:
         if name in values:
             values[f"{name}_rate"] = np.gradient(values[name], dt) if filtered else _slope(values[name], dt)
+    measured_log = replace(log, channels={**log.channels, **channels})
+    for effect in map(EFFECTS.__getitem__, plant.structure.effects):
+        # States without a sensor, from the signals that drive them.
+        values |= {state.name: state.along(measured_log, plant.values) for state in effect.states if state.along}
     for contact in system.all_contacts:
         if contact.velocity in values and contact.acceleration_channel in channels:
             values[f"{contact.velocity}_rate"] = channels[contact.acceleration_channel]

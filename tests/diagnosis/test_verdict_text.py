@@ -7,7 +7,7 @@ import pytest
 
 from ehsa_ctrl import load_plant
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.diagnosis import Cause, CauseParameter, Diagnosis
+from ehsa_ctrl.diagnosis.diagnosis import Cause, CauseParameter, Diagnosis, LogGap
 
 
 def found(verdict, held, whole, after=0.0):
@@ -60,3 +60,16 @@ def test_a_parameter_that_the_plant_lacks_has_no_nominal_value():
 
     assert effect["parameters"]["sigma_0"]["nominal"] is None
     assert effect["parameters"]["A_FR"]["nominal"] == 854.0
+
+
+def test_several_logs_are_spoken_of_in_the_plural():
+    """In the headline and below each cause."""
+    log = Log(np.array([0.0, 0.004]), {"current": np.zeros(2)})
+    one = found("ambiguous", 0.147, 0.161)
+    cause = replace(one.effects[0], ambiguous_with=("orifice_leakage",))
+    own = LogGap(log, one.gap, one.whole, {}, "the last third of log.csv", (), {})
+    several = str(replace(one, effects=(cause,), logs=(own, own)))
+
+    assert "; these logs can't separate these alternatives." in several.splitlines()[0]
+    assert "    these logs can't separate it from orifice_leakage" in several and "this log" not in several
+    assert "this log can't separate" in str(replace(one, effects=(cause,)))

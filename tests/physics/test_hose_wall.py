@@ -5,7 +5,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.physics.effects._late_pressure import late_rise
+from ehsa_ctrl.physics.effects import EFFECTS
 
 CURRENT = 2.0 * np.sin(np.linspace(0.0, 12.0, 501))
 
@@ -33,10 +33,11 @@ def test_the_wall_along_a_log_is_that_of_its_run(plant):
     run = ehsa_ctrl.simulate(plant.with_effects("hose_wall", C_h=1e-12, tau_h=0.1), CURRENT)
     log = Log(run.time, {"p1": run["P_1"]})
 
-    found = late_rise("p1", 0.1)(log, plant.values)
+    wall_1, wall_2 = EFFECTS["hose_wall"].states
+    found = wall_1.along(log, plant.values)
 
     np.testing.assert_allclose(found, run["P_W1"], atol=0.03 * np.max(np.abs(run["P_W1"])))
-    assert not late_rise("p2", 0.1)(log, plant.values).any()
+    assert not wall_2.along(log, plant.values).any()
 
 
 def test_a_held_pressure_fills_the_wall(plant):

@@ -161,7 +161,7 @@ def test_a_sensor_is_read_in_the_unit_of_its_channel(pages):
 def test_what_no_log_could_tell_is_said_with_its_reason(pages):
     """Apart from what this log alone does not tell."""
     assert "line_pressure_drop: a laminar drop acts as viscous rod friction" in words_of(pages["ambiguous"])
-    assert "This log cannot distinguish it from sensor_scale" in words_of(pages["underdetermined"])
+    assert "The data cannot distinguish it from sensor_scale" in words_of(pages["underdetermined"])
     assert "No log with these channels" not in words_of(pages["underdetermined"])
 
 

@@ -66,7 +66,7 @@ class EffectState:
     """A state that an effect adds; its rate is the signal NAME_dot of the effect. scale: as in `plant.system.State`.
 
     In a run that starts in motion, its initial value is zero, or that of the input `starts_at`, or that of `along`
-    (log, plant's parameters -> (N,)) at the sample.
+    (log, plant's parameters -> (N,)) at the sample. Balances of a log take its course from `along`.
     """
 
     name: str

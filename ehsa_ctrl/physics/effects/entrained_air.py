@@ -2,8 +2,9 @@
 
 Oil of bulk modulus beta contains a volume share a of air at atmospheric pressure p_a, which is compressed
 polytropically with exponent n. With r = (p_a / p)^(1/n), p absolute, the mixture has
-1/beta_mix = (1/beta + a r / (n p)) / (1 + a r), so the pressure rates of (11) are multiplied by
-beta_mix / beta = (1 + a r) / (1 + a r beta / (n p)).
+1/beta_mix = (1/beta + a r / (n p)) / (1 + a r), with beta_mix / beta = (1 + a r) / (1 + a r beta / (n p)). A chamber
+counts as the larger volume of pure oil that yields as much, V beta / beta_mix, in the pressure rates of (11) and in the
+flow balance.
 
 Air dissolves in proportion to the pressure (Henry's law), but late: with P_H, the rise of the pressure above P_0 behind
 a lag tau_diss, the free share is a (1 - P_H / P_diss). An infinite P_diss keeps all air free.
@@ -12,8 +13,8 @@ a lag tau_diss, the free share is a (1 - P_H / P_diss). An infinite P_diss keeps
 from math import inf
 
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, effect_number
-from ._effect import Effect, EffectParameter, EffectState
-from ._late_pressure import late_rise
+from ._effect import Effect, EffectParameter
+from ._late_pressure import late_pressures
 
 P_ATM = 101325.0
 #: Typical lag of the dissolution [s], and bounds of the share of a that is free. Engineering judgement.
@@ -32,18 +33,18 @@ def free_air(air_fraction: float, P_H: float, P_diss: float) -> float:
     return air_fraction * min(max(1.0 - P_H / P_diss, LEAST_FREE), MOST_FREE)
 
 
-def rate_1(
-    P_1_dot: float, P_1: float, P_H1: float, beta: float, air_fraction: float, n_air: float, P_diss: float
+def volume_1(
+    V_1: float, P_1: float, P_H1: float, beta: float, air_fraction: float, n_air: float, P_diss: float
 ) -> float:
-    """The pressure of chamber 1 changes more slowly."""
-    return P_1_dot * softening(P_1, beta, free_air(air_fraction, P_H1, P_diss), n_air)
+    """Volume of oil that yields like chamber 1 with its air [m3]."""
+    return V_1 / softening(P_1, beta, free_air(air_fraction, P_H1, P_diss), n_air)
 
 
-def rate_2(
-    P_2_dot: float, P_2: float, P_H2: float, beta: float, air_fraction: float, n_air: float, P_diss: float
+def volume_2(
+    V_2: float, P_2: float, P_H2: float, beta: float, air_fraction: float, n_air: float, P_diss: float
 ) -> float:
-    """The pressure of chamber 2 changes more slowly."""
-    return P_2_dot * softening(P_2, beta, free_air(air_fraction, P_H2, P_diss), n_air)
+    """The same for chamber 2."""
+    return V_2 / softening(P_2, beta, free_air(air_fraction, P_H2, P_diss), n_air)
 
 
 def dissolving_1(P_1: float, P_H1: float, P_0: float, air_fraction: float, P_diss: float, tau_diss: float) -> float:
@@ -74,17 +75,14 @@ effect = Effect(
     place="flow",
     summary="free air makes the oil soft at low pressure",
     fingerprint="pressures change slowly when low and fast when high; the low chamber's changes are the smaller ones",
-    changes={"P_1_dot": rate_1, "P_2_dot": rate_2},
+    changes={"V_1": volume_1, "V_2": volume_2},
     parameters=(
         EffectParameter("air_fraction", "1", "volume share of free air at 1 atm", 0.0, 0.01, 0.0, 0.3),
         EffectParameter("n_air", "1", "polytropic exponent", 1.2, 1.2, 1.0, 1.4),
         EffectParameter("P_diss", "Pa", "rise at which all air dissolves; infinite: none", inf, inf, 1e5, shape=True),
         EffectParameter("tau_diss", "s", "lag of the dissolution", TAU_DISS, TAU_DISS, 0.01, 1e4, shape=True),
     ),
-    states=(
-        EffectState("P_H1", "Pa", 5e5, along=late_rise("p1", TAU_DISS)),
-        EffectState("P_H2", "Pa", 5e5, along=late_rise("p2", TAU_DISS)),
-    ),
+    states=late_pressures("P_H", "tau_diss", TAU_DISS),
     adds={"P_H1_dot": dissolving_1, "P_H2_dot": dissolving_2},
     candidates=candidates,
     source="volume balance of oil and polytropic air, derived here; Henry's law with a first-order lag",

@@ -47,7 +47,7 @@ def cause_section(cause: Content, content: Content) -> Section:
     similar = [other for other in cause["ambiguous_with"] if other not in why]
     if similar:
         blocks.append(
-            Paragraph(f"This log cannot distinguish it from {join_words(similar)}; another excitation is needed.")
+            Paragraph(f"The data cannot distinguish it from {join_words(similar)}; another excitation is needed.")
         )
     equivalent = [f"{other}: {why[other]}" for other in cause["ambiguous_with"] if other in why]
     if equivalent:

@@ -27,11 +27,11 @@ SENSOR_SHARE = 0.05
 VERDICTS: dict[str, tuple[State, str]] = {
     "no_gap": (True, "no relevant gap"),
     "effect": (True, "the cause is identified"),
-    "ambiguous": (DOUBT, "several causes that this log cannot distinguish"),
+    "ambiguous": (DOUBT, "several causes that the data cannot distinguish"),
     "parameters": (True, "nominal values are wrong, no effect is needed"),
     "partly": (DOUBT, "the cause of part of the gap is identified"),
     "outside_catalogue": (False, "no known effect explains the gap"),
-    "underdetermined": (DOUBT, "the log does not show the cause"),
+    "underdetermined": (DOUBT, "the data do not show the cause"),
 }
 #: Order of the sections for each verdict: those that explain it come first.
 ORDER = {
