@@ -207,6 +207,8 @@ def _quality(found: Diagnosis) -> str:
     """What the improved plant is worth."""
     from ..diagnosis.diagnosis import NAMING
 
+    if found.law is not None:
+        return "corrected (by a proposed law, its effect beside it)"
     if found.verdict == "partly":
         return "partly corrected"
     return "corrected" if found.verdict in NAMING else "refitted (no cause is named)"

@@ -143,7 +143,7 @@ def _print(batch: LogBatch, out: Path | None) -> None:
         )
     console = Console(highlight=False)
     console.print(table)
-    console.print("gap, after: total gap on held-out data, of the nominal plant and with the causes added")
+    console.print("gap, after: total gap on held-out data, of the nominal plant and with the law or the causes added")
     for row in batch.failed:
         console.print(Text(row.error, "red"))
     words = ", ".join(f"{count} {word}" for word, count in batch.counts.items())

@@ -46,7 +46,7 @@ class Row:
     cause, probability: of the first cause. set: this cause and those that explain the log as well. causes: these
         sets of all causes.
     place: with the largest share of the gap.
-    gap_before, gap_after: total gap on held-out data, of the nominal plant and with the causes.
+    gap_before, gap_after: total gap on held-out data, of the nominal plant and with the law or else the causes.
     seconds: computing time. error: why the diagnosis failed. digest: hash of the log's content.
     """
 
@@ -79,7 +79,7 @@ class Row:
             probability=first.probability if first else math.nan,
             place=found.where[0][0] if found.where else "",
             gap_before=found.gap["nominal"]["total"],
-            gap_after=found.gap["with_effects"]["total"],
+            gap_after=found.gap.get("with_law", found.gap["with_effects"])["total"],
             seconds=found.seconds,
             digest=digest,
             causes=tuple((cause.name, *cause.ambiguous_with) for cause in found.effects),

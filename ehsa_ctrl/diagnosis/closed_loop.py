@@ -50,8 +50,9 @@ class LoopComparison:
         """Content of closed_loop.json, SI units."""
         replay, gaps = self.replay, {}
         if replay is not None:
-            # The nominal plant and the one with the causes, by the names that they have here.
-            gaps = dict(zip(self.metrics, (replay.gap["nominal"], replay.gap["with_effects"]), strict=False))
+            # The nominal plant and the improved one, by the names that they have here.
+            improved = replay.gap.get("with_law", replay.gap["with_effects"])
+            gaps = dict(zip(self.metrics, (replay.gap["nominal"], improved), strict=False))
         return as_dict(
             self, "scenario controller failures", plants=list(self.metrics),
             metrics={

@@ -142,7 +142,7 @@ def replay_loop(found: Diagnosis, case: LoopCase) -> tuple[ClosedLoopReplay, lis
     score = _Score(found.plant, log, rows, noise)
     loops = {model: case.run(plant, lag, None) for model, plant in models_of(found).items()}
     gaps: dict[str, Mapping[str, float]] = {model: score.gap(_readings(loop)) for model, loop in loops.items()}
-    best = models_of(found)["with_effects"]
+    word, best = list(models_of(found).items())[-1]
     gaps["upper_bound"] = upper_bound(gaps, found.location) if found.location is not None else gaps["nominal"]
     channels = {model: _readings(loop) | {"drive": loop.trajectory.current} for model, loop in loops.items()}
     measured = {channel: log[channel][:n] for channel in system.positions} | {"drive": log[system.drive][:n]}
@@ -150,7 +150,7 @@ def replay_loop(found: Diagnosis, case: LoopCase) -> tuple[ClosedLoopReplay, lis
     replayed = ClosedLoopReplay(
         case.controller.name, lag, gaps,
         {model: replace(score, rows=np.ones(n, dtype=bool)).gap(_readings(loop)) for model, loop in loops.items()},
-        score.floor([_readings(case.run(best, lag, seed)) for seed in range(REHEARSALS)], loops["with_effects"], best),
+        score.floor([_readings(case.run(best, lag, seed)) for seed in range(REHEARSALS)], loops[word], best),
         {model: score.rms(log[position], run[position]) for model, run in channels.items()},
         {model: score.rms(log[system.drive], run["drive"], relative=True) for model, run in channels.items()},
         score.rms(case.reference[:n, 0], log[position]), difference, log.time[:n], measured,
@@ -160,10 +160,12 @@ def replay_loop(found: Diagnosis, case: LoopCase) -> tuple[ClosedLoopReplay, lis
 
 
 def models_of(found: Diagnosis) -> dict[str, Plant]:
-    """Model of a diagnosis -> plant: as believed, with refitted parameters, and with the causes."""
+    """Model of a diagnosis -> plant: as believed, with refitted parameters, with the causes, and last with a law."""
     refit = found.values.get("refit", {})
     refitted = improved_plant(found.plant, (), refit, {}) if refit else found.plant
-    return {"nominal": found.plant, "refit": refitted, "with_effects": found.improved or found.plant}
+    improved = found.improved or found.plant
+    models = {"nominal": found.plant, "refit": refitted, "with_effects": found.with_causes or improved}
+    return models | ({"with_law": improved} if found.law is not None else {})
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,8 @@ from .hypothesis_model import (
 )
 from .hypothesis_search import Hypotheses, search
 from .improved_plant import improved_plant
-from .law.find import LawBase, ProposedLaw, find_law
+from .law.find import FoundLaw, LawBase, find_law
+from .law.free_run import with_effect
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
 from .objective import objective_of
@@ -256,9 +258,14 @@ def _diagnose_selection(
         {one.log.name: place for one, place in zip(prepared.logs, locations, strict=True)},
         [own["total"] for own in own_gaps] or [1.0] * len(locations),
     )
+    law = _law(prepared, segments, hypotheses, scoring, reference, selection, improved)
+    with_causes = improved if law is not None else None
+    if law is not None:
+        segments = segments.each(partial(with_effect, effect=law.effect))
+        values["with_law"] = {n: v for n, v in law.values.items() if v != prepared.model.nominal_value(n)}
+        improved = improved_plant(plant, law.candidates, values["with_law"], law.sd)
     gap = {model: segments.held_out.gap(setting) for model, setting in values.items()}
     gap["upper_bound"] = upper_bound(gap, location)
-    law = _law(prepared, segments, hypotheses, scoring, reference, selection, improved)
     causes: tuple[Cause, ...] = ()
     if selection.verdict != "outside_catalogue":
         causes = build_causes(plant, selection, scoring, known, sd, gap, [one.log for one in prepared.logs])
@@ -297,7 +304,8 @@ def _diagnose_selection(
         improved=replace(improved, title=f"{plant.title} (diagnosis: {verdict})"),
         floor=reference.floors[1],
         rest=explanation.rest,
-        law=law,
+        law=None if law is None else law.proposed,
+        with_causes=with_causes,
         nearest=related_effects(selection, scoring, reference) if verdict in ("outside_catalogue", "partly") else (),
         runs=hypotheses.objective.count.total,
     )
@@ -311,7 +319,7 @@ def _law(
     reference: Reference,
     selection: Selection,
     improved: Plant,
-) -> ProposedLaw | None:
+) -> FoundLaw | None:
     """The law of what no effect of the catalogue explains, beside the causes if some are named."""
     if selection.verdict not in ("outside_catalogue", "partly"):
         return None

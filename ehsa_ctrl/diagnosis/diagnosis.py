@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from .closed_loop_replay import ClosedLoopReplay
     from .gap_attribution import Location
-    from .law.find import ProposedLaw
+    from .law.proposed import ProposedLaw
     from .next_experiment import NextExperiment
 
 Verdict = Literal["no_gap", "effect", "ambiguous", "partly", "parameters", "outside_catalogue", "underdetermined"]
@@ -37,6 +37,8 @@ MODELS = {
     "with_effects": "with the causes",
     "upper_bound": "with free unknown inputs",
 }
+#: The same with that of a proposed law, if there is one.
+MODEL_WORDS = MODELS | {"with_law": "with the proposed law"}
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,8 @@ class Diagnosis(Result):
     law: law that the catalogue lacks, for what the causes leave; None if none is clearly better.
     candidates: all scored hypotheses, the best first.
     location: place of the gap, found without the catalogue of effects.
-    improved: the plant with the causes added, or with refitted nominal parameters if none is named; None without a gap.
+    improved: the plant with the law, else with the causes added, or with refitted nominal parameters if none is named;
+        None without a gap. with_causes: without the law, if there is one.
     next_experiment: the proposed experiment in words. experiment: its input, if there is one.
     closed_loop: the same models under the controller of the log; None without a closed-loop replay.
     findings: warnings on the log and notes on the gaps. seconds: computing time. runs: number of simulations.
@@ -184,6 +187,7 @@ class Diagnosis(Result):
     candidates: tuple[RankedHypothesis, ...] = ()
     location: Location | None = None
     improved: Plant | None = field(default=None, repr=False)
+    with_causes: Plant | None = field(default=None, repr=False)
     held_spans: tuple[tuple[float, float], ...] = ()
     logs: tuple[LogGap, ...] = ()
     next_experiment: str | None = None
@@ -291,9 +295,9 @@ class Diagnosis(Result):
         if self.closed_loop is not None:
             loop = self.closed_loop
             lines += _gap_table("in closed loop (%)", loop.gap)
-            rows = [f"{MODELS[model]} {1e3 * value:.3g} mm" for model, value in loop.position_error.items()]
+            rows = [f"{MODEL_WORDS[model]} {1e3 * value:.3g} mm" for model, value in loop.position_error.items()]
             lines.append(f"  position error with {loop.controller} (RMS): {', '.join(rows)}")
-            rows = [f"{MODELS[model]} {100.0 * value:.2f} %" for model, value in loop.drive_gap.items()]
+            rows = [f"{MODEL_WORDS[model]} {100.0 * value:.2f} %" for model, value in loop.drive_gap.items()]
             lines.append(f"  gap of the drive: {', '.join(rows)}")
         if self.where:
             lines.append(
@@ -309,8 +313,6 @@ class Diagnosis(Result):
                 lines.append(f"    {the_data(self)} can't separate it from {' and '.join(cause.ambiguous_with)}")
         if self.nearest_sentence:
             lines.append(f"  {self.nearest_sentence}")
-        if self.law is not None:
-            lines.append(f"  {self.law.sentence}")
         if self.next_experiment:
             lines.append(f"  next experiment: {self.next_experiment}")
         return "\n".join(lines)
@@ -321,7 +323,7 @@ def _gap_table(title: str, gap: Mapping[str, Mapping[str, float]]) -> list[str]:
     signals = tuple(next(iter(gap.values())))
     lines = [f"  {title:<28}" + "".join(f"{signal:>14}" for signal in signals)]
     lines += [
-        f"  {MODELS[model]:<28}" + "".join(f"{100.0 * gaps[signal]:>14.2f}" for signal in signals)
+        f"  {MODEL_WORDS[model]:<28}" + "".join(f"{100.0 * gaps[signal]:>14.2f}" for signal in signals)
         for model, gaps in gap.items()
     ]
     return lines

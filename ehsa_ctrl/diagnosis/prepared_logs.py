@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..core.errors import InputError
@@ -86,6 +86,11 @@ class Segments:
     training: Segment
     held_out: Segment
     splits: tuple[Split, ...] | None
+
+    def each(self, change: Callable[[Segment], Segment]) -> Segments:
+        """The same segments, changed one by one."""
+        whole, training, held_out = map(change, (self.whole, self.training, self.held_out))
+        return Segments(whole, training, held_out, self.splits)
 
 
 def prepare_logs(

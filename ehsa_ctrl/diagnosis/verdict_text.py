@@ -42,6 +42,8 @@ def verdict_sentence(d: Diagnosis) -> str:
     if d.verdict == "parameters":
         numbers = f"{_numbers(d)}{_closed(d, seen=seen)}"
         return f"Wrong nominal values cause the gap ({size}), and no effect is needed: {numbers}."
+    if d.law is not None:
+        return f"The gap ({size}) follows a law that the catalogue lacks{_law(d)}"
     place = _place(d)
     if d.verdict == "partly":
         left = f" What is left: {d.rest}." if d.rest else ""
@@ -79,6 +81,17 @@ def _closed(d: Diagnosis, *, seen: bool) -> str:
     share = 1.0 - d.gap["with_effects"]["total"] / d.gap["nominal"]["total"]
     closes, where = "closes" if len(d.effects) == 1 else "close", "there" if seen else "on held-out data"
     return f", which {closes} {100 * share:.0f} % of the total gap {where}"
+
+
+def _law(d: Diagnosis) -> str:
+    """The law, how much of the gap it closes, and how much of it the causes close that it replaces."""
+    assert d.law is not None
+    beside = f" beside {join_words(d.law.beside)}" if d.law.beside else ""
+    closed = f"{100 * d.law.forms[0].gap_closed:.0f} % of the total gap on held-out data"
+    instead = [cause.name for cause in d.effects if cause.id not in d.law.beside]
+    share = f"{100 * d.explained:.0f} %"
+    others = f" Without it, {join_words(instead)} would close {share}." if instead and not d.law.beside else ""
+    return f"{beside}, which closes {closed}: {d.law.words}.{others}"
 
 
 def _place(d: Diagnosis) -> str:

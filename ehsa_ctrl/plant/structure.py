@@ -10,10 +10,11 @@ import inspect
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from typing import Any
 
 from ..core.errors import InputError, choices
 from ..core.log import CHANNELS
-from ..physics.effects import EFFECTS, Effect
+from ..physics.effects import EFFECTS, Effect, effect_of
 from ..physics.friction import LAWS, SYMBOLS, FrictionLaw
 from .system import Contact, System
 from .systems import SYSTEMS
@@ -160,8 +161,15 @@ class Structure:
         return wire(self, self.parts)
 
     def __getstate__(self) -> dict[str, object]:
-        """The names alone: another process wires them again."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        """The names, and laws that this process alone knows: another process wires them again."""
+        kept = {name: EFFECTS[name].law for name in self.effects if name not in EFFECTS.members()}
+        return {one.name: getattr(self, one.name) for one in fields(self)} | {"kept": kept}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, law in state["kept"].items():
+            if law is not None:
+                EFFECTS.keep(name, effect_of(name, law.definition, law.where))
+        vars(self).update({name: value for name, value in state.items() if name != "kept"})
 
     @property
     def parts(self) -> tuple[object, ...]:

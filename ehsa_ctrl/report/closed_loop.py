@@ -10,7 +10,7 @@ from typing import Any
 
 from ..core.unit import factor
 from ..diagnosis.closed_loop_replay import MAX_DRIVE_DIFFERENCE
-from ..diagnosis.diagnosis import MODELS
+from ..diagnosis.diagnosis import MODEL_WORDS
 from ..scenario.metrics import METRICS
 from .outcome import models_shown
 from .page import DOUBT, Paragraph, Picture, Section, Sentence, Table
@@ -59,7 +59,7 @@ def closed_loop_section(closed: Mapping[str, Any]) -> Section:
 def replay_section(content: Mapping[str, Any]) -> Section:
     """The gaps of the models under the controller of the log."""
     gaps, loop, free = content["closed_loop"], content["closed_loop_replay"], content["gap"]
-    models = [model for model in models_shown(content["verdict"], gaps) if model in MODELS]
+    models = [model for model in models_shown(content["verdict"], gaps) if model in MODEL_WORDS]
     rows = []
     for name in gaps["nominal"]:
         words = name if name == "total" else "position" if name == "position" else signal_display(name).words
@@ -82,10 +82,10 @@ def replay_section(content: Mapping[str, Any]) -> Section:
             Picture("closed_loop_replay", "Closed-loop replay", caption),
             Table(
                 "Gap on held-out data in closed loop, in % of the signal's standard deviation; floor: by sensor noise",
-                ["signal", "free run\nnominal", *(MODELS[model] for model in models), "floor"],
+                ["signal", "free run\nnominal", *(MODEL_WORDS[model] for model in models), "floor"],
                 rows,
             ),
-            Table("On held-out data in closed loop", ["", *(MODELS[model] for model in driven)], errors),
+            Table("On held-out data in closed loop", ["", *(MODEL_WORDS[model] for model in driven)], errors),
         ],
         "closed_loop_replay",
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 
 from ..diagnosis.diagnosis import NAMING
 
@@ -13,23 +13,27 @@ OUTCOMES = {
 }  # fmt: skip
 
 
-def after_model(verdict: str) -> str | None:
-    """The model shown as "after": with the named causes, else the refit; None without a gap."""
+def after_model(verdict: str, models: Container[str]) -> str | None:
+    """The model shown as "after": with the law, else with the named causes, else the refit; None without a gap.
+
+    models: those of the result.
+    """
     if verdict == "no_gap":
         return None
+    if "with_law" in models:
+        return "with_law"
     return "with_effects" if verdict in NAMING else "refit"
 
 
-def after_words(verdict: str, causes: int) -> str:
+def after_words(verdict: str, causes: int, models: Container[str]) -> str:
     """Description of the model shown as "after"."""
-    if after_model(verdict) == "with_effects":
-        return f"with the cause{'s' if causes > 1 else ''} found"
-    return "with nominal parameters refitted"
+    words = {"with_effects": f"with the cause{'s' if causes > 1 else ''} found", "with_law": "with the law found"}
+    return words.get(after_model(verdict, models) or "", "with nominal parameters refitted")
 
 
 def models_shown(verdict: str, models: Iterable[str]) -> list[str]:
     """The models whose gaps are meaningful: "with_effects" only if causes are named, none but nominal without a gap."""
-    omitted = {"no_gap": ("refit", "with_effects", "upper_bound")} | dict.fromkeys(NAMING, ())
+    omitted = {"no_gap": ("refit", "with_effects", "with_law", "upper_bound")} | dict.fromkeys(NAMING, ())
     return [model for model in models if model not in omitted.get(verdict, ("with_effects",))]
 
 

@@ -10,10 +10,12 @@ import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.diagnosis import MODELS, Cause, CauseParameter, Diagnosis, RankedHypothesis
 from ehsa_ctrl.diagnosis.gap_attribution import Location
+from ehsa_ctrl.diagnosis.law.proposed import LawForm, ProposedLaw
 from ehsa_ctrl.diagnosis.regimes import Regime
 from ehsa_ctrl.diagnosis.unknown_inputs import UNITS
+from ehsa_ctrl.physics.effects import LawFile
 
-VERDICTS = ("no_gap", "effect", "pair", "ambiguous", "outside_catalogue", "underdetermined")
+VERDICTS = ("no_gap", "effect", "pair", "ambiguous", "outside_catalogue", "law", "underdetermined")
 #: A file's name that is no HTML.
 AWKWARD = "log <script>alert(1).csv"
 #: Samples, and the one from which a gap is five times as large.
@@ -86,6 +88,16 @@ BIAS = Cause(
     "sensor_bias", "p1", "sensor", 0.6, {"value": CauseParameter(5e4, 500.0, "Pa")}, ("sensor_scale",), 0.0, 0.5
 )
 
+PARAMETERS = {"c_1": {"value": 4e5, "unit": "N s3/m3", "neutral": 0.0, "sd": 2e4}}
+CUBIC = ProposedLaw(
+    "force", ("v",),
+    (LawForm(LawFile.model_validate({
+        "schema": 1, "status": "proposed", "summary": "cubic drag", "adds_to": "force", "expression": "c_1 * v**3",
+        "parameters": PARAMETERS}), 0.8, 0.9),),
+    {"v": (-0.1, 0.1)}, "m/s", 0.1 * np.sin(3.0 * TIME[1:]), 400.0 * np.sin(3.0 * TIME[1:]) ** 3,
+    400.0 * np.sin(3.0 * TIME[1:]) ** 3,
+)  # fmt: skip
+
 
 @cache
 def diagnosis(verdict):
@@ -97,6 +109,7 @@ def diagnosis(verdict):
         "pair": (LEAK, replace(FRICTION, ambiguous_with=())),
         "ambiguous": (FRICTION,),
         "underdetermined": (BIAS,),
+        "law": (LEAK,),
     }.get(verdict, ())
     names = tuple(cause.name for cause in causes)
     candidates = (
@@ -111,7 +124,7 @@ def diagnosis(verdict):
         plant=plant.set(K_T=1.1),
         log=measured,
         threshold=0.03,
-        verdict="effect" if verdict == "pair" else verdict,
+        verdict={"pair": "effect", "law": "partly"}.get(verdict, verdict),
         where=(("flow", 0.8), ("force", 0.2), ("torque", 0.0)),
         effects=causes,
         gap={model: gaps(size) for model, size in zip(MODELS, (0.2, 0.12, 0.012, 0.01), strict=True)},
@@ -131,6 +144,9 @@ def diagnosis(verdict):
         runs=456,
         provenance={"numpy": np.__version__},
     )  # fmt: skip
+    if verdict == "law":
+        simulated = {**full.simulated, "with_law": run_of(measured, 0.002)}
+        return replace(full, law=CUBIC, gap={**full.gap, "with_law": gaps(0.003)}, simulated=simulated)
     if verdict != "no_gap":
         return full
     small = {"nominal": run_of(measured, 0.001)}

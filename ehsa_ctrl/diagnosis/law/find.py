@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.log import Log
-from ...core.text import join_words
-from ...physics.effects import ADDENDS, LawFile, LawLog, law_text
+from ...physics.effects import ADDENDS, CandidateEffect, Effect
 from ..free_curve import BETTER, CurveLog, joined, total_gap
+from ..hypothesis_model import Setting
 from ..injection import Injection
 from ..model_selection import Reference
 from ..objective import NominalParameters
@@ -23,8 +19,9 @@ from ..refit import HypothesisFit
 from ..regimes import MIN_WINDOWS, Windows
 from ..scoring import ScoredHypothesis, Scoring
 from ..unknown_inputs import BalanceSignals, unknown_inputs
-from .free_run import FreeRunLaw, refit_laws
+from .free_run import FreeRunLaw, kept_effect, refit_laws
 from .grammar import Grammar, variables_of
+from .proposed import LawForm, ProposedLaw
 from .regression import LawFit, find_sums, placebo
 
 # The numbers below are engineering judgement.
@@ -38,88 +35,6 @@ MORE = 0.1
 FLOWS, SLOW = ("flow_1", "flow_2", "pump_flow"), 8
 #: Relative step of derivatives by nominal parameters.
 STEP = 0.02
-
-
-@dataclass(frozen=True)
-class LawForm:
-    """One form of a law: its definition as an effect, the probability among the forms, and the share of the gap that
-    it closes on held-out data, nominal parameters refitted with it."""
-
-    file: LawFile
-    probability: float
-    gap_closed: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """As in diagnosis.json."""
-        numbers = {n: {"value": p.value, "sd": p.sd, "unit": p.unit} for n, p in self.file.parameters.items()}
-        return {
-            "expression": self.file.expression, "parameters": numbers, "probability": self.probability,
-            "gap_closed": self.gap_closed,
-        }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class ProposedLaw:
-    """A law that the catalogue lacks.
-
-    place: what its expression adds to, see ADDENDS. variables: on which it depends. forms: those that the log can't
-    tell apart, the most probable first. range: variable -> lowest and highest value in the logs. variable,
-    unit: (N - 1,) the first of `variables` along the logs; measured, fitted: (N - 1,) unknown input and the best form.
-    explained: share of the unknown input that it explains by cross-validation; placebo: the same of a term for the
-    input reversed in time. beside: effects that act beside it.
-    """
-
-    place: str
-    variables: tuple[str, ...]
-    forms: tuple[LawForm, ...]
-    range: Mapping[str, tuple[float, float]]
-    unit: str
-    variable: np.ndarray = field(repr=False)
-    measured: np.ndarray = field(repr=False)
-    fitted: np.ndarray = field(repr=False)
-    explained: float = 0.0
-    placebo: float = 0.0
-    beside: tuple[str, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """Name of the effect that is proposed, and of its file."""
-        words = "_".join("".join(c for c in text if c.isalnum() or c == "_") for text in self.variables)
-        return f"proposed_{self.place}" + (f"_{words}" if words else "")
-
-    @property
-    def proposal(self) -> str:
-        """The file of the proposed effect in a result."""
-        return f"effects/{self.name}.toml"
-
-    def text(self, logs: Sequence[Log]) -> str:
-        """The TOML of the proposed effect: the most probable form, with the logs from which it was found."""
-        files = [Path(log.path) for log in logs if log.path]
-        known = [LawLog(path=str(f), sha256=hashlib.sha256(f.read_bytes()).hexdigest()) for f in files if f.is_file()]
-        best = self.forms[0]
-        note = f"proposed by a diagnosis of {join_words(log.name for log in logs)}; closes "
-        note += f"{100.0 * best.gap_closed:.0f} % of the gap on held-out data; valid within [range] only"
-        return law_text(best.file.model_copy(update={"logs": known, "note": note}))
-
-    @property
-    def sentence(self) -> str:
-        """The best form in one sentence."""
-        best = self.forms[0]
-        numbers = join_words(f"{n} = {p.value:.4g} {p.unit}" for n, p in best.file.parameters.items())
-        beside = f"beside {join_words(self.beside)} " if self.beside else "alone "
-        others = f" ({len(self.forms)} forms fit)" if len(self.forms) > 1 else ""
-        return (
-            f"{beside}a law closes {100.0 * best.gap_closed:.0f} % of the gap{others}: {ADDENDS[self.place].meaning} "
-            f"of {best.file.expression}, with {numbers}"
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """As in diagnosis.json, without the file of the proposal, which only a written result has."""
-        return {
-            "place": self.place, "variables": list(self.variables), "forms": [one.to_dict() for one in self.forms],
-            "range": {n: list(pair) for n, pair in self.range.items()}, "proposal": None,
-            "explained": self.explained, "placebo": self.placebo, "beside": list(self.beside),
-        }  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -150,7 +65,29 @@ class _Tried:
     placebo: float
 
 
-def find_law(bases: Sequence[LawBase], scoring: Scoring, reference: Reference, pool: Pool) -> ProposedLaw | None:
+@dataclass(frozen=True)
+class FoundLaw:
+    """A proposed law and the model that has it.
+
+    effect: of its best form, neutral in a plant that does not set its parameters. candidates: effects of the model.
+    values: its parameters that are not nominal. sd: of those of its effects.
+    """
+
+    proposed: ProposedLaw
+    effect: Effect
+    candidates: tuple[CandidateEffect, ...]
+    values: Setting
+    sd: Mapping[str, float]
+
+    @classmethod
+    def of(cls, proposed: ProposedLaw, fit: HypothesisFit, sd: Mapping[str, float]) -> FoundLaw:
+        """From the fit of the best form, whose last candidate is the law."""
+        effect = kept_effect(proposed.name, proposed.forms[0].file)
+        candidates = (*fit.candidates[:-1], replace(fit.candidates[-1], effect=effect))
+        return cls(proposed, effect, candidates, fit.values, sd)
+
+
+def find_law(bases: Sequence[LawBase], scoring: Scoring, reference: Reference, pool: Pool) -> FoundLaw | None:
     """The law that closes most of what the last of the hypotheses leaves; None where none is clearly better than it.
 
     Where effects are named beside the unknown one, they may be its image: the plant without them is tried too.
@@ -243,7 +180,7 @@ def _injection(name: str, values: np.ndarray) -> Injection:
     return {"flow_1": values, "flow_2": -values} if name == "pump_flow" else {name: values}
 
 
-def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Reference) -> ProposedLaw | None:
+def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Reference) -> FoundLaw | None:
     """The forms that the data can't tell apart, if the best one is clearly better than none."""
     good = [one for one in tried if _better(one.law.scored, without) and one.law.stable]
     if not good:
@@ -264,7 +201,7 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
     law = best.law.law
     used = variables_of(law.terms)
     shown = [v for v in law.grammar.variables if v.text in used] or list(law.grammar.variables[:1])
-    return ProposedLaw(
+    proposed = ProposedLaw(
         place=law.grammar.name,
         variables=tuple(v.text for v in law.grammar.variables if v.text in used),
         forms=tuple(forms),
@@ -277,6 +214,7 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
         placebo=max(best.placebo, 0.0),
         beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),
     )
+    return FoundLaw.of(proposed, best.law.scored.fit, best.law.sd)
 
 
 def _better(one: ScoredHypothesis, without: ScoredHypothesis) -> bool:

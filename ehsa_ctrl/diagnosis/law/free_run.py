@@ -26,7 +26,10 @@ WIDER, FARTHER = 5.0, 0.5
 
 @dataclass(frozen=True)
 class FreeRunLaw:
-    """A law refitted in free run. file: its definition with the values of the refit. law: what it started from."""
+    """A law refitted in free run.
+
+    law: what it started from. file: its definition with the values of the refit. sd: of all parameters of effects.
+    """
 
     law: LawFit
     file: LawFile
@@ -76,19 +79,24 @@ def _bounds(law: LawFit, term: Term, name: str) -> dict[str, object]:
     return {"bounds": (term.shapes[name] - FARTHER * reach, term.shapes[name] + FARTHER * reach)}
 
 
+def kept_effect(name: str, file: LawFile) -> Effect:
+    """The effect of a definition, known by its name in this process."""
+    effect = effect_of(name, file, "a law of a diagnosis")
+    EFFECTS.keep(name, effect)
+    return effect
+
+
 def refit_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool) -> list[FreeRunLaw]:
     """Each law refitted beside the effects of a hypothesis, from its values; those that can be simulated."""
     taken = [*scoring.objective.model.plant.parameters]
     items = []
-    for i, law in enumerate(laws):
-        file, name = definition_of(law, taken), f"law_{i + 1}"
-        effect = effect_of(name, file, "the law")
-        EFFECTS.keep(name, effect)
-        items.append((law, file, effect))
+    for law in laws:
+        file = definition_of(law, taken)
+        items.append((law, file, kept_effect(f"law_{file.digest}", file)))
 
     def one(item: tuple[LawFit, LawFile, Effect]) -> FreeRunLaw | None:
         law, file, effect = item
-        own = _with_effect(scoring, effect)
+        own = _scoring_with(scoring, effect)
         candidate = law_candidate(effect, own.objective.model.plant.values)
         # Nominal parameters start at their nominal values: without the law, a refit bends them to make up for it.
         start = {name: base.values[name] for c in base.candidates for name in c.names}
@@ -97,7 +105,7 @@ def refit_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, po
         if fit is None:
             return None
         scored, sd = own.score(fit), own.standard_deviations(fit)
-        return FreeRunLaw(law, _refitted(file, fit, candidate, sd), scored, {n: sd[n] for n in candidate.names})
+        return FreeRunLaw(law, _refitted(file, fit, candidate, sd), scored, sd)
 
     return [found for found in pool.map("laws", one, items) if found is not None]
 
@@ -109,13 +117,13 @@ def _refitted(file: LawFile, fit: HypothesisFit, candidate: CandidateEffect, sd:
     return file.model_copy(update={"parameters": own})
 
 
-def _with_effect(scoring: Scoring, effect: Effect) -> Scoring:
-    """The same scoring with an effect, neutral, in every model."""
+def with_effect(segment: Segment, effect: Effect) -> Segment:
+    """The same segment with an effect, neutral, in every model."""
+    return replace(segment, records=tuple(replace(r, model=_model(r.model, effect)) for r in segment.records))
 
-    def segment(one: Segment) -> Segment:
-        return replace(one, records=tuple(replace(r, model=_model(r.model, effect)) for r in one.records))
 
-    training, held_out = segment(scoring.training), segment(scoring.held_out)
+def _scoring_with(scoring: Scoring, effect: Effect) -> Scoring:
+    training, held_out = with_effect(scoring.training, effect), with_effect(scoring.held_out, effect)
     objective: Objective = replace(scoring.objective, model=training.model, segment=training)
     return replace(scoring, objective=objective, training=training, held_out=held_out)
 

@@ -7,6 +7,7 @@ other terms change the balance itself.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import keyword
 import math
@@ -154,6 +155,12 @@ class LawFile(Definition):
         return tuple(name for name in Expression.parse(self.expression).names if name not in self.parameters)
 
     @property
+    def digest(self) -> str:
+        """Six letters and digits that differ between laws, for names of files and of effects that are tried."""
+        numbers = [(name, one.value) for name, one in self.parameters.items()]
+        return hashlib.sha256(f"{self.adds_to} {self.expression} {numbers}".encode()).hexdigest()[:6]
+
+    @property
     def own_parameters(self) -> dict[str, LawParameter]:
         """Parameters with a neutral value first: the first of them measures the size."""
         return dict(sorted(self.parameters.items(), key=lambda row: row[1].neutral is None))
@@ -161,18 +168,17 @@ class LawFile(Definition):
 
 @dataclass(frozen=True)
 class EffectExpression:
-    """The expression of an effect, for checks that need the plant. where: file, for messages."""
+    """The definition of an effect, for checks that need the plant. where: file, for messages."""
 
     where: str
-    addend: Addend
-    expression: Expression
-    units: Mapping[str, str]
-    status: str
+    definition: LawFile
 
     def check(self, units: Mapping[str, str]) -> None:
         """Raise InputError unless the expression fits a plant. units: name of the plant -> SI unit."""
+        law = self.definition
+        own = {name: one.unit for name, one in law.parameters.items()}
         try:
-            self.expression.check_unit(self.addend.unit, {**units, **self.units})
+            Expression.parse(law.expression).check_unit(ADDENDS[law.adds_to].unit, {**units, **own})
         except InputError as error:
             raise InputError(f"{self.where}: expression: {error}") from None
 
@@ -217,7 +223,7 @@ def effect_of(name: str, law: LawFile, where: str) -> Effect:
         changes=changes,
         parameters=parameters,
         candidates=candidates,
-        law=EffectExpression(where, addend, expression, {k: one.unit for k, one in law.parameters.items()}, law.status),
+        law=EffectExpression(where, law),
         source=law.note or where,
     )
 

@@ -13,12 +13,12 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 from ...core.errors import InputError
-from ...diagnosis.diagnosis import MODELS, NAMING, Diagnosis, RankedHypothesis
+from ...diagnosis.diagnosis import MODEL_WORDS, NAMING, Diagnosis, RankedHypothesis
 from ...diagnosis.gap_attribution import Location
 from ...diagnosis.regimes import Regime
 from ...diagnosis.unknown_inputs import UNITS
 from ...physics.effects import PLACES
-from ..outcome import models_shown, outcome
+from ..outcome import after_model, models_shown, outcome
 from ..signals import BALANCES, signal_display, unit_of_balance
 from ..style import BLACK, BLUE, GREEN, PURPLE, SKY, VERMILION
 from ..text import number, percent, unit
@@ -53,6 +53,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "nominal": {"facecolor": "#444444"},
     "refit": {"facecolor": SKY, "hatch": "////"},
     "with_effects": {"facecolor": VERMILION},
+    "with_law": {"facecolor": GREEN, "hatch": "xxxx"},
     "upper_bound": {"facecolor": "white", "hatch": "...."},
 }
 
@@ -282,8 +283,8 @@ def shrinkage_figure(diagnosis: Diagnosis) -> Figure:
         for place in range(1, len(signals)):
             ax.axhline(place * row, color="#cccccc", linewidth=0.6)
         ax.set_xlabel("gap on held-out data (% of the signal's standard deviation)")
-        before = {"nominal": "before: ", "with_effects": "after: "}
-        labels = [f"{before.get(model, '')}{MODELS[model]}" for model in models]
+        before = {"nominal": "before: ", after_model(diagnosis.verdict, models): "after: "}
+        labels = [f"{before.get(model, '')}{MODEL_WORDS[model]}" for model in models]
         handles = [Patch(label=label, **LOOKS[model], **EDGE) for model, label in zip(models, labels, strict=True)]
         header_legend(axes["header"], [*handles, line], ncols=2, fontsize=8.5)
     return figure

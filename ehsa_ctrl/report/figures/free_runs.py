@@ -230,7 +230,7 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
     """
     log, plant = diagnosis.log, diagnosis.plant
     drive = plant.structure.system.drive
-    after = after_words(diagnosis.verdict, len(diagnosis.effects))
+    after = after_words(diagnosis.verdict, len(diagnosis.effects), diagnosis.gap)
     before = "simulated, nominal" if diagnosis.verdict == "no_gap" else str(ROLES["before"]["label"])
     traces = [Trace(drive, channel_display(drive), {"drive": np.asarray(log[drive])}), *diagnosis_traces(diagnosis)]
     return _whole_and_detail(
@@ -245,7 +245,7 @@ def diagnosis_traces(diagnosis: Diagnosis) -> list[Trace]:
     signals = diagnosis.plant.structure.system.scored
     drifting = [one.channel for one in signals if one.span and one.channel in log.channels]
     names = [*(one.name for one in signals if one.name in diagnosis.whole), *drifting]
-    models = {"before": "nominal", "after": after_model(diagnosis.verdict)}
+    models = {"before": "nominal", "after": after_model(diagnosis.verdict, diagnosis.gap)}
     found = []
 
     def read(channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -26,7 +26,7 @@ def loop_replay_figure(diagnosis: Diagnosis) -> Figure:
         )
     system = diagnosis.plant.structure.system
     position, drive = next(iter(system.positions)), system.drive
-    models = {"nominal": "before"} | ({after: "after"} if (after := after_model(diagnosis.verdict)) else {})
+    models = {"nominal": "before"} | ({after: "after"} if (after := after_model(diagnosis.verdict, loop.gap)) else {})
     shown = channel_display(position)
     heights = {"error": 1.4 * panel.PANEL, "drive": panel.PANEL}
     with panel.column(f"Closed-loop replay with {loop.controller}", heights) as (figure, axes):

@@ -28,8 +28,9 @@ def law_section(content: Mapping[str, Any]) -> Section:
     ]
     if law.get("proposal"):
         words.append(
-            f"{law['proposal']} is the first form as an effect, with status proposed: copy it to effects/ of the "
-            "project, and simulate, identify and diagnose with it. Outside the range above it is not known."
+            f"{law['proposal']} is the first form as an effect, with status proposed. The improved plant has it: "
+            "simulate and run with both where they are, or copy the file to effects/ of the project. Outside the "
+            "range above the law is not known; a second log confirms it by `ehsa-ctrl effects confirm`."
         )
     caption = (
         "Left: unknown input in bins of the variable, mean and one standard deviation, and the law. Right: what the "

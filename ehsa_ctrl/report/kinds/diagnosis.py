@@ -8,7 +8,7 @@ from typing import Any
 
 from ...core.files import read_json
 from ...core.text import join_words, stems, unique_names
-from ...diagnosis.diagnosis import MODELS
+from ...diagnosis.diagnosis import MODEL_WORDS
 from ...physics.effects import PLACES
 from ...plant.file import label
 from ..closed_loop import closed_loop_section, closed_loop_sentences, replay_section
@@ -39,10 +39,14 @@ ORDER = {
     "effect": ("signals", "where", "causes", "candidates", "gaps", "next"),
     "ambiguous": ("signals", "causes", "candidates", "where", "gaps", "next"),
     "parameters": ("signals", "causes", "candidates", "where", "gaps", "next"),
-    "partly": ("signals", "causes", "law", "where", "gaps", "candidates", "next"),
-    "outside_catalogue": ("law", "where", "signals", "causes", "gaps", "candidates", "next"),
+    "partly": ("signals", "causes", "where", "gaps", "candidates", "next"),
+    "outside_catalogue": ("where", "signals", "causes", "gaps", "candidates", "next"),
     "underdetermined": ("causes", "candidates", "next", "where", "signals", "gaps"),
 }
+
+#: The same where a law is proposed, whatever the verdict.
+LAW_VERDICT: tuple[State, str] = (DOUBT, "a law that the catalogue lacks explains the gap")
+LAW_ORDER = ("law", "signals", "gaps", "where", "causes", "candidates", "next")
 
 
 def _read(content: Content, folder: Path) -> Page:
@@ -52,12 +56,15 @@ def _read(content: Content, folder: Path) -> Page:
     }  # fmt: skip
     closed = read_json(folder / "closed_loop.json") if (folder / "closed_loop.json").is_file() else None
     state, heading = VERDICTS.get(content["verdict"], (False, str(content["verdict"])))
+    order = ORDER.get(content["verdict"], tuple(parts))
+    if content.get("law"):
+        (state, heading), order = LAW_VERDICT, LAW_ORDER
     sentences: list[Sentence] = [(content["change"], None)] if "change" in content else []
     sentences += [(content["sentence"], state), *_summary(content)]
     if closed is not None:
         sentences += list(closed_loop_sentences(closed))
     sentences += [(f"Data quality: {str(words).rstrip('.')}.", DOUBT) for words in content["findings"]]
-    ordered = [parts[name](content) for name in ORDER.get(content["verdict"], tuple(parts))]
+    ordered = [parts[name](content) for name in order]
     model = f" ({content['model']})" if content.get("model") else ""
     return Page(
         title=f"Diagnosis of {_log(content)}: {heading}",
@@ -103,21 +110,23 @@ def _summary(content: Content) -> Iterator[Sentence]:
     if content["where"]:
         shares = [f"{w['place']} {percent(w['share'], 2)}" for w in content["where"] if w["share"] >= 0.01]
         yield f"Location: {', '.join(shares)} of the gap over the whole log.", None
+    beside = (content.get("law") or {}).get("beside")
     for cause in content["effects"]:
         values = ", ".join(f"{name} = {value} {of}".rstrip() for name, value, _, of, _ in parameter_rows(cause))
         others = f"; or {' or '.join(cause['ambiguous_with'])}" if cause["ambiguous_with"] else ""
+        word = "Cause" if beside is None or cause["id"] in beside else "Without the law"
         yield (
-            f"Cause: {cause_name(cause)}, probability {value_text(cause['probability'], 1.0, 2)}: {values}{others}.",
+            f"{word}: {cause_name(cause)}, probability {value_text(cause['probability'], 1.0, 2)}: {values}{others}.",
             None,
         )
-    if not content["effects"]:
+    if not content["effects"] and not content.get("law"):
         nearest = content.get("nearest_sentence")
         yield f"Cause: no effect of the catalogue{f'; {nearest}' if nearest else ''}.", None
-    after = after_model(content["verdict"])
+    after = after_model(content["verdict"], content["gap"])
     if after is not None:
         gap = content["gap"]
         change = f"from {percent(gap['nominal']['total'], 2)} to {percent(gap[after]['total'], 2)}"
-        words = after_words(content["verdict"], len(content["effects"]))
+        words = after_words(content["verdict"], len(content["effects"]), content["gap"])
         yield f"Reduction: the total gap on held-out data falls {change} {words}.", None
     if content["next_experiment"]:
         yield f"Next experiment: {content['next_experiment'].rstrip('.')}.", None
@@ -163,12 +172,13 @@ def _names(content: Content) -> list[str]:
 
 def _remaining_gap(content: Content) -> str:
     """The signals that still have a relevant gap, as a sentence."""
-    after = after_model(content["verdict"])
+    after = after_model(content["verdict"], content["gap"])
     gaps, limit = content["gap"][after or "nominal"], content["threshold"]
     left = [signal_display(name).words for name, gap in gaps.items() if name != "total" and (gap or 0.0) >= limit]
     model = "With the nominal parameters"
     if after is not None:
-        model = as_sentence(after_words(content["verdict"], len(content["effects"]))).rstrip(".")
+        words = after_words(content["verdict"], len(content["effects"]), content["gap"])
+        model = as_sentence(words).rstrip(".")
     if not left:
         return f"{model}, the gap of every signal is below {percent(limit)} on held-out data."
     verb = "have" if len(left) > 1 else "has"
@@ -244,7 +254,11 @@ def _closed_share(share: float | None) -> str:
 def _causes(content: Content) -> Section:
     titles = {"outside_catalogue": "Effects in addition to the unknown cause", "underdetermined": "Candidates"}
     sections = [cause_section(cause, content) for cause in content["effects"]]
-    return Section(titles.get(content["verdict"], "Causes"), sections, "causes")
+    title = titles.get(content["verdict"], "Causes")
+    law = content.get("law")
+    if law and not law["beside"]:
+        title = "Effects that would explain part of the gap without the law"
+    return Section(title, sections, "causes")
 
 
 def _candidates(content: Content) -> Section:
@@ -269,14 +283,14 @@ def _candidates(content: Content) -> Section:
 def _gaps(content: Content) -> Section:
     gaps, limit = content["gap"], content["threshold"]
     whole = content.get("gap_whole_log", {})
-    models = [model for model in models_shown(content["verdict"], gaps) if model in MODELS]
+    models = [model for model in models_shown(content["verdict"], gaps) if model in MODEL_WORDS]
     rows = []
     for name in gaps["nominal"]:
         words = name if name == "total" else signal_display(name).words
         cells = [gaps[model].get(name) for model in models]
         marked = [f"{'● ' if cell is not None and cell >= limit else ''}{percent(cell, 2)}" for cell in cells]
         rows.append([words, percent(whole.get(name), 2), *marked])
-    head = ["signal", "whole log\nnominal", *(f"held out\n{MODELS[model]}" for model in models)]
+    head = ["signal", "whole log\nnominal", *(f"held out\n{MODEL_WORDS[model]}" for model in models)]
     caption = (
         "Refit: the nominal parameters alone, far beyond their uncertainty. Bars much longer than the others are cut."
     )
@@ -300,7 +314,7 @@ def _by_log(content: Content, models: Sequence[str]) -> Table:
          *(percent(row["gap"].get(model, {}).get("total"), 2) for model in models)]
         for name, row in zip(_names(content), content["logs"], strict=True)
     ]  # fmt: skip
-    head = ["log", "whole log\nnominal", *(f"held out\n{MODELS[model]}" for model in models)]
+    head = ["log", "whole log\nnominal", *(f"held out\n{MODEL_WORDS[model]}" for model in models)]
     return Table("Total gap of each log; the gaps above are means of squares over the logs", head, rows)
 
 
