@@ -11,7 +11,7 @@ import numpy as np
 from ..core.log import Log
 from ..core.plotting import draw
 from ..core.result import Result, as_dict, as_table
-from ..physics.effects import EFFECTS
+from ..physics.effects import EFFECTS, all_parameters
 from ..plant.file import label
 from ..plant.plant import Plant, Sensor
 from .records import joint_gap
@@ -259,7 +259,7 @@ class Diagnosis(Result):
     def _described(self, cause: Cause) -> dict[str, Any]:
         """A cause with its text in the catalogue, and the nominal value and meaning of its parameters."""
         effect, found = EFFECTS[cause.id], as_dict(cause)
-        own = {parameter.name: parameter for parameter in effect.parameters}
+        own = {parameter.name: parameter for parameter in all_parameters(cause.id)}
         meanings = {kind.name: kind.meaning for kind in self.plant.structure.equations.parameters}
         for name, number in found["parameters"].items():
             if cause.channel is not None and name == "value" and effect.sensor:

@@ -17,7 +17,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.log import CHANNELS, Log
 from ..identification.logged_inputs import invert_sensor, logged_inputs, undo_sensor
-from ..physics.effects import EFFECTS, Effect, LawSwitch
+from ..physics.effects import EFFECTS, Effect, LawSwitch, with_extended
 from ..physics.friction import SYMBOLS
 from ..plant.plant import Plant, Sensor
 from ..plant.structure import Structure
@@ -73,7 +73,7 @@ def inapplicable_effects(plant: Plant) -> dict[str, str]:
         if name in structure.effects or all(f.__module__.startswith("ehsa_ctrl.") for f in functions):
             continue
         try:
-            _ = replace(structure, effects=(name,)).equations
+            _ = replace(structure, effects=with_extended([name])).equations
         except InputError as error:
             found[name] = str(error)
     return found
@@ -105,7 +105,7 @@ def lacks_dry_friction(plant: Plant) -> bool:
 def is_applicable(structure: Structure, effect: str) -> bool:
     """Whether a system has the signals that an effect changes and needs."""
     try:
-        return bool(replace(structure, effects=(effect,)).equations)
+        return bool(replace(structure, effects=with_extended([effect])).equations)
     except InputError:
         return False
 
@@ -174,12 +174,13 @@ class HypothesisModel:
         switch = self._switch(values)
         law = "" if switch is None else switch.law
         full = self.plants_by_law.get(law, self.plant)
-        acting = tuple(
-            effect.name
-            for effect in self._simulated_effects
-            if effect.name in full.structure.effects
+        acts = {
+            effect.name: effect.name in full.structure.effects
             and (not effect.parameters or any(values.get(p.name, full[p.name]) != p.neutral for p in effect.parameters))
-        )
+            for effect in self._simulated_effects
+        }
+        extended = {name: EFFECTS[name].extends for name in acts}
+        acting = tuple(name for name, present in acts.items() if present and acts.get(extended[name], True))
         known = self._acting_plants.get((law, acting))
         if known is None:
             known = full.with_structure(replace(full.structure, effects=acting))

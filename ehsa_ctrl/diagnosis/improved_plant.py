@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..core.parameter import Parameter
-from ..physics.effects import CandidateEffect, EffectParameter
+from ..physics.effects import EFFECTS, CandidateEffect, EffectParameter, with_extended
 from ..plant.plant import SENSOR_WORDS, Plant
 from .hypothesis_model import Setting, absent_friction, law_switches
 
@@ -37,9 +37,10 @@ def improved_plant(
             structure = replace(structure, **changes)
             note = "friction added by a diagnosis, this value not fitted"
             added |= {n: Parameter(n, v, "", "assumed", note=note) for n, v in absent.items() if n not in values}
-    effects = {c.effect.name: c.effect for c in candidates if c.effect.wired and c.effect.parameters}
+    named = {c.effect.name for c in candidates if c.effect.wired}
+    effects = {n: e for n, e in EFFECTS.items() if n in named or e.extends in named}
     effects = {n: e for n, e in effects.items() if any(p.name in values for p in e.parameters)}
-    structure = replace(structure, effects=tuple(dict.fromkeys([*structure.effects, *effects])))
+    structure = replace(structure, effects=tuple(dict.fromkeys([*structure.effects, *with_extended(effects)])))
     for name, effect in effects.items():
         added |= {p.name: _default_parameter(name, p) for p in effect.parameters if p.name not in plant.parameters}
     known = structure.equations.parameter_names

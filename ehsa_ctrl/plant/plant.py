@@ -15,7 +15,7 @@ from ..core.log import Column
 from ..core.parameter import Parameter, check_range
 from ..core.result import Result, as_table
 from ..core.unit import read_value
-from ..physics.effects import EFFECTS
+from ..physics.effects import EFFECTS, with_extended
 from .file import EstimationFile, key_of, label
 from .structure import Structure
 
@@ -179,9 +179,12 @@ class Plant(Result):
         return replace(self, structure=structure, parameters=kept).set(**values)
 
     def with_effects(self, *names: str, **values: float) -> Plant:
-        """The plant with added effects. values: of their parameters, SI units; by default the typical ones."""
-        added = tuple(name for name in names if name not in self.structure.effects)
-        return self.with_structure(replace(self.structure, effects=self.structure.effects + added), **values)
+        """The plant with added effects and those that they extend.
+
+        values: of their parameters, SI units; by default the typical ones.
+        """
+        effects = tuple(dict.fromkeys([*self.structure.effects, *with_extended(names)]))
+        return self.with_structure(replace(self.structure, effects=effects), **values)
 
     def __str__(self) -> str:
         structure = self.structure

@@ -81,6 +81,9 @@ class Structure:
                 law.check(self.units)
             if not EFFECTS[name].wired:
                 raise InputError(f"effects: {name!r} {_instead(EFFECTS[name])}")
+            extended = EFFECTS[name].extends
+            if extended and extended not in self.effects:
+                raise InputError(f"effects: {name!r} extends {extended!r}, which is missing; name both")
             for contact in system.all_contacts:
                 self._check_symbols(name, contact)
             if missing_signals := set(system.own_changes(EFFECTS[name].changes)) - known:

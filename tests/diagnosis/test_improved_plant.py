@@ -4,7 +4,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.improved_plant import improved_plant
-from ehsa_ctrl.physics.effects import EFFECTS, CandidateEffect
+from ehsa_ctrl.physics.effects import EFFECTS, CandidateEffect, with_extended
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def test_of_every_effect_only_its_size_is_identified(plant, name):
     size = first.typical if first.typical not in (first.neutral, float("inf")) else 0.5 * (first.neutral or 1.0)
     better = improved_plant(plant, candidate(name), {first.name: size}, {first.name: 0.1 * abs(size)})
 
-    assert better.structure.effects == (*plant.structure.effects, name)
+    assert better.structure.effects == (*plant.structure.effects, *with_extended([name]))
     assert better.parameters[first.name].source == "identified" and better[first.name] == size
     for parameter in others:
         assert better.parameters[parameter.name].source != "identified"

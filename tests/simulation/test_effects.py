@@ -12,7 +12,7 @@ from ehsa_ctrl import (
     simulate_reference,
     three_state,
 )
-from ehsa_ctrl.physics.effects import EFFECTS
+from ehsa_ctrl.physics.effects import EFFECTS, with_extended
 from ehsa_ctrl.simulation.plant_code import plant_code
 
 #: One structure with all of them: one text to compile, and neutral effects prove that they are neutral together too.
@@ -21,16 +21,16 @@ WIRED = [name for name, effect in EFFECTS.items() if effect.wired and effect.par
 REACHED = {"end_stop": 0.02, "relief_valve": 24e5, "anti_cavitation": 19e5}
 #: Further forms of their laws.
 FORMS = {
-    "a_c2": 0.5, "E_w": 50.0, "b_f": 1.0, "c_w": 1e-4, "I_knee": 1.5, "x_cushion": 0.005, "P_diss": 20e5,
+    "a_c2": 0.5, "E_w": 50.0, "b_f": 1.0, "c_w": 1e-4, "I_knee": 1.5, "x_cushion": 0.005, "P_diss": 20e5, "P_hyst": 1e5,
     "n_h": 60.0, "x_h": 4e-3, "w_h": 2e-3, "h_FR2": 0.3, "x_h2": -4e-3,
 }  # fmt: skip
 CURRENT = 2.0 * np.sin(np.linspace(0, 20, 1001))
 
 
 def sizes(name):
-    """First parameter of an effect at a size that is felt."""
-    first = EFFECTS[name].parameters[0]
-    return {first.name: REACHED.get(name, first.typical)}
+    """First parameter of an effect, and of one that it extends, at a size that is felt."""
+    firsts = {one: EFFECTS[one].parameters[0] for one in with_extended([name])}
+    return {first.name: REACHED.get(one, first.typical) for one, first in firsts.items()}
 
 
 @pytest.fixture(scope="module")
@@ -59,8 +59,11 @@ def test_neutral_effects_change_no_bit(every, loaded):
 @pytest.mark.parametrize("name", WIRED)
 def test_an_effect_is_felt(every, loaded, name):
     """Each one, at its typical size, moves a signal by more than half a per cent of its spread."""
-    run, base = simulate(every.set(**sizes(name)), CURRENT), simulate(loaded, CURRENT)
-    moved = np.sqrt(np.mean((run.states[:, :5] - base.states) ** 2, axis=0)) / np.std(base.states, axis=0)
+    extended = EFFECTS[name].extends
+    without = every.set(**sizes(extended)) if extended else loaded
+    run, base = simulate(every.set(**sizes(name)), CURRENT), simulate(without, CURRENT)
+    change = run.states[:, :5] - base.states[:, :5]
+    moved = np.sqrt(np.mean(change**2, axis=0)) / np.std(base.states[:, :5], axis=0)
 
     assert np.max(moved) > 0.005
 

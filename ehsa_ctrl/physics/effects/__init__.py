@@ -5,6 +5,7 @@ Users add their own in `effects/` beside their `plants/`, as Python or as a TOML
 """
 
 import sys
+from collections.abc import Iterable
 
 from ...core.registry import Registry
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber
@@ -12,6 +13,19 @@ from ._effect import PLACES, Effect, EffectParameter, EffectState, LawSwitch, Me
 from ._law_file import ADDENDS, LawFile, LawLog, effect_of, law_candidate, law_text, read_law
 
 EFFECTS: Registry[Effect] = Registry(sys.modules[__name__], "effect", Effect, "effects", read=read_law)
+
+
+def with_extended(names: Iterable[str]) -> tuple[str, ...]:
+    """Names of effects, each behind the effect that it extends; unknown names stay."""
+    known = {name: EFFECTS[name].extends if name in EFFECTS else "" for name in names}
+    return tuple(dict.fromkeys(one for name, extended in known.items() for one in (extended, name) if one))
+
+
+def all_parameters(name: str) -> tuple[EffectParameter, ...]:
+    """Parameters of an effect, then of those that extend it."""
+    extensions = (effect for effect in EFFECTS.values() if effect.extends == name)
+    return tuple(parameter for one in (EFFECTS[name], *extensions) for parameter in one.parameters)
+
 
 __all__ = [
     "ADDENDS",
@@ -27,8 +41,10 @@ __all__ = [
     "LawLog",
     "LawSwitch",
     "MeasuredReplay",
+    "all_parameters",
     "effect_of",
     "law_candidate",
     "law_text",
     "read_law",
+    "with_extended",
 ]

@@ -155,6 +155,8 @@ class Effect:
     replay: how a diagnosis simulates it along a measured signal.
     caveat: sentence that a diagnosis with this effect adds about its gaps.
     law: the expression of an effect from a TOML file.
+    extends: another effect, to whose law this one adds a term with states of its own. It acts beside that effect alone,
+        whose candidates have its parameters and under whose id a diagnosis reports them.
     source: of its equation.
 
     Raises TypeError for an unknown place.
@@ -182,6 +184,7 @@ class Effect:
     replay: MeasuredReplay | None = None
     caveat: str = ""
     law: EffectExpression | None = None
+    extends: str = ""
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -199,6 +202,8 @@ class Effect:
 
     def free_in(self, context: DiagnosisContext) -> list[CandidateEffect]:
         """Its candidates for a diagnosis; empty if the log can't show it."""
+        if self.extends:
+            return []
         acts = self.delays or any(context.simulated(p.name) for p in self.parameters)
         if self.wired and not self.symbols and not acts:
             return []

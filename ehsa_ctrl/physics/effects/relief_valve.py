@@ -1,15 +1,28 @@
 """Relief valves, from each chamber to the tank or from port to port; section 2 of the paper describes both.
 
 A static valve, whose opening is proportional to the pressure above P_crack and complete P_open_range above it, with
-flow by the orifice law Q = opening K_relief sqrt(P). Hysteresis and valve dynamics (a lag of some 10 ms) are neglected.
+flow by the orifice law Q = opening K_relief sqrt(P). A valve to the tank that closes at a lower pressure than it opens
+has `relief_hysteresis` beside.
 """
 
 from math import inf, sqrt
 
 import numpy as np
 
-from ._candidate import PRESSURE_SCALE, CandidateEffect, DiagnosisContext, effect_number, from_levels, measured
+from ._candidate import (
+    PRESSURE_SCALE,
+    CandidateEffect,
+    DiagnosisContext,
+    FreeNumber,
+    effect_number,
+    from_levels,
+    measured,
+)
 from ._effect import Effect, EffectParameter
+
+#: Lag of the poppet [s], and typical fall of the pressure at which it closes, in P_crack. Engineering judgement:
+#: direct-acting valves close at 85 to 95 % of the cracking pressure, within some milliseconds.
+POPPET, RESEAT = 3e-3, 0.07
 
 
 def relief_flow(P: float, P_crack: float, P_open_range: float, K_relief: float) -> float:
@@ -42,7 +55,10 @@ def flow_2(
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """A level somewhat below the highest pressure, or the highest difference; with the flow gain nominal or free."""
+    """A level somewhat below the highest pressure, or the highest difference; with the flow gain nominal or free.
+
+    Under the level of a valve to the tank, with hysteresis too.
+    """
     pressures = measured(context, "P_1", "P_2")
     high = max((float(np.quantile(p, 0.998)) for p in pressures), default=2e7)
     low = context.value("P_0")
@@ -50,6 +66,9 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
     crack = effect_number(effect, context, "P_crack", max(0.05 * (high - low), PRESSURE_SCALE))
     gain = effect_number(effect, context, "K_relief", 0.3 * context.value("K_relief"))
     found = [from_levels(effect, crack, levels), from_levels(effect, crack, levels[:2], gain)]
+    if context.simulated("P_hyst"):
+        fall = FreeNumber("P_hyst", RESEAT * high, max(0.02 * high, PRESSURE_SCALE), 0.0, 0.5 * high)
+        found.append(from_levels(effect, crack, levels[:2], fall, gain))
     if len(pressures) == 2:
         top = float(np.quantile(np.abs(pressures[0] - pressures[1]), 0.998))
         levels = [share * top for share in (0.95, 0.8, 0.6)]
