@@ -49,6 +49,7 @@ _MODULES = {
     "diagnosis.diagnosis": "Diagnosis",
     "diagnosis.batch": "diagnose_many",
     "diagnosis.changed": "what_changed",
+    "diagnosis.law.confirm": "confirm_law",
     "diagnosis.closed_loop_replay": "replay_closed_loop",
     "diagnosis.validation_segment": "gap",
     "report.write": "write_report",

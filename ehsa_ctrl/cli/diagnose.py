@@ -135,6 +135,10 @@ def command(
         bool, typer.Option("--together", help="One diagnosis over all logs, which are of one rig in one state.")
     ] = False,
     log_settings: LogSettings = [],
+    without: Annotated[
+        list[str],
+        typer.Option(metavar="ID", help="Leave this effect out of the catalogue; the option can be repeated."),
+    ] = [],
 ) -> None:
     """Find where log and nominal plant differ, which effect causes the gap, and how much of it that effect closes.
 
@@ -163,6 +167,8 @@ def command(
     own = settings_by_log(log_settings, logs)
     if log_settings and len(logs) > 1 and not together:
         raise InputError("--log-set is for logs that are diagnosed together; add --together")
+    if without and len(logs) > 1 and not together:
+        raise InputError("--without is for one diagnosis, of a log or of several --together; diagnose them one by one")
     how = preparation.preparation()
     nominal = load_model(plant, model, read_pairs(settings))
     if len(logs) > 1 and not together:
@@ -179,7 +185,9 @@ def command(
         *file_names(nominal, before=single.before is not None, closed=single.scenario is not None, logs=len(logs)),
         figures=[*FIGURES, *stems("signals", len(logs))[1:], "closed_loop_replay", *closed_figure],
     )
-    outcome = _diagnose(nominal, logs, own, single, how, threshold=threshold, jobs=jobs, check=not unchecked)
+    outcome = _diagnose(
+        nominal, logs, own, single, how, threshold=threshold, jobs=jobs, check=not unchecked, without=without
+    )
     found, out = outcome.found, output.out
     improved = _improved_path(out, found) if out is not None else None
 
@@ -236,6 +244,7 @@ def _diagnose(
     threshold: float,
     jobs: int | None,
     check: bool,
+    without: Sequence[str],
 ) -> DiagnosisOutcome:
     """Read and diagnose the logs, compare a single one with an earlier one, and run the scenario, as the options ask.
 
@@ -278,12 +287,15 @@ def _diagnose(
     change = None
     with compiling(), counting() as watch:
         if earlier is not None:
-            change = what_changed(nominal, earlier, measured, threshold=threshold, jobs=jobs, watch=watch, check=check)
+            change = what_changed(
+                nominal, earlier, measured, threshold=threshold, jobs=jobs, watch=watch, check=check, without=without
+            )
             found = change.after
         else:
             found = diagnose(
-                nominal, together, validate=second, threshold=threshold, jobs=jobs, watch=watch, check=check
-            )
+                nominal, together, validate=second, threshold=threshold, jobs=jobs, watch=watch, check=check,
+                without=without,
+            )  # fmt: skip
         words = ("believed", "improved") if change is None else ("before", "after")
         if controller is not None:
             found = replay_closed_loop(found, controller, validate=second)

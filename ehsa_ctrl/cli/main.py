@@ -21,6 +21,7 @@ from . import (
     compare,
     design,
     diagnose,
+    effects,
     excite,
     export,
     fmu,
@@ -85,6 +86,7 @@ COMMANDS = {
 for name, module in COMMANDS.items():
     app.command(name)(expand_groups(module.command))
 app.add_typer(new.app, name="new")
+app.add_typer(effects.app, name="effects")
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -90,6 +91,7 @@ def what_changed(
     jobs: int | None = None,
     watch: Watch | None = None,
     check: bool = True,
+    without: Collection[str] = (),
 ) -> Change:
     """Diagnose the log `after` with the plant that explains the log `before`, so that only changes are causes.
 
@@ -98,7 +100,7 @@ def what_changed(
 
     Parameters
     ----------
-    plant, threshold, jobs, watch, check: as for `diagnose`.
+    plant, threshold, jobs, watch, check, without: as for `diagnose`.
     before, after: logs of the same rig under the same load.
 
     Returns
@@ -112,9 +114,14 @@ def what_changed(
     if before is after or (before.path is not None and before.path == after.path):
         raise InputError(f"{after.path or 'the log'}: is given as both the earlier and the later log; give two logs")
     before, after = named([before, after])
-    first = diagnose(plant, before, threshold=threshold, jobs=jobs, watch=_with_label(watch, "before"), check=check)
+
+    def find(plant: Plant, log: Log, word: str) -> Diagnosis:
+        labelled = _with_label(watch, word)
+        return diagnose(plant, log, threshold=threshold, jobs=jobs, watch=labelled, check=check, without=without)
+
+    first = find(plant, before, "before")
     rig, brought = _adapt_plant(first)
-    second = diagnose(rig, after, threshold=threshold, jobs=jobs, watch=_with_label(watch, "after"), check=check)
+    second = find(rig, after, "after")
     return Change(first, second, rig, brought)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -42,6 +42,7 @@ from .prepared_logs import (
     PreparedLogs,
     Segments,
     curve_logs,
+    left_out,
     one_sided_gap,
     prepare_logs,
     segment_candidates,
@@ -77,6 +78,7 @@ def diagnose(
     jobs: int | None = None,
     watch: Watch | None = None,
     check: bool = True,
+    without: Collection[str] = (),
 ) -> Diagnosis:
     """Find where a log differs from the nominal plant, which effect is the cause, and how much of the gap it closes.
 
@@ -91,6 +93,7 @@ def diagnose(
     jobs: number of threads; all cores by default.
     watch: progress callback, called with the current stage, and steps done and total steps of the whole diagnosis.
     check: reject a log in which `check_log` finds an error: a wrong sign or unit is not an effect.
+    without: ids of effects that are left out of the catalogue.
 
     Returns
     -------
@@ -99,8 +102,8 @@ def diagnose(
     Raises
     ------
     InputError: a log has an error, lasts less than SHORTEST, lacks the channel of the drive or stands still; no model
-        can be simulated on it; logs differ in sample time or channels, or one is given twice; or threshold is not
-        between 0 and 1.
+        can be simulated on it; logs differ in sample time or channels, or one is given twice; threshold is not
+        between 0 and 1; or `without` names no effect.
     """
     began = time.monotonic()
     logs = [log] if isinstance(log, Log) else list(log)
@@ -111,7 +114,8 @@ def diagnose(
     gaps = joint_gap(own_gaps) if own_gaps else whole.gap_of(None)
     small = bool(own_gaps) and all(largest(own) < threshold for own in own_gaps)
     segments = split_logs(prepared, whole, has_gap=not small)
-    prepared = replace(prepared, findings=(*prepared.findings, *unmoved_signals(segments)))
+    findings = (*prepared.findings, *left_out(without), *unmoved_signals(segments))
+    prepared = replace(prepared, findings=findings)
     if small:
         gap = dict.fromkeys(MODELS, segments.held_out.gap({}))
         return _build_diagnosis(
@@ -125,7 +129,7 @@ def diagnose(
     shares = SHARES if all_data else SHARES_OF_STRETCH
     pool.progress.begin(shares[0])
     problem = (objective, sensitivities) if all_data else objective_of(searched, threshold)
-    hypotheses = Hypotheses.initial(problem[0], segment_candidates(segments.training), problem[1], pool)
+    hypotheses = Hypotheses.initial(problem[0], segment_candidates(segments.training, without), problem[1], pool)
     hypotheses, screening = search(hypotheses, lumped=lumped)
     if not lumped and may_be_several(hypotheses):
         ids = effect_id_by_parameter(prepared.model.plant)

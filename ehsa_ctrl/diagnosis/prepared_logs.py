@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..core.errors import InputError
+from ..core.errors import InputError, choices
 from ..core.log import Log, named
 from ..core.text import join_words
 from ..identification.checks import check_log, raise_on_error
 from ..identification.plant_log import plant_of_log
-from ..physics.effects import CandidateEffect
+from ..physics.effects import EFFECTS, CandidateEffect
 from ..plant.plant import Plant
 from .candidate_effects import candidate_effects
 from .free_curve import CurveLog
@@ -115,10 +115,21 @@ def prepare_logs(
     return PreparedLogs(plant, tuple(found), validation, tuple(filter(None, findings)), threshold)
 
 
-def segment_candidates(training: Segment) -> tuple[CandidateEffect, ...]:
-    """Candidate effects on a segment; parameters that are set for single logs can't be estimated."""
+def segment_candidates(training: Segment, without: Collection[str] = ()) -> tuple[CandidateEffect, ...]:
+    """Candidate effects on a segment; parameters that are set for single logs can't be estimated.
+
+    without: ids that are left out.
+    """
     found = candidate_effects(training.model, [record.scored_log for record in training.records])
-    return tuple(c for c in found if training.own_parameters.isdisjoint(c.names))
+    return tuple(c for c in found if training.own_parameters.isdisjoint(c.names) and c.id not in without)
+
+
+def left_out(without: Collection[str]) -> list[str]:
+    """Finding on effects that a diagnosis leaves out. Raises InputError for an unknown id."""
+    for id in without:
+        if id not in EFFECTS:
+            raise InputError(f"without = {id!r} is no effect; {choices(id, EFFECTS)}")
+    return [f"left out of the catalogue: {join_words(sorted(without))}"] if without else []
 
 
 def check_threshold(threshold: float) -> None:

@@ -15,6 +15,8 @@ from ehsa_ctrl.core import registry
 from ehsa_ctrl.diagnosis.law.free_run import definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, LawVariable
 from ehsa_ctrl.diagnosis.law.regression import find_sums, placebo
+from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, segment_candidates
+from ehsa_ctrl.diagnosis.records import Segment
 from ehsa_ctrl.diagnosis.regimes import Windows
 from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of, law_text, read_law
 
@@ -183,3 +185,15 @@ def test_a_rig_with_a_law_of_its_own(plant, tmp_path, monkeypatch):
     runs = (e.simulate(one, log["current"]) for one in (plant, improved))
     before, after = (np.std(log["p1"] - run["P_1"]) for run in runs)
     assert after < 0.1 * before
+
+
+def test_an_effect_that_is_left_out_is_no_candidate(plant):
+    """The catalogue without it, and an error for a name that it does not have."""
+    log, _ = e.record(plant, *e.excitation("noise", amplitude=3.0, duration=4.0, sample_time=0.004), centre=True)
+    prepared = prepare_logs(plant, [log], None, 0.03, check=True)
+    whole = Segment((prepared.logs[0].record,), "the log")
+    everything, less = ({c.id for c in segment_candidates(whole, without)} for without in ((), ["relief_valve"]))
+
+    assert everything - less == {"relief_valve"}
+    with pytest.raises(e.InputError, match="without = 'relief' is no effect"):
+        e.diagnose(plant.set(K_T=1.5), log, without=["relief"])

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,8 +67,7 @@ class ProposedLaw:
 
     def text(self, logs: Sequence[Log]) -> str:
         """The TOML of the proposed effect: the most probable form, with the logs from which it was found."""
-        files = [Path(log.path) for log in logs if log.path]
-        known = [LawLog(path=str(f), sha256=hashlib.sha256(f.read_bytes()).hexdigest()) for f in files if f.is_file()]
+        known = [known for log in logs if (known := LawLog.of(log)) is not None]
         best = self.forms[0]
         note = f"proposed by a diagnosis of {join_words(log.name for log in logs)}; closes "
         note += f"{100.0 * best.gap_closed:.0f} % of the gap on held-out data; valid within [range] only"

@@ -23,6 +23,7 @@ from ...core.definition import Array, Definition, Schema, validate
 from ...core.errors import InputError, choices
 from ...core.expression import Expression
 from ...core.files import read_toml
+from ...core.log import Log
 from ...core.unit import base_units
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber
 from ._effect import Effect, EffectParameter
@@ -101,6 +102,14 @@ class LawLog(Definition):
 
     path: str = Field(description="file")
     sha256: str = Field(description="hash of its content")
+
+    @classmethod
+    def of(cls, log: Log) -> LawLog | None:
+        """Path and hash of a log's file; None for a log without one."""
+        path = Path(log.path) if log.path else None
+        if path is None or not path.is_file():
+            return None
+        return cls(path=str(path), sha256=hashlib.sha256(path.read_bytes()).hexdigest())
 
 
 class LawFile(Definition):

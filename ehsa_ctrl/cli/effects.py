@@ -1,0 +1,78 @@
+"""`ehsa-ctrl effects`: what is known of the effects of a project's TOML files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..core.errors import InputError
+from .complete import models
+from .options import Json, LogOptions, PlantOption, Settings, expand_groups, read_pairs
+from .output import to_json
+
+app = typer.Typer(
+    help="Effects of a project's TOML files.\n\nExample: ehsa-ctrl effects confirm my_law second.csv --plant ehsa",
+    no_args_is_help=True,
+)
+
+
+@app.callback()
+def effects() -> None:
+    """Keep `confirm` a command of its own, although it is the only one."""
+
+
+@app.command("confirm")
+@expand_groups
+def confirm(
+    name: Annotated[str, typer.Argument(help="Effect, or its file effects/NAME.toml; it is known where its plant is.")],
+    logs: Annotated[list[Path], typer.Argument(help="Further logs of the rig: another load or waveform.")],
+    plant: PlantOption,
+    preparation: LogOptions,
+    model: Annotated[str, typer.Option(help="linear or nonlinear: the nominal model.", autocompletion=models)] = (
+        "nonlinear"
+    ),
+    settings: Settings = [],
+    threshold: Annotated[
+        float, typer.Option(help="Smallest relevant gap of a signal, relative to its standard deviation.")
+    ] = 0.03,
+    as_json: Json = False,
+) -> None:
+    """Test a proposed law on further logs; if they confirm it, its file says so: status, hashes and ranges.
+
+    The law is simulated in free run as proposed, and with its numbers refitted. Refused are logs from which it was
+    found, a law that hardly acts, gains nothing or changes its size in them, and one that the catalogue beats. All else
+    in the file stays as it is, with its comments.
+
+    Exit status: 0 confirmed, 1 refused, 2 wrong input.
+
+    Examples: ehsa-ctrl effects confirm drag second.csv --plant ehsa · ehsa-ctrl effects confirm
+    results/effects/proposed_force_v_3fa20c.toml spring.csv --plant ehsa --set load.stiffness=50e3
+    """
+    from ..core.registry import add_project
+    from ..diagnosis.law.confirm import confirm_law
+    from .inputs import load_model, read_prepared
+    from .progress import compiling, counting
+
+    file = Path(name)
+    if file.suffix == ".toml":
+        if not file.is_file():
+            raise InputError(f"{file}: no such file; give the effect's file, or its name")
+        add_project(file)
+        name = file.stem
+    nominal = load_model(plant, model, read_pairs(settings))
+    how = preparation.preparation()
+    with compiling(), counting() as watch:
+        ready = [read_prepared(path, nominal, how).log for path in logs]
+        found = confirm_law(nominal, name, ready, threshold=threshold, watch=watch)
+    if found.confirmed:
+        found.write()
+    if as_json:
+        print(to_json(found.to_dict()))
+    else:
+        print(found)
+        if found.confirmed:
+            print(f"written to {found.file}")
+    if not found.confirmed:
+        raise typer.Exit(1)

@@ -1,0 +1,237 @@
+"""Confirm a proposed law on logs that it was not found from: another load or waveform of the same rig.
+
+The law is simulated in free run as its file states it, and with its numbers refitted. It is refused where the logs
+can't tell: they are the old ones, or the law hardly acts in them; and where they contradict it: it gains nothing, its
+numbers change, or the catalogue explains the logs better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...core.errors import InputError, choices
+from ...core.log import Log
+from ...core.parallel import one_blas_thread
+from ...core.text import join_words
+from ...identification.plant_log import read_plant_log
+from ...physics.effects import EFFECTS, CandidateEffect, Effect, LawFile, LawLog, law_candidate
+from ...plant.plant import Plant
+from ..diagnose import diagnose
+from ..diagnosis import Diagnosis
+from ..free_curve import BETTER
+from ..objective import Objective, objective_of
+from ..place_sets import InjectionCase
+from ..pool import Watch
+from ..prepared_logs import PreparedLogs, Segments, prepare_logs, split_logs
+from ..records import Segment
+from ..refit import HypothesisFit, refit_until_converged
+from ..signals import largest
+from ..sizes import fit_sizes, uncertain
+from .confirmation import Confirmation, RefittedNumber, SeenRange
+
+# The numbers below are engineering judgement.
+
+#: A number has changed if its 95 % interval and that of the proposal are apart and it differs by this share.
+INTERVAL, CHANGED = 1.96, 0.1
+#: The size of a law is not determined if its standard deviation is this share of it.
+UNSURE = 0.5
+#: Two logs are repetitions if every channel of both correlates by more than this.
+SAME = 0.995
+
+
+@one_blas_thread()
+def confirm_law(
+    plant: Plant, name: str, logs: Sequence[Log], *, threshold: float = 0.03, watch: Watch | None = None
+) -> Confirmation:
+    """Test the law of an effect's file on further logs of the rig.
+
+    Parameters
+    ----------
+    plant: nominal plant; the law in it, if it has it, is left out for comparison.
+    name: of the effect.
+    logs: of one rig, under loads or waveforms that the law was not found from.
+    threshold, watch: as for `diagnose`.
+
+    Raises
+    ------
+    InputError: as `diagnose`; or the effect is not one of a TOML file.
+    """
+    effect = law_effect(name)
+    assert effect.law is not None
+    law = effect.law.definition
+    bare = plant.with_structure(
+        replace(plant.structure, effects=tuple(n for n in plant.structure.effects if n != name))
+    )
+    same = [words for log in logs for words in _repetitions(log, law, bare)]
+    empty = Confirmation(name, Path(effect.law.where), law, tuple(logs), tuple(same))
+    if same:
+        return empty
+    prepared = prepare_logs(bare, logs, None, threshold, check=True)
+    whole = Segment(tuple(one.record for one in prepared.logs), join_words(one.log.name for one in prepared.logs))
+    before = whole.gap({})
+    if largest(before) < threshold:
+        words = f"the nominal plant has no gap of {100 * threshold:g} % on it ({100 * largest(before):.2g} %), so that"
+        return replace(empty, refused=(f"{words} nothing is left for a law to explain; drive the rig harder",))
+    if effect.name not in prepared.model.plant.structure.effects:
+        raise InputError(f"{effect.law.where}: the law does not fit {plant.name}; ehsa-ctrl check names the reason")
+    tested = _Test.of(prepared, split_logs(prepared, whole, has_gap=True), effect, law, threshold)
+    found = diagnose(bare, list(logs), threshold=threshold, watch=watch)
+    refused, numbers = tested.refusals(found), tested.numbers
+    return replace(
+        empty,
+        refused=tuple(refused),
+        gap=tested.gap,
+        parameters=numbers,
+        range=_ranges(prepared, law),
+        alternatives=_alternatives(found, name),
+        held_out=tested.segments.held_out.name,
+    )
+
+
+def law_effect(name: str) -> Effect:
+    """The effect of a TOML file by its name. Raises InputError for another one."""
+    own = {key: one for key, one in EFFECTS.items() if one.law is not None}
+    if name in own:
+        return own[name]
+    if name in EFFECTS:
+        raise InputError(f"{name} is not an effect from a TOML file, so that it has no status to confirm")
+    known = choices(name, own) if own else "the project has none; a diagnosis proposes one where it finds a law"
+    raise InputError(f"effect {name!r} is not known among those of TOML files: {known}")
+
+
+def _repetitions(log: Log, law: LawFile, plant: Plant) -> list[str]:
+    """Why a log is not a second one: the file is known, or it repeats one that can still be read."""
+    own = LawLog.of(log)
+    for known in law.logs:
+        if own is not None and own.sha256 == known.sha256:
+            return [f"{log.name} is a log from which the law was found ({known.path}); give another load or waveform"]
+    for known in law.logs:
+        try:
+            other = read_plant_log(known.path, plant)
+        except InputError:
+            continue
+        if _alike(log, other):
+            return [f"{log.name} repeats {known.path}, channel by channel; give another load or waveform"]
+    return []
+
+
+def _alike(one: Log, other: Log) -> bool:
+    shared = [name for name in one.channels if name in other.channels]
+    if len(one) != len(other) or not shared:
+        return False
+    moving = [name for name in shared if np.std(one[name]) > 0.0 and np.std(other[name]) > 0.0]
+    return all(np.corrcoef(one[name], other[name])[0, 1] > SAME for name in moving)
+
+
+@dataclass(frozen=True)
+class _Test:
+    """Free runs of a law. values: of the file. refitted, sd: of its numbers. gap: model -> signal -> gap, held out.
+
+    change: largest gap that the law alone makes.
+    """
+
+    segments: Segments
+    values: Mapping[str, float]
+    law: LawFile
+    refitted: Mapping[str, float]
+    sd: Mapping[str, float]
+    gap: Mapping[str, Mapping[str, float]]
+    change: float
+    threshold: float
+
+    @classmethod
+    def of(cls, prepared: PreparedLogs, segments: Segments, effect: Effect, law: LawFile, threshold: float) -> _Test:
+        """Fit on the training data of the logs, score on the held-out data."""
+        objective, _ = objective_of(segments.training, threshold)
+        free = law_candidate(effect, prepared.model.plant.values)
+        fixed = replace(free, free=tuple(replace(one, fixed=True) for one in free.free))
+        values = {n: one.value for n, one in law.parameters.items()}
+        settings: dict[str, Mapping[str, float]] = {"nominal": {}}
+        fits: dict[str, HypothesisFit | None] = {}
+        for model, candidates in {"refit": (), "with_law": (fixed,), "law_refitted": (free,)}.items():
+            fits[model] = _fit(objective, candidates, values)
+            settings[model] = {} if (fit := fits[model]) is None else fit.values
+        sd: Mapping[str, float] = {}
+        if (best := fits["law_refitted"]) is not None:
+            best, sd = fit_sizes(uncertain(objective, best), best)
+            settings["law_refitted"] = best.values
+        runs = segments.whole.run([{}, values])
+        change = 0.0 if runs[0] is None or runs[1] is None else largest(segments.whole.change(runs[1], runs[0]))
+        gap = {model: segments.held_out.gap(setting) for model, setting in settings.items()}
+        refitted = {n: settings["law_refitted"].get(n, float("nan")) for n in values}
+        return cls(segments, values, law, refitted, sd, gap, change, threshold)
+
+    @property
+    def numbers(self) -> dict[str, RefittedNumber]:
+        """Each number of the law in the file and refitted."""
+        found = {}
+        for name, one in self.law.parameters.items():
+            before, after, sd = one.sd or 0.0, self.refitted[name], self.sd.get(name, float("inf"))
+            apart = abs(after - one.value) > INTERVAL * (before + sd)
+            # A location and a width are compared with the width of what they place, a factor with itself.
+            changed = abs(after - one.value) > CHANGED * abs(one.value)
+            found[name] = RefittedNumber(one.value, one.sd, after, sd, one.unit, not (apart and changed))
+        return found
+
+    def refusals(self, found: Diagnosis) -> list[str]:
+        """Why the logs do not confirm the law; empty if they do. found: diagnosis of the logs with the law as one of
+        the effects."""
+        if self.change < self.threshold:
+            words = f"too little excitation: the law changes no signal by {100 * self.threshold:g} % there (largest "
+            return [f"{words}{100 * self.change:.2g} %); drive the rig through the range of the law"]
+        out = []
+        without, with_law = self.gap["refit"]["total"], self.gap["with_law"]["total"]
+        if not with_law < BETTER * without:
+            out.append(
+                f"the law gains nothing: with it as proposed {100 * with_law:.3g} % of gap are left, without it "
+                f"{100 * without:.3g} %, nominal parameters refitted in both; expected less than {100 * BETTER:.0f} % "
+                "of that"
+            )
+        numbers = self.numbers
+        sizes = {n: one for n, one in numbers.items() if self.law.parameters[n].neutral is not None}
+        unsure = [n for n, one in sizes.items() if one.sd > UNSURE * abs(one.value)]
+        if unsure:
+            out.append(f"too little excitation: {join_words(unsure)} can't be determined from these logs")
+        out += [
+            f"the size changes: {n} is {one.value:.4g} +- {INTERVAL * one.sd:.2g} {one.unit} here, proposed "
+            f"{one.proposed:.4g} +- {INTERVAL * (one.proposed_sd or 0.0):.2g}"
+            for n, one in numbers.items()
+            if not one.overlaps and n not in unsure
+        ]
+        named = [cause.name for cause in found.effects if cause.probability >= 0.5]
+        closed, own = found.explained, 1.0 - with_law / max(self.gap["nominal"]["total"], 1e-12)
+        if named and closed > own and found.verdict in ("effect", "parameters"):
+            out += [f"{join_words(named)} of the catalogue closes more: {100 * closed:.0f} % against {100 * own:.0f} %"]
+        return out
+
+
+def _fit(
+    objective: Objective, candidates: Sequence[CandidateEffect], values: Mapping[str, float]
+) -> HypothesisFit | None:
+    """Nominal parameters as uncertain as on a typical rig, with the law, from its numbers."""
+    nominal = objective.nominal
+    wide = replace(objective, nominal=replace(nominal, sd=nominal.typical))
+    return refit_until_converged(wide, candidates, values if candidates else {})
+
+
+def _ranges(prepared: PreparedLogs, law: LawFile) -> dict[str, SeenRange]:
+    """Range of each variable of the law: where it was found, and in these logs."""
+    cases = [InjectionCase.of(one.plant, one.log, one.noise) for one in prepared.logs]
+    found = {}
+    for name in law.variables:
+        values = [case.signals[name] for case in cases if name in case.signals]
+        if values:
+            low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+            found[name] = SeenRange(law.range.get(name), (low, high))
+    return found
+
+
+def _alternatives(found: Diagnosis, name: str) -> tuple[str, ...]:
+    """Effects that explain the logs as well."""
+    own = [cause for cause in found.effects if name in (cause.id, *cause.ambiguous_with)]
+    others = [other for cause in own for other in (cause.id, *cause.ambiguous_with)]
+    return tuple(dict.fromkeys(other for other in others if other != name))

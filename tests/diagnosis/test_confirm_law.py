@@ -1,0 +1,126 @@
+"""A proposed law is confirmed on a second log of a rig that has it, and refused where the log can't or doesn't."""
+
+import hashlib
+import json
+import tomllib
+
+import pytest
+from typer.testing import CliRunner
+
+import ehsa_ctrl as e
+from ehsa_ctrl.cli.main import app
+from ehsa_ctrl.core import registry
+from ehsa_ctrl.diagnosis.law.confirmation import SeenRange
+from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of
+
+FILE = """\
+# Found on the day of the acceptance test.
+schema = 1
+status = "proposed"
+summary = "a valve that lets oil out of chamber 1"
+adds_to = "flow_1"
+expression = "-k_rig * max(P_1 - P_rig, 0)"  # tank is at 0
+
+[parameters]
+k_rig = { value = 6e-13, unit = "m3/(s Pa)", neutral = 0.0, sd = 3e-14 }
+P_rig = { value = 1.2e6, unit = "Pa", sd = 2e4 }
+
+[range]
+P_1 = [1e6, 1.9e6]
+"""
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """A project with the file of the law, in its folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "_PROJECTS", [])
+    (tmp_path / "effects").mkdir()
+    (tmp_path / "effects" / "valve.toml").write_text(FILE)
+    return tmp_path
+
+
+def record(project, name, factor=1.0, kind="noise", seed=0, amplitude=3.0):
+    """A log of a rig whose valve has this multiple of the size in the file; 0 for a rig without it."""
+    rig = e.load_plant("ehsa")
+    if factor:
+        law = LawFile.model_validate(tomllib.loads(FILE))
+        EFFECTS.keep("rig_valve", effect_of("rig_valve", law, "the rig"))
+        rig = rig.with_effects("rig_valve", k_rig=6e-13 * factor, P_rig=1.2e6)
+    drive = e.excitation(kind, amplitude=amplitude, duration=9.0, sample_time=0.004, seed=seed)
+    log, _ = e.record(rig, *drive, centre=True)
+    log.write(project / name)
+
+
+def confirm(*words):
+    result = CliRunner().invoke(app, ["effects", "confirm", *words, "--plant", "ehsa"])
+    return result.exit_code, result.output
+
+
+def test_the_log_of_the_proposal_is_no_second_log(project):
+    """Neither under another name nor written again; the file stays as it is."""
+    record(project, "log.csv", seed=1)
+    digest = hashlib.sha256((project / "log.csv").read_bytes()).hexdigest()
+    known = FILE + f'\n[[logs]]\npath = "log.csv"\nsha256 = "{digest}"\n'
+    (project / "effects" / "valve.toml").write_text(known)
+    (project / "copy.csv").write_bytes((project / "log.csv").read_bytes())
+    (project / "again.csv").write_text((project / "log.csv").read_text().rstrip("\n") + "\n\n")
+
+    assert confirm("valve", "copy.csv")[0] == 1
+    assert "is a log from which the law was found" in confirm("valve", "copy.csv")[1]
+    assert "repeats log.csv, channel by channel" in confirm("valve", "again.csv")[1]
+    assert (project / "effects" / "valve.toml").read_text() == known
+
+
+def test_names_that_are_no_laws(project):
+    """The error says what there is instead."""
+    record(project, "log.csv")
+    for name, words in {"valfe": "did you mean 'valve'", "internal_leakage": "not an effect from a TOML file"}.items():
+        with pytest.raises(e.InputError, match=words):
+            CliRunner().invoke(app, ["effects", "confirm", name, "log.csv", "--plant", "ehsa"], catch_exceptions=False)
+
+
+def test_ranges_grow_together():
+    """What both logs show, and how much wider that is."""
+    pair = SeenRange((0.0, 2.0), (-1.0, 1.0))
+
+    assert pair.both == (-1.0, 2.0)
+    assert pair.beyond == pytest.approx(0.5)
+    assert SeenRange(None, (0.0, 1.0)).both == (0.0, 1.0)
+
+
+@pytest.mark.slow
+def test_a_second_log_confirms(project):
+    """Another waveform of the same rig: the law as proposed closes the gap, and the file keeps its comments."""
+    record(project, "second.csv", kind="multisine", seed=3)
+    status, output = confirm("valve", "second.csv", "--json")
+    found = json.loads(output[output.index("{") : output.rindex("}") + 1])
+    text = (project / "effects" / "valve.toml").read_text()
+    content = tomllib.loads(text)
+
+    assert status == 0 and found["confirmed"] and not found["refused"]
+    assert found["gap_closed"] > 0.9
+    assert found["parameters"]["k_rig"]["overlaps"] and found["parameters"]["P_rig"]["overlaps"]
+    assert content["status"] == "confirmed" and content["logs"][0]["path"] == "second.csv"
+    assert content["range"]["P_1"][0] < 1e6 < 1.9e6 < content["range"]["P_1"][1]
+    assert "# Found on the day of the acceptance test." in text and "# tank is at 0" in text
+    assert confirm("valve", "second.csv")[0] == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("factor", "amplitude", "words"),
+    [
+        (2.5, 3.0, "the size changes: k_rig"),
+        (-1.0, 3.0, "the law gains nothing"),
+        (0.0, 3.0, "the nominal plant has no gap"),
+    ],
+)
+def test_refusals(project, factor, amplitude, words):
+    """A rig whose valve is larger, one that feeds oil in instead, and one without it; the file stays as it is."""
+    record(project, "other.csv", factor, seed=2, amplitude=amplitude)
+    status, output = confirm("valve", "other.csv")
+
+    assert status == 1, output
+    assert words in output
+    assert (project / "effects" / "valve.toml").read_text() == FILE
