@@ -1,6 +1,6 @@
 """Types of the public names, which are loaded on first use; arguments that accept names or paths include str, Path."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,6 +26,7 @@ from .design.review import Review
 from .diagnosis.batch import LogBatch
 from .diagnosis.changed import Change
 from .diagnosis.diagnosis import Diagnosis as Diagnosis
+from .diagnosis.law.confirmation import Confirmation
 from .identification.checks import LogFinding
 from .identification.comparison import Comparison
 from .identification.experiment import ExperimentDesign
@@ -96,6 +97,14 @@ def design_experiment(
     jobs: int | None = None,
     watch: Callable[[str, int, int], None] | None = None,
 ) -> ExperimentDesign: ...
+def confirm_law(
+    plant: _PlantLike,
+    name: str,
+    logs: _LogLike | Sequence[_LogLike],
+    *,
+    threshold: float = 0.03,
+    watch: Callable[[str, int, int], None] | None = None,
+) -> Confirmation: ...
 def diagnose(
     plant: _PlantLike,
     log: _LogLike,
@@ -105,6 +114,7 @@ def diagnose(
     jobs: int | None = None,
     watch: Callable[[str, int, int], None] | None = None,
     check: bool = True,
+    without: Collection[str] = (),
 ) -> Diagnosis: ...
 def diagnose_many(
     plant: _PlantLike,
@@ -333,6 +343,7 @@ def what_changed(
     jobs: int | None = None,
     watch: Callable[[str, int, int], None] | None = None,
     check: bool = True,
+    without: Collection[str] = (),
 ) -> Change: ...
 def write_plant(path: str | Path, *plants: _PlantLike, force: bool = False) -> Path: ...
 def write_report(result: Any, folder: str | Path, *, force: bool = False) -> Path: ...

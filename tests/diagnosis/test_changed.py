@@ -75,7 +75,7 @@ def test_the_second_log_is_held_against_the_first_ones_plant(plant, monkeypatch)
     """With the causes that the first shows; what is told of progress says which log it is about."""
     improved, seen, told = plant.set(K_L=4e-12), [], []
 
-    def diagnose(nominal, log, *, threshold, jobs, watch, check):
+    def diagnose(nominal, log, *, threshold, jobs, watch, check, without):
         seen.append((nominal["K_L"], log))
         watch("pairs", 1, 2)
         return diagnosis(nominal, improved=improved if len(seen) == 1 else None)

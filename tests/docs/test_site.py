@@ -100,7 +100,7 @@ def test_the_commands_that_set_a_value_are_named():
     """All commands with --set, and no other."""
     listed = PAGES["how-to/own-plant.md"].partition("`--set` is an option of ")[2].partition(". ")[0]
 
-    assert re.findall(r"`([a-z]+)`", listed.partition(".")[0]) == sorted(
+    assert re.findall(r"`([a-z ]+)`", listed.partition(".")[0]) == sorted(
         name for name, command in COMMANDS.items() if any("--set" in p.opts for p in command.params)
     )
 
