@@ -24,7 +24,7 @@ from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .causes import build_causes, related_effects
 from .diagnosis import MODELS, Cause, Diagnosis, LogGap, RankedHypothesis
-from .explanation import explain, only_parameters, with_absorbed_parameters
+from .explanation import Explanation, claimable_part, explain, only_parameters, with_absorbed_parameters
 from .gap_attribution import Location, attribute_gap
 from .hypothesis_model import (
     Setting,
@@ -247,10 +247,21 @@ def _diagnose_selection(
     parameter of the causes. known: all hypotheses that were scored. nominal_refit: nominal parameters refitted without
     any effect.
     """
-    plant, chosen = prepared.plant, selection.chosen
-    changed = {n: v for n, v in chosen.fit.values.items() if v != prepared.model.nominal_value(n)}
-    improved = improved_plant(plant, chosen.fit.candidates, changed, sd)
-    explanation = explain(selection, reference, prepared.threshold, curve_logs(prepared, segments, improved))
+    plant = prepared.plant
+
+    def explained(selection: Selection, sd: Mapping[str, float]) -> tuple[Plant, Explanation]:
+        fit = selection.chosen.fit
+        changed = {n: v for n, v in fit.values.items() if v != prepared.model.nominal_value(n)}
+        improved = improved_plant(plant, fit.candidates, changed, sd)
+        logs = curve_logs(prepared, segments, improved)
+        return improved, explain(selection, reference, prepared.threshold, logs)
+
+    improved, explanation = explained(selection, sd)
+    if explanation.verdict == "outside_catalogue" and (part := claimable_part(selection, reference)) is not None:
+        selection, sd = with_sizes(part, scoring, hypotheses.pool.jobs)
+        improved, explanation = explained(selection, sd)
+        explanation = replace(explanation, verdict="partly")
+    chosen = selection.chosen
     selection = replace(selection, verdict=explanation.verdict)
     if not selection.named:
         refitted = {n: v for n, v in nominal_refit.items() if v != prepared.model.nominal_value(n)}

@@ -17,13 +17,16 @@ from .candidate_effects import with_parameters
 from .diagnosis import Verdict
 from .free_curve import CurveLog, FreeCurve, free_curve
 from .hypothesis_search import Hypotheses, Task
-from .model_selection import Reference, Selection
+from .model_selection import Reference, Selection, selection_of
 from .regimes import describe_curve
 from .scoring import CauseKey, Scoring
 from .several_parameters import MAX_CAUSES
-from .signals import largest_beyond
+from .signals import largest, largest_beyond
 
-#: Causes are part of the explanation if they close this part of the gap, on training and on held-out data.
+#: Causes are part of the explanation if they close this part of the gap, on training and on held-out data. An effect is
+#: certain among many causes if every set without it explains less by this part, and if it makes this part of the
+#: largest cause's gap. On tuning seeds with an effect that the catalogue lacks, the one that came nearest had 0.39 and
+#: 0.24, on the records of a servo it is 0.38 to 0.8 and 0.5 to 1.
 PART = 1.0 / 3.0
 #: Parameters that a refit hides beside the causes. Engineering judgement: with more of them a form is wrong.
 MAX_ABSORBED = 2
@@ -76,6 +79,37 @@ def explain(
     named = selection.verdict in ("effect", "ambiguous")
     partly = simple and named and closed >= PART
     return Explanation("partly" if partly else "outside_catalogue", left, curve)
+
+
+def claimable_part(selection: Selection, reference: Reference) -> Selection | None:
+    """What may be claimed of a selection that does not explain the log; None if nothing may.
+
+    The certain effects among its causes, if it closes PART of the gap; its other causes stay in the model as numbers
+    that go with them. A set that fits the training data best may do worse on held-out data: then the same of the set
+    of at most FEW causes that closes most of the gap, among those that can't be excluded.
+    """
+    if min(reference.closed(selection.chosen)) < PART:
+        limit = selection.chosen.deviance + reference.margin(selection.chosen)
+        few = [one for one in selection.ranked if len(one.causes) <= FEW and one.deviance <= limit]
+        best = max(few, key=lambda one: min(reference.closed(one)), default=selection.chosen)
+        selection = selection_of(best, selection.ranked, reference)
+    chosen = selection.chosen
+    certain = tuple(key for key in chosen.causes if _certain(key, selection, reference))
+    if min(reference.closed(chosen)) < PART or not 0 < len(certain) <= FEW:
+        return None
+    return replace(selection, chosen=replace(chosen, causes=certain))
+
+
+def _certain(key: CauseKey, selection: Selection, reference: Reference) -> bool:
+    """Whether a cause is an effect that no other set of causes can do without, see PART.
+
+    Large numbers that cancel each other imitate an effect.
+    """
+    chosen = selection.chosen
+    gaps = {cause: largest(chosen.own_gaps[cause]) for cause in chosen.causes}
+    without = min((one.deviance for one in selection.ranked if key not in one.causes), default=reference.nominal)
+    lost = (without - chosen.deviance) / max(reference.nominal - chosen.deviance, 1e-9)
+    return EFFECTS[key[0]].wired and lost >= PART and gaps[key] >= PART * max(gaps.values())
 
 
 def with_absorbed_parameters(

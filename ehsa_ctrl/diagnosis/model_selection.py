@@ -105,12 +105,17 @@ def select_model(scores: Sequence[ScoredHypothesis], reference: Reference, thres
     ranked = rank(scores)
     with_causes = [one for one in ranked if one.causes] or ranked
     chosen = _select_smallest(with_causes, reference, threshold)
-    chosen = _select_simplest(with_causes, chosen, reference.margin(chosen))
-    misfit = _misfit(chosen, reference)
+    return selection_of(_select_simplest(with_causes, chosen, reference.margin(chosen)), ranked, reference)
+
+
+def selection_of(chosen: ScoredHypothesis, ranked: Sequence[ScoredHypothesis], reference: Reference) -> Selection:
+    """The selection of a hypothesis among others, the best of each set of causes first."""
+    with_causes = [one for one in ranked if one.causes] or ranked
     margin = reference.margin(chosen)
     alternatives = _alternatives(chosen, with_causes, margin)
     probability = _probability(with_causes, chosen, margin / 6.0)
-    return Selection(_verdict(chosen, alternatives), chosen, alternatives, probability, tuple(ranked), misfit)
+    verdict = _verdict(chosen, alternatives)
+    return Selection(verdict, chosen, alternatives, probability, tuple(ranked), _misfit(chosen, reference))
 
 
 def _select_smallest(ranked: Sequence[ScoredHypothesis], reference: Reference, threshold: float) -> ScoredHypothesis:

@@ -1,5 +1,6 @@
 """A carriage under a known force: the catalogue's effects in other symbols, on a bench log and a real one."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.candidate_effects import friction_levels
+from ehsa_ctrl.diagnosis.diagnose import diagnose
 from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "emps" / "train.csv"
@@ -95,10 +97,11 @@ def test_the_published_record_shows_the_published_friction(carriage):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not (SHARED.parents[1] / "bam").is_dir(), reason="the measured records are not here")
-def test_a_servo_believed_with_coulomb_and_viscous_friction_shows_its_loaded_gear():
+@pytest.mark.parametrize("kp", [100, 800])
+def test_a_servo_believed_with_coulomb_and_viscous_friction_shows_its_loaded_gear(kp):
     """Friction that grows with the torque is among the causes, at the axis' own place."""
-    plant = ehsa_ctrl.load_plant("xl330_pendulum", settings={"kp": 100.0})
-    names = ("kp100_sin_time_square.csv", "kp100_sin_sin.csv")
+    plant = ehsa_ctrl.load_plant("xl330_pendulum", settings={"kp": float(kp)})
+    names = (f"kp{kp}_sin_time_square.csv", f"kp{kp}_sin_sin.csv")
     logs = [ehsa_ctrl.read_plant_log(SHARED.parents[1] / "bam" / name, plant, uniform=False) for name in names]
     log, other = (ehsa_ctrl.Preparation(resample=200.0).apply(one, plant)[0] for one in logs)
 
@@ -110,3 +113,25 @@ def test_a_servo_believed_with_coulomb_and_viscous_friction_shows_its_loaded_gea
     assert causes["load_dependent_friction"].place == "torque"
     assert {place for place, _ in found.where} <= {"torque", "drive", "sensor"}
     assert found.gap["with_effects"]["total"] < 0.5 * found.gap["nominal"]["total"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (SHARED.parents[1] / "bam").is_dir(), reason="the measured records are not here")
+def test_records_of_two_gains_improve_the_servo_to_30_mrad():
+    """One diagnosis of all records; its plant replays each in closed loop, the nominal one to 62 mrad."""
+    plant = ehsa_ctrl.load_plant("xl330_pendulum")
+    logs = []
+    for path in sorted((SHARED.parents[1] / "bam").glob("kp*.csv")):
+        log, _ = ehsa_ctrl.Preparation(resample=200.0).apply(
+            ehsa_ctrl.read_plant_log(path, plant, uniform=False), plant
+        )
+        logs.append(replace(log, settings={"kp": float(path.name[2:5])}))
+
+    found = diagnose(plant, logs)
+
+    def error(model):
+        runs = [ehsa_ctrl.replay(model, log) for log in logs]
+        return np.mean([np.mean(np.abs(run.simulated["angle"] - run.log["angle"])) for run in runs])
+
+    assert "load_dependent_friction" in {cause.id for cause in found.effects}
+    assert error(found.improved) < 0.030 < 0.060 < error(plant)
