@@ -43,7 +43,6 @@ _MODULES = {
     "identification.experiment": "design_experiment",
     "identification.predicted_accuracy": "forecast",
     "identification.identify": "identify",
-    "identification.plant_toml": "write_plant",
     "identification.refits": "profile",
     "diagnosis.diagnose": "diagnose",
     "diagnosis.diagnosis": "Diagnosis",
@@ -53,6 +52,7 @@ _MODULES = {
     "diagnosis.closed_loop_replay": "replay_closed_loop",
     "diagnosis.validation_segment": "gap",
     "report.write": "write_report",
+    "report": "figures style",
     "design.load": "load_controller",
     "scenario.definition": "load_scenario",
     "scenario.log_controller": "log_controller",
@@ -67,6 +67,10 @@ _MODULES = {
     "design.review": "review Known",
     "plant.draws": "draw drawn_models",
     "plant.conditions": "conditions",
+    "plant.motion_current": "motion_current",
+    "identification.plant_toml": "write_plant sliding_linear",
+    "simulation.sensors": "Sensors",
+    "scenario.response": "hunting",
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names.split()}
 
@@ -87,7 +91,8 @@ __all__ = sorted([*_WHERE, "__version__"])
 def __getattr__(name: str) -> Any:
     if name not in _WHERE:
         raise AttributeError(f"module 'ehsa_ctrl' has no attribute {name!r}")
-    thing = getattr(importlib.import_module(f"ehsa_ctrl.{_WHERE[name]}"), name)
+    home = importlib.import_module(f"ehsa_ctrl.{_WHERE[name]}")
+    thing = getattr(home, name) if hasattr(home, name) else importlib.import_module(f"{home.__name__}.{name}")
     if isinstance(thing, types.FunctionType):
         from .arguments import convert_arguments
 

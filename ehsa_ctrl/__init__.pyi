@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, overload
 
 import control
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from .core.catalogue import controllers as controllers
 from .core.catalogue import plants as plants
 from .core.catalogue import scenarios as scenarios
-from .core.controller_interface import Controller
+from .core.controller_interface import Controller, Readings, Setpoint
 from .core.errors import EhsaError as EhsaError
 from .core.errors import InputError as InputError
 from .core.errors import SimulationError as SimulationError
@@ -40,6 +40,9 @@ from .plant.draws import Covariance
 from .plant.plant import Model
 from .plant.plant import Plant as Plant
 from .plant.structure import Structure as Structure
+from .report import figures as figures
+from .report import style as style
+from .scenario.comparison import ControllerComparison
 from .scenario.definition import Scenario
 from .scenario.montecarlo import MonteCarlo
 from .scenario.result import ScenarioResult
@@ -48,14 +51,22 @@ from .simulation.engine import Batch, Hold
 from .simulation.faults import Faults
 from .simulation.reference import ReferenceRun
 from .simulation.sensitivity import Sensitivities
-from .simulation.sensors import Sensors
+from .simulation.sensors import Sensors as Sensors
 from .simulation.stepped_run import SteppedRun as SteppedRun
 from .simulation.trajectory import Trajectory
 
 _PlantLike = Plant | str | Path
 _LogLike = Log | str | Path
 _SystemLike = control.StateSpace | Plant | str | Path
-_ControllerLike = Controller | str | Path
+_Law = Callable[[float, Readings, Setpoint], float]
+
+class _StepsAlone(Protocol):
+    def step(self, t: float, y: Readings, r: Setpoint, /) -> float: ...
+
+_ControllerLike = (
+    Controller | str | Path | Mapping[str, Any] | control.StateSpace | control.TransferFunction | _Law | _StepsAlone
+)
+_ScenarioLike = Scenario | str | Path | Mapping[str, Any]
 _ArrayLike = npt.NDArray[np.number] | Sequence[float]
 
 __version__: str
@@ -158,6 +169,7 @@ def forecast(
 ) -> PredictedAccuracy: ...
 def four_state(plant: _PlantLike) -> control.StateSpace: ...
 def gap(plant: _PlantLike, log: _LogLike) -> dict[str, float]: ...
+def hunting(time: _ArrayLike, x: _ArrayLike) -> dict[str, float]: ...
 def identify(
     plant: _PlantLike,
     logs: _LogLike | Sequence[_LogLike],
@@ -180,18 +192,25 @@ def linearise(
 ) -> control.StateSpace: ...
 def log_controller(plant: _PlantLike, controller: str | Path | None = None) -> SampledController: ...
 def load_controller(
-    name: str | Path, system: _SystemLike, *, sample_time: float | None = None, drive_unit: str = ""
+    name: _ControllerLike,
+    system: _SystemLike | None = None,
+    *,
+    sample_time: float | None = None,
+    drive_unit: str = "",
+    method: str = "tustin",
+    label: str = "",
+    **keys: Any,
 ) -> SampledController: ...
 def load_plant(
     name: str | Path, *, model: Model = "nonlinear", settings: Mapping[str, str | float] | None = None
 ) -> Plant: ...
-def load_scenario(name: str | Path) -> Scenario: ...
+def load_scenario(name: str | Path | Mapping[str, Any], *, label: str = "", **keys: Any) -> Scenario: ...
 def monte_carlo(
-    scenario: str | Path | Scenario,
+    scenario: _ScenarioLike,
     *,
     runs: int = 1000,
     seed: int = 0,
-    controller: str | Path | Controller | None = None,
+    controller: _ControllerLike | None = None,
     plant: str | Path | Plant | None = None,
     design: str | Path | Plant | None = None,
     settings: Mapping[str, str | float] | None = None,
@@ -201,6 +220,7 @@ def monte_carlo(
     anew: bool = False,
     watch: Callable[[int, int], None] | None = None,
 ) -> MonteCarlo: ...
+def motion_current(plant: _PlantLike) -> dict[str, float]: ...
 def profile(found: Identification, name: str) -> Profile: ...
 def read_log(
     path: str | Path,
@@ -251,10 +271,21 @@ def robust_margins(
     delay: float = 0.0,
     points: int = 300,
 ) -> RobustMargins: ...
+@overload
 def run(
-    scenario: str | Path | Scenario,
+    scenario: _ScenarioLike,
     *,
-    controller: str | Path | Controller | None = None,
+    controller: list[Any] | tuple[Any, ...],
+    plant: str | Path | Plant | None = None,
+    design: str | Path | Plant | None = None,
+    assumed: bool | None = False,
+    settings: Mapping[str, str | float] | None = None,
+) -> ControllerComparison: ...
+@overload
+def run(
+    scenario: _ScenarioLike,
+    *,
+    controller: _ControllerLike | None = None,
     plant: str | Path | Plant | None = None,
     design: str | Path | Plant | None = None,
     assumed: bool | None = False,
@@ -329,6 +360,7 @@ def simulate_reference(
     method: str = "DOP853",
     rtol: float = 1e-10,
 ) -> ReferenceRun: ...
+def sliding_linear(plant: _PlantLike) -> Plant: ...
 def slip_quantum(
     plant: _PlantLike, *, width: float | None = None, direction: int = 1, excess: float = 0.001
 ) -> float: ...

@@ -196,10 +196,22 @@ def as_system(value: Any, given: Given) -> Any:
     return _checked(value, _is(value, "StateSpace"))
 
 
+def _is_controller_source(value: Any) -> bool:
+    """Whether `load_controller` takes this: name, path, dictionary, linear system, function, or object with a step."""
+    linear = _is(value, "StateSpace") or _is(value, "TransferFunction")
+    named = isinstance(value, str | os.PathLike | Mapping | type)
+    return named or linear or callable(value) or callable(getattr(value, "step", None))
+
+
+def _to_controller_source(value: Any, given: Given) -> Any:
+    return _checked(value, isinstance(value, Controller) or _is_controller_source(value))
+
+
 def as_controller(value: Any, given: Given) -> Any:
     """A controller. A name is designed on the argument `system`, or on the linear model of `plant` (of `diagnosis`)."""
-    if not isinstance(value, str | os.PathLike):
-        return _checked(value, isinstance(value, Controller))
+    if isinstance(value, Controller):
+        return value
+    _checked(value, _is_controller_source(value))
     from .design.load import load_controller
 
     system: Any = given.get("system")
@@ -210,6 +222,10 @@ def as_controller(value: Any, given: Given) -> Any:
 
         period, unit = plant.sample_time, plant.structure.system.drive_unit
         system = design_model(plant) if system is None else system
+        if not isinstance(value, str | os.PathLike):
+            from .scenario.plant_data import own_controller
+
+            return own_controller(value, plant, system)
     _checked(system, _is(system, "StateSpace"))
     return load_controller(os.fspath(value), system, sample_time=period, drive_unit=unit)
 
@@ -244,8 +260,12 @@ SYSTEM = ArgumentKind(
     'a linear model: a plant\'s name, or what three_state(load_plant("ehsa", model="linear")) gives', as_system
 )
 CONTROLLER = ArgumentKind(
-    "a controller: its name, the path of its TOML, or what load_controller(name, system) gives", as_controller
+    "a controller: its name, the path of its TOML, a dictionary of its keys, a control.StateSpace or TransferFunction, "
+    "a function f(t, y, r), an object with such a step, or what load_controller(name, system) gives",
+    as_controller,
 )
+CONTROLLER_SOURCE = ArgumentKind(CONTROLLER.expected, _to_controller_source)
+MAPPING = where("a dictionary", lambda value: isinstance(value, Mapping))
 SCENARIO = instance(
     "Scenario", 'a scenario: its name, the path of its TOML, or what load_scenario("steps_spring") gives'
 )
@@ -266,7 +286,7 @@ _NAMES = {
     TEXT: "criterion drive_unit kind label method name system_name",
     TEXT | NONE: "chambers rod_friction shaft_friction",
     TEXT | PATH: "file folder identification path",
-    ARRAY: "current force measured reference simulated start time",
+    ARRAY: "current force measured reference simulated start time x",
     NUMBERS: "betas masses positions stiffnesses velocities",
     NAMES: "fix free initial_states names required wanted without",
     FUNCTION: "keep watch",
@@ -304,8 +324,12 @@ ARGUMENTS = {name: kind for kind, names in _NAMES.items() for name in names.spli
 #: FUNCTION.ARGUMENT -> kind, for arguments with another meaning in a function.
 OVERRIDES: dict[str, ArgumentKind] = {
     **{f"{name}.plant": _or_name(PLANT) for name in ("run", "monte_carlo")},
-    **{f"{name}.controller": _or_name(CONTROLLER) for name in ("run", "monte_carlo")},
-    **{f"{name}.name": TEXT | PATH for name in ("load_plant", "load_controller", "load_scenario")},
+    **{f"{name}.scenario": _or_name(SCENARIO | MAPPING) for name in ("run", "monte_carlo")},
+    "monte_carlo.controller": CONTROLLER_SOURCE,
+    "run.controller": CONTROLLER_SOURCE | several(CONTROLLER_SOURCE),
+    "load_controller.name": CONTROLLER_SOURCE,
+    "load_plant.name": TEXT | PATH,
+    "load_scenario.name": TEXT | PATH | MAPPING,
     **{f"{name}.force": FLAG for name in ("export_fmu", "write_plant", "write_report")},
     "Log.path": PATH,
     "Log.segment.start": NUMBER,
@@ -335,7 +359,7 @@ def convert_arguments(function: Callable[P, R]) -> Callable[P, R]:
     kinds = {
         parameter.name: kind_of(name, parameter)
         for parameter in signature.parameters.values()
-        if parameter.name not in ("self", "cls")
+        if parameter.name not in ("self", "cls") and parameter.kind is not parameter.VAR_KEYWORD
     }
 
     @wraps(function)

@@ -19,11 +19,6 @@ import numpy as np
 import pandas as pd
 
 import ehsa_ctrl as e
-from ehsa_ctrl.identification.plant_toml import sliding_linear
-from ehsa_ctrl.plant.motion_current import motion_current
-from ehsa_ctrl.report.figures import bode_figure, loop_figure, overlay_figure, robustness_figure, save
-from ehsa_ctrl.scenario.response import hunting
-from ehsa_ctrl.simulation.sensors import Sensors
 
 given = [word for word in sys.argv[1:] if not word.startswith("-")]  # a notebook kernel adds options of its own
 FOLDER = Path(given[0] if given and sys.argv[1] == given[0] else "results/design")
@@ -33,7 +28,7 @@ FOLDER.mkdir(parents=True, exist_ok=True)
 linear, nonlinear = e.load_plant("ehsa", model="linear"), e.load_plant("ehsa")
 model = e.three_state(linear)  # a control.StateSpace
 print(e.analyse(model))
-save(bode_figure(e.analyse(model)), FOLDER / "1_bode")
+e.figures.save(e.figures.bode_figure(e.analyse(model)), FOLDER / "1_bode")
 
 threshold = (nonlinear["A_FM"] + nonlinear["C_FM"]) / nonlinear["K_T"]
 not_printed = [p for p in nonlinear.parameters.values() if p.source in ("assumed", "literature") and p.value]
@@ -49,7 +44,7 @@ shown = {
     "position (mm)": ("x", 1e-3),
 }
 panels = {label: {name: run[signal] / unit for name, run in runs.items()} for label, (signal, unit) in shown.items()}
-save(overlay_figure(time, panels, title="Steps of 1.5 A by both sets"), FOLDER / "1_steps")
+e.figures.save(e.figures.overlay_figure(time, panels, title="Steps of 1.5 A by both sets"), FOLDER / "1_steps")
 assert runs["linear"]["x"].max() > 2 * runs["nonlinear"]["x"].max()  # no dry friction: far too fast
 
 # %% 2. From a log to a plant. The logs are from the virtual bench; read yours by e.read_plant_log("log.csv", plant)
@@ -64,8 +59,8 @@ for finding in e.check_log(log, nominal):
 found = e.identify(nominal, log, validate=[steps])
 print(found)
 assert found.explained
-save(found.plot(), FOLDER / "2_identified")
-e.write_plant(FOLDER / "identified.toml", found.plant, sliding_linear(found.plant), force=True)
+e.figures.save(found.plot(), FOLDER / "2_identified")
+e.write_plant(FOLDER / "identified.toml", found.plant, e.sliding_linear(found.plant), force=True)
 
 # %% 3. Controllers are designed on the identified plant's linear set ...
 rig_model = e.three_state(e.load_plant(FOLDER / "identified.toml", model="linear"))
@@ -76,7 +71,7 @@ for name, controller in controllers.items():
     loop = e.analyse_loop(rig_model, controller, noise=known.noise)
     print(f"\n{loop}")
     assert loop.stable and loop.Ms < 1.5
-    save(loop_figure(loop), FOLDER / f"3_loop_{name}")
+    e.figures.save(e.figures.loop_figure(loop), FOLDER / f"3_loop_{name}")
 
 # %% ... and checked on the nonlinear one, with friction, under a spring, with the noise of the sensors
 spring = e.load_plant("ehsa", settings={"load.stiffness": "50 kN/m"})
@@ -84,15 +79,15 @@ hold = np.tile([0.010, 0.0, 0.0], (7500, 1))
 rows = {}
 for name in names:
     result = e.run("steps_spring", controller=name, plant=FOLDER / "identified.toml")
-    save(result.plot(), FOLDER / f"3_steps_spring_{name}")
-    quiet = e.run_closed_loop(spring, controllers[name], hold, sensors=Sensors.of(spring, seed=0)).trajectory
+    e.figures.save(result.plot(), FOLDER / f"3_steps_spring_{name}")
+    quiet = e.run_closed_loop(spring, controllers[name], hold, sensors=e.Sensors.of(spring, seed=0)).trajectory
     late = quiet.time > 3.0
     rows[name] = {
         "passed": result.passed,
         "settling (ms)": round(1e3 * result.metrics["SettlingTime"][1]),
         "times the shortest": round(result.metrics["SettlingRatio"][1], 1),
         "steady-state error (um)": round(1e6 * result.metrics["SteadyStateError"][1]),
-        "slips in 30 s at rest": int(hunting(quiet.time[late], quiet["x"][late])["Slips"]),
+        "slips in 30 s at rest": int(e.hunting(quiet.time[late], quiet["x"][late])["Slips"]),
     }
 table = pd.DataFrame(rows).T
 print(f"\nsteps_spring, and a hold of half a minute\n{table.to_string()}")
@@ -109,7 +104,7 @@ models = e.drawn_models(
 robust = e.robust_margins(models, controllers["lqr_friction"], points=120)
 assert robust.stable
 print(f"\n{e.review(rig_model, controllers['lqr_friction'], known=known, robust=robust)}")
-save(robustness_figure(robust), FOLDER / "3_robustness_lqr_friction")
+e.figures.save(e.figures.robustness_figure(robust), FOLDER / "3_robustness_lqr_friction")
 print(e.monte_carlo("spread_steps", runs=40, controller="lqr_friction"))
 
 # %% 4. From a gap to its cause: this rig's pump has friction that the model lacks, and parameters 1 to 2 % off
@@ -124,7 +119,7 @@ log, _ = e.record(rig, time, current + levels[(time + 1e-9).astype(int)], seed=1
 diagnosis = e.diagnose(spring, log)
 print(f"\n{diagnosis}")
 assert diagnosis.effects[0].id == "pump_torque_loss"
-save(diagnosis.plot(), FOLDER / "4_diagnosis")
+e.figures.save(diagnosis.plot(), FOLDER / "4_diagnosis")
 
 # Diagnose to name the effect, identify to measure its parameter.
 measured = e.identify(
@@ -136,9 +131,9 @@ assert measured.explained and abs(corrected["c_f"] - 0.12) < 0.01
 e.write_plant(FOLDER / "corrected.toml", corrected, force=True)
 
 # %% 5. A better controller: gains for the corrected plant while it slides, feed-forward with the pump loss
-slides = e.three_state(sliding_linear(corrected.set(K_S=0.0)))
+slides = e.three_state(e.sliding_linear(corrected.set(K_S=0.0)))
 shipped, redesigned = e.load_controller("pid_friction", model), e.load_controller("pid_friction", slides)
-needed, lost = motion_current(corrected), corrected["c_f"] * corrected["D"] / corrected["A"] / corrected["K_T"]
+needed, lost = e.motion_current(corrected), corrected["c_f"] * corrected["D"] / corrected["A"] / corrected["K_T"]
 numbers = {
     "inertia": needed["inertia"],
     "load": needed["load"],
@@ -160,7 +155,7 @@ for name, controller, plant in (
     ("redesigned, corrected", redesigned, corrected),
     ("redesigned, the rig", redesigned, rig),
 ):
-    run = e.run_closed_loop(plant, controller, moves, sensors=Sensors.of(plant, seed=0))
+    run = e.run_closed_loop(plant, controller, moves, sensors=e.Sensors.of(plant, seed=0))
     ends = np.abs(run.error[50:].reshape(16, 500)[:, -1])
     rows[name] = {
         "within 0.1 mm": f"{np.count_nonzero(ends < 1e-4)} of 16",
@@ -168,7 +163,7 @@ for name, controller, plant in (
         "current travel (A)": round(np.abs(np.diff(run.asked)).sum()),
     }
     if name.endswith("the rig"):
-        save(run.plot(), FOLDER / f"5_moves_{controller.name}_{name.split(',')[0]}")
+        e.figures.save(run.plot(), FOLDER / f"5_moves_{controller.name}_{name.split(',')[0]}")
 table = pd.DataFrame(rows).T
 print(f"\n{table.to_string()}\n\nfigures and plants are in {FOLDER}")
 assert table.loc["shipped, nominal", "within 0.1 mm"] == table.loc["redesigned, the rig", "within 0.1 mm"] == "16 of 16"

@@ -14,7 +14,6 @@ from rich.console import Console
 from rich.table import Table
 
 import ehsa_ctrl
-from ehsa_ctrl.report.figures import overlay_figure, save
 
 BAR, MM, RPM = 1e5, 1e-3, 2 * np.pi / 60
 
@@ -40,7 +39,10 @@ def both(name, *, amplitude=1.5, duration=2.0):
 def ramp(folder):
     """Fig. 4: a current that rises slowly."""
     time, current, runs = both("ramp", amplitude=1.6, duration=4.0)
-    save(overlay_figure(time, panels(runs), title="Fig. 4: slow current ramp, 0 to 1.6 A"), folder / "fig4_ramp")
+    ehsa_ctrl.figures.save(
+        ehsa_ctrl.figures.overlay_figure(time, panels(runs), title="Fig. 4: slow current ramp, 0 to 1.6 A"),
+        folder / "fig4_ramp",
+    )
     run, plant = runs["nonlinear"], runs["nonlinear"].plant
     shaft, rod = np.flatnonzero(run["omega"])[0], np.flatnonzero(run["v"])[0]
     expected = (plant["A_FM"] + plant["C_FM"]) / plant["K_T"]
@@ -60,7 +62,9 @@ def ramp(folder):
 def steps(folder):
     """Fig. 7: positive and negative steps of 1.5 A."""
     time, _, runs = both("steps", duration=2.25)
-    save(overlay_figure(time, panels(runs), title="Fig. 7: steps of 1.5 A"), folder / "fig7_steps")
+    ehsa_ctrl.figures.save(
+        ehsa_ctrl.figures.overlay_figure(time, panels(runs), title="Fig. 7: steps of 1.5 A"), folder / "fig7_steps"
+    )
     up, down = 0.25, 0.5
     drop = {}
     for model, run in runs.items():
@@ -97,7 +101,9 @@ def steps(folder):
 def sine(folder):
     """Fig. 8: 1.5 A at 2 Hz."""
     time, _, runs = both("sine", duration=3.0)
-    save(overlay_figure(time, panels(runs), title="Fig. 8: sine of 1.5 A, 2 Hz"), folder / "fig8_sine")
+    ehsa_ctrl.figures.save(
+        ehsa_ctrl.figures.overlay_figure(time, panels(runs), title="Fig. 8: sine of 1.5 A, 2 Hz"), folder / "fig8_sine"
+    )
     ratio = {}
     for model, run in runs.items():
         first = np.max(run["omega"][time < 0.4])

@@ -19,7 +19,7 @@ PLACES = [
     (name, parameter.name)
     for name in FUNCTIONS
     for parameter in inspect.signature(getattr(e, name)).parameters.values()
-    if parameter.annotation not in ("Any", "bool")
+    if parameter.annotation not in ("Any", "bool") and parameter.kind is not parameter.VAR_KEYWORD
 ]
 
 
@@ -52,7 +52,9 @@ def test_what_fits_nowhere_is_one_sentence(function, argument, given):
     """It names the function, the argument, what was got and what was expected; and no value's own words."""
     signature = inspect.signature(getattr(e, function))
     required = [
-        p.name for p in signature.parameters.values() if p.default is p.empty and p.kind is not p.VAR_POSITIONAL
+        p.name
+        for p in signature.parameters.values()
+        if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
     ]
     fitting = {**given, "parameters": ["K_T"]} if function == "sensitivities" else given
     arguments = {name: fitting[name] for name in required if name != argument}

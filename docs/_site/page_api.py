@@ -8,27 +8,27 @@ import ehsa_ctrl
 API = {
     "plants": ("Plants", "A plant, its structure and its linear models.", (
         "load_plant", "Plant", "Structure", "plants", "four_state", "three_state", "linearise", "to_iosystem",
-        "conditions", "draw", "drawn_models",
+        "conditions", "draw", "drawn_models", "motion_current",
     )),
     "simulation": ("Simulation", "One run, many runs, derivatives, and the virtual bench.", (
         "simulate", "simulate_batch", "sensitivities", "simulate_reference", "excitation", "record", "slip_quantum",
-        "shortest_time", "SteppedRun", "export_fmu",
+        "shortest_time", "SteppedRun", "Sensors", "export_fmu",
     )),
     "logs": ("Logs and identification", "From a log to parameters with their uncertainty.", (
         "Log", "read_log", "read_plant_log", "check_log", "Preparation", "replay", "fit_percent", "identify",
-        "write_plant", "profile", "forecast", "design_experiment",
+        "write_plant", "sliding_linear", "profile", "forecast", "design_experiment",
     )),
     "control": ("Controllers and their analysis", "Designed on linear models, in the frequency domain.", (
         "controllers", "load_controller", "analyse", "analyse_loop", "robust_margins", "review", "Known",
     )),
     "scenarios": ("Closed loops and scenarios", "Controllers on the plant with friction.", (
-        "scenarios", "load_scenario", "run", "run_closed_loop", "monte_carlo", "known_of",
+        "scenarios", "load_scenario", "run", "run_closed_loop", "monte_carlo", "known_of", "hunting",
     )),
     "diagnosis": ("Diagnosis", "Where rig and simulation differ, and why.", (
         "diagnose", "Diagnosis", "diagnose_many", "what_changed", "gap",
     )),
-    "pages": ("Pages", "Results as self-contained pages.", (
-        "write_report",
+    "pages": ("Pages and figures", "Results as self-contained pages; figures and their style.", (
+        "write_report", "figures", "style",
     )),
     "errors": ("Errors", "Exceptions and when they are raised.", ("EhsaError", "InputError", "SimulationError")),
 }  # fmt: skip
@@ -44,7 +44,11 @@ RESULTS = {
     "simulation": ("simulation.trajectory.Trajectory",),
     "logs": ("identification.identification.Identification", "identification.uncertainty.Estimate"),
     "control": ("design.controller.SampledController",),
-    "scenarios": ("scenario.result.ScenarioResult", "simulation.closed_loop.ClosedLoop"),
+    "scenarios": (
+        "scenario.result.ScenarioResult",
+        "scenario.comparison.ControllerComparison",
+        "simulation.closed_loop.ClosedLoop",
+    ),
     "diagnosis": ("diagnosis.diagnosis.Cause",),
 }
 

@@ -141,10 +141,10 @@ def _names_of(scenario: str, controller: str | None) -> tuple[str, str]:
 
 
 def _run_one(name: str, controller: str | None, options: Mapping[str, Any]) -> ScenarioResult:
-    from ..scenario.run import run
+    from ..scenario.run import run_one
 
     try:
-        return run(name, controller=controller, **options)
+        return run_one(name, controller, **options)
     except SimulationError as error:
         raise SimulationError(f"scenario {name}: {error}") from None
 

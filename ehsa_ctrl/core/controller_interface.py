@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -13,6 +13,24 @@ MEASURED = ("speed", "p1", "p2", "position", "force")
 REFERENCE = ("position", "velocity", "acceleration")
 #: Inputs of a controller's linear law; the prefix separates references from measurements of the same name.
 INPUTS = (*(f"reference_{name}" for name in REFERENCE), *MEASURED)
+
+
+class Readings(NamedTuple):
+    """Measurements of a sample, as MEASURED."""
+
+    speed: float  # shaft, rad/s
+    p1: float  # Pa
+    p2: float  # Pa
+    position: float  # m
+    force: float  # N
+
+
+class Setpoint(NamedTuple):
+    """Reference of a sample, as REFERENCE."""
+
+    position: float  # m
+    velocity: float  # m/s
+    acceleration: float  # m/s2
 
 
 @runtime_checkable

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import typing
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -30,6 +31,11 @@ class Definition(BaseModel):
 LARGEST = 1e30
 
 
+def from_python(info: Any) -> bool:
+    """Whether a definition comes from Python, where a number is in SI units: the entry `si` of the context."""
+    return bool((info.context or {}).get("si"))
+
+
 class In:
     """A quantity in an SI unit: `Annotated[float, In("m")]` reads "20 mm" as 0.02.
 
@@ -42,12 +48,12 @@ class In:
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
 
-        def convert(value: Any) -> float:
+        def convert(value: Any, info: Any) -> float:
             if isinstance(value, str):
                 number = self._number(value)
             elif isinstance(value, bool) or not isinstance(value, int | float):
                 raise ValueError(f"{shown(value)} is not a quantity; write it as in '3 {self.unit}'")
-            elif self.unit not in ("1", "fraction"):
+            elif self.unit not in ("1", "fraction") and not from_python(info):
                 raise ValueError(f"{shown(value)} has no unit; write it as in '{shown(value)} {self.unit}'")
             else:
                 number = value
@@ -56,7 +62,7 @@ class In:
             return float(number)
 
         # The bounds of a Field (gt, ge, lt, le) apply to the converted number.
-        return core_schema.no_info_before_validator_function(convert, handler(source))
+        return core_schema.with_info_before_validator_function(convert, handler(source))
 
     def _number(self, text: str) -> float:
         """The text as a number in the first SI unit that fits."""
@@ -114,6 +120,24 @@ def validate(content: dict[str, Any], kind: type[D], where: str, context: dict[s
         return kind.model_validate(content, context=context)
     except ValidationError as error:
         raise InputError(f"{where}: {_sentence(error, kind)}") from None
+
+
+def merged(content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A definition with changed keys; of a table only the named keys change. Tuples and arrays become lists."""
+    found = {key: _plain(value) for key, value in content.items()}
+    for key, value in changes.items():
+        old = found.get(key)
+        found[key] = merged(old, value) if isinstance(old, dict) and isinstance(value, Mapping) else _plain(value)
+    return found
+
+
+def _plain(value: Any) -> Any:
+    """A value as TOML would give it."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        value = value.tolist()  # an array or number of numpy
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 #: Type of a pydantic error -> the expected type, in terms of TOML.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ..core.result import Result
+from .python_law import PythonLaw
 from .stages.compiled import compiled_pipeline
 from .stages.feedforward import Feedforward, feedforward_settings
 from .stages.pipeline import M_LAW, TRACES, pipeline
@@ -74,11 +75,12 @@ class SampledController(Result):
 
     Attributes
     ----------
-    name: for tables. kind: key of CONTROLLER_KINDS.
+    name: for tables. kind: key of CONTROLLER_KINDS; "own" for a law that the user gave as a Python object.
     sample_time: s. current_limit: A.
     law: the feedback law.
     trajectory, feedforward, rest, dither: the other stages; None switches one off.
     supervision: plausibility limits of the readings.
+    note: what the design left out of the given model; empty if nothing.
     """
 
     name: str
@@ -91,6 +93,7 @@ class SampledController(Result):
     rest: Rest | None = None
     dither: Dither | None = None
     supervision: Supervision = field(default_factory=Supervision)
+    note: str = ""
 
     @property
     def compiled(self) -> Callable[..., float] | None:
@@ -141,4 +144,12 @@ class SampledController(Result):
             if stage is not None
         ]
         suffix = f", with {', '.join(stages)}" if stages else ""
-        return f"{self.name}: {self.law}, |current| <= {self.current_limit:g} A, every {self.sample_time:g} s{suffix}"
+        return (
+            f"{self.name}: {self.law}, |current| <= {self.current_limit:g} A, every {self.sample_time:g} s{suffix}"
+            + (f" ({self.note})" if self.note else "")
+        )
+
+
+def has_linear_law(controller: Any) -> bool:
+    """Whether margins can be computed: a designed controller whose law is not Python code."""
+    return isinstance(controller, SampledController) and not isinstance(controller.law, PythonLaw)

@@ -1,19 +1,22 @@
-"""Load a controller's TOML and design it on a linear model."""
+"""Controllers from TOML, designed on a linear model, and from dictionaries and Python objects."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..core.catalogue import controllers
-from ..core.definition import validate
+from ..core.definition import merged, validate
 from ..core.errors import InputError, choices, shown
 from ..core.files import read_toml
+from ..core.pressure_difference import has_both_pressures, level_matters, reduce_to_difference
 from ..core.unit import parse
 from .controller import SampledController
+from .from_object import law_of, name_of
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 
 if TYPE_CHECKING:
@@ -32,11 +35,12 @@ def read_controller(path: Path, sample_time: float | None = None) -> tuple[Contr
 
 
 def read_content(
-    content: dict[str, Any], where: str, sample_time: float | None = None, drive_unit: str = ""
+    content: Mapping[str, Any], where: str, sample_time: float | None = None, drive_unit: str = "", *, si: bool = False
 ) -> tuple[ControllerKind, ControllerFile]:
     """Validate the content of a controller's TOML.
 
     where: file, for messages. drive_unit: SI unit of the plant's drive, if the controller must be one for this plant.
+    si: whether numbers without a unit are in SI units.
 
     Raises InputError with file and key, and for a controller of another drive.
     """
@@ -47,8 +51,8 @@ def read_content(
     if not isinstance(word, str) or word not in CONTROLLER_KINDS:
         raise InputError(f"{where}: kind = {shown(word)}; {choices(word, CONTROLLER_KINDS)}")
     kind = CONTROLLER_KINDS[word]
-    definition = validate(content, kind.file, where)
-    if drive_unit:
+    definition = validate(content, kind.file, where, context={"si": si})
+    if drive_unit and isinstance(content["current_limit"], str):
         try:
             parse(content["current_limit"], drive_unit)
         except InputError:
@@ -60,20 +64,59 @@ def read_content(
 
 
 def load_controller(
-    name: str | Path, system: control.StateSpace, *, sample_time: float | None = None, drive_unit: str = ""
+    name: Any,
+    system: control.StateSpace | None = None,
+    *,
+    sample_time: float | None = None,
+    drive_unit: str = "",
+    method: str = "tustin",
+    label: str = "",
+    **keys: Any,
 ) -> SampledController:
-    """Load a controller by catalogue name or path and design it on a linear model.
+    """A controller from a definition, designed on a linear model, or from a Python object.
 
     Parameters
     ----------
-    system: linear model with the current as first input and an output x, e.g. `three_state(plant)`.
-    sample_time: s, the plant's, for a file without one; 4 ms by default.
-    drive_unit: SI unit of the plant's drive, to reject a controller of another system; unchecked by default.
+    name: catalogue name or path; or a dictionary with the keys of a controller's TOML, of which schema and title may be
+        left out; or a law of your own:
 
-    Raises InputError for a missing or invalid file, and for an infeasible design.
+        - a control.StateSpace or TransferFunction from the position error [m] to the current [A], or a StateSpace with
+          inputs named "error" or as in core.controller_interface.INPUTS; continuous ones are discretised by `method`;
+        - a function f(t, y, r) -> current [A], or an object with a method step(t, y, r): t [s], the measurements
+          y.speed, y.p1, y.p2, y.position, y.force, the reference r.position, r.velocity, r.acceleration, SI units. Each
+          run gets its own copy of the object.
+    system: linear model with the current as first input and an output x, e.g. `three_state(plant)`; a definition is
+        designed on it, a law of your own does not need it.
+    sample_time: s, the plant's, for a definition without one and for a law of your own; 4 ms by default.
+    drive_unit: SI unit of the plant's drive, to reject a controller of another system; unchecked by default.
+    method: "tustin", "zoh", "foh", "euler" or "backward".
+    label: the controller's name in tables; by default that of the file, of the system or of the function.
+    keys: keys of the definition, in place of those in the file or dictionary: current_limit="5 A", a table as a
+        dictionary. Numbers are in SI units. A law of your own requires current_limit and may have the stages
+        trajectory, feedforward, rest and dither.
+
+    Raises InputError for a missing or invalid file or key, for an infeasible design, and for an object that is no
+    controller.
     """
-    path = controllers.find(name)
-    return controller_of(read_toml(path), str(path), path.stem, system, sample_time, drive_unit)
+    period = {} if sample_time is None else {"sample_time": f"{sample_time:.9g} s"}
+    if isinstance(name, str | Path):
+        path = controllers.find(name)
+        content, where, label = merged(read_toml(path), keys), str(path), label or path.stem
+    elif isinstance(name, Mapping):
+        label = label or "own"
+        where = f"controller {label}"
+        content = merged({"schema": 1, "title": label, **name}, keys)
+    else:
+        label = label or name_of(name)
+        content = {"schema": 1, "title": label, "kind": "own", **period, **keys}
+        file = validate(content, ControllerFile, f"controller {label}", context={"si": True})
+        return SampledController(
+            label, "own", law=law_of(name, label, file, method), **{key: getattr(file, key) for key in SHARED}
+        )
+    if system is None:
+        raise InputError(f"{where}: is designed on a linear model; give one, load_controller(name, three_state(plant))")
+    si = bool(keys) or isinstance(name, Mapping)
+    return controller_of(content, where, label, system, sample_time, drive_unit, si=si)
 
 
 def controller_of(
@@ -83,12 +126,16 @@ def controller_of(
     system: control.StateSpace,
     sample_time: float | None = None,
     drive_unit: str = "",
+    *,
+    si: bool = False,
 ) -> SampledController:
     """The controller of a TOML's content; `where` is its file, for messages. Other arguments as in `load_controller`.
 
+    si: whether numbers without a unit are in SI units.
+
     Raises InputError as `load_controller` does.
     """
-    kind, definition = read_content(content, where, sample_time, drive_unit)
+    kind, definition = read_content(content, where, sample_time, drive_unit, si=si)
     try:
         return build_controller(name, kind, definition, system)
     except InputError as error:
@@ -99,12 +146,17 @@ def build_controller(
     name: str, kind: ControllerKind, definition: ControllerFile, system: control.StateSpace
 ) -> SampledController:
     """Design a controller from its definition on a linear model. Raises InputError as `load_controller` does."""
+    note = ""
+    if has_both_pressures(system):
+        level = "; the model is that of a constant level" if level_matters(system) else ""
+        note = f"designed on dP = P_1 - P_2: the mode of P_1 + P_2 is left out, the current does not reach it{level}"
+        system = reduce_to_difference(system)
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"), warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
             law = kind.design(name, definition, system)
             controller = SampledController(
-                name, kind.name, law=law, **{key: getattr(definition, key) for key in SHARED}
+                name, kind.name, law=law, note=note, **{key: getattr(definition, key) for key in SHARED}
             )
             finite = not np.isnan(controller.settings()).any()
     except InputError:

@@ -8,9 +8,10 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
+from ..core.pressure_difference import reduce_to_difference
 from .file import label
 from .linear import three_state
-from .linearise import linearise, reduce_to_difference
+from .linearise import linearise
 from .load import load_plant, models_of
 from .plant import Plant
 
@@ -56,7 +57,8 @@ class Condition:
         there = plant.set(**{symbol: value for symbol, value in given.items() if value is not None})
         if there.model == "linear":
             return three_state(there)
-        return reduce_to_difference(linearise(there, position=self.position, velocity=self.velocity), there)
+        model = linearise(there, position=self.position, velocity=self.velocity)
+        return reduce_to_difference(model, f"{there.name} ({there.model}) linearised")
 
     def __str__(self) -> str:
         parts = []

@@ -168,35 +168,3 @@ def linearise(
         outputs=names,
         name=f"{plant.name} linearised",
     )
-
-
-def reduce_to_difference(system: control.StateSpace, plant: Plant) -> control.StateSpace:
-    """From states omega, P_1, P_2, v, x to omega, dP, v, x, as (7) does from (6): without the mode of P_1 + P_2.
-
-    A system without chambers keeps its states.
-
-    Exact where the equations depend only on the pressure difference; with effects on one chamber it is the model at
-    constant pressure level.
-    """
-    import control
-
-    names = list(system.state_labels)
-    if not plant.structure.system.pressures:
-        return system
-    first, second = names.index("P_1"), names.index("P_2")
-    kept = [name for name in names if name != "P_2"]
-    to_difference = np.delete(np.eye(len(names)), second, axis=0)
-    to_difference[first, second] = -1.0
-    from_difference = np.delete(np.eye(len(names)), second, axis=1)
-    from_difference[first, first], from_difference[second, first] = 0.5, -0.5
-    labels = ["dP" if name == "P_1" else name for name in kept]
-    return control.ss(
-        to_difference @ system.A @ from_difference,
-        to_difference @ system.B,
-        np.eye(len(kept)),
-        0,
-        states=labels,
-        inputs=list(system.input_labels),
-        outputs=labels,
-        name=f"{plant.name} ({plant.model}) linearised",
-    )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from ..core.catalogue import scenarios
-from ..core.definition import Definition, Schema, Second, validate
+from ..core.catalogue import controllers, plants, scenarios
+from ..core.definition import Definition, Schema, Second, from_python, merged, validate
 from ..core.errors import choices, shown
 from ..core.files import read_toml
 from ..core.result import Result
@@ -123,6 +124,15 @@ class ScenarioFile(Definition):
                 raise ValueError(f"{trip!r} is not a plant limit; {choices(trip, LIMIT_UNITS)}")
         return trips
 
+    @field_validator("load", "settings", mode="before")
+    @classmethod
+    def _read_numbers(cls, table: Any, info: ValidationInfo) -> Any:
+        """Numbers from Python as text without a unit, which settings read as SI."""
+        if not isinstance(table, dict) or not from_python(info):
+            return table
+        numbers = {key: value for key, value in table.items() if type(value) in (int, float)}
+        return table | {key: repr(value) for key, value in numbers.items()}
+
     @field_validator("spread", mode="before")
     @classmethod
     def _flatten(cls, spread: Any) -> Any:
@@ -136,7 +146,7 @@ class ScenarioFile(Definition):
 
     @field_validator("limits", mode="before")
     @classmethod
-    def _convert_limits(cls, limits: Any) -> Any:
+    def _convert_limits(cls, limits: Any, info: ValidationInfo) -> Any:
         """Convert bounds such as "0.3 mm" to the SI unit of the metric."""
         if not isinstance(limits, dict):
             return limits
@@ -148,7 +158,7 @@ class ScenarioFile(Definition):
                 raise ValueError(f"{name} = {shown(bounds)}; expected {{ max = '...' }}, {{ min = '...' }} or both")
             for key, value in bounds.items():
                 try:
-                    read.setdefault(name, {})[key] = METRICS[name].read_bound(value)
+                    read.setdefault(name, {})[key] = METRICS[name].read_bound(value, si=from_python(info))
                 except ValueError as error:
                     raise ValueError(f"{name}.{key}{error}") from None
         return read
@@ -205,8 +215,30 @@ class Scenario(Result):
         ])  # fmt: skip
 
 
-def load_scenario(name: str | Path) -> Scenario:
-    """Load a scenario by catalogue name or path. Raises InputError with file and key."""
-    path = scenarios.find(name)
-    definition = validate(read_toml(path), ScenarioFile, str(path), context={"folder": path.parent})
-    return Scenario(path.stem, definition, path)
+def load_scenario(name: str | Path | Mapping[str, Any], *, label: str = "", **keys: Any) -> Scenario:
+    """A scenario from a file or a dictionary.
+
+    Parameters
+    ----------
+    name: catalogue name or path; or a dictionary with the keys of a scenario's TOML, of which schema, title and why may
+        be left out, and plant and controller too where `run` gets them.
+    label: name in tables and files; by default that of the file.
+    keys: keys in place of those in the file or dictionary: duration=3.0, load={"stiffness": 80e3}. Of a table only the
+        named keys change. Numbers are in SI units. A scenario with changed keys is not compared with a baseline.
+
+    Raises InputError with file and key.
+    """
+    if isinstance(name, Mapping):
+        label = label or "own"
+        start = {"schema": 1, "title": label, "why": "a run from Python", "plant": "", "controller": ""}
+        content, where, folder = merged({**start, **name}, keys), f"scenario {label}", Path()
+    else:
+        path = scenarios.find(name)
+        content, where, folder = read_toml(path), str(path), path.parent
+        if not keys:
+            return Scenario(label or path.stem, validate(content, ScenarioFile, where, {"folder": folder}), path)
+        for key, catalogue in (("plant", plants), ("controller", controllers)):
+            if isinstance(content.get(key), str):
+                content[key] = str(catalogue.find(content[key], beside=path))
+        content, label = merged(content, keys), label or path.stem
+    return Scenario(label, validate(content, ScenarioFile, where, {"folder": folder, "si": True}))

@@ -73,12 +73,14 @@ class Metric:
         bounds = (("at least", lower), ("at most", upper))
         return " and ".join(f"{word} {b / self.scale:g}{self.suffix}" for word, b in bounds if b is not None)
 
-    def read_bound(self, value: Any) -> Any:
+    def read_bound(self, value: Any, *, si: bool = False) -> Any:
         """Convert a bound such as "0.3 mm" to the SI unit; a dimensionless metric also takes a plain number.
+
+        si: whether every metric takes a plain number, in the SI unit.
 
         Raises ValueError for a number without its unit and for a text that is not a quantity of this unit.
         """
-        if isinstance(value, int | float) and not isinstance(value, bool) and self.unit != "1":
+        if isinstance(value, int | float) and not isinstance(value, bool) and self.unit != "1" and not si:
             raise ValueError(f" = {value}: has no unit; write it with one, such as '{value} {self.display_unit}'")
         if isinstance(value, str):
             try:

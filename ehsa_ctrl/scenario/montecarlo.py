@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.checkpoint import Checkpoint, open_checkpoint
-from ..core.controller_interface import Controller
 from ..core.errors import InputError, SimulationError
 from ..core.files import parse_json
 from ..core.parallel import Prefer, in_rounds, worker_count
@@ -159,11 +158,11 @@ class MonteCarlo(Result):
 
 
 def monte_carlo(
-    scenario: str | Path | Scenario,
+    scenario: str | Path | Mapping[str, Any] | Scenario,
     *,
     runs: int = 1000,
     seed: int = 0,
-    controller: str | Path | Controller | None = None,
+    controller: Any = None,
     plant: str | Path | Plant | None = None,
     design: str | Path | Plant | None = None,
     settings: Mapping[str, str | float] | None = None,
@@ -280,6 +279,7 @@ def _campaign_key(case: PreparedScenario, uncertainty: ParameterUncertainty, see
         case.scenario.definition.model_dump(mode="json", exclude={"title", "why", "baseline"}),
         [str(case.nonlinear.structure), case.nonlinear.values, [str(s) for s in case.nonlinear.sensors.values()]],
         [float(f"{value:.9g}") for value in case.controller.settings()],
+        getattr(getattr(case.controller, "law", None), "identity", ""),
         [str(parameter) for parameter in uncertainty.parameters],
         None if uncertainty.correlation is None else uncertainty.correlation.tolist(),
         seed,

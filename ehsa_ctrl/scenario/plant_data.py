@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import nan
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..core.controller_interface import MEASURED
+from ..core.definition import merged
 from ..core.errors import InputError
+from ..design.controller import SampledController
 from ..design.kinds import ControllerFile
+from ..design.load import build_controller, load_controller, read_content
 from ..design.review import Known
 from ..plant.motion_current import has_motion_current, motion_current
 from ..plant.plant import Plant
+
+if TYPE_CHECKING:
+    import control
 
 #: Key of a controller's TOML -> the plant rating that bounds it.
 BOUNDED = {
@@ -54,7 +61,7 @@ def ratings(plant: Plant) -> dict[str, Rating]:
     return found
 
 
-def check_controller_limits(file: Path, definition: ControllerFile, plant: Plant) -> None:
+def check_controller_limits(file: Path | str, definition: ControllerFile, plant: Plant) -> None:
     """Raise InputError if a limit in the controller's file exceeds the plant's rating."""
     allowed = ratings(plant)
     for key, name in BOUNDED.items():
@@ -69,6 +76,24 @@ def check_controller_limits(file: Path, definition: ControllerFile, plant: Plant
                 f"{plant.name}, {most:.4g} {unit} ({source}); lower it, or create a controller for this plant with "
                 f"ehsa-ctrl new controller NAME --plant {plant.name}"
             )
+
+
+def own_controller(given: Any, plant: Plant, model: control.StateSpace) -> SampledController:
+    """A controller from a dictionary or a Python object (see `load_controller`), for this plant and its design model.
+
+    A law of the user's own that states no current limit has that of the plant's ratings.
+
+    Raises InputError as `load_controller` does, for limits beyond the plant's ratings, and for a law without limit if
+    the plant has no such rating.
+    """
+    if isinstance(given, Mapping):
+        content = merged({"schema": 1, "title": "own", **given}, {})
+        kind, definition = read_content(content, "controller own", plant.sample_time, si=True)
+        check_controller_limits("controller own", definition, plant)
+        return build_controller("own", kind, definition, model)
+    rated = ratings(plant).get("current")
+    limit: dict[str, Any] = {} if rated is None else {"current_limit": rated.value}
+    return load_controller(given, model, sample_time=plant.sample_time, **limit)
 
 
 def known_of(plant: Plant) -> Known:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from .definition import Scenario, load_scenario
 from .disturbances import faults_of
 from .log_controller import log_controller
 from .metrics import METRICS, loop_metrics
-from .plant_data import check_controller_limits
+from .plant_data import check_controller_limits, own_controller
 from .result import LimitCheck, failures_of
 from .uncertainty import uncertainty_of
 
@@ -125,9 +125,9 @@ class PreparedScenario:
 
 
 def prepare(
-    scenario: str | Path | Scenario,
+    scenario: str | Path | Mapping[str, Any] | Scenario,
     *,
-    controller: str | Path | Controller | None = None,
+    controller: Any = None,
     plant: str | Path | Plant | None = None,
     design: str | Path | Plant | None = None,
     settings: Mapping[str, str | float] | None = None,
@@ -139,6 +139,8 @@ def prepare(
     try:
         nominal = _given_plant("plant", plant, "nonlinear")
         base = _given_plant("design", design, "linear")
+        if not (nominal and nominal.path) and not definition.plant:
+            raise InputError("names no plant; give one, run(scenario, plant=...)")
         file = (nominal and nominal.path) or plants.find(definition.plant, beside=beside)
         reason = load_plant(file, model=models_of(file)[0]).structure.system.no_controller
         if reason:
@@ -149,6 +151,8 @@ def prepare(
         law: Controller
         controller_file = None
         if controller is None or isinstance(controller, str | Path):
+            if not controller and not definition.controller:
+                raise InputError("names no controller; give one, run(scenario, controller=...)")
             named = controllers.find(controller) if controller else None
             controller_file = named or controllers.find(definition.controller, beside=beside)
             check_controller_limits(controller_file, read_controller(controller_file, base.sample_time)[1], nominal)
@@ -156,10 +160,7 @@ def prepare(
         elif isinstance(controller, Controller):
             law = controller
         else:
-            raise InputError(
-                f"controller is a {type(controller).__name__}; expected a name, a path, or a controller such as "
-                "load_controller returns"
-            )
+            law = own_controller(controller, nominal, model)
         # A scenario may set parameters that only the nonlinear set has, such as A_FR.
         shared = {key: value for key, value in definition.all_settings.items() if has_setting(base, key)}
         linear, nonlinear = with_settings(base, shared), with_settings(nominal, definition.all_settings)

@@ -88,9 +88,9 @@ class ScenarioTest(pytest.Item):
         self.controller = controller
 
     def runtest(self) -> None:
-        from .run import run
+        from .run import run_one
 
-        result = run(self.path, controller=self.controller)
+        result = run_one(self.path, controller=self.controller)
         self.add_report_section("call", "scenario", result.scenario.definition.why)
         if self.config.getoption("--ehsa-update-baselines"):
             result = self._update(result)

@@ -43,6 +43,23 @@ class ClosedLoop(Result):
     asked: np.ndarray
     traces: Mapping[str, np.ndarray] = field(default_factory=dict)
 
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A signal by name (N,): those of the trajectory, error, asked, reference_NAME, measured_NAME, or a trace.
+
+        Raises InputError for a name that is not there.
+        """
+        for prefix, names, table in (
+            ("reference_", REFERENCE, self.reference),
+            ("measured_", MEASURED, self.measured),
+        ):
+            if name.removeprefix(prefix) in names and name.startswith(prefix):
+                return np.asarray(table[:, names.index(name.removeprefix(prefix))])
+        own = {"error": self.error, "asked": self.asked, **self.traces}
+        return own[name] if name in own else self.trajectory[name]
+
+    def __len__(self) -> int:
+        return len(self.trajectory)
+
     @property
     def error(self) -> np.ndarray:
         """True position error r - x (N,) [m]."""
@@ -92,7 +109,8 @@ def run_closed_loop(
 
     Parameters
     ----------
-    reference: (N, 3) position, velocity and acceleration [m, m/s, m/s2], one row per sample of the controller.
+    reference: (N, 3) position, velocity and acceleration [m, m/s, m/s2], one row per sample of the controller; or
+        positions alone (N,), with zero velocity and acceleration.
     force: (N,) external force [N], positive when it resists extension; zero by default.
     sensors: ideal ones by default.
     lag: samples between a measurement and the current computed from it.
@@ -108,6 +126,8 @@ def run_closed_loop(
     SimulationError: the run stopped early; the message has the time and the cause.
     """
     reference = np.array(reference, dtype=float, order="C")
+    if reference.ndim == 1:
+        reference = np.column_stack([reference, np.zeros((reference.size, 2))])
     if reference.ndim != 2 or reference.shape[0] < 2 or reference.shape[1] != 3:
         raise InputError(f"reference has shape {reference.shape}; expected (samples, 3), at least two samples")
     samples = reference.shape[0]

@@ -27,15 +27,9 @@ import numpy as np
 import pandas as pd
 
 import ehsa_ctrl as e
-from ehsa_ctrl.diagnosis.signals import estimate_noise, gap, scored_signals, signal_noise
-from ehsa_ctrl.identification.plant_toml import sliding_linear
-from ehsa_ctrl.plant.motion_current import motion_current
-from ehsa_ctrl.report.figures import candidates_figure, shrinkage_figure, unknown_inputs_figure, where_figure
-from ehsa_ctrl.report.style import BLUE, GREEN, GREY, RC, VERMILION
-from ehsa_ctrl.simulation.sensors import Sensors
 
 os.chdir(tempfile.mkdtemp())  # a folder of its own, as a project would have
-plt.rcParams.update(RC)
+plt.rcParams.update(e.style.RC)
 
 # %% [markdown]
 # ## 1. A rig, a nominal model, a log
@@ -83,11 +77,7 @@ replay
 # %%
 def gaps(plant, log):
     """Gap of each signal in free run, %."""
-    run, dt = e.replay(plant, log), log.sample_time
-    signals = plant.structure.system.scored
-    noise = signal_noise(signals, estimate_noise(log), dt)
-    found = gap(scored_signals(signals, log.channels, dt), scored_signals(signals, run.simulated, dt), noise)
-    return {signal: 100.0 * value for signal, value in found.items()}
+    return {signal: 100.0 * value for signal, value in e.gap(plant, log).items()}
 
 
 nominal_gap = gaps(nominal, log)
@@ -127,14 +117,14 @@ diagnosis.plot()
 
 # %%
 assert diagnosis.where[0][0] == "torque" and diagnosis.where[0][1] > 0.9
-where_figure(diagnosis)
+e.figures.where_figure(diagnosis)
 
 # %% [markdown]
 # The missing torque over time and over the variable that explains it best. That variable is "the pressure difference,
 # against the motion", which already describes the effect: a braking torque that grows with the pump's pressure.
 
 # %%
-unknown_inputs_figure(diagnosis)
+e.figures.unknown_inputs_figure(diagnosis)
 
 # %% [markdown]
 # If no effect of the catalogue fitted, this curve would be the result. The next cell computes it by hand, without the
@@ -155,9 +145,11 @@ slope = np.polyfit(middles[1:], means[1:], 1)[0]
 assert 0.09 < slope / rig["D"] < 0.15
 
 figure, ax = plt.subplots(figsize=(6.5, 3.2), layout="constrained")
-ax.plot(1e-5 * difference, against, ".", markersize=2, color=GREY, alpha=0.5, label="each sample")
-ax.plot(1e-5 * middles, means, "o-", color=VERMILION, markersize=4, label="mean of a twelfth of the samples")
-ax.plot([0, 14], [0, 0.12 * rig["D"] * 14e5], color=BLUE, linestyle=(0, (4, 1.5)), label="truth, 0.12 D |P1 - P2|")
+ax.plot(1e-5 * difference, against, ".", markersize=2, color=e.style.GREY, alpha=0.5, label="each sample")
+ax.plot(1e-5 * middles, means, "o-", color=e.style.VERMILION, markersize=4, label="mean of a twelfth of the samples")
+ax.plot(
+    [0, 14], [0, 0.12 * rig["D"] * 14e5], color=e.style.BLUE, linestyle=(0, (4, 1.5)), label="truth, 0.12 D |P1 - P2|"
+)
 ax.set(xlim=(0, 14), ylim=(-0.1, 0.25), xlabel="|P1 - P2| (bar)", ylabel="missing torque,\nagainst the motion (N m)")
 ax.legend(loc="upper left")
 plt.show()
@@ -177,7 +169,7 @@ print(f"slope {slope / rig['D']:.3f} of D |P1 - P2|")
 # %%
 others = [c for c in diagnosis.candidates if "pump_torque_loss" not in c.members]
 assert others[0].evidence > 100.0
-candidates_figure(diagnosis)
+e.figures.candidates_figure(diagnosis)
 
 # %%
 cause = diagnosis.effects[0]
@@ -201,7 +193,7 @@ pd.DataFrame(
 
 # %%
 assert diagnosis.gap["with_effects"]["total"] < 0.2 * diagnosis.gap["nominal"]["total"]
-shrinkage_figure(diagnosis)
+e.figures.shrinkage_figure(diagnosis)
 
 # %% [markdown]
 # The dotted line is the gap with free unknown inputs, about the best that any model could reach. The cause alone
@@ -235,7 +227,7 @@ table
 # %%
 FORCE = 4000.0
 time, current = drive(seed=7)
-bench(rig.set(F_0=FORCE), time, current + motion_current(nominal)["load"] * FORCE, "loaded.csv", seed=9)
+bench(rig.set(F_0=FORCE), time, current + e.motion_current(nominal)["load"] * FORCE, "loaded.csv", seed=9)
 loaded = e.read_plant_log("loaded.csv", nominal)
 plants = {"nominal": nominal, "refit": refit, "improved": diagnosis.improved}
 elsewhere = pd.DataFrame({name: gaps(plant.set(F_0=FORCE), loaded) for name, plant in plants.items()}).T
@@ -295,7 +287,7 @@ unsure = e.diagnose(nominal, e.read_plant_log("sine.csv", nominal))
 named = {unsure.effects[0].id, *unsure.effects[0].ambiguous_with}
 assert unsure.verdict == "ambiguous" and named == {"drive_lag", "drive_delay"}
 print(unsure.sentence)
-candidates_figure(unsure)
+e.figures.candidates_figure(unsure)
 
 # %% [markdown]
 # (The best bars have a second cause. It reduces the gap from 1.4 to 1.3 %, which does not matter, so it is not named.)
@@ -342,7 +334,7 @@ moves = np.column_stack([positions, np.zeros((positions.size, 2))])
 
 def follow(controller, plant):
     """The sixteen moves, with the noise of the plant's sensors."""
-    return e.run_closed_loop(plant, controller, moves, sensors=Sensors.of(plant, seed=0))
+    return e.run_closed_loop(plant, controller, moves, sensors=e.Sensors.of(plant, seed=0))
 
 
 def ends(run):
@@ -374,10 +366,10 @@ table.round(0).astype(int)
 
 # %%
 looks = {
-    "nominal": (GREY, 1.2, "-"),
-    "refit": (GREEN, 1.2, (0, (1, 1))),
-    "the rig": (BLUE, 2.4, "-"),
-    "corrected": (VERMILION, 1.2, (0, (4, 1.5))),
+    "nominal": (e.style.GREY, 1.2, "-"),
+    "refit": (e.style.GREEN, 1.2, (0, (1, 1))),
+    "the rig": (e.style.BLUE, 2.4, "-"),
+    "corrected": (e.style.VERMILION, 1.2, (0, (4, 1.5))),
 }
 
 
@@ -389,7 +381,7 @@ def moves_figure(loops, looks, currents):
         error.plot(run.trajectory.time, 1e6 * run.error, linewidth=width, label=name, **line)
         if name in currents:
             current.plot(run.trajectory.time, run.asked, linewidth=0.8, color=colour)
-    error.axhspan(-1e6 * BAND, 1e6 * BAND, color=GREEN, alpha=0.15, linewidth=0)
+    error.axhspan(-1e6 * BAND, 1e6 * BAND, color=e.style.GREEN, alpha=0.15, linewidth=0)
     error.set(ylabel="off the target\n(µm)", ylim=(-450, 450), xlim=(8.2, 16.2))
     current.set(ylabel="current\n(A)", xlabel="time (s)", ylim=(-3, 3))
     error.legend(ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
@@ -419,7 +411,7 @@ plt.show()
 # %%
 def feedforward(plant, c_f=0.0):
     """Numbers of [feedforward] for a plant whose pump loses a share c_f of the torque."""
-    needed, per_force = motion_current(plant), plant["D"] / plant["A"] / plant["K_T"]
+    needed, per_force = e.motion_current(plant), plant["D"] / plant["A"] / plant["K_T"]
     needed["viscous"] += c_f * per_force * plant["B_FR"]
     needed["coulomb"] += c_f * per_force * plant["A_FR"]
     needed["static"] += c_f * per_force * (plant["A_FR"] + plant["C_FR"])
@@ -430,7 +422,7 @@ def with_numbers(controller, numbers):
     return replace(controller, feedforward=controller.feedforward.model_copy(update=numbers))
 
 
-slides = e.three_state(sliding_linear(corrected.set(K_S=0.0)))
+slides = e.three_state(e.sliding_linear(corrected.set(K_S=0.0)))
 gains = e.load_controller("pid_friction", slides)
 redesigned = with_numbers(gains, feedforward(corrected, corrected["c_f"]))
 tried = {
@@ -462,7 +454,7 @@ table.round(0).astype(int)
 # %%
 moves_figure(
     {"before: shipped": on_rig["shipped"], "after: redesigned": on_rig["redesigned"]},
-    {"before: shipped": (GREY, 1.4, (0, (4, 1.5))), "after: redesigned": (VERMILION, 1.4, "-")},
+    {"before: shipped": (e.style.GREY, 1.4, (0, (4, 1.5))), "after: redesigned": (e.style.VERMILION, 1.4, "-")},
     currents=("before: shipped", "after: redesigned"),
 )
 plt.show()

@@ -27,11 +27,8 @@ import numpy as np
 import pandas as pd
 
 import ehsa_ctrl as e
-from ehsa_ctrl.identification.plant_toml import sliding_linear
-from ehsa_ctrl.report.figures import correlation_figure, parameters_figure, residuals_figure
-from ehsa_ctrl.report.style import BLACK, BLUE, GREEN, PURPLE, RC, VERMILION
 
-plt.rcParams.update(RC)
+plt.rcParams.update(e.style.RC)
 
 os.chdir(tempfile.mkdtemp())  # a folder of its own, as a project would have
 truth = e.load_plant("ehsa")
@@ -123,7 +120,7 @@ found.plot()
 # otherwise the intervals would be dots.
 
 # %%
-parameters_figure(found)
+e.figures.parameters_figure(found)
 
 # %% [markdown]
 # ### What these standard deviations mean
@@ -160,8 +157,8 @@ drift = e.replay(truth, noise).residual("position")
 sensor = e.replay(truth, acted).residual("position")
 
 figure, ax = plt.subplots(figsize=(8, 2.6), layout="constrained")
-ax.plot(noise.time, 1e6 * drift, ".", markersize=2, color=VERMILION, label="driven by the logged current")
-ax.plot(noise.time, 1e6 * sensor, ".", markersize=1.2, color=BLACK, label="driven by the current that acted")
+ax.plot(noise.time, 1e6 * drift, ".", markersize=2, color=e.style.VERMILION, label="driven by the logged current")
+ax.plot(noise.time, 1e6 * sensor, ".", markersize=1.2, color=e.style.BLACK, label="driven by the current that acted")
 ax.set(xlabel="time (s)", ylabel="position, measured\nless simulated (µm)", xlim=(0, 20))
 ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, markerscale=5)
 plt.show()
@@ -183,7 +180,7 @@ pd.DataFrame({row.name: {"too small by": row.sd / bold[row.name].sd} for row in 
 # parameter.
 
 # %%
-correlation_figure(found)
+e.figures.correlation_figure(found)
 
 # %% [markdown]
 # There is no frame here. The strongest correlation is between Coulomb, Stribeck and viscous friction of the rod: less
@@ -198,7 +195,7 @@ correlation_figure(found)
 
 # %%
 assert not [test for test in found.residual_tests if not test.passed]
-residuals_figure(found)
+e.figures.residuals_figure(found)
 
 # %% [markdown]
 # All sixteen tests pass. The position residual has a correlation of 0.04 with the direction of motion, with the same
@@ -227,7 +224,7 @@ wider
 # ratio, nothing is lost.
 
 # %%
-correlation_figure(wider)
+e.figures.correlation_figure(wider)
 
 # %% [markdown]
 # **Two forces that are both constant** can't be separated by any log: a preload of the spring and a constant force on
@@ -296,7 +293,7 @@ linear["first half"]
 e.write_plant("plants/identified.toml", found.plant, force=True)  # found by name in a folder plants/
 e.write_plant("plants/first.toml", found.plant, linear["first half"].plant, force=True)
 e.write_plant("plants/second.toml", found.plant, linear["second half"].plant, force=True)
-e.write_plant("plants/sliding.toml", found.plant, sliding_linear(found.plant), force=True)
+e.write_plant("plants/sliding.toml", found.plant, e.sliding_linear(found.plant), force=True)
 
 designs = {"Table 2": "ehsa", "fitted, first half": "first", "fitted, second half": "second", "sliding": "sliding"}
 models = {name: e.load_plant(plant, model="linear") for name, plant in designs.items()}
@@ -384,10 +381,10 @@ table.round(1).map(lambda value: value if value == value else "")
 # %%
 figure, (position, current) = plt.subplots(2, 1, figsize=(8, 4.8), sharex=True, layout="constrained")
 looks = {
-    "Table 2": (BLUE, "-", 1.8),
-    "fitted, first half": (VERMILION, "-", 0.8),
-    "fitted, second half": (PURPLE, (0, (4, 1.2)), 1.0),
-    "sliding": (GREEN, (0, (2, 1)), 1.5),
+    "Table 2": (e.style.BLUE, "-", 1.8),
+    "fitted, first half": (e.style.VERMILION, "-", 0.8),
+    "fitted, second half": (e.style.PURPLE, (0, (4, 1.2)), 1.0),
+    "sliding": (e.style.GREEN, (0, (2, 1)), 1.5),
 }
 for name, (colour, dashes, width) in looks.items():
     loop = results[name, "steps_spring"].nonlinear
@@ -395,7 +392,7 @@ for name, (colour, dashes, width) in looks.items():
     position.plot(run.time, 1e3 * run["x"], color=colour, linestyle=dashes, linewidth=width, label=name)
     current.plot(run.time, run["current"], color=colour, linewidth=0.8)
 position.plot(
-    run.time, 1e3 * loop.reference[:, 0], color=BLACK, linewidth=0.9, linestyle=(0, (6, 3)), label="reference"
+    run.time, 1e3 * loop.reference[:, 0], color=e.style.BLACK, linewidth=0.9, linestyle=(0, (6, 3)), label="reference"
 )
 position.set(ylabel="position\n(mm)", xlim=(0, 5))
 current.set(ylabel="current\n(A)", xlabel="time (s)")

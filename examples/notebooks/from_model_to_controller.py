@@ -25,19 +25,15 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import control
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
 import ehsa_ctrl as e
-from ehsa_ctrl.plant.motion_current import motion_current
-from ehsa_ctrl.report.figures import bode_figure, loop_figure, nyquist_figure, robustness_figure
-from ehsa_ctrl.report.style import BLACK, BLUE, GREEN, GREY, PURPLE, RC, VERMILION
-from ehsa_ctrl.scenario.response import hunting
-from ehsa_ctrl.simulation.sensors import Sensors
 
 os.chdir(tempfile.mkdtemp())  # a folder of its own, as a project would have
-plt.rcParams.update(RC)
+plt.rcParams.update(e.style.RC)
 
 # %% [markdown]
 # ## 1. The linear model
@@ -60,7 +56,7 @@ print(analysis)
 # %%
 poles = np.sort(np.abs(analysis.poles))
 assert poles[0] < 1e-6 and 8.5 < poles[1] < 9.5 and np.allclose(poles[2:] / (2 * np.pi), 70.0, atol=0.5)
-bode_figure(analysis)
+e.figures.bode_figure(analysis)
 
 # %% [markdown]
 # ## 2. A PID by phase margin
@@ -76,7 +72,7 @@ print(pid)
 loop = e.analyse_loop(model, pid)
 assert abs(loop.crossover - 35.0) < 0.1 and abs(loop.phase_margin - 60.0) < 0.1 and loop.Ms < 1.4
 print(loop)
-loop_figure(loop)
+e.figures.loop_figure(loop)
 
 # %% [markdown]
 # The loop is not a continuous approximation: the plant is sampled exactly with a zero-order hold, the control law is
@@ -88,7 +84,7 @@ loop_figure(loop)
 # phase change up to the printed angle.
 
 # %%
-nyquist_figure(loop)
+e.figures.nyquist_figure(loop)
 
 # %% [markdown]
 # ## 3. The same PID on the plant
@@ -120,7 +116,7 @@ def jumps(targets, every, wait=0.2):
 
 def follow(controller, reference, plant=rig):
     """A run with the noise of the plant's sensors."""
-    return e.run_closed_loop(plant, controller, reference, sensors=Sensors.of(plant, seed=0))
+    return e.run_closed_loop(plant, controller, reference, sensors=e.Sensors.of(plant, seed=0))
 
 
 minute = jumps([0.010], 60.0)
@@ -132,8 +128,8 @@ holds = {name: follow(chosen[name], minute) for name in ("pid_position", "pid_tu
 
 figure, axes = plt.subplots(len(holds), 1, figsize=(8, 5.0), sharex=True, sharey=True, layout="constrained")
 for ax, (name, run) in zip(axes, holds.items(), strict=True):
-    ax.axhspan(-0.5e6 * quantum, 0.5e6 * quantum, color=GREEN, alpha=0.2, linewidth=0)
-    ax.plot(run.trajectory.time, 1e6 * run.error, color=BLUE, linewidth=0.9)
+    ax.axhspan(-0.5e6 * quantum, 0.5e6 * quantum, color=e.style.GREEN, alpha=0.2, linewidth=0)
+    ax.plot(run.trajectory.time, 1e6 * run.error, color=e.style.BLUE, linewidth=0.9)
     ax.set(ylim=(-150, 150), xlim=(0, 60), ylabel="error (µm)")
     ax.set_title(name, loc="left")
 axes[-1].set_xlabel("time (s); the green band is as wide as the smallest slip")
@@ -145,7 +141,7 @@ def hold_table(runs, since=20.0):
     rows = {}
     for name, run in runs.items():
         late = run.trajectory.time > since
-        found = hunting(run.trajectory.time[late], run.trajectory["x"][late])
+        found = e.hunting(run.trajectory.time[late], run.trajectory["x"][late])
         rows[name] = {
             "slips": found["Slips"],
             "peak to peak (um)": 1e6 * found["HuntingAmplitude"],
@@ -311,14 +307,14 @@ opposes = np.where(v == 0.0, np.nan, rig["K_S"] * x + rig["A_FR"] * np.sign(v))
 sliding = np.abs(v) > 0.05
 assert np.median(np.abs(estimated - opposes)[sliding]) < 200.0
 figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.4), sharex=True, layout="constrained")
-top.plot(time, 1e3 * run.reference[:, 0], color=BLACK, linestyle=(0, (6, 3)), label="asked for")
-top.plot(time, 1e3 * x, color=BLUE, label="rod")
+top.plot(time, 1e3 * run.reference[:, 0], color=e.style.BLACK, linestyle=(0, (6, 3)), label="asked for")
+top.plot(time, 1e3 * x, color=e.style.BLUE, label="rod")
 top.set(ylabel="position\n(mm)", xlim=(0, time[-1]))
-bottom.plot(time, 1e-3 * estimated, color=VERMILION, linewidth=0.8, label="estimated")
+bottom.plot(time, 1e-3 * estimated, color=e.style.VERMILION, linewidth=0.8, label="estimated")
 bottom.plot(
     time,
     1e-3 * opposes,
-    color=GREY,
+    color=e.style.GREY,
     linewidth=2.5,
     alpha=0.7,
     label="spring and Coulomb friction, while the rod slides",
@@ -342,7 +338,7 @@ plt.show()
 # - `[feedforward]`: the current for that motion, including friction and load. The numbers come from a plant:
 
 # %%
-needed = motion_current(e.load_plant("ehsa"))
+needed = e.motion_current(e.load_plant("ehsa"))
 units = {
     "inertia": "A s2/m",
     "viscous": "A s/m",
@@ -381,7 +377,7 @@ def moved(run):
         settled.append(after * DT if after < EACH else np.inf)
         ends.append(abs(error[-1]))
         beyond.append(np.max((x - target) * np.sign(target - (targets[k - 1] if k else 0.0))))
-        slips += hunting(run.trajectory.time[part][EACH // 2 :], x[EACH // 2 :])["Slips"]
+        slips += e.hunting(run.trajectory.time[part][EACH // 2 :], x[EACH // 2 :])["Slips"]
     return {
         "settled": f"{np.isfinite(settled).sum()} of {len(targets)}",
         "slowest (ms)": 1e3 * max(settled),
@@ -413,17 +409,22 @@ before_after.style.format({column: "{:.0f}" for column in before_after.columns i
 # %%
 figure, (position, error, current) = plt.subplots(3, 1, figsize=(8, 6.0), sharex=True, layout="constrained")
 position.plot(
-    DT * np.arange(len(moves)), 1e3 * moves[:, 0], color=BLACK, linestyle=(0, (6, 3)), linewidth=1.0, label="target"
+    DT * np.arange(len(moves)),
+    1e3 * moves[:, 0],
+    color=e.style.BLACK,
+    linestyle=(0, (6, 3)),
+    linewidth=1.0,
+    label="target",
 )
 for name, label, colour, dashes in (
-    ("the law alone", "before", VERMILION, (0, (4, 1.2))),
-    ("+ forget", "with all four", BLUE, "-"),
+    ("the law alone", "before", e.style.VERMILION, (0, (4, 1.2))),
+    ("+ forget", "with all four", e.style.BLUE, "-"),
 ):
     run = cured[name]
     position.plot(run.trajectory.time, 1e3 * run.trajectory["x"], color=colour, linestyle=dashes, label=label)
     error.plot(run.trajectory.time, 1e6 * run.error, color=colour, linestyle=dashes)
     current.plot(run.trajectory.time, run.asked, color=colour, linewidth=0.7)
-error.axhspan(-100, 100, color=GREEN, alpha=0.2, linewidth=0, label="0.1 mm")
+error.axhspan(-100, 100, color=e.style.GREEN, alpha=0.2, linewidth=0, label="0.1 mm")
 position.set(ylabel="position\n(mm)", xlim=(4.0, 14.0))
 error.set(ylabel="off the target\n(µm)", ylim=(-600, 600))
 current.set(ylabel="current\n(A)", xlabel="time (s)", ylim=(-4, 4))
@@ -475,10 +476,12 @@ assert np.allclose(*small, atol=1e-6)
 assert bold["LQR"].trajectory["omega"].max() > 2 * allowed > 2 * bold["MPC"].trajectory["omega"].max()
 
 figure, axes = plt.subplots(3, 1, figsize=(8, 5.4), sharex=True, layout="constrained")
-for (name, run), colour, dashes in zip(bold.items(), (VERMILION, BLUE), ((0, (4, 1.2)), "-"), strict=True):
+for (name, run), colour, dashes in zip(
+    bold.items(), (e.style.VERMILION, e.style.BLUE), ((0, (4, 1.2)), "-"), strict=True
+):
     for ax, values in zip(axes, (1e3 * run.trajectory["x"], run.trajectory["omega"], run.asked), strict=True):
         ax.plot(run.trajectory.time, values, color=colour, linestyle=dashes, label=name)
-axes[1].axhline(allowed, color=PURPLE, linestyle=(0, (8, 2, 2, 2)), label="limit of the pump")
+axes[1].axhline(allowed, color=e.style.PURPLE, linestyle=(0, (8, 2, 2, 2)), label="limit of the pump")
 for ax, label in zip(axes, ("position\n(mm)", "shaft\n(rad/s)", "current\n(A)"), strict=True):
     ax.set(ylabel=label, xlim=(0, 0.8))
 axes[1].legend(loc="upper right")
@@ -550,7 +553,7 @@ assert robust["pid_tuned"].Ms > 2 * robust["lqr_position"].Ms
 table.style.format(dict.fromkeys(("nominal Ms", "worst Ms", "worst disk margin"), "{:.2f}"))
 
 # %%
-robustness_figure(robust["pid_tuned"])
+e.figures.robustness_figure(robust["pid_tuned"])
 
 # %% [markdown]
 # All loops are stable. But the tuned PID, with Ms = 1.45 on its own model, comes close to instability with a heavy
@@ -630,7 +633,30 @@ classic.plot()
 # is marked decisive if the difference is significant. With the remedies every run passes; the interval shows what 100
 # runs can prove.
 #
-# ## 10. Weaknesses of each controller
+# ## 10. A law of your own
+#
+# Wherever a controller's name goes, a Python object goes too: a transfer function or state space of python-control from
+# the position error to the current, a function of time, measurements and reference, or an object with such a method
+# `step`. A list of controllers gives one table. Design models may come from `linearise`.
+
+# %%
+lead = control.tf([12.0, 300.0], [0.004, 1.0], name="lead")  # continuous: discretised by Tustin's rule
+
+
+def damped(t, y, r):
+    return 2000.0 * (r.position - y.position) - 0.03 * y.speed
+
+
+stiff = e.load_controller("lqr_position", e.linearise(rig), weights={"position": 0.3e-3}, label="lqr_stiff")
+table = e.run("steps_spring", controller=["pid_friction", stiff, lead, damped])
+assert table["lqr_stiff"].passed and not table["lead"].passed
+table
+
+# %% [markdown]
+# The spring leaves both laws without integral action standing off the target. `e.analyse_loop(model, lead)` gives the
+# margins of a linear law of your own; a function has none.
+#
+# ## 11. Weaknesses of each controller
 #
 # - `pid_position`: safe margins, readable gains. It hunts slowly and takes nine times the shortest time.
 # - `pid_tuned`: stiff against loads. It hunts as well, settles later, and with an unfavourable payload has little

@@ -26,10 +26,8 @@ from scipy.integrate import cumulative_trapezoid
 import ehsa_ctrl as e
 from ehsa_ctrl.physics import chambers, motor, pump, rod
 from ehsa_ctrl.physics.friction import stribeck
-from ehsa_ctrl.report.figures import bode_figure, overlay_figure
-from ehsa_ctrl.report.style import BLACK, BLUE, GREEN, GREY, PURPLE, RC, SKY, VERMILION
 
-plt.rcParams.update(RC)
+plt.rcParams.update(e.style.RC)
 BAR, MM, RPM = 1e5, 1e-3, 2 * np.pi / 60  # in SI units
 linear, plant = (e.load_plant("ehsa", model=model) for model in ("linear", "nonlinear"))
 
@@ -134,7 +132,7 @@ assert not (level @ six.A).any() and not (level @ six.B).any()
 model = e.three_state(linear)
 analysis = e.analyse(model)
 print(analysis)
-bode_figure(analysis)
+e.figures.bode_figure(analysis)
 
 # %% [markdown]
 # The poles at 1.4 Hz and 70 Hz by hand: shaft and rod move as one inertia against viscous friction, reflected by $n =
@@ -172,8 +170,8 @@ def speed_gain(plant):
 
 figure, axes = plt.subplots(2, 3, figsize=(8, 5.0), sharex=True, sharey=True, layout="constrained")
 for ax, symbol in zip(axes.T.flat, changes, strict=True):
-    ax.loglog(omega, speed_gain(linear), color=BLACK, linewidth=1.0, label="as printed")
-    for factor, colour, dashes in ((0.5, BLUE, (0, (4, 1.5))), (2.0, VERMILION, "-")):
+    ax.loglog(omega, speed_gain(linear), color=e.style.BLACK, linewidth=1.0, label="as printed")
+    for factor, colour, dashes in ((0.5, e.style.BLUE, (0, (4, 1.5))), (2.0, e.style.VERMILION, "-")):
         changed = linear.set(**{symbol: factor * linear[symbol]})
         ax.loglog(omega, speed_gain(changed), color=colour, linestyle=dashes, label=f"{factor:g} times")
     ax.set_title(f"{symbol} ({changes[symbol]})", loc="left")
@@ -234,9 +232,19 @@ for ax, end, most, label in (
     most /= scale
     whole = np.concatenate([-speed[::-1], speed]) / scale
     ax.plot(
-        whole, np.concatenate([-np.array(law)[::-1], law]), color=VERMILION, linewidth=1.8, label="(8), nonlinear set"
+        whole,
+        np.concatenate([-np.array(law)[::-1], law]),
+        color=e.style.VERMILION,
+        linewidth=1.8,
+        label="(8), nonlinear set",
     )
-    ax.plot(whole, linear[f"B_{end}"] * whole * scale, color=BLACK, linestyle=(0, (5, 1.5, 1, 1.5)), label="linear set")
+    ax.plot(
+        whole,
+        linear[f"B_{end}"] * whole * scale,
+        color=e.style.BLACK,
+        linestyle=(0, (5, 1.5, 1, 1.5)),
+        label="linear set",
+    )
     ax.set(xlim=(-most, most), ylabel=label, xlabel="rod speed (mm/s)" if end == "FR" else "shaft speed (rad/s)")
 figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
 plt.show()
@@ -253,14 +261,19 @@ held = slowly["v"] == 0.0
 assert (slowly.sticks("rod") == held).all() and held.mean() > 0.5
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.1), layout="constrained", sharey=True)
-for start, end, colour in ((0, 8, BLUE), (8, 16, SKY), (16, 24, VERMILION), (24, 32, GREEN)):
+for start, end, colour in (
+    (0, 8, e.style.BLUE),
+    (8, 16, e.style.SKY),
+    (16, 24, e.style.VERMILION),
+    (24, 32, e.style.GREEN),
+):
     part = (time >= start) & (time <= end)
     left.plot(time[part], slowly["x"][part] / MM, color=colour)
     right.plot(slowly.current[part], slowly["x"][part] / MM, color=colour)
-left.fill_between(time, -70, 70, where=held, color=GREY, alpha=0.2, linewidth=0, label="rod sticks")
+left.fill_between(time, -70, 70, where=held, color=e.style.GREY, alpha=0.2, linewidth=0, label="rod sticks")
 left.set(xlabel="time (s)", ylabel="position (mm)", xlim=(0, 32), ylim=(-70, 70))
 lifted = (plant["K_T"] * plant["A"] / plant["D"]) / 50e3 * np.array([-2.0, 2.0])
-right.plot([-2, 2], lifted / MM, color=BLACK, linestyle=(0, (5, 1.5, 1, 1.5)), label="linear set")
+right.plot([-2, 2], lifted / MM, color=e.style.BLACK, linestyle=(0, (5, 1.5, 1, 1.5)), label="linear set")
 right.set(xlabel="current (A)", xlim=(-2, 2))
 right.legend(loc="upper left")
 left.legend(loc="lower left")
@@ -319,7 +332,7 @@ after = fig4["dP"][moved : moved + 25]
 assert after.min() < fig4["dP"][moved] - 0.1 * BAR
 assert np.count_nonzero(np.diff(fig4.sticks("shaft")[: moved + 1].astype(int)) == -1) == 5
 print(f"{fig4['dP'][moved] / BAR:.2f} bar to break the rod away, {after.min() / BAR:.2f} bar right after")
-overlay_figure(ramp, panels(runs), title="Fig. 4: slow current ramp, 0 to 1.6 A")
+e.figures.overlay_figure(ramp, panels(runs), title="Fig. 4: slow current ramp, 0 to 1.6 A")
 
 # %% [markdown]
 # The staircase of the pressure difference is stick-slip: the shaft breaks away with excess torque, runs ahead,
@@ -347,7 +360,7 @@ table = pd.DataFrame(rows).T
 assert table.loc["nonlinear", "falls by (bar)"] > 0.3 > table.loc["linear", "falls by (bar)"]
 assert table.loc["nonlinear", "to a tenth of the speed (ms)"] < table.loc["linear", "to a tenth of the speed (ms)"]
 display(table.round(2))
-overlay_figure(time, panels(runs), title="Fig. 7: steps of 1.5 A")
+e.figures.overlay_figure(time, panels(runs), title="Fig. 7: steps of 1.5 A")
 
 # %% [markdown]
 # **Fig. 8**, a sine of 1.5 A at 2 Hz: the first half wave is lower than the others, because the rod has to break away
@@ -360,7 +373,7 @@ first = {
 }
 assert first["nonlinear"] < 0.97
 print("first half wave over the next: " + ", ".join(f"{name} {ratio:.2f}" for name, ratio in first.items()))
-overlay_figure(time, panels(runs), title="Fig. 8: sine of 1.5 A at 2 Hz")
+e.figures.overlay_figure(time, panels(runs), title="Fig. 8: sine of 1.5 A at 2 Hz")
 
 # %% [markdown]
 # All statements of the paper hold. In the last figure the first half wave of the linear model isn't lower but higher:
@@ -390,7 +403,7 @@ simulated = {one.model: e.simulate(one, np.full(501, 1.5))["omega"][-1] for one 
 assert all(np.isclose(steady(one, 1.5), simulated[one.model], rtol=0.01) for one in (linear, plant))
 
 figure, ax = plt.subplots(figsize=(8, 3.2), layout="constrained")
-for one, colour, dashes in ((linear, BLACK, (0, (5, 1.5, 1, 1.5))), (plant, VERMILION, "-")):
+for one, colour, dashes in ((linear, e.style.BLACK, (0, (5, 1.5, 1, 1.5))), (plant, e.style.VERMILION, "-")):
     low, high = (steady(one, amps, K) / RPM for K in (K_T.lower, K_T.upper))
     ax.fill_between(amps, low, high, color=colour, alpha=0.15, linewidth=0)
     ax.plot(
@@ -401,8 +414,8 @@ for one, colour, dashes in ((linear, BLACK, (0, (5, 1.5, 1, 1.5))), (plant, VERM
         label=f"{one.model} set, K_T = {K_T.value:g} N m/A",
     )
     ax.plot(1.5, simulated[one.model] / RPM, "o", color=colour, markersize=5)
-ax.axhline(4500, color=PURPLE, linestyle=(0, (8, 2, 2, 2)), label="limit of the pump")
-ax.axvline(1.5, color=GREY, linewidth=0.8)
+ax.axhline(4500, color=e.style.PURPLE, linestyle=(0, (8, 2, 2, 2)), label="limit of the pump")
+ax.axvline(1.5, color=e.style.GREY, linewidth=0.8)
 ax.set(
     xlim=(0, 3),
     ylim=(0, 8000),
@@ -493,12 +506,15 @@ lost = supplied - sum(taken.values())
 assert np.abs(lost).max() < 1e-6 * supplied[-1]
 
 figure, ax = plt.subplots(figsize=(8, 3.0), layout="constrained")
-colours, hatches = (VERMILION, SKY, PURPLE, GREEN, GREY, BLUE), ("", "//", "", "..", "xx", "")
+colours, hatches = (
+    (e.style.VERMILION, e.style.SKY, e.style.PURPLE, e.style.GREEN, e.style.GREY, e.style.BLUE),
+    ("", "//", "", "..", "xx", ""),
+)
 for patch, hatch in zip(
     ax.stackplot(time, *taken.values(), labels=taken, colors=colours, alpha=0.75), hatches, strict=True
 ):
     patch.set_hatch(hatch)
-ax.plot(time, supplied, color=BLACK, linestyle=(0, (5, 2)), label="put in by the motor")
+ax.plot(time, supplied, color=e.style.BLACK, linestyle=(0, (5, 2)), label="put in by the motor")
 ax.set(xlabel="time (s)", ylabel="energy (J)", ylim=(0, None))
 ax.legend(loc="upper left", ncols=2)
 plt.show()
@@ -615,9 +631,9 @@ fine = {"sample_time": 1e-3}
 time, current = e.excitation("steps", amplitude=1.5, duration=0.75, **fine)
 for (above, below), name in zip(axes.T, ("K_T", "beta", "tau_FM", "tau_FR"), strict=True):
     for value, colour, dashes in (
-        (ranges[name][0], BLUE, (0, (4, 1.5))),
-        (plant[name], BLACK, "-"),
-        (ranges[name][1], VERMILION, "-"),
+        (ranges[name][0], e.style.BLUE, (0, (4, 1.5))),
+        (plant[name], e.style.BLACK, "-"),
+        (ranges[name][1], e.style.VERMILION, "-"),
     ):
         step = e.simulate(plant.set(**{name: value}), current, **fine)
         above.plot(1e3 * time, step["dP"] / BAR, color=colour, linestyle=dashes, linewidth=1.1, label=f"{value:g}")

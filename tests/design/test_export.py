@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -331,10 +332,13 @@ def full(controller):
 
 @needs_compiler
 @pytest.mark.parametrize("stages", ["own", "all"])
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", [*LAWS, "PI of python-control"])
 def test_c_is_python_to_the_bit(name, stages, system, tmp_path):
     """Current and memory of every sample, over random readings with losses, jumps, rests and saturation."""
-    controller = load_controller(name, system)
+    if name in LAWS:
+        controller = load_controller(name, system)
+    else:
+        controller = load_controller(control.tf([12.0, 300.0, 900.0], [0.004, 1.0, 0.0]), current_limit=2.0)
     controller = full(controller) if stages == "all" else controller
     reference, measured = readings(1200)
     export_controller(controller, reference[:20], measured[:20]).write(tmp_path)

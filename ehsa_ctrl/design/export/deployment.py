@@ -21,6 +21,7 @@ from ...core.errors import InputError
 from ...core.files import FORCE_ARGUMENT
 from ...core.result_folder import ResultFolder
 from ..controller import Law, SampledController
+from ..python_law import PythonLaw
 from ..stages.feedforward import feedforward
 from ..stages.pipeline import S_FEED, S_LAW, S_PLAN, S_REST, STAGES, pipeline
 from ..stages.rest import rest
@@ -160,6 +161,8 @@ def export_controller(controller: SampledController, reference: np.ndarray, meas
             f"(N, {len(MEASURED)})"
         )
     law: Law = controller.law
+    if isinstance(law, PythonLaw):
+        raise InputError(f"{controller.name} is Python code; expected a designed controller or a linear law")
     if not isinstance(law, Mpc):
         vector = TestVector(reference, measured, replay(controller, reference, measured))
         return Deployment(controller.name, _files(controller, vector, TOLERANCE), vector, TOLERANCE)

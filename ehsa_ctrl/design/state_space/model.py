@@ -85,6 +85,10 @@ def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool
 
     if not system.isctime() or "current" not in system.input_labels:
         raise InputError(f"the model {system.name} must be continuous and have the input current; linearise the plant")
+    if np.any(readings(system) @ system.D):
+        raise InputError(
+            f"the model {system.name} has direct feedthrough to a measurement; expected a strictly proper one"
+        )
     modes = system.poles()
     fastest = float(np.max(np.abs(modes.imag)))
     if not 0 < sample_time < np.inf or fastest >= np.pi / sample_time:
