@@ -45,6 +45,7 @@ from .report import style as style
 from .scenario.comparison import ControllerComparison
 from .scenario.definition import Scenario
 from .scenario.montecarlo import MonteCarlo
+from .scenario.outcome import Outcome
 from .scenario.result import ScenarioResult
 from .simulation.closed_loop import ClosedLoop
 from .simulation.engine import Batch, Hold
@@ -280,6 +281,7 @@ def run(
     design: str | Path | Plant | None = None,
     assumed: bool | None = False,
     settings: Mapping[str, str | float] | None = None,
+    draw: Outcome | None = None,
 ) -> ControllerComparison: ...
 @overload
 def run(
@@ -290,6 +292,7 @@ def run(
     design: str | Path | Plant | None = None,
     assumed: bool | None = False,
     settings: Mapping[str, str | float] | None = None,
+    draw: Outcome | None = None,
 ) -> ScenarioResult: ...
 def run_closed_loop(
     plant: _PlantLike,

@@ -340,6 +340,7 @@ OVERRIDES: dict[str, ArgumentKind] = {
     "identify.method": one_of("simulation", "balances"),
     "identify.validate": several(LOG),
     "run.assumed": FLAG | NONE,
+    "run.draw": instance("Outcome", "a run of monte_carlo(scenario), such as its worst") | NONE,
     "sensitivities.parameters": NAMES,
     "shortest_time.start": NUMBER,
     "simulate.current": ARRAY | instance("TimeResponseData", "a time response of python-control"),

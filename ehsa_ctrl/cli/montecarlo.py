@@ -71,6 +71,7 @@ def command(
         found.append(result)
         if not as_json:
             print(result)
+            print(f"  replay it: {replay_command(scenario, name, run, out / f'{stem}.jsonl')}")
             if require is not None:
                 print(f"  {requirement_sentence(result.interval(confidence)[0], require, confidence)}")
         if result.interrupted:
@@ -94,6 +95,14 @@ def command(
         raise KeyboardInterrupt(f"finished runs are kept in {out}; the same command continues with the others")
     if require is not None and any(result.interval(confidence)[0] < require for result in found):
         raise typer.Exit(1)
+
+
+def replay_command(scenario: str, controller: str | None, run: RunOptions, file: Path) -> str:
+    """The command that repeats the worst run of a campaign."""
+    given = {"--controller": controller, "--plant": run.plant, "--design": run.design}
+    words = [f"{option} {value}" for option, value in given.items() if value]
+    words += [f"--set {text}" for text in run.settings]
+    return " ".join(["ehsa-ctrl run", scenario, *words, "--replay", str(file)])
 
 
 def requirement_sentence(low: float, required: float, confidence: float) -> str:

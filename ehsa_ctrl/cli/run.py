@@ -49,6 +49,13 @@ def command(
         bool, typer.Option("--update-baselines", help="Record a new baseline for runs that have none or deviate.")
     ] = False,
     reason: Annotated[str, typer.Option(help="Why the baselines change; a terminal prompts for it.")] = "",
+    replay: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE[:RUN]",
+            help="Repeat the worst run, or the one of this number, of the .jsonl that montecarlo wrote.",
+        ),
+    ] = None,
     assumed: Annotated[
         bool | None,
         typer.Option(
@@ -63,17 +70,23 @@ def command(
     Examples: ehsa-ctrl run · ehsa-ctrl run steps_spring --out results/steps ·
     ehsa-ctrl run my/scenario.toml --controller pid_position,my/pid.toml · ehsa-ctrl run --plant results/rig.toml ·
     ehsa-ctrl run steps_spring --set K_T=1.05 --set load.stiffness=80e3 ·
+    ehsa-ctrl run spread_steps --replay results/montecarlo/spread_steps.jsonl ·
     ehsa-ctrl run --update-baselines --reason "softer spring in the rig"
     """
     from ..core.catalogue import scenarios as catalogue
+    from ..scenario.replay import read_draw
     from .progress import compiling
 
-    if update_baselines and (run.plant or run.design or run.settings):
+    if update_baselines and (run.plant or run.design or run.settings or replay):
         raise InputError(
-            "--update-baselines records runs of the scenario's own plant; leave out --plant, --design and --set"
+            "--update-baselines records runs of the scenario's own plant; leave out --plant, --design and --set, "
+            "and --replay"
         )
     if update_baselines and not reason.strip() and not sys.stdin.isatty():
         raise InputError("--update-baselines replaces the runs that later ones must match; say why with --reason TEXT")
+    if replay and len(scenarios or ()) != 1:
+        raise InputError("--replay repeats a run of one scenario; name this scenario alone")
+    draw = read_draw(replay) if replay else None
     pairs = read_pairs(run.settings)
     names = scenarios or _all(catalogue.folders)
     chosen = run.controllers()
@@ -95,7 +108,7 @@ def command(
     )  # fmt: skip
     if update_baselines:
         _old_baselines(out).check(figures=[f"{stem}{OLD}" for stem in runs])
-    options = {"plant": run.plant, "design": run.design, "assumed": assumed, "settings": pairs}
+    options = {"plant": run.plant, "design": run.design, "assumed": assumed, "settings": pairs, "draw": draw}
     try:
         with compiling():
             results = list(_run_all(todo, jobs, options))
@@ -228,7 +241,7 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
         groups.setdefault(f"{result.scenario.path or result.scenario.name}", []).append(result)
     for group in groups.values():
         for result in group:
-            name = f"{result.scenario.name} with {result.controller.name}: "
+            name = f"{result.scenario.name} with {result.controller.name}{result.of_draw}: "
             console.print(Text.assemble(name, VERDICTS[result.verdict], f", {result.scenario.title}"))
             for failure in result.failures:
                 console.print(Text(f"  {failure}", "red"))

@@ -104,7 +104,7 @@ def compile_once(key: str, title: str) -> Iterator[None]:
         if folder is not None:
             with suppress(OSError, NotImplementedError):
                 stack.enter_context(FileLock(folder / f"{key}.lock", timeout=LOCK_TIMEOUT))
-        if folder is None or not any(folder.glob(f"{key}-*.code")):
+        if folder is None or not ((folder / f"{key}.module").exists() or any(folder.glob(f"{key}-*.code"))):
             log.info("compiling %s: once, some seconds, longer on a busy machine", title)
         yield
 
@@ -129,6 +129,12 @@ def load_compiled(text: str, title: str) -> ModuleType:
         except BaseException:
             del sys.modules[name]
             raise
+        folder = cache_folder()
+        if folder is not None:
+            # The names of its functions' files depend on source of other modules too, which `compile_once` does not
+            # know: this file tells the next process that nothing is to be compiled.
+            with suppress(OSError):
+                (folder / f"{key}.module").touch(mode=0o600)
     return module
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,14 +17,15 @@ import numpy as np
 
 from ..core.checkpoint import Checkpoint, open_checkpoint
 from ..core.errors import InputError, SimulationError
-from ..core.files import parse_json
 from ..core.parallel import Prefer, in_rounds, worker_count
 from ..core.plotting import draw
 from ..core.result import Result, as_dict
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .definition import Scenario
+from .outcome import Outcome
 from .prepare import PreparedScenario, prepare
+from .replay import worst
 from .sensitivity import Influence, influences
 from .uncertainty import ParameterUncertainty, uncertainty_of
 
@@ -37,37 +37,6 @@ if TYPE_CHECKING:
 CHUNK = 10
 #: Upper bound of the noise seeds.
 LARGEST_SEED = 2**31
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """One run of a campaign.
-
-    Attributes
-    ----------
-    run: number of the run. passed: whether the limits of scenario and plant hold.
-    margin: smallest margin to a limit relative to that limit; negative if violated, -inf if its metric is nan.
-    seed: of the sensor noise. parameters: drawn values, SI units. metrics: the finite ones, SI units.
-    failures: as sentences.
-    """
-
-    run: int
-    passed: bool
-    margin: float
-    seed: int
-    parameters: Mapping[str, float]
-    metrics: Mapping[str, float]
-    failures: tuple[str, ...] = ()
-
-    def to_line(self) -> str:
-        """One line of JSON for the campaign's file."""
-        return json.dumps(vars(self) | {"margin": self.margin if math.isfinite(self.margin) else str(self.margin)})
-
-    @classmethod
-    def from_line(cls, line: str) -> Outcome:
-        """Parse a line of the campaign's file. Raises ValueError, LookupError or TypeError for any other line."""
-        content = parse_json(line)
-        return cls(**(content | {"margin": float(content["margin"]), "failures": tuple(content["failures"])}))
 
 
 @dataclass(frozen=True, repr=False)
@@ -108,6 +77,11 @@ class MonteCarlo(Result):
         return float(found.low), float(found.high)
 
     @property
+    def worst(self) -> Outcome:
+        """The run farthest beyond its limits, or closest to one if all passed; `run(scenario, draw=...)` replays it."""
+        return worst(self.outcomes)
+
+    @property
     def influences(self) -> tuple[Influence, ...]:
         """Influence of each parameter on passing, the strongest first."""
         return influences(self.outcomes, self.uncertainty.names)
@@ -128,6 +102,7 @@ class MonteCarlo(Result):
             self, "scenario controller passes probability seed interrupted influences",
             runs=len(self.outcomes), confidence=confidence, interval=self.interval(confidence), failures=self.reasons,
             uncertain=[str(parameter) for parameter in self.uncertainty.parameters], provenance=versions(),
+            worst=as_dict(self.worst, "run seed passed margin parameters failures"),
         )  # fmt: skip
 
     @property
@@ -154,6 +129,7 @@ class MonteCarlo(Result):
         ]
         first = self.influences[0] if self.influences else None
         lines.append(f"  {first}" if first is not None else "  no influence of parameters: only sensor noise varies")
+        lines.append(f"  worst: {self.worst}")
         return "\n".join(lines)
 
 

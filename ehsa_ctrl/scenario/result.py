@@ -15,6 +15,7 @@ from ..core.parameter import Parameter
 from ..core.plotting import draw
 from ..core.result import Result, as_dict
 from ..design.analysis.loop import LoopAnalysis
+from ..plant.file import label
 from ..plant.plant import Plant
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.limits import Exceedance
@@ -22,6 +23,7 @@ from ..simulation.trajectory import Trajectory, versions
 from .baseline import Baseline
 from .definition import Scenario
 from .metrics import METRICS
+from .outcome import Outcome
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -103,6 +105,7 @@ class ScenarioResult(Result):
     sensitivities: of the verdict to each assumed parameter; None if not requested.
     files: input files of scenario, controller and plants.
     settings: plant parameters set for this run.
+    draw: run of a Monte Carlo campaign that this one repeats; None for any other.
     """
 
     scenario: Scenario
@@ -118,6 +121,7 @@ class ScenarioResult(Result):
     sensitivities: tuple[AssumptionSensitivity, ...] | None = None
     files: tuple[Path, ...] = ()
     settings: Mapping[str, str | float] = field(default_factory=dict)
+    draw: Outcome | None = None
 
     @property
     def expected_trips(self) -> tuple[str, ...]:
@@ -171,6 +175,7 @@ class ScenarioResult(Result):
             controller=self.controller.name, sample_time=self.controller.sample_time,
             controller_words=str(self.controller) if "__str__" in vars(type(self.controller)) else "",
             tolerance=self.nonlinear.trajectory.tolerance, margins=self.loop, assumed_ranges=self.sensitivities,
+            draw=self.draw and as_dict(self.draw, "run seed parameters"),
             baseline=self.baseline and {"file": str(self.baseline.path), "reason": self.baseline.reason},
             limits=[as_dict(j, "metric value passed", min=j.lower, max=j.upper) for j in self.limit_checks],
             trips=[as_dict(trip, sentence=str(trip)) for trip in self.trips],
@@ -236,7 +241,15 @@ class ScenarioResult(Result):
 
     def __str__(self) -> str:
         verdict = "passed" if self.passed else "FAILED: " + first_reasons(self.failures)
-        return f"{self.scenario.name} with {self.controller.name}: {verdict}\n{self.table().to_string()}"
+        return f"{self.scenario.name} with {self.controller.name}{self.of_draw}: {verdict}\n{self.table().to_string()}"
+
+    @property
+    def of_draw(self) -> str:
+        """Which run of a campaign this is, for titles and lists; empty for any other run."""
+        if self.draw is None:
+            return ""
+        drawn = ", ".join(f"{label(name)} = {value:.5g}" for name, value in self.draw.parameters.items())
+        return f", run {self.draw.run} of a campaign ({drawn or 'no parameter drawn'}; sensor noise {self.draw.seed})"
 
     def _repr_html_(self) -> str:
         import html

@@ -16,7 +16,9 @@ from .baseline_file import baseline_path, read_baseline
 from .comparison import ControllerComparison
 from .definition import Scenario
 from .metrics import METRICS
+from .outcome import Outcome
 from .prepare import prepare
+from .replay import with_draw
 from .result import ScenarioResult
 from .sensitivity import assumption_sensitivity
 
@@ -29,6 +31,7 @@ def run(
     design: str | Path | Plant | None = None,
     assumed: bool | None = False,
     settings: Mapping[str, str | float] | None = None,
+    draw: Outcome | None = None,
 ) -> ScenarioResult | ControllerComparison:
     """Run a scenario: linear prediction, nonlinear check, comparison, limits.
 
@@ -50,6 +53,8 @@ def run(
     settings: parameters of the simulated plant in this run, as for `load_plant`, in addition to the scenario's own:
         {"K_T": 1.1, "load.stiffness": "50 N/mm"}. A load acts on the prediction too; controller and prediction
         otherwise keep the linear set. Such a run is not compared with a baseline.
+    draw: a run of `monte_carlo` with the same scenario and plant, such as its `worst`, to be repeated to the last bit:
+        its parameters and its sensor noise.
 
     Returns
     -------
@@ -60,7 +65,7 @@ def run(
     InputError: a definition is invalid or refers to something that does not exist.
     SimulationError: a run stops although no plant limit was exceeded.
     """
-    options: dict[str, Any] = {"plant": plant, "design": design, "assumed": assumed, "settings": settings}
+    options: dict[str, Any] = {"plant": plant, "design": design, "assumed": assumed, "settings": settings, "draw": draw}
     if not isinstance(controller, list | tuple):
         return run_one(scenario, controller, **options)
     if not controller:
@@ -84,10 +89,13 @@ def run_one(
     design: str | Path | Plant | None = None,
     assumed: bool | None = False,
     settings: Mapping[str, str | float] | None = None,
+    draw: Outcome | None = None,
 ) -> ScenarioResult:
     """Run a scenario with one controller; arguments and errors as of `run`."""
     begun = clock.perf_counter()
     case = prepare(scenario, controller=controller, plant=plant, design=design, settings=settings)
+    if draw is not None:
+        case = with_draw(case, draw)
     loops = [case.simulate(model) for model in (case.linear, case.nonlinear)]
     # One run may stop early; both are compared over the same time.
     loops = [loop.first(min(len(other.trajectory) for other in loops)) for loop in loops]
@@ -104,10 +112,13 @@ def run_one(
         seconds=clock.perf_counter() - begun,
         files=case.files,
         settings=case.settings,
+        draw=draw,
     )
     if assumed or (assumed is None and case.controller.compiled is not None):
         result = replace(result, sensitivities=assumption_sensitivity(case, nominal_passed=not result.limit_failures))
     # A baseline is valid only for the scenario's own plant and a controller from a file.
-    comparable = not (plant or design or settings) and (controller is None or isinstance(controller, str | Path))
+    comparable = not (plant or design or settings or draw) and (
+        controller is None or isinstance(controller, str | Path)
+    )
     path = baseline_path(result) if comparable else None
     return replace(result, baseline=read_baseline(path) if path and path.is_file() else None)

@@ -19,7 +19,7 @@ from ..core.result import as_dict
 from ..plant.file import label
 
 if TYPE_CHECKING:
-    from .montecarlo import Outcome
+    from .outcome import Outcome
     from .prepare import PreparedScenario
 
 #: With fewer passing or failing runs, the rank correlation with the margin replaces the two-sample test, which has

@@ -277,3 +277,18 @@ def test_of_processes_that_start_together_one_compiles(folder):
     started = [process() for _ in range(3)]
 
     assert sorted(each.communicate()[0] for each in started) == ["42.0 0\n", "42.0 0\n", "42.0 1\n"]
+
+
+def test_compiling_is_said_once(folder, caplog):
+    """A module that uses a function of another module: the next process loads it and says nothing."""
+    text = TEXT.replace("def twice", "def twice_moved").replace("2.0 * x", "2.0 * x if move is not None else x")
+    text = text.replace("import cached_njit\n", "import cached_njit\nfrom ehsa_ctrl.core.pointers import move\n")
+    said = []
+    with caplog.at_level(logging.INFO, logger=compiled.__name__):
+        for _ in range(2):
+            caplog.clear()
+            load_compiled.cache_clear()
+            assert load_compiled(text, "a doubling").twice_moved(3.0) == 6.0
+            said.append([record.getMessage() for record in caplog.records])
+
+    assert said == [["compiling a doubling: once, some seconds, longer on a busy machine"], []]

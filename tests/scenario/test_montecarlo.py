@@ -8,7 +8,8 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.scenario.montecarlo import MonteCarlo, Outcome, monte_carlo, open_campaign
+from ehsa_ctrl.scenario.montecarlo import MonteCarlo, monte_carlo, open_campaign
+from ehsa_ctrl.scenario.outcome import Outcome
 from ehsa_ctrl.scenario.prepare import prepare
 from ehsa_ctrl.scenario.sensitivity import influences
 from ehsa_ctrl.scenario.uncertainty import ParameterUncertainty, UncertainParameter, uncertainty_of

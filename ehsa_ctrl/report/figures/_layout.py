@@ -68,7 +68,8 @@ def sheet(
         figure.align_ylabels()
         # Laid out once, as layout costs more than drawing, and PNG and SVG must be identical.
         figure.draw_without_rendering()
-        figure.set_layout_engine("none")
+        # None rather than "none": a place holder makes every savefig draw the figure twice.
+        figure.set_layout_engine(None)
         # A notebook displays a figure at its own resolution, a file has DPI.
         figure.set_dpi(RC["figure.dpi"])
         # Rounded for reproducibility: the solver's last digits depend on the order of its variables in memory.

@@ -41,9 +41,18 @@ def _sentences(each: Mapping[str, Any]) -> list[Sentence]:
     decisive = [label(item["name"]) for item in each["influences"] if item["decisive"]]
     if decisive:
         found.append((f"Decisive parameters, the strongest first: {', '.join(decisive)}.", None))
+    if each.get("worst"):
+        found.append((_worst_sentence(each["worst"]), None))
     if each["interrupted"]:
         found.append(("Interrupted: fewer runs than requested.", DOUBT))
     return found
+
+
+def _worst_sentence(worst: Mapping[str, Any]) -> str:
+    """Which draw came out worst."""
+    drawn = ", ".join(f"{label(name)} = {value_text(value)}" for name, value in worst["parameters"].items())
+    outcome = "passes" if worst["passed"] else f"fails: {'; '.join(worst['failures'])}"
+    return f"The worst run, {worst['run']} (sensor noise {worst['seed']}; {drawn or 'no parameter drawn'}), {outcome}."
 
 
 def _requirement_sentence(each: Mapping[str, Any]) -> Sentence:
