@@ -314,7 +314,9 @@ def _diagnose_selection(
             for one in selection.ranked
         ),
         location=location,
-        next_experiment=experiment.words if experiment else advice(verdict, causes, plant.structure.system),
+        next_experiment=experiment.words
+        if experiment
+        else advice(verdict, causes, plant.structure.system, [one.log for one in prepared.logs]),
         experiment=experiment,
         improved=replace(improved, title=f"{plant.title} (diagnosis: {verdict})"),
         floor=reference.floors[1],

@@ -19,16 +19,16 @@ from ..plant.file import LOAD_SYMBOLS
 from ..plant.plant import Plant
 from ..simulation.bench import CENTRING_TIME
 from ..simulation.engine import simulate_batch
+from ..simulation.limits import reached
 from .excitation_library import LibraryInput
 from .hypothesis_model import HypothesisModel, Setting, law_switches, with_every_effect
 from .objective import STEP, TEMPER, NominalParameters, Objective, ResidualScale
-from .regressors import balance_contact
 
 # The numbers below are engineering judgement.
 
 #: Share of each limit that is kept in reserve.
 MARGIN = 0.15
-#: Amplitude that is tried first [A].
+#: Amplitude that is tried first without a present log [A, or unit of the drive].
 FIRST_AMPLITUDE = 2.0
 #: Relative standard deviation of the stiffness of a spring that is mounted for the experiment.
 SPRING_SD = 0.05
@@ -68,7 +68,7 @@ class CandidateOutputs:
 
 @dataclass(frozen=True)
 class ExperimentTrial:
-    """An input at an amplitude [A], with or without the loop that centres the rod, and the candidates' outputs."""
+    """An input at an amplitude [unit of the drive], with or without the loop that centres the rod, and the outputs."""
 
     input: LibraryInput
     amplitude: float
@@ -81,7 +81,8 @@ class CandidateModels:
     """Candidates of a diagnosis as models.
 
     plant: with every effect. hypotheses: name -> fitted values. noise: of the measured channels. plants_by_law:
-    friction law -> the plant with it, see `HypothesisModel`.
+    friction law -> the plant with it, see `HypothesisModel`. seen: channel of the drive or a position -> largest value
+    in the present logs; an experiment on a plant without limits stays within it.
     """
 
     plant: Plant
@@ -89,14 +90,33 @@ class CandidateModels:
     noise: Mapping[str, float]
     nominal: NominalParameters
     plants_by_law: Mapping[str, Plant] = field(default_factory=dict)
+    seen: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(
-        cls, plant: Plant, hypotheses: Mapping[str, Setting], noise: Mapping[str, float], nominal: NominalParameters
+        cls,
+        plant: Plant,
+        hypotheses: Mapping[str, Setting],
+        noise: Mapping[str, float],
+        nominal: NominalParameters,
+        present: Sequence[Log] = (),
     ) -> CandidateModels:
-        """With plants for the friction laws that the candidates use."""
+        """With plants for the friction laws that the candidates use. present: the present logs."""
         used = [s.law for s in law_switches() if any(s.active(values) for values in hypotheses.values())]
-        return cls(plant, hypotheses, noise, nominal, {law: with_every_effect(plant, law) for law in used})
+        by_law = {law: with_every_effect(plant, law) for law in used}
+        system = plant.structure.system
+        channels = (system.drive, *system.positions)
+        seen = (
+            {c: max(float(np.max(np.abs(log[c]))) for log in present if c in log.channels) for c in channels}
+            if present
+            else {}
+        )
+        return cls(plant, hypotheses, noise, nominal, by_law, {} if plant.limits else seen)
+
+    @property
+    def first_amplitude(self) -> float:
+        """Amplitude that is tried first [unit of the drive]."""
+        return self.seen.get(self.plant.structure.system.drive, FIRST_AMPLITUDE)
 
     @property
     def pairs(self) -> tuple[Pair, ...]:
@@ -120,14 +140,15 @@ class CandidateModels:
         time: np.ndarray,
         *,
         centre: bool = False,
-        begin: float = FIRST_AMPLITUDE,
+        begin: float | None = None,
     ) -> tuple[float, str]:
-        """The largest amplitude [A] within the limits, to about 20 %, and the limit that is reached first.
+        """The largest amplitude within the limits, to about 20 %, and the limit that is reached first.
 
         For the first candidate; 0 if no amplitude keeps the limits. begin: amplitude that is tried first.
         """
         first = self.settings(change)[0]
-        low, high, amplitude, limit = 0.0, inf, max(begin, 0.1), ""
+        first_trial = self.first_amplitude
+        low, high, amplitude, limit = 0.0, inf, max(begin or first_trial, 0.05 * first_trial), ""
         for _ in range(4):
             current = self._current(input.current(time, amplitude), first, centre)
             used = self._limit_shares(self._model(time, current).run([first])[0], current)
@@ -165,12 +186,13 @@ class CandidateModels:
 
     @property
     def _position(self) -> str:
-        """State that is the position of the rod."""
-        return balance_contact(self.plant, "force").position
+        """State that is the position of the rod, the carriage or the arm."""
+        return next(iter(self.plant.structure.system.positions.values()))
 
     def _model(self, time: np.ndarray, current: np.ndarray) -> HypothesisModel:
         system = self.plant.structure.system
-        log = Log(time, {system.drive: current, **dict.fromkeys(system.outputs, np.zeros(time.size))})
+        others = dict.fromkeys((*system.drives.values(), *system.outputs), np.zeros(time.size))
+        log = Log(time, {**others, system.drive: current})
         return HypothesisModel(self.plant, log, None, self.plants_by_law)
 
     def _current(self, current: np.ndarray, values: Setting, centre: bool) -> np.ndarray:
@@ -185,7 +207,9 @@ class CandidateModels:
         for first in range(0, current.size - 1, length):
             block = out[first : first + length + 1]
             block -= np.clip(gain * low, -limit, limit)
-            batch = simulate_batch(plant, plant.vector[None], block, start=state, sample_time=dt, jobs=1)
+            batch = simulate_batch(
+                plant, plant.vector[None], block, start=state, sample_time=dt, jobs=1, hold=plant.structure.system.hold
+            )
             if batch.status[0]:
                 break
             state = batch.states[:, -1]
@@ -199,25 +223,16 @@ class CandidateModels:
         """Limit -> share of it that a run uses; inf for a run that stopped."""
         if run is None or not all(np.isfinite(values).all() for values in run.values()):
             return {**dict.fromkeys(self.plant.limits, inf), "range": inf}
-        system = self.plant.structure.system
-        states = {state: run[channel] for channel, state in system.outputs.items()}
-        (gain,) = system.entries["torque"].capacity
-        torque, speed = self.plant[gain] * current, states[balance_contact(self.plant, "torque").velocity]
-        pressures = np.stack([states[state] for state in system.pressures])
-        fastest = float(np.max(np.abs(speed)))
-        return limit_shares(
-            self.plant,
-            {
-                "pump_speed": fastest,
-                "motor_speed": fastest,
-                "motor_torque": float(np.max(np.abs(torque))),
-                "motor_power": float(np.mean(np.abs(torque * speed))),
-                "current_rms": float(np.sqrt(np.mean(current**2))),
-                "pressure_max": float(np.max(pressures)),
-                "pressure_min": float(np.min(pressures)),
-                "stroke": 2.0 * float(np.max(np.abs(states[self._position]))),
-            },
-        )
+        equations, shown = self.plant.structure.equations, self.plant.structure.system.outputs
+        states = np.zeros((current.size, len(equations.states)))
+        for channel in run.keys() & shown.keys():
+            states[:, equations.index(shown[channel])] = run[channel]
+        extremes = np.array([states.min(axis=0), states.max(axis=0)])
+        shares = limit_shares(self.plant, reached(self.plant, current, states, extremes))
+        used = {**run, self.plant.structure.system.drive: current}
+        # The margin is kept of what the plant allows, not of what a rig has shown to stand.
+        seen = {c: (1.0 - MARGIN) * float(np.max(np.abs(used[c]))) / most for c, most in self.seen.items()}
+        return {**shares, **{"stroke" if c in shown else c: share for c, share in seen.items()}}
 
     def outputs(self, model: HypothesisModel, change: Setting) -> CandidateOutputs | None:
         """All candidates under the input of a model's log; None if one of them stops, or nothing moves."""
@@ -231,7 +246,7 @@ class CandidateModels:
             return None
         system = self.plant.structure.system
         shown = {
-            system.drive: model.log[system.drive],
+            **{c: model.log[c] for c in system.drives.values()},
             **{c: complete[0][c] for c in system.outputs if c in complete[0]},
         }
         model = replace(model, log=replace(model.log, channels=shown))

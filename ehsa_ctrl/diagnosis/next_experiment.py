@@ -27,7 +27,7 @@ from ..plant.plant import Plant
 from .excitation_library import library_inputs
 from .hypothesis_model import HypothesisModel, Setting
 from .hypothesis_search import Hypotheses
-from .model_discrimination import FIRST_AMPLITUDE, SPRING_STIFFNESS, CandidateModels, ExperimentTrial, Pair
+from .model_discrimination import SPRING_STIFFNESS, CandidateModels, ExperimentTrial, Pair
 from .model_selection import Selection
 from .objective import NominalParameters
 from .verdict_text import name_of
@@ -63,8 +63,8 @@ class NextExperiment(Result):
     ----------
     words: the experiment in one sentence.
     command: `ehsa-ctrl simulate` command that runs it on the virtual bench; FILE in it is written by `write`.
-    current: (N,) A, applied from rest, one value per sample_time [s]. amplitude: its peak [A].
-    centre: whether the slow loop that centres the rod is on.
+    current: (N,) A, or another drive, applied from rest, one value per sample_time [s]. amplitude: its peak.
+    drive: its channel. centre: whether the slow loop that centres the rod is on.
     load: load keys to change -> new values, SI units; empty for the present load.
     distance: pair of candidates -> predicted distance in standard deviations of noise and assumed model error. Its
         square is the expected difference of their deviances.
@@ -78,6 +78,7 @@ class NextExperiment(Result):
     current: np.ndarray = field(repr=False)
     sample_time: float
     amplitude: float
+    drive: str
     centre: bool
     load: Mapping[str, float]
     distance: Mapping[Pair, float]
@@ -91,11 +92,11 @@ class NextExperiment(Result):
         return min(d for pair, d in self.distance.items() if pair not in self.alike)
 
     def write(self, path: str | Path) -> Path:
-        """Write columns t, current for `ehsa-ctrl simulate --input`; an existing file is overwritten."""
+        """Write columns t and current (or another drive) for `ehsa-ctrl simulate --input`, replacing such a file."""
         import pandas
 
         time = self.sample_time * np.arange(self.current.size)
-        table = pandas.DataFrame({"t": time.round(6), "current": self.current.round(6)})
+        table = pandas.DataFrame({"t": time.round(6), self.drive: self.current.round(6)})
         return write_text(path, table.to_csv(index=False))
 
     def command_in(self, folder: str | Path) -> str:
@@ -149,7 +150,7 @@ def next_experiment(
         raise InputError(f"{len(hypotheses)} candidate(s); expected at least two to separate")
     if not SHORTEST <= seconds < inf:
         raise InputError(f"seconds = {seconds:g}; expected at least {SHORTEST:g} s")
-    models = CandidateModels.of(plant, hypotheses, noise, nominal)
+    models = CandidateModels.of(plant, hypotheses, noise, nominal, [one.log for one in present])
     time = plant.sample_time * np.arange(int(round(seconds / plant.sample_time)) + 1)
     compared = _compare_best(models, list(_screen(models, _loads(plant, spring_possible), time, seed)), time)
     # Pairs that no experiment separates do not influence the choice.
@@ -170,6 +171,7 @@ def next_experiment(
         current=trial.input.current(trial.outputs.model.log.time, trial.amplitude),
         sample_time=plant.sample_time,
         amplitude=trial.amplitude,
+        drive=plant.structure.system.drive,
         centre=trial.centre,
         load={word: v for word, v in load.items() if v is not None and v != plant[LOAD_SYMBOLS[word]]},
         distance=distance,
@@ -184,9 +186,7 @@ def deciding_experiment(
 ) -> NextExperiment | None:
     """The experiment that separates the chosen hypothesis from its alternatives; None if there are none."""
     model = hypotheses.objective.model
-    structure = model.plant.structure
-    driven = structure.chambers is None or bool(structure.system.prescribed)
-    if selection.verdict not in ("ambiguous", "underdetermined") or driven:
+    if selection.verdict not in ("ambiguous", "underdetermined") or model.plant.structure.system.prescribed:
         return None
     chosen = set(selection.chosen.causes)
     others = {key for keys in selection.alternatives.values() for key in keys}
@@ -209,7 +209,7 @@ def deciding_experiment(
 
 def _loads(plant: Plant, spring_possible: bool) -> list[Setting]:
     """Possible changes of the load: parameter -> change, -inf for a parameter that becomes zero."""
-    if not spring_possible:
+    if not spring_possible or SPRING_STIFFNESS not in plant.parameters:
         return [{}]
     if plant[SPRING_STIFFNESS] == 0.0:
         return [{}, {SPRING_STIFFNESS: SPRING}]
@@ -226,7 +226,7 @@ def _screen(
         for one in library_inputs(seed):
             for centre in (False, True):
                 if (one.words, centre) not in largest:
-                    begin = largest[one.words, False][0] if centre else FIRST_AMPLITUDE
+                    begin = largest[one.words, False][0] if centre else models.first_amplitude
                     largest[one.words, centre] = models.largest_amplitude(
                         one, change, short, centre=centre, begin=begin
                     )
@@ -276,7 +276,8 @@ def _describe_input(trial: ExperimentTrial) -> str:
     added = trial.outputs.change.get(SPRING_STIFFNESS, 0.0)
     load = f" with a {added / 1e3:g} kN/m spring" if added > 0.0 else " without the spring" if added else ""
     loop = ", with the loop that centres the rod" if trial.centre else ""
-    return f"{trial.input.words} {trial.amplitude:.3g} A{load}{loop}"
+    unit = trial.outputs.model.plant.structure.system.drive_unit
+    return f"{trial.input.words} {trial.amplitude:.3g} {unit}{load}{loop}"
 
 
 def _describe(

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ..core.log import Log
 from ..core.text import join_words
 from ..plant.file import label
 from ..plant.system import System
+from .moved_rod_experiment import missing_combinations
 from .signals import largest
 
 if TYPE_CHECKING:
@@ -119,22 +121,20 @@ def nearest_sentence(d: Diagnosis) -> str:
     )
 
 
-def advice(verdict: str, causes: Sequence[Cause], system: System) -> str | None:
+def advice(verdict: str, causes: Sequence[Cause], system: System, logs: Sequence[Log]) -> str | None:
     """What to do if no experiment is proposed; None for a verdict that needs nothing."""
+    combinations = missing_combinations(system, logs) if system.prescribed else ""
     if verdict in ("outside_catalogue", "partly"):
         return (
             "inspect the balance in which the gap lies and the curve found there; check with logs at another load and "
             "temperature whether the curve stays the same"
-        )
+        ) + (f"; {combinations}" if combinations else "")
     if verdict not in ("ambiguous", "underdetermined"):
         return None
     if verdict == "ambiguous" and all(set(c.ambiguous_with) <= set(c.why_same) for c in causes):
         return "no experiment with these sensors can separate these effects; measure the quantity directly"
     if system.prescribed:
-        return (
-            "vary rod speed and current independently: one speed at several currents, and one current at several "
-            "speeds; no input is proposed, because the library of inputs is for rods that the pump moves"
-        )
+        return combinations or "log velocity and drive of the rig, and vary them independently"
     return "no input of the library separates the candidates within the plant's limits; measure another quantity"
 
 

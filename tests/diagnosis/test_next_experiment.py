@@ -195,6 +195,45 @@ def test_a_spring_in_question_is_not_removed(plant):
     assert found.worst > 5.0
 
 
+@pytest.mark.parametrize(
+    ("name", "hypotheses", "noise", "names", "largest"),
+    [
+        (
+            "emps",
+            {"friction": {"Fc": 26.0}, "mass": {"M": 114.0}},
+            {"position": 1e-6},
+            ("M", "Fv"),
+            {"drive_force": 60.0, "position": 0.2},
+        ),
+        (
+            "xl330_pendulum",
+            {"friction": {"A_FM": 0.03}, "winding": {"R": 4.0}},
+            {"angle": 5e-4},
+            ("K_T", "J_M"),
+            {"goal": 1.0, "angle": 1.2},
+        ),
+    ],
+)
+def test_carriage_and_servo_get_an_input_within_what_the_present_log_has_shown(name, hypotheses, noise, names, largest):
+    """Their files state no limits: the bench drives the nominal plant no further than the present log did."""
+    plant = ehsa_ctrl.load_plant(name)
+    system, time = plant.structure.system, 0.004 * np.arange(501)
+    wave = np.sin(2.0 * np.pi * time)
+    channels = {channel: wave * value for channel, value in largest.items()}
+    present = [HypothesisModel(plant, Log(time, {**dict.fromkeys(system.channels, 0.0 * time), **channels}))]
+
+    found = next_experiment(
+        plant, hypotheses, noise=noise, nominal=nominal_of(plant, names), seconds=SECONDS, present=present
+    )
+
+    assert found.worst > 5.0 and f"{found.amplitude:.3g} {system.drive_unit}" in found.words
+    log, _ = record(
+        plant, plant.sample_time * np.arange(found.current.size), found.current, centre=found.centre, sensor_noise=False
+    )
+    for channel, value in largest.items():
+        assert np.max(np.abs(log[channel])) <= 1.001 * value
+
+
 def test_a_candidate_alone_is_refused(plant):
     with pytest.raises(InputError, match=r"1 candidate\(s\); expected at least two"):
         proposed(plant, {"leak": {"K_L": 8e-13}})
