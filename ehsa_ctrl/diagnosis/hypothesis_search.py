@@ -260,7 +260,8 @@ def screen(hypotheses: Hypotheses, at: Setting | None = None) -> Screening:
         base: np.ndarray | None
         if all(np.isfinite(f.nominal) for f in candidate.free):
             # Secants from the neutral values, with steps to the start.
-            base, values, others = zero, {f.name: f.nominal for f in candidate.free}, {}
+            base, values = zero, {f.name: f.nominal for f in candidate.free}
+            others = {f.name: f.nominal for f in candidate.free if f.fixed}
             steps = [max(s - f.nominal, 0.0) or f.scale for s, f in zip(start, candidate.free, strict=True)]
         else:
             values = dict(zip(candidate.names, start, strict=True))
@@ -271,10 +272,11 @@ def screen(hypotheses: Hypotheses, at: Setting | None = None) -> Screening:
             )
         if base is None:
             return None
-        settings = [{**at, **others, f.name: values[f.name] + h} for f, h in zip(candidate.free, steps, strict=True)]
+        moving = [(f, h) for f, h in zip(candidate.free, steps, strict=True) if not f.fixed]
+        settings = [{**at, **others, f.name: values[f.name] + h} for f, h in moving]
         sensitivities = {
             f.name: (r - base) / (h / f.scale)
-            for f, h, r in zip(candidate.free, steps, objective.residuals(settings), strict=True)
+            for (f, h), r in zip(moving, objective.residuals(settings), strict=True)
             if r is not None
         }
         return Response(candidate, values, base, sensitivities) if sensitivities or others else None
