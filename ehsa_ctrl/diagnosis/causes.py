@@ -13,6 +13,7 @@ from ..plant.plant import Plant
 from .diagnosis import Cause, CauseParameter, RelatedEffect
 from .hypothesis_model import is_applicable, law_switches
 from .model_selection import Reference, Selection
+from .own_offsets import IN_LOG, log_of, shared_name
 from .scoring import CauseKey, ScoredHypothesis, Scoring
 from .signals import largest
 
@@ -129,7 +130,10 @@ def _further_candidates(selection: Selection, scoring: Scoring) -> list[Cause]:
 def _parameters(
     key: CauseKey, scored: ScoredHypothesis, scoring: Scoring, sd: Mapping[str, float]
 ) -> dict[str, CauseParameter]:
-    """Name -> estimated parameter of a cause; that of a sensor is called `value`, because the cause has the channel."""
+    """Name -> estimated parameter of a cause; that of a sensor is called `value`, because the cause has the channel.
+
+    A number that acts in one log alone has the log in its name, as in `own_offsets`.
+    """
     model, values = scoring.objective.model, scored.fit.values
     kinds = {
         kind.name: kind.unit
@@ -144,16 +148,18 @@ def _parameters(
         if ids.get(name, key[0]) != key[0]:
             continue
         deviation = 0.0 if free.fixed else sd.get(name, np.nan)
-        setting, dot, channel = name.partition(".")
+        base, log = shared_name(name), log_of(name)
+        within = f"{IN_LOG}{log}" if log else ""
+        setting, dot, channel = base.partition(".")
         if name in switches:
             switch = switches[name]
             number = max(values[name], switch.threshold)
             out[switch.reported] = CauseParameter(1.0 / number, deviation / number**2, kinds[switch.parameter])
         elif not dot:
-            out[name] = CauseParameter(values[name], deviation, kinds[name])
+            out[name] = CauseParameter(values[name], deviation, kinds[base])
         elif key[1] is not None:
             unit = {"scale": "1", "bias": CHANNELS[channel].unit}.get(setting, "s")
-            out["value"] = CauseParameter(values[name], deviation, unit)
+            out[f"value{within}"] = CauseParameter(values[name], deviation, unit)
     for f in scored.fit.free:
         if (ids.get(f.name), None) == key and f.name not in out:
             out[f.name] = CauseParameter(values[f.name], sd.get(f.name, f.scale), kinds[f.name])

@@ -86,8 +86,9 @@ def diagnose(
     ----------
     plant: nominal plant, linear or nonlinear, with the load of the experiment.
     log: measured log, see `read_plant_log`; force and pressures may be missing. Several logs of one rig are diagnosed
-        together: causes and nominal parameters are shared, also the offset of a sensor and of the current; the initial
-        state is each log's own. `Log.settings` holds what was set for one of them, such as the stiffness of a spring.
+        together: causes and nominal parameters are shared; the initial state is each log's own, and offsets of sensors
+        and of the current are where that explains more. `Log.settings` holds what was set for one of them, such as the
+        stiffness of a spring.
     validate: second log for validation; by default a third of each log is held out, see `split`.
     threshold: smallest relevant gap of a signal, as a share of its standard deviation.
     jobs: number of threads; all cores by default.
@@ -253,7 +254,7 @@ def _diagnose_selection(
         fit = selection.chosen.fit
         changed = {n: v for n, v in fit.values.items() if v != prepared.model.nominal_value(n)}
         improved = improved_plant(plant, fit.candidates, changed, sd)
-        logs = curve_logs(prepared, segments, improved)
+        logs = curve_logs(prepared, segments, improved, fit)
         return improved, explain(selection, reference, prepared.threshold, logs)
 
     improved, explanation = explained(selection, sd)
@@ -342,7 +343,8 @@ def _law(
         return None
     bases = [LawBase(curve_logs(prepared, segments, prepared.plant), hypotheses.fits[()])]
     if selection.named:
-        bases.append(LawBase(curve_logs(prepared, segments, improved), selection.chosen.fit))
+        fit = selection.chosen.fit
+        bases.append(LawBase(curve_logs(prepared, segments, improved, fit), fit))
     return find_law(bases, scoring, reference, hypotheses.pool)
 
 

@@ -14,6 +14,7 @@ from ..core.result import Result, as_dict, as_table
 from ..physics.effects import EFFECTS, all_parameters
 from ..plant.file import label
 from ..plant.plant import Plant, Sensor
+from .own_offsets import log_of, shared_name
 from .records import joint_gap
 from .signals import gap, scored_signals, signal_noise
 from .verdict_text import name_of, nearest_sentence, the_data, verdict_sentence
@@ -261,16 +262,23 @@ class Diagnosis(Result):
         effect, found = EFFECTS[cause.id], as_dict(cause)
         own = {parameter.name: parameter for parameter in all_parameters(cause.id)}
         meanings = {kind.name: kind.meaning for kind in self.plant.structure.equations.parameters}
-        for name, number in found["parameters"].items():
+        for key, number in found["parameters"].items():
+            name, log = shared_name(key), log_of(key)
+            within = f" ({log})" if log else ""
             if cause.channel is not None and name == "value" and effect.sensor:
                 sensor = self.plant.sensors.get(cause.channel, Sensor(cause.channel, number["unit"]))
-                number |= {"name": effect.sensor, "belongs_to": "sensor", "nominal": getattr(sensor, effect.sensor)}
+                number |= {"name": f"{effect.sensor}{within}", "belongs_to": "sensor"}
+                number["nominal"] = getattr(sensor, effect.sensor)
                 number["meaning"] = f"{effect.sensor} of the sensor of {cause.channel}"
             else:
                 # None: the nominal plant lacks this friction, or this parameter of another friction law.
                 absent = own[name].neutral if name in own else None
                 nominal = self.plant[name] if name in self.plant.parameters else absent
-                number |= {"name": name, "belongs_to": "effect" if name in own else "plant", "nominal": nominal}
+                number |= {
+                    "name": f"{name}{within}",
+                    "belongs_to": "effect" if name in own else "plant",
+                    "nominal": nominal,
+                }
                 number["meaning"] = own[name].meaning if name in own else meanings.get(name, "")
         return {**found, "summary": effect.summary, "fingerprint": effect.fingerprint}
 

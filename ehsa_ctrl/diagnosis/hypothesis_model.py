@@ -24,6 +24,7 @@ from ..plant.structure import Structure
 from ..plant.system import Contact
 from ..simulation.engine import simulate_batch
 from ..simulation.sensors import noise_free_reading
+from .own_offsets import shared_name, values_in_log
 
 #: Friction laws that are special cases of (8), with some parameters zero.
 STRIBECK_SPECIAL_CASES = ("none", "viscous", "coulomb", "stribeck")
@@ -116,7 +117,8 @@ class HypothesisModel:
 
     plant: see `with_every_effect`. log: gives the inputs and the measurements. start: state -> value at the first
     sample, by the nominal sensors; states that are missing are at rest. plants_by_law: friction law -> plant with this
-    law, for hypotheses that replace the rod's. tolerance: relative, of the engine.
+    law, for hypotheses that replace the rod's. tolerance: relative, of the engine. label: of the log among several,
+    for numbers that act in it alone (`own_offsets`).
 
     If the log has the channel of an effect's `replay`, this effect follows the measurement, not the simulation.
     """
@@ -126,6 +128,7 @@ class HypothesisModel:
     start: Mapping[str, float] | None = None
     plants_by_law: Mapping[str, Plant] = field(default_factory=dict)
     tolerance: float = 1e-5
+    label: str = ""
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -139,6 +142,7 @@ class HypothesisModel:
 
     def nominal_value(self, name: str) -> float:
         """Nominal value of a parameter: of the plant, of a sensor, or 0 for the number of a law switch."""
+        name = shared_name(name)
         if name in self.plant.parameters:
             return self.plant[name]
         setting, dot, channel = name.partition(".")
@@ -148,6 +152,7 @@ class HypothesisModel:
 
     def run(self, settings: Sequence[Setting], jobs: int = 1) -> list[dict[str, np.ndarray] | None]:
         """Simulate each setting with the logged inputs: channel -> sensor reading (N,); None if the run stopped."""
+        settings = [values_in_log(values, self.label) for values in settings]
         drives = [self._drive(values) for values in settings]
         out: list[dict[str, np.ndarray] | None] = [None] * len(settings)
         plants = [self._acting_plant(values) for values in settings]

@@ -21,7 +21,10 @@ from .hypothesis_model import (
     law_switches,
     with_every_effect,
 )
+from .improved_plant import improved_plant
+from .own_offsets import log_of, values_in_log, with_own_offsets
 from .records import Record, Segment, mean_square_root
+from .refit import HypothesisFit
 from .signals import estimate_noise, largest
 from .split import NO_GAP, Split, choose_split
 from .together import check_together
@@ -106,10 +109,13 @@ def prepare_logs(
     findings = [*_check_logs(plant, everything, check), *(e.caveat for e in replayed_effects(plant))]
     findings += [f"effect {name} was not tested: {reason}" for name, reason in inapplicable_effects(plant).items()]
     found: list[PreparedLog] = []
-    for log in everything:
+    labels = [log.name for log in everything]
+    labels = labels if len(set(labels)) == len(labels) else [str(number) for number in range(1, len(labels) + 1)]
+    for log, label in zip(everything, labels, strict=True):
         own = plant_of_log(plant, log)
         ready = prepare_replay(own, log, found[0].model.log if found else None, all_effects=True)
-        model = HypothesisModel(with_every_effect(own), ready, initial_state(own, log), _plants_by_law(own))
+        start, laws = initial_state(own, log), _plants_by_law(own)
+        model = HypothesisModel(with_every_effect(own), ready, start, laws, label=label)
         found.append(PreparedLog(own, log, model, estimate_noise(log)))
     validation = None if validate is None else found.pop()
     return PreparedLogs(plant, tuple(found), validation, tuple(filter(None, findings)), threshold)
@@ -121,6 +127,7 @@ def segment_candidates(training: Segment, without: Collection[str] = ()) -> tupl
     without: ids that are left out.
     """
     found = candidate_effects(training.model, [record.scored_log for record in training.records])
+    found = with_own_offsets(found, [record.model.label for record in training.records])
     return tuple(c for c in found if training.own_parameters.isdisjoint(c.names) and c.id not in without)
 
 
@@ -219,13 +226,18 @@ def unmoved_signals(segments: Segments) -> list[str]:
     return found
 
 
-def curve_logs(prepared: PreparedLogs, segments: Segments, improved: Plant) -> list[CurveLog]:
-    """The logs for a free curve beside the improved plant."""
+def curve_logs(
+    prepared: PreparedLogs, segments: Segments, improved: Plant, fit: HypothesisFit | None = None
+) -> list[CurveLog]:
+    """The logs for a free curve beside the improved plant, with those offsets of a fit that act in one log alone."""
     found = []
     for i, one in enumerate(prepared.logs):
         split = segments.splits[i] if segments.splits is not None else None
         parts = (split.training, split.held_out) if split is not None else ((slice(0, len(one.log)),), ())
-        found.append(CurveLog(plant_of_log(improved, one.log), one.log, one.noise, *parts))
+        there = plant_of_log(improved, one.log)
+        if fit is not None and (own := {n: v for n, v in fit.values.items() if log_of(n) == one.model.label}):
+            there = improved_plant(there, fit.candidates, values_in_log(own, one.model.label), {})
+        found.append(CurveLog(there, one.log, one.noise, *parts))
     if prepared.validation is not None:
         log = prepared.validation.log
         # The curve's noise is that of the data it is fitted to.

@@ -154,3 +154,39 @@ def test_each_log_must_be_long_enough(plant, leaking):
 def test_no_log_is_an_error(plant):
     with pytest.raises(InputError, match="give at least one"):
         diagnose(plant, [])
+
+
+def test_offsets_may_differ_from_log_to_log(plant):
+    """A pressure sensor that was zeroed by each of two days: one cause with a number for each log, no other."""
+    free = {"p1@a.csv": 1.5e5, "p1@b.csv": -1e5}
+    logs = []
+    for seed, (name, bias) in enumerate(free.items()):
+        log = recorded(plant, 0.0, seed, seconds=6.0)
+        path = Path(name.partition("@")[2])
+        logs.append(replace(log, settings={}, path=path, channels={**log.channels, "p1": log["p1"] + bias}))
+
+    together = diagnose(plant, logs)
+
+    (cause,) = together.effects
+    assert (cause.id, cause.channel) == ("sensor_bias", "p1")
+    found = {name: number.value for name, number in cause.parameters.items()}
+    assert found == pytest.approx({"value@a.csv": 1.5e5, "value@b.csv": -1e5}, abs=1e4)
+    assert together.gap["with_effects"]["total"] < 0.05 * together.gap["nominal"]["total"]
+    content = together.to_dict()["effects"][0]["parameters"]
+    assert [number["name"] for number in content.values()] == ["bias (a.csv)", "bias (b.csv)"]
+    assert "value@b.csv = -1" in str(together)
+
+
+def test_a_number_of_one_log_acts_there_alone(segment):
+    """The other record is simulated with the shared numbers, to the last bit."""
+    first, second = (
+        replace(record, model=replace(record.model, label=name))
+        for record, name in zip(segment.records, "ab", strict=True)
+    )
+    both = replace(segment, records=(first, second))
+
+    own, shared, none = both.run([{"bias.p1@a": 1e5, "I_0@b": 0.1}, {"bias.p1": 1e5}, {"I_0": 0.1}])
+
+    for channel in own[0]:
+        np.testing.assert_array_equal(own[0][channel], shared[0][channel])
+        np.testing.assert_array_equal(own[1][channel], none[1][channel])

@@ -5,7 +5,6 @@ import pytest
 
 from ehsa_ctrl.physics.effects.position_dependent_friction import COEFFICIENTS, friction, profile, series
 
-
 #: Without a free profile.
 FLAT = {"x_a": -0.1, "x_b": 0.1, **dict.fromkeys(COEFFICIENTS, 0.0)}
 

@@ -153,6 +153,7 @@ class Effect:
     equivalent_effects: (estimates, plant's parameters, largest speed of the rod [m/s]) -> effects that no log can
         distinguish from this one, with the reason.
     replay: how a diagnosis simulates it along a measured signal.
+    drifts: whether its numbers may differ from log to log of one rig, as an offset does.
     caveat: sentence that a diagnosis with this effect adds about its gaps.
     law: the expression of an effect from a TOML file.
     extends: another effect, to whose law this one adds a term with states of its own. It acts beside that effect alone,
@@ -182,6 +183,7 @@ class Effect:
     candidates: Callable[[Effect, DiagnosisContext], list[CandidateEffect]] | None = None
     equivalent_effects: Callable[[Mapping[str, float], Mapping[str, float], float], Mapping[str, str]] | None = None
     replay: MeasuredReplay | None = None
+    drifts: bool = False
     caveat: str = ""
     law: EffectExpression | None = None
     extends: str = ""

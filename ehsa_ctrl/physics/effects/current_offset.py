@@ -23,5 +23,6 @@ effect = Effect(
     changes={"current": current},
     parameters=(EffectParameter("I_0", "A", "offset", 0.0, 0.1, -2.0, 2.0, detectable=0.02),),
     equivalent_effects=equivalent_effects,
+    drifts=True,
     source="definition",
 )

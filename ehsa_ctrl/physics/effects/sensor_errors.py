@@ -50,8 +50,9 @@ def filters(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
 def sensor_error(setting: str, summary: str, fingerprint: str, candidates: Candidates) -> Effect:
     """An effect that is a wrong setting of a sensor."""
     return Effect(
-        f"sensor_{setting}", "sensor", summary, fingerprint, sensor=setting, candidates=candidates, source="definition"
-    )
+        f"sensor_{setting}", "sensor", summary, fingerprint, sensor=setting, drifts=setting == "bias",
+        candidates=candidates, source="definition",
+    )  # fmt: skip
 
 
 effects = (
