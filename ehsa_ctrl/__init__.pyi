@@ -23,6 +23,7 @@ from .design.analysis.system import Analysis
 from .design.controller import SampledController
 from .design.review import Known as Known
 from .design.review import Review
+from .design.state_space.mpc_terms import MpcTerms
 from .diagnosis.batch import LogBatch
 from .diagnosis.changed import Change
 from .diagnosis.diagnosis import Diagnosis as Diagnosis
@@ -200,6 +201,7 @@ def load_controller(
     drive_unit: str = "",
     method: str = "tustin",
     label: str = "",
+    problem: Callable[[MpcTerms], Any] | None = None,
     **keys: Any,
 ) -> SampledController: ...
 def load_plant(

@@ -289,7 +289,7 @@ _NAMES = {
     ARRAY: "current force measured reference simulated start time x",
     NUMBERS: "betas masses positions stiffnesses velocities",
     NAMES: "fix free initial_states names required wanted without",
-    FUNCTION: "keep watch",
+    FUNCTION: "keep problem watch",
     TUPLE: "align effects missing notes zero",
     PAIR: "rest",
     SPAN: "span",

@@ -151,5 +151,6 @@ class SampledController(Result):
 
 
 def has_linear_law(controller: Any) -> bool:
-    """Whether margins can be computed: a designed controller whose law is not Python code."""
-    return isinstance(controller, SampledController) and not isinstance(controller.law, PythonLaw)
+    """Whether margins can be computed: a controller whose law is neither Python code nor an MPC with a user's cost."""
+    law = controller.law if isinstance(controller, SampledController) else None
+    return law is not None and not isinstance(law, PythonLaw) and getattr(law, "own", None) is None

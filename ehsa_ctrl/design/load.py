@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from ..core.unit import parse
 from .controller import SampledController
 from .from_object import law_of, name_of
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
+from .state_space.mpc_own_problem import with_own_problem
 
 if TYPE_CHECKING:
     import control
@@ -71,6 +73,7 @@ def load_controller(
     drive_unit: str = "",
     method: str = "tustin",
     label: str = "",
+    problem: Callable[[Any], Any] | None = None,
     **keys: Any,
 ) -> SampledController:
     """A controller from a definition, designed on a linear model, or from a Python object.
@@ -91,6 +94,9 @@ def load_controller(
     drive_unit: SI unit of the plant's drive, to reject a controller of another system; unchecked by default.
     method: "tustin", "zoh", "foh", "euler" or "backward".
     label: the controller's name in tables; by default that of the file, of the system or of the function.
+    problem: for an MPC: a function that returns a cost, or (cost, constraints), in cvxpy, in place of [weights] and the
+        soft [limits]; its argument is a design.state_space.mpc_terms.MpcTerms with the predicted signals. The hard
+        limits of the current apply as well.
     keys: keys of the definition, in place of those in the file or dictionary: current_limit="5 A", a table as a
         dictionary. Numbers are in SI units. A law of your own requires current_limit and may have the stages
         trajectory, feedforward, rest and dither.
@@ -99,6 +105,8 @@ def load_controller(
     controller.
     """
     period = {} if sample_time is None else {"sample_time": f"{sample_time:.9g} s"}
+    if problem is not None and not isinstance(name, str | Path | Mapping):
+        raise InputError("problem: is for an MPC by name, path or dictionary")
     if isinstance(name, str | Path):
         path = controllers.find(name)
         content, where, label = merged(read_toml(path), keys), str(path), label or path.stem
@@ -116,7 +124,8 @@ def load_controller(
     if system is None:
         raise InputError(f"{where}: is designed on a linear model; give one, load_controller(name, three_state(plant))")
     si = bool(keys) or isinstance(name, Mapping)
-    return controller_of(content, where, label, system, sample_time, drive_unit, si=si)
+    controller = controller_of(content, where, label, system, sample_time, drive_unit, si=si)
+    return controller if problem is None else replace(controller, law=with_own_problem(controller.law, problem))
 
 
 def controller_of(

@@ -22,6 +22,7 @@ from ...core.files import FORCE_ARGUMENT
 from ...core.result_folder import ResultFolder
 from ..controller import Law, SampledController
 from ..python_law import PythonLaw
+from ..qp import is_strictly_convex
 from ..stages.feedforward import feedforward
 from ..stages.pipeline import S_FEED, S_LAW, S_PLAN, S_REST, STAGES, pipeline
 from ..stages.rest import rest
@@ -166,6 +167,11 @@ def export_controller(controller: SampledController, reference: np.ndarray, meas
     if not isinstance(law, Mpc):
         vector = TestVector(reference, measured, replay(controller, reference, measured))
         return Deployment(controller.name, _files(controller, vector, TOLERANCE), vector, TOLERANCE)
+    if not is_strictly_convex(law.condensed.H):
+        raise InputError(
+            f"{controller.name}: has unknowns without a quadratic cost, for which there is no C solver; expected squares "
+            "instead of absolute values in the cost"
+        )
     # No deadline: its effect is not reproducible.
     exact = replace(controller, law=replace(law, deadline=None, external=exact_solver(law)))
     solver, rho = tuned_solver(exact, reference, measured)

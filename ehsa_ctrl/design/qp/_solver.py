@@ -20,6 +20,16 @@ SOLVED, INFEASIBLE, LIMIT, FAILED = 0, 1, 2, 3
 NO_BOUND = 1e30
 
 
+#: Relative size of the smallest eigenvalue of H from which it counts as positive definite.
+CONVEX = 1e-10
+
+
+def is_strictly_convex(H: np.ndarray) -> bool:
+    """Whether every direction costs something, as an active-set method requires."""
+    eigenvalues = np.linalg.eigvalsh(H)
+    return bool(eigenvalues[0] > CONVEX * eigenvalues[-1])
+
+
 @dataclass(frozen=True, slots=True)
 class QpSolution:
     """Result of a solver.

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.errors import InputError
 from ..qp import QP_SOLVERS, SOLVED, QpSolver
 from .mpc_problem import Condensed, MpcProblem, condense, motion_ahead
 from .state_feedback import StateFeedback, estimate, predict, regulator_current, target_current
@@ -45,7 +46,7 @@ VIOLATED = 1e-6
 #: Places in the MPC's part of the memory: traces, then the last current and the age of the plan, then the plan.
 _STATUS, _REASON, _ITERATIONS, _TIME, _VIOLATION, _LAST, _AGE, _PLAN = range(8)
 #: Numbers before the matrices in the MPC's part of the settings.
-HEAD = 14
+HEAD = 15
 
 
 def multiply(matrix: np.ndarray, vector: np.ndarray, rows: int, columns: int, product: np.ndarray) -> None:
@@ -65,8 +66,8 @@ def pose_problem(
 
     settings: first index of the feedback's settings; length of its memory; current limit; largest change of the current
     per sample (0: any); samples of the horizon; numbers of unknowns, of bounds, of states and disturbances, and of
-    parameters; first indices of shrink (1 / SI value of a state of 1), F, T, lower and upper (see Condensed); then the
-    feedback's settings, then these.
+    parameters; first indices of shrink (1 / SI value of a state of 1), F, T, lower and upper (see Condensed); number of
+    slacks among the unknowns, after the currents; then the feedback's settings, then these.
     memory: the feedback's; traces, last current and age of the plan; the plan and its multipliers; the solver's
     unknowns; parameters, f, lower and upper bounds.
     """
@@ -105,7 +106,7 @@ def apply_plan(reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, 
     own = memory[own_start:]
     if own[_REASON] == 0.0:
         violation = 0.0
-        for i in range(horizon, unknowns):
+        for i in range(horizon, horizon + int(settings[14])):
             violation = max(violation, own[_PLAN + i])
         own[_VIOLATION], own[_STATUS], own[_AGE] = violation, 1.0 if violation > VIOLATED else 0.0, 0.0
         wanted = own[_PLAN] + target
@@ -164,6 +165,7 @@ class Mpc:
     iteration_limit: of the solver, per sample.
     deadline: s, after which a solution is discarded; None waits for it. With one, a run depends on the machine.
     external: a solver of this problem that replaces the named one.
+    own: cost and constraints that the user stated, in place of those of `problem`; see mpc_own_problem.py.
     """
 
     feedback: StateFeedback
@@ -172,6 +174,7 @@ class Mpc:
     iteration_limit: int = 200
     deadline: float | None = None
     external: QpSolver | None = field(default=None, repr=False)
+    own: Condensed | None = field(default=None, repr=False)
     uses = ()
     compiles = False
 
@@ -224,7 +227,12 @@ class Mpc:
 
     @cached_property
     def condensed(self) -> Condensed:
-        return condense(self.problem)
+        return condense(self.problem) if self.own is None else self.own
+
+    @property
+    def slacks(self) -> int:
+        """Slacks of soft limits among the unknowns; a problem of the user's has none that are known as such."""
+        return len(self.problem.limits.soft) if self.own is None else 0
 
     @cached_property
     def qp(self) -> QpSolver:
@@ -245,7 +253,8 @@ class Mpc:
         head_size = HEAD + len(matrices) - len(self.matrices)
         begins = head_size + feedback.size + np.cumsum([0, *(part.size for part in matrices.values())])[:-1]
         sizes = self.horizon, len(c.F), c.lower.size, matrices["shrink"].size, c.F.shape[1]
-        head = [head_size, self._own_start, self.problem.current_limit, self._largest_change, *sizes, *begins]
+        head = [head_size, self._own_start, self.problem.current_limit, self._largest_change, *sizes]
+        head += [*begins[: len(self.matrices)], self.slacks, *begins[len(self.matrices) :]]
         return np.concatenate([np.array(head, dtype=float), feedback, *(part.ravel("F") for part in matrices.values())])
 
     @cached_property
@@ -266,7 +275,9 @@ class Mpc:
         return np.concatenate([self.feedback.initial_memory(), own])
 
     def linear(self) -> control.StateSpace:
-        """The law without active limits: the regulator's."""
+        """The law without active limits: the regulator's. Raises InputError for a cost that the user stated."""
+        if self.own is not None:
+            raise InputError("an MPC with a problem of your own has no linear law to analyse")
         return self.feedback.linear()
 
     def step(
@@ -303,6 +314,10 @@ class Mpc:
 
     def __str__(self) -> str:
         limits = [f"|current| <= {self.problem.current_limit:g} A"]
+        if self.own is not None:
+            samples = f"{self.horizon} samples ({self.horizon * self.feedback.model.sample_time:g} s)"
+            size = f"{len(self.own.F)} unknowns, {len(self.own.G)} constraints"
+            return f"MPC over {samples} with a cost and constraints of your own ({size}) by {self.solver}, {limits[0]}"
         if self.problem.limits.current_rate is not None:
             limits.append(f"|current rate| <= {self.problem.limits.current_rate:g} A/s")
         units = {"speed": "rad/s", "pressure": "Pa", "position": "m"}
@@ -332,7 +347,7 @@ def mpc_law(
     root' F replaces F.
     """
     own_start, unknowns, bounds, size = int(settings[1]), int(settings[5]), int(settings[6]), int(settings[8])
-    root = int(settings[14])
+    root = int(settings[15])
     own = memory[own_start:]
     plan = own[_PLAN:]
     multipliers = plan[unknowns:]

@@ -132,22 +132,45 @@ class Condensed:
     currents: np.ndarray
 
 
-def condense(problem: MpcProblem) -> Condensed:
-    """Eliminate the states; the unknowns are currents and slacks."""
+@dataclass(frozen=True)
+class StatesAhead:
+    """Prediction over the horizon: (xi_i, mu_(i-1)) = free[i] p + forced[i] mu, with p of `MpcProblem.parameters`.
+
+    w: N + 1 rows of the planned motion and disturbances (3 + d, p). currents: (N, p), the current of each sample is
+    mu + currents p.
+    """
+
+    free: list[np.ndarray]
+    forced: list[np.ndarray]
+    w: list[np.ndarray]
+    currents: np.ndarray
+
+
+def predict_states(problem: MpcProblem) -> StatesAhead:
+    """States over the horizon as affine functions of the unknown currents and the parameters."""
     model, target, regulator, N = problem.model, problem.target, problem.regulator, problem.horizon
     n, d = model.E.shape
-    soft, k = problem.limits.soft, problem.parameters
     # Rows over p = (x, d, motion, mu_before, extra, last current).
-    p = np.eye(k)
-    x, before, extra, given = p[:n], p[-3], p[-2], p[-1]
+    p = np.eye(problem.parameters)
+    x, before, extra = p[:n], p[-3], p[-2]
     w = [np.vstack([p[n + d + MOTION * i : n + d + MOTION * (i + 1)], p[n : n + d]]) for i in range(N + 1)]
-    # (xi, mu_before) along the horizon: free[i] p + forced[i] mu.
     a, b = regulator.A[: n + 1, : n + 1], regulator.B[: n + 1]
     free = [np.vstack([x - target.Pi @ w[0], before])]
     forced = [np.zeros((n + 1, N))]
     for i in range(N):
         free.append(a @ free[i])
         forced.append(a @ forced[i] + np.outer(b, np.eye(N)[i]))
+    return StatesAhead(free, forced, w, np.array([target.Gamma @ w[i] + extra for i in range(N)]))
+
+
+def condense(problem: MpcProblem) -> Condensed:
+    """Eliminate the states; the unknowns are currents and slacks."""
+    model, target, regulator, N = problem.model, problem.target, problem.regulator, problem.horizon
+    n, soft, k = model.A.shape[0], problem.limits.soft, problem.parameters
+    ahead = predict_states(problem)
+    free, forced, w = ahead.free, ahead.forced, ahead.w
+    p = np.eye(k)
+    extra, given = p[-2], p[-1]
     v = N + len(soft)
     H, F = np.zeros((v, v)), np.zeros((v, k))
     cross, Q, P = regulator.N_cross[: n + 1], regulator.Q[: n + 1, : n + 1], regulator.P[: n + 1, : n + 1]
@@ -177,12 +200,12 @@ def condense(problem: MpcProblem) -> Condensed:
         upper.append(np.full(N, change))
     for column, (signal, limit) in enumerate(soft.items(), start=N):
         seen = np.r_[model.row(signal), 0.0] / limit
-        ahead = np.array([seen @ forced[i] for i in range(1, N + 1)])
+        moved = np.array([seen @ forced[i] for i in range(1, N + 1)])
         rest = np.array([seen @ free[i] + seen[:n] @ target.Pi @ w[i] for i in range(1, N + 1)])
         share = np.zeros((N, len(soft)))
         share[:, column - N] = 1.0
         for sign in (1.0, -1.0):
-            G.append(np.hstack([sign * ahead, -share]))
+            G.append(np.hstack([sign * moved, -share]))
             T.append(-sign * rest)
             lower.append(np.full(N, -NO_BOUND))
             upper.append(np.ones(N))

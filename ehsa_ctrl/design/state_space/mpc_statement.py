@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .mpc_problem import MpcProblem
-from .regulator import MOTION
+from .regulator import MOTION, positive_root
 
 
 class MpcStatement:
@@ -34,8 +34,7 @@ class MpcStatement:
         extra, given = cp.Parameter(name="extra"), cp.Parameter(name="given")
         xi, mu, shares = cp.Variable((N + 1, n)), cp.Variable(N), cp.Variable(len(limits.soft), nonneg=True)
         u = [mu[i] + target.Gamma @ w[i] for i in range(N)]
-        root = np.linalg.cholesky(cost.Q + 1e-14 * np.trace(cost.Q) * np.eye(n))
-        to_come = np.linalg.cholesky(_symmetric(self.problem.regulator.P[: n + 1, : n + 1]))
+        root, to_come = positive_root(cost.Q), positive_root(self.problem.regulator.P[: n + 1, : n + 1])
         total = cp.sum_squares(to_come.T @ cp.hstack([xi[N], mu[N - 1]]))
         rules = [xi[0] == x_first - target.Pi @ w[0]]
         for i in range(N):
@@ -66,9 +65,3 @@ class MpcStatement:
             parameters[name].value = value
         problem.solve(solver=solver, **options)
         return np.asarray(currents.value)
-
-
-def _symmetric(matrix: np.ndarray) -> np.ndarray:
-    """The symmetric part, made positive definite for its Cholesky factor."""
-    both = 0.5 * (matrix + matrix.T)
-    return both + 1e-14 * np.trace(both) * np.eye(len(both))

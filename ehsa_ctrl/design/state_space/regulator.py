@@ -71,6 +71,12 @@ def weight_matrix(model: DesignModel, deviations: dict[str, float]) -> np.ndarra
     return sum((np.outer(model.row(s), model.row(s)) / size**2 for s, size in deviations.items()), np.zeros((n, n)))
 
 
+def positive_root(matrix: np.ndarray) -> np.ndarray:
+    """Root with root @ root.T = matrix of a positive semidefinite matrix, without its rounding errors below zero."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
 @dataclass(frozen=True)
 class Regulator:
     """Gains of the regulator, and the problem that they solve.
