@@ -63,7 +63,7 @@ def test_the_shipped_problem_in_cvxpy_gives_the_shipped_moves(linear, model, shi
 
 def test_a_solution_is_that_of_cvxpy(model, shipped):
     """For random parameters the reduced problem's moves are those that cvxpy's own solver finds."""
-    from ehsa_ctrl.design.state_space.mpc_own_problem import complete_problem, canonical_form, condense_form
+    from ehsa_ctrl.design.state_space.mpc_own_problem import canonical_form, complete_problem, condense_form
     from ehsa_ctrl.design.state_space.mpc_terms import MpcTerms
 
     def state(m):

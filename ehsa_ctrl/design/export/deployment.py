@@ -169,8 +169,8 @@ def export_controller(controller: SampledController, reference: np.ndarray, meas
         return Deployment(controller.name, _files(controller, vector, TOLERANCE), vector, TOLERANCE)
     if not is_strictly_convex(law.condensed.H):
         raise InputError(
-            f"{controller.name}: has unknowns without a quadratic cost, for which there is no C solver; expected squares "
-            "instead of absolute values in the cost"
+            f"{controller.name}: has unknowns without a quadratic cost, for which there is no C solver; expected "
+            "squares instead of absolute values in the cost"
         )
     # No deadline: its effect is not reproducible.
     exact = replace(controller, law=replace(law, deadline=None, external=exact_solver(law)))
