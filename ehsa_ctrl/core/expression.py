@@ -10,7 +10,7 @@ import ast
 import hashlib
 import linecache
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, reduce
 from types import CodeType
@@ -92,13 +92,15 @@ class Expression:
         names |= {"min": _smallest, "max": _largest}
         return eval(_compiled(self.python), {"__builtins__": {}, **names, **known})
 
-    def function(self, name: str, file: str, first: str, form: str) -> Callable[..., float]:
+    def function(
+        self, name: str, file: str, first: str, form: str, *, also: Sequence[str] = ()
+    ) -> Callable[..., float]:
         """A Python function of `first` and the names of the expression, with a source that the engine can read.
 
         name: of the function. file: where the expression stands, for messages. form: what it returns, such as
-        "T_net + ({})".
+        "T_net + ({})". also: further names in `form`.
         """
-        arguments = dict.fromkeys([first, *self.names])
+        arguments = dict.fromkeys([first, *self.names, *also])
         source = f"def {name}({', '.join(arguments)}):\n    return {form.format(self.python)}\n"
         known: dict[str, Any] = {"__name__": f"effects.{name}", "sign": sign}
         known |= {one: getattr(math, one) for one in ("sqrt", "exp", "sin", "cos", "tanh")}

@@ -277,7 +277,7 @@ def _diagnose_selection(
     law = _law(prepared, segments, hypotheses, scoring, reference, selection, improved)
     with_causes = improved if law is not None else None
     if law is not None:
-        segments = segments.each(partial(with_effect, effect=law.effect))
+        segments = segments.each(partial(with_effect, effect=law.effect, begin=law.begin))
         values["with_law"] = {n: v for n, v in law.values.items() if v != prepared.model.nominal_value(n)}
         improved = improved_plant(plant, law.candidates, values["with_law"], law.sd)
     gap = {model: segments.held_out.gap(setting) for model, setting in values.items()}

@@ -372,7 +372,10 @@ def _fit_missing_friction(hypotheses: Hypotheses) -> Hypotheses:
     """
     start: dict[str, float] = {}
     for sought in hypotheses.objective.model.plant.structure.system.missing_effects:
-        members = tuple(next(c for c in hypotheses.candidates if c.id == id) for id in sought)
+        # Without those that are left out of the catalogue.
+        members = tuple(c for id in sought for c in [c for c in hypotheses.candidates if c.id == id][:1])
+        if not members:
+            continue
         seen = {name: value for c in members for name, value in zip(c.names, c.starts[0], strict=True)}
         start = {**seen, **start}
         hypotheses = hypotheses.with_refits([Task(members, start)], "missing friction", steps=8, renew_after=1)

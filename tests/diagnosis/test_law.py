@@ -4,6 +4,7 @@ import json
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
 from ehsa_ctrl.diagnosis.law.free_run import definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, LawVariable
+from ehsa_ctrl.diagnosis.law.memory import clock, lag, over_time, resonance, slip
 from ehsa_ctrl.diagnosis.law.regression import find_sums, placebo
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, segment_candidates
 from ehsa_ctrl.diagnosis.records import Segment
@@ -84,6 +86,62 @@ def test_a_wave_over_the_position_comes_back():
 
     assert best.terms[0].text == "sin(x / width + at)"
     assert 2.0 * np.pi * best.terms[0].shapes["width"] == pytest.approx(0.02, rel=0.02)
+
+
+def with_memories(case, *memories):
+    """The case with terms that remember, at 250 Hz."""
+    grammar, windows, nuisance = case
+    return replace(grammar, memories=tuple(memories), sample_time=0.004), windows, nuisance
+
+
+def test_the_course_of_a_memory_has_its_closed_form():
+    """Steps of 1: a lag and a resonance; a hysteresis follows the motion until it slips at its width."""
+    known = {"u": np.ones(500), "v": np.full(500, 0.01)}
+    t = 0.004 * np.arange(500)
+    late = lag("u", "1", 1.0).course(known, {"tau": 0.3}, 0.004, [0])["memory"]
+    swing = resonance("u", "1", 1.0).course(known, {"frequency": 20.0, "damping": 0.2}, 0.004, [0])["memory"]
+    held = slip("v", "m", 1e-3).course(known, {"width": 2e-3}, 0.004, [0])["memory"]
+    damped = 20.0 * np.sqrt(1.0 - 0.2**2)
+    ring = np.exp(-4.0 * t) * (np.cos(damped * t) + 4.0 / damped * np.sin(damped * t))
+
+    assert late == pytest.approx(1.0 - np.exp(-t / 0.3), abs=1e-9)
+    assert swing == pytest.approx(1.0 - ring, abs=1e-9)
+    assert held == pytest.approx(2e-3 * (1.0 - np.exp(-0.01 * t / 2e-3)), abs=1e-12)
+
+
+def test_memories_start_anew_with_each_log():
+    """Two logs of 250 samples in one array: the clock begins twice."""
+    course = clock().course({"u": np.ones(500)}, {}, 0.004, [0, 250])["memory"]
+
+    assert course[:250] == pytest.approx(course[250:]) and course[-1] == pytest.approx(0.004 * 249)
+
+
+@pytest.mark.parametrize(
+    ("unknown", "memories", "text", "shape", "expected"),
+    [
+        (lambda x, v, d: 40.0 * d * (1 - np.exp(-TIME[:-1] / 7.0)), over_time({"d_R": ()}, 24.0), "exp", "tau", 7.0),
+        (lambda x, v, d: 150.0 * d * (TIME[:-1] > 9.3), over_time({"d_R": ()}, 24.0), "tanh", "at", 9.3),
+    ],
+)
+def test_what_grows_with_time_comes_back(unknown, memories, text, shape, expected):
+    """A slow change and a sudden one, with their time."""
+    best = find_sums(*with_memories(case(unknown), *memories))[0]
+
+    assert text in best.terms[0].text and best.terms[0].memory is not None
+    assert best.terms[0].shapes[shape] == pytest.approx(expected, rel=0.1)
+
+
+def test_a_law_with_a_memory_is_an_effect(plant):
+    """Its definition has the state, its rate and units that fit; a run has the state."""
+    found = find_sums(
+        *with_memories(case(lambda x, v, d: 150.0 * d * (TIME[:-1] > 9.3)), *over_time({"d_R": ()}, 24.0))
+    )
+    definition = definition_of(found[0], list(plant.parameters))
+    EFFECTS.keep("late_jam", effect_of("late_jam", definition, "a test"))
+    run = e.simulate(plant.with_effects("late_jam"), np.full(250, 2.0))
+
+    assert definition.states["c_m_1"].rate == "1" and "d_R" in definition.expression
+    assert run["c_m_1"][-1] == pytest.approx(0.004 * 249)
 
 
 def test_friction_that_drives_the_motion_is_no_law():

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...physics.effects import ADDENDS, CandidateEffect, Effect
-from ..free_curve import BETTER, CurveLog, joined, total_gap
+from ..free_curve import BETTER, CurveLog, joined
 from ..hypothesis_model import Setting
-from ..injection import Injection
 from ..model_selection import Reference
 from ..objective import NominalParameters
 from ..place_sets import InjectionCase
@@ -19,7 +18,8 @@ from ..refit import HypothesisFit
 from ..regimes import MIN_WINDOWS, Windows
 from ..scoring import ScoredHypothesis, Scoring
 from ..unknown_inputs import BalanceSignals, unknown_inputs
-from .free_run import FreeRunLaw, kept_effect, refit_laws
+from .begin import Begin
+from .free_run import FreeRunLaw, kept_effect, refit_laws, screen_laws
 from .grammar import Grammar, variables_of
 from .proposed import LawForm, ProposedLaw
 from .regression import LawFit, find_sums, placebo
@@ -28,6 +28,8 @@ from .regression import LawFit, find_sums, placebo
 
 #: Most laws that are refitted in free run, and the smallest probability of a law in the result.
 MOST, LIKELY = 6, 0.02
+#: Most laws of one unknown input among these.
+EACH = 4
 #: A law must explain this share of the unknown input more than the placebo does.
 MORE = 0.1
 #: Unknown inputs that a chamber integrates, which are averaged over windows this much longer too: a leakage too small
@@ -69,22 +71,25 @@ class _Tried:
 class FoundLaw:
     """A proposed law and the model that has it.
 
-    effect: of its best form, neutral in a plant that does not set its parameters. candidates: effects of the model.
+    effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. candidates:
+    effects of the model.
     values: its parameters that are not nominal. sd: of those of its effects.
     """
 
     proposed: ProposedLaw
     effect: Effect
+    begin: Begin
     candidates: tuple[CandidateEffect, ...]
     values: Setting
     sd: Mapping[str, float]
 
     @classmethod
-    def of(cls, proposed: ProposedLaw, fit: HypothesisFit, sd: Mapping[str, float]) -> FoundLaw:
-        """From the fit of the best form, whose last candidate is the law."""
+    def of(cls, proposed: ProposedLaw, best: FreeRunLaw) -> FoundLaw:
+        """From the best form, whose last candidate is the law."""
+        fit = best.scored.fit
         effect = kept_effect(proposed.name, proposed.forms[0].file)
         candidates = (*fit.candidates[:-1], replace(fit.candidates[-1], effect=effect))
-        return cls(proposed, effect, candidates, fit.values, sd)
+        return cls(proposed, effect, best.begin, candidates, fit.values, best.sd)
 
 
 def find_law(bases: Sequence[LawBase], scoring: Scoring, reference: Reference, pool: Pool) -> FoundLaw | None:
@@ -105,12 +110,23 @@ def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]
     found = pool.map("laws", _sums, inputs)
     placebos = {one.grammar.name: share for one, (_, share) in zip(inputs, found, strict=True)}
     sums = [one for fits, share in found for one in fits if one.explained > share + MORE]
-    chosen = _by_injection(cases, base.logs, sums)[:most]
+    chosen = _varied(screen_laws(sums, scoring, base.fit, pool))[:most]
     measured = {one.grammar.name: one.values for one in inputs}
     return [
         _Tried(one, base, measured[one.law.grammar.name], placebos[one.law.grammar.name])
         for one in refit_laws(chosen, scoring, base.fit, pool)
     ]
+
+
+def _varied(laws: Sequence[LawFit]) -> list[LawFit]:
+    """Those that come first, at most EACH for each unknown input and each family of terms."""
+    kept: list[LawFit] = []
+    for one in laws:
+        families = tuple(sorted(term.family for term in one.terms))
+        same = [other for other in kept if other.grammar.name == one.grammar.name]
+        if len(same) < EACH and families not in [tuple(sorted(t.family for t in other.terms)) for other in same]:
+            kept.append(one)
+    return kept
 
 
 def _sums(one: _Input) -> tuple[list[LawFit], float]:
@@ -161,25 +177,6 @@ def _changes(cases: Sequence[InjectionCase], nominal: NominalParameters) -> dict
     return {one: np.column_stack(rows) if rows else np.zeros((size[one], 0)) for one, rows in columns.items()}
 
 
-def _by_injection(cases: Sequence[InjectionCase], logs: Sequence[CurveLog], sums: Sequence[LawFit]) -> list[LawFit]:
-    """Those that leave least of the gap on the training data if they are injected along the log."""
-    left = []
-    begin = 0
-    for case, one in zip(cases, logs, strict=True):
-        part = slice(begin, begin + len(case.log) - 1)
-        begin += len(case.log)
-        if one.training and sums:
-            runs = case.run([_injection(fit.grammar.name, fit.values[part]) for fit in sums])
-            left.append([total_gap(case.gap, run, one.training) for run in runs])
-    if not left:
-        return []
-    return [sums[int(i)] for i in np.argsort(np.mean(np.square(left), axis=0))]
-
-
-def _injection(name: str, values: np.ndarray) -> Injection:
-    return {"flow_1": values, "flow_2": -values} if name == "pump_flow" else {name: values}
-
-
 def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Reference) -> FoundLaw | None:
     """The forms that the data can't tell apart, if the best one is clearly better than none."""
     good = [one for one in tried if _better(one.law.scored, without) and one.law.stable]
@@ -200,21 +197,22 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
     ]
     law = best.law.law
     used = variables_of(law.terms)
-    shown = [v for v in law.grammar.variables if v.text in used] or list(law.grammar.variables[:1])
+    shown = law.grammar.shown(law.terms[0])
+    of_balance = [v.text for v in law.grammar.variables if v.text in used]
     proposed = ProposedLaw(
         place=law.grammar.name,
-        variables=tuple(v.text for v in law.grammar.variables if v.text in used),
+        variables=(*of_balance, *sorted(used.difference(of_balance))),
         forms=tuple(forms),
         range=dict(forms[0].file.range),
-        unit=shown[0].unit,
-        variable=shown[0].values,
+        unit=shown.unit,
+        variable=shown.values,
         measured=best.measured,
         fitted=law.values,
         explained=law.explained,
         placebo=max(best.placebo, 0.0),
         beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),
     )
-    return FoundLaw.of(proposed, best.law.scored.fit, best.law.sd)
+    return FoundLaw.of(proposed, best.law)
 
 
 def _better(one: ScoredHypothesis, without: ScoredHypothesis) -> bool:

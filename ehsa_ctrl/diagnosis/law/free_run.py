@@ -9,30 +9,36 @@ import numpy as np
 
 from ...physics.effects import EFFECTS, CandidateEffect, Effect, LawFile, effect_of, law_candidate
 from ...plant.plant import Plant
-from ..hypothesis_model import HypothesisModel
+from ..hypothesis_model import HypothesisModel, Setting
 from ..objective import Objective
 from ..pool import Pool
 from ..records import Segment
 from ..refit import HypothesisFit, refit
 from ..scoring import ScoredHypothesis, Scoring
+from .begin import Begin
 from .grammar import Term, put
+from .memory import RATE, STATE
 from .regression import STABLE, LawFit
 
 #: Gauss-Newton steps of a refit, and after how many the Jacobian is computed again. Engineering judgement.
 STEPS, RENEW = 6, 2
 #: A width may change by this factor, a location by this share of the variable's range. Engineering judgement.
 WIDER, FARTHER = 5.0, 0.5
+#: Local name of a state of a term -> what it is called in the definition, between a prefix and a number.
+STATES = {STATE: "m", RATE: "w"}
 
 
 @dataclass(frozen=True)
 class FreeRunLaw:
     """A law refitted in free run.
 
-    law: what it started from. file: its definition with the values of the refit. sd: of all parameters of effects.
+    law: what it started from. file: its definition with the values of the refit. begin: of its states. sd: of all
+    parameters of effects.
     """
 
     law: LawFit
     file: LawFile
+    begin: Begin
     scored: ScoredHypothesis
     sd: Mapping[str, float]
 
@@ -47,34 +53,47 @@ class FreeRunLaw:
 def definition_of(law: LawFit, taken: Sequence[str]) -> LawFile:
     """The definition of an effect with this law. taken: names that its parameters must not have."""
     ends = [f"_{i}" for i in range(1, len(law.terms) + 1)]
-    ends += [f"_{name}_{i}" for i, term in enumerate(law.terms, 1) for name in term.shapes]
+    ends += [f"_{name}_{i}" for i, term in enumerate(law.terms, 1) for name in (*term.shapes, *STATES.values())]
     prefix = next(one for one in ("c", "q", "law") if not any(f"{one}{end}" in taken for end in ends))
     grammar = law.grammar
     parameters: dict[str, dict[str, object]] = {}
+    states: dict[str, dict[str, object]] = {}
     texts = []
     for i, (term, factor, sd) in enumerate(zip(law.terms, law.factors, law.sd, strict=True), 1):
         shapes = {name: f"{prefix}_{name}_{i}" for name in term.shapes}
         parameters[f"{prefix}_{i}"] = {"value": factor, "unit": grammar.factor_unit(term), "neutral": 0.0, "sd": sd}
         for name, own in shapes.items():
             parameters[own] = {"value": term.shapes[name], "unit": term.units[name]} | _bounds(law, term, name)
-        inner = put(term.text, **shapes)
+        if term.memory is not None:
+            own_names = shapes | {name: f"{prefix}_{short}_{i}" for name, short in STATES.items()}
+            memory, inner = term.memory, put(term.text, **own_names)
+            states |= {
+                own_names[n]: {"rate": put(rate, **own_names), "unit": memory.units[n], "scale": memory.scales[n]}
+                for n, rate in memory.rates.items()
+            }
+        else:
+            inner = put(term.text, **shapes)
         texts.append(f"{prefix}_{i}" + ("" if inner == "1" else f" * {inner}"))
     expression = " + ".join(texts)
     used = {name for v in grammar.variables for name in grammar.known if name in v.text}
     ranges = {n: (float(np.min(grammar.known[n])), float(np.max(grammar.known[n]))) for n in sorted(used)}
     file = {
         "schema": 1, "status": "proposed", "summary": f"found by a diagnosis: {' + '.join(t.text for t in law.terms)}",
-        "adds_to": grammar.name, "expression": expression, "parameters": parameters,
+        "adds_to": grammar.name, "expression": expression, "parameters": parameters, "states": states,
     }  # fmt: skip
     names = LawFile.model_validate(file).variables
     return LawFile.model_validate({**file, "range": {n: pair for n, pair in ranges.items() if n in names}})
 
 
 def _bounds(law: LawFit, term: Term, name: str) -> dict[str, object]:
+    if name == "damping":
+        return {"bounds": (term.shapes[name] / WIDER, term.shapes[name] * WIDER)}
     if term.units[name] == "1":
         return {}
-    if name == "width":
+    if name != "at":
         return {"bounds": (term.shapes[name] / WIDER, term.shapes[name] * WIDER)}
+    if "time" in term.variables:
+        return {"bounds": (0.0, 2.0 * term.shapes[name])}
     reach = max(float(np.ptp(v.values)) for v in law.grammar.variables if v.text in term.variables)
     return {"bounds": (term.shapes[name] - FARTHER * reach, term.shapes[name] + FARTHER * reach)}
 
@@ -86,28 +105,56 @@ def kept_effect(name: str, file: LawFile) -> Effect:
     return effect
 
 
+@dataclass(frozen=True)
+class _Start:
+    """A law beside the effects of a hypothesis, before it is refitted: its definition, and where the refit starts."""
+
+    file: LawFile
+    begin: Begin
+    scoring: Scoring
+    candidate: CandidateEffect
+    values: Setting
+
+    @classmethod
+    def of(cls, law: LawFit, scoring: Scoring, base: HypothesisFit) -> _Start:
+        file = definition_of(law, [*scoring.objective.model.plant.parameters])
+        begin = Begin.of(file, law.grammar)
+        own = _scoring_with(scoring, kept_effect(f"law_{file.digest}", file), begin)
+        candidate = law_candidate(EFFECTS[f"law_{file.digest}"], own.objective.model.plant.values)
+        # Nominal parameters start at their nominal values: without the law, a refit bends them to make up for it.
+        values = {name: base.values[name] for c in base.candidates for name in c.names}
+        return cls(file, begin, own, candidate, values | dict(zip(candidate.names, candidate.starts[0], strict=True)))
+
+
+def screen_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool) -> list[LawFit]:
+    """The laws by the gap that they leave on the training data as they were found, the smallest first.
+
+    A regression on measured signals is no such test: a law of the pressures fits any error of the friction, because
+    the pressures balance the friction.
+    """
+
+    def left(law: LawFit) -> float:
+        start = _Start.of(law, scoring, base)
+        gap = start.scoring.training.gap_of(start.scoring.training.run([start.values])[0])["total"]
+        return gap if np.isfinite(gap) else np.inf
+
+    gaps = pool.map("laws", left, list(laws))
+    return [laws[int(i)] for i in np.argsort(gaps, kind="stable") if np.isfinite(gaps[int(i)])]
+
+
 def refit_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool) -> list[FreeRunLaw]:
     """Each law refitted beside the effects of a hypothesis, from its values; those that can be simulated."""
-    taken = [*scoring.objective.model.plant.parameters]
-    items = []
-    for law in laws:
-        file = definition_of(law, taken)
-        items.append((law, file, kept_effect(f"law_{file.digest}", file)))
 
-    def one(item: tuple[LawFit, LawFile, Effect]) -> FreeRunLaw | None:
-        law, file, effect = item
-        own = _scoring_with(scoring, effect)
-        candidate = law_candidate(effect, own.objective.model.plant.values)
-        # Nominal parameters start at their nominal values: without the law, a refit bends them to make up for it.
-        start = {name: base.values[name] for c in base.candidates for name in c.names}
-        start |= dict(zip(candidate.names, candidate.starts[0], strict=True))
+    def one(law: LawFit) -> FreeRunLaw | None:
+        begin = _Start.of(law, scoring, base)
+        own, candidate, file, start = begin.scoring, begin.candidate, begin.file, begin.values
         fit = refit(own.objective, (*base.candidates, candidate), start, {}, steps=STEPS, renew_after=RENEW)
         if fit is None:
             return None
         scored, sd = own.score(fit), own.standard_deviations(fit)
-        return FreeRunLaw(law, _refitted(file, fit, candidate, sd), scored, sd)
+        return FreeRunLaw(law, _refitted(file, fit, candidate, sd), begin.begin, scored, sd)
 
-    return [found for found in pool.map("laws", one, items) if found is not None]
+    return [found for found in pool.map("laws", one, list(laws)) if found is not None]
 
 
 def _refitted(file: LawFile, fit: HypothesisFit, candidate: CandidateEffect, sd: Mapping[str, float]) -> LawFile:
@@ -117,13 +164,14 @@ def _refitted(file: LawFile, fit: HypothesisFit, candidate: CandidateEffect, sd:
     return file.model_copy(update={"parameters": own})
 
 
-def with_effect(segment: Segment, effect: Effect) -> Segment:
-    """The same segment with an effect, neutral, in every model."""
-    return replace(segment, records=tuple(replace(r, model=_model(r.model, effect)) for r in segment.records))
+def with_effect(segment: Segment, effect: Effect, begin: Begin) -> Segment:
+    """The same segment with an effect, neutral, in every model. begin: of its states."""
+    records = tuple(replace(r, model=_model(r.model, effect)) for r in segment.records)
+    return begin.on(replace(segment, records=records))
 
 
-def _scoring_with(scoring: Scoring, effect: Effect) -> Scoring:
-    training, held_out = with_effect(scoring.training, effect), with_effect(scoring.held_out, effect)
+def _scoring_with(scoring: Scoring, effect: Effect, begin: Begin) -> Scoring:
+    training, held_out = (with_effect(one, effect, begin) for one in (scoring.training, scoring.held_out))
     objective: Objective = replace(scoring.objective, model=training.model, segment=training)
     return replace(scoring, objective=objective, training=training, held_out=held_out)
 

@@ -8,7 +8,7 @@ right dimension. Dry friction has the direction of the contact as a factor and s
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,12 +18,16 @@ from ...plant.arrays import array_evaluator
 from ...plant.plant import Plant
 from ..regressors import balance_contact, torque_drive
 from ..unknown_inputs import BalanceSignals
+from .memory import STATE, Memory, MemoryTerm
+from .memory_terms import memory_terms
 
 #: Quantiles of a variable that are tried as locations, and shares of its range as widths. Engineering judgement.
 LOCATIONS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97)
 WIDTHS = (0.04, 0.08, 0.16, 0.32)
 #: Periods in the range of a position that are tried. Engineering judgement.
 PERIODS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
+#: The same in the range of a current, for a drive that sets it in steps. Engineering judgement.
+LEVELS = (4.0, 6.0, 9.0, 13.0, 18.0, 25.0, 35.0)
 
 #: Terms of one variable z. The first of several that act alike is the one that is named.
 SMOOTH = ("z", "z**2", "z**3", "abs(z)", "z * abs(z)", "sqrt(abs(z))", "sign(z) * sqrt(abs(z))")
@@ -40,6 +44,7 @@ DRY_SHAPED = (
     "d * max(abs(z) - at, 0)",
     "d * exp(-((z - at) / width)**2)",
     "d * max(1 - ((z - at) / width)**2, 0)",
+    "d * 0.5 * (1 + tanh((at - abs(z)) / width))",
 )
 #: Terms of the contact's own speed: odd ones, so that they dissipate in both directions, and a decaying dry friction.
 OF_SPEED = ("z", "z * abs(z)", "z**3", "abs(z)")
@@ -66,21 +71,18 @@ class Term:
     """A term without its factor.
 
     text: expression in variables and `at`, `width`. shapes: their values. units: their units. variables: texts of the
-    variables in it. family: what stays the same over the grid of shapes.
+    variables in it. memory: states in it, if any. family: what stays the same over the grid of shapes.
     """
 
     text: str
     variables: frozenset[str]
     shapes: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    memory: Memory | None = None
 
     @property
     def family(self) -> str:
-        return self.text
-
-    def values(self, known: Mapping[str, np.ndarray]) -> np.ndarray:
-        """(N - 1,) along a log. known: name in the equations -> (N - 1,)."""
-        return np.asarray(Expression.parse(self.text).values({**known, **self.shapes}), dtype=float)
+        return self.text if self.memory is None else f"{self.text}; {self.memory.rates}"
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,8 @@ class Grammar:
 
     name: unknown input, a key of ADDENDS. known: name in the equations -> (N - 1,) along the logs. units: of those.
     direction, speed, friction: of the contact, with the friction that the plant has; resists: 1 if a positive law acts
-    against positive motion, else -1. Empty, None or zero where the balance has no contact.
+    against positive motion, else -1. Empty, None or zero where the balance has no contact. memories: terms with a
+    memory. sample_time [s], begins: samples at which the logs begin, starts: times there [s].
     """
 
     name: str
@@ -100,6 +103,10 @@ class Grammar:
     speed: np.ndarray | None = field(default=None, repr=False)
     friction: np.ndarray | float = field(default=0.0, repr=False)
     resists: float = 1.0
+    memories: tuple[MemoryTerm, ...] = field(default=(), repr=False)
+    sample_time: float = 1.0
+    begins: tuple[int, ...] = (0,)
+    starts: tuple[float, ...] = (0.0,)
 
     @classmethod
     def of(cls, plant: Plant, signals: BalanceSignals, name: str) -> Grammar:
@@ -133,12 +140,42 @@ class Grammar:
             first, second = pressures
             found.insert(1, LawVariable(f"({first} - {second})", units[first], known[first] - known[second]))
         moving = tuple(v for v in found if np.ptp(v.values) > 0.0)
+        time = signals["time"][:-1]
+        begins = (0, *(np.flatnonzero(np.diff(time) <= 0.0) + 1).tolist())
+        plain = cls(
+            name, moving, known, units, memories=tuple(memory_terms(plant, name, known, float(np.ptp(time)))),
+            sample_time=signals.sample_time, begins=begins, starts=tuple(time[list(begins)].tolist()),
+        )  # fmt: skip
         if contact is None:
-            return cls(name, moving, known, units)
+            return plain
         evaluate = array_evaluator(plant.structure.equations, [contact.friction])
         friction = evaluate({**plant.values, **{n: signals[n][:-1] for n in signals.values}})[contact.friction]
         resists = 1.0 if ADDENDS[name].sign == "-" else -1.0
-        return cls(name, moving, known, units, contact.direction, known[contact.velocity], friction, resists)
+        speed = known[contact.velocity]
+        return replace(plain, direction=contact.direction, speed=speed, friction=friction, resists=resists)
+
+    def values(self, term: Term) -> np.ndarray:
+        """(N - 1,) of a term along the logs."""
+        states = {} if term.memory is None else self.course(term.memory, term.shapes)
+        expression = Expression.parse(term.text)
+        return np.asarray(expression.values({**self.known, **term.shapes, **states}), dtype=float)
+
+    def course(self, memory: Memory, shapes: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """State -> (N - 1,) along the logs."""
+        return memory.course(self.known, shapes, self.sample_time, self.begins)
+
+    def shown(self, term: Term) -> LawVariable:
+        """The variable along which a term is drawn: a variable of the balance, else its memory."""
+        for variable in self.variables:
+            if variable.text in term.variables:
+                return variable
+        if term.memory is None:
+            return self.variables[0]
+        values = self.course(term.memory, term.shapes)[STATE]
+        unit = term.memory.units[STATE]
+        return (
+            LawVariable("angle", "rad", values % (2.0 * np.pi)) if unit == "rad" else LawVariable("time", unit, values)
+        )
 
     def is_friction(self, term: Term) -> bool:
         """Whether a term has the direction of the contact, or its speed."""
@@ -157,6 +194,8 @@ class Grammar:
                 both = frozenset({one.text, other.text})
                 for text in PRODUCTS:
                     yield Term(put(text, z=one.text, y=other.text), both)
+        for found in self.memories:
+            yield Term(found.text, frozenset(found.on), found.shapes, found.units, found.memory)
 
     def _of_one(self, variable: LawVariable) -> Iterator[Term]:
         used, z = frozenset({variable.text}), variable.text
@@ -170,14 +209,14 @@ class Grammar:
                 yield Term(put("d * exp(-abs(z) / width)", z=z, d=self.direction), used, {"width": share * high}, units)
             return
         for text in (*SHAPED, *(DRY_SHAPED if self.direction else ())):
-            of = np.abs(variable.values) if "abs(z) - at" in text else variable.values
+            of = np.abs(variable.values) if "abs(z) - at" in text or "at - abs(z)" in text else variable.values
             for quantile in LOCATIONS if "at" in text.replace("tanh", "") else (0.5,):
                 for share in WIDTHS if "width" in text else (0.0,):
                     shapes = {"at": float(np.quantile(of, quantile)), "width": share * (high - low)}
                     shapes = {n: v for n, v in shapes.items() if n in Expression.parse(text.replace("d *", "")).names}
                     yield Term(put(text, z=z, d=self.direction), used, shapes, dict.fromkeys(shapes, variable.unit))
-        if variable.position:
-            for count in PERIODS:
+        if variable.position or variable.unit == "A":
+            for count in PERIODS if variable.position else LEVELS:
                 for phase in (0.0, 0.5 * np.pi):
                     shapes = {"at": phase, "width": (high - low) / (2.0 * np.pi * count)}
                     units = {"at": "1", "width": variable.unit}
@@ -186,7 +225,8 @@ class Grammar:
     def factor_unit(self, term: Term) -> str:
         """SI unit of the factor of a term."""
         whole = ADDENDS[self.name].unit
-        inner = Expression.parse(term.text).dimension({**self.units, **term.units}) or {}
+        states = {} if term.memory is None else term.memory.units
+        inner = Expression.parse(term.text).dimension({**self.units, **term.units, **states}) or {}
         powers = {base: -power for base, power in inner.items()}
         if not powers:
             return whole

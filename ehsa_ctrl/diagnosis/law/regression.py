@@ -71,7 +71,7 @@ class LawFit:
         if grammar.speed is None:
             return True
         pairs = zip(self.factors, self.terms, strict=True)
-        parts = [f * t.values(grammar.known) for f, t in pairs if grammar.is_friction(t)]
+        parts = [f * grammar.values(t) for f, t in pairs if grammar.is_friction(t)]
         if not parts:
             return True
         moves = grammar.known[grammar.direction] * grammar.speed > MOVES * np.max(np.abs(grammar.speed))
@@ -82,7 +82,7 @@ class LawFit:
     @property
     def values(self) -> np.ndarray:
         """(N - 1,) along the logs."""
-        parts = [f * t.values(self.grammar.known) for f, t in zip(self.factors, self.terms, strict=True)]
+        parts = [f * self.grammar.values(t) for f, t in zip(self.factors, self.terms, strict=True)]
         return np.asarray(sum(parts) + np.zeros(self.grammar.variables[0].values.size))
 
 
@@ -95,7 +95,7 @@ class _SumProblem:
         columns, kept = [], []
         size = windows.size
         for term in terms:
-            column = windows.of((term.values(grammar.known) * np.ones(size))[:, None])[:, 0]
+            column = windows.of((grammar.values(term) * np.ones(size))[:, None])[:, 0]
             scale = float(np.sqrt(np.mean(column**2)))
             if np.isfinite(scale) and scale > 0.0:
                 columns.append(column / scale)
@@ -236,6 +236,13 @@ def _stable(grammar: Grammar, windows: Windows, nuisance: np.ndarray, fit: LawFi
         fit = found
 
 
+def _scale(name: str, value: float, unit: str, whole: float) -> float:
+    """Step of the search for a shape. whole: range of the variables of its term."""
+    if name == "at":
+        return 1.0 if unit == "1" else 0.1 * (whole if unit != "s" else value)
+    return 0.05 * value if unit == "1" else abs(value)
+
+
 def _shaped(grammar: Grammar, windows: Windows, nuisance: np.ndarray, terms: list[Term]) -> list[Term]:
     """Terms with the shapes that leave least, from those of the grid."""
     start = np.array([value for term in terms for value in term.shapes.values()])
@@ -244,10 +251,8 @@ def _shaped(grammar: Grammar, windows: Windows, nuisance: np.ndarray, terms: lis
     reach = {v.text: float(np.ptp(v.values)) for v in grammar.variables}
     scale = []
     for term in terms:
-        whole = max((reach[text] for text in term.variables), default=1.0)
-        scale += [
-            term.shapes[n] if n == "width" else (1.0 if term.units[n] == "1" else 0.1 * whole) for n in term.shapes
-        ]
+        whole = max((reach[text] for text in term.variables if text in reach), default=0.0)
+        scale += [_scale(name, value, term.units[name], whole) for name, value in term.shapes.items()]
 
     def moved(z: np.ndarray) -> list[Term]:
         given, out = iter((start + z * np.array(scale)).tolist()), []
@@ -258,7 +263,7 @@ def _shaped(grammar: Grammar, windows: Windows, nuisance: np.ndarray, terms: lis
     def left(z: np.ndarray) -> float:
         shaped = moved(z)
         pairs = zip(shaped, terms, strict=True)
-        if any(new.shapes.get("width", 1.0) <= 0.1 * old.shapes.get("width", 0.0) for new, old in pairs):
+        if any(new.shapes[n] <= 0.1 * old.shapes[n] for new, old in pairs for n in old.shapes if n != "at"):
             return np.inf
         problem = _SumProblem(grammar, windows, shaped, nuisance)
         return problem.left(range(len(problem.terms))) if len(problem.terms) == len(terms) else np.inf

@@ -26,7 +26,7 @@ from ...core.files import read_toml
 from ...core.log import Log
 from ...core.unit import base_units
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber
-from ._effect import Effect, EffectParameter
+from ._effect import Effect, EffectParameter, EffectState
 
 #: Variables of a range that are tried at both ends for the check of neutrality; of further ones the middle is.
 TRIED = 6
@@ -97,6 +97,28 @@ class LawParameter(Definition):
         return self
 
 
+class LawState(Definition):
+    """A state that the expression may use: what a law remembers. It is zero at the start of a run."""
+
+    rate: str = Field(description="its rate: an expression in the same names, and of other states of the effect")
+    unit: str = Field(description="SI unit; the rate has this unit per second")
+    scale: Annotated[float, Field(gt=0)] = Field(description="typical size, for the accuracy of a simulation")
+
+    @field_validator("rate")
+    @classmethod
+    def _parsed(cls, text: str) -> str:
+        return _parsed(text)
+
+
+def _parsed(text: str) -> str:
+    """The text of an expression. Raises ValueError for anything else."""
+    try:
+        Expression.parse(text)
+    except InputError as error:
+        raise ValueError(str(error)) from None
+    return text
+
+
 class LawLog(Definition):
     """A log from which the expression was found."""
 
@@ -123,6 +145,7 @@ class LawFile(Definition):
     )
     expression: str = Field(description="of states, inputs and parameters of the plant, and of its own parameters")
     parameters: dict[str, LawParameter] = Field(description="own parameters; one with `neutral` at least")
+    states: dict[str, LawState] = Field(default={}, description="what the law remembers; left out for a static law")
     range: dict[str, Annotated[tuple[float, float], Array]] = Field(
         default={}, description="[lowest, highest] value of each variable in the logs, SI units"
     )
@@ -132,24 +155,23 @@ class LawFile(Definition):
     @field_validator("expression")
     @classmethod
     def _parsed(cls, text: str) -> str:
-        try:
-            Expression.parse(text)
-        except InputError as error:
-            raise ValueError(str(error)) from None
-        return text
+        return _parsed(text)
 
     @model_validator(mode="after")
     def _complete(self) -> LawFile:
-        names, addend = Expression.parse(self.expression).names, ADDENDS[self.adds_to]
-        for name in self.parameters:
-            if not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
-                raise ValueError(f"[parameters] {name}: expected a name of letters, digits and _")
-            if name not in names:
-                raise ValueError(f"[parameters] {name}: the expression does not use it; {choices(name, names)}")
+        names, addend = self.names, ADDENDS[self.adds_to]
+        for table, own in (("parameters", self.parameters), ("states", self.states)):
+            for name in own:
+                if not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
+                    raise ValueError(f"[{table}] {name}: expected a name of letters, digits and _")
+                if name not in names:
+                    raise ValueError(f"[{table}] {name}: the expression does not use it; {choices(name, names)}")
+        if both := set(self.parameters) & set(self.states):
+            raise ValueError(f"[states] {min(both)}: is a parameter too; rename one of them")
         if not any(p.neutral is not None for p in self.parameters.values()):
             raise ValueError("[parameters]: none has `neutral`, the value at which the effect is absent; state it")
         for name in self.range:
-            if name not in names or name in self.parameters:
+            if name not in self.variables:
                 raise ValueError(f"[range] {name}: is not a variable of the expression")
         if addend.velocity and f"sign({addend.velocity})" in self.expression.replace(" ", ""):
             raise ValueError(
@@ -159,15 +181,22 @@ class LawFile(Definition):
         return self
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names in the expression and in the rates of its states, in the order of their first use."""
+        texts = [self.expression, *(state.rate for state in self.states.values())]
+        return tuple(dict.fromkeys(name for text in texts for name in Expression.parse(text).names))
+
+    @property
     def variables(self) -> tuple[str, ...]:
-        """Names in the expression that are not its own parameters."""
-        return tuple(name for name in Expression.parse(self.expression).names if name not in self.parameters)
+        """Those of the plant: neither its own parameters nor its own states."""
+        return tuple(name for name in self.names if name not in self.parameters and name not in self.states)
 
     @property
     def digest(self) -> str:
         """Six letters and digits that differ between laws, for names of files and of effects that are tried."""
         numbers = [(name, one.value) for name, one in self.parameters.items()]
-        return hashlib.sha256(f"{self.adds_to} {self.expression} {numbers}".encode()).hexdigest()[:6]
+        rates = [(name, one.rate) for name, one in self.states.items()]
+        return hashlib.sha256(f"{self.adds_to} {self.expression} {rates} {numbers}".encode()).hexdigest()[:6]
 
     @property
     def own_parameters(self) -> dict[str, LawParameter]:
@@ -186,10 +215,14 @@ class EffectExpression:
         """Raise InputError unless the expression fits a plant. units: name of the plant -> SI unit."""
         law = self.definition
         own = {name: one.unit for name, one in law.parameters.items()}
-        try:
-            Expression.parse(law.expression).check_unit(ADDENDS[law.adds_to].unit, {**units, **own})
-        except InputError as error:
-            raise InputError(f"{self.where}: expression: {error}") from None
+        known = {**units, **own, **{name: one.unit for name, one in law.states.items()}}
+        texts = {"expression": (law.expression, ADDENDS[law.adds_to].unit)}
+        texts |= {f"[states] {name}.rate": (one.rate, f"{one.unit}/s") for name, one in law.states.items()}
+        for key, (text, unit) in texts.items():
+            try:
+                Expression.parse(text).check_unit(unit, known)
+            except InputError as error:
+                raise InputError(f"{self.where}: {key}: {error}") from None
 
 
 def read_law(path: Path) -> Effect:
@@ -211,6 +244,15 @@ def effect_of(name: str, law: LawFile, where: str) -> Effect:
             total = Expression.parse(" + ".join(f"({term.text})" for term in terms))
             changes[signal] = total.function(name, where, signal, f"{signal} {sign} {{}}")
     _check_neutral(law, expression, name, where)
+    sizes = {key: one.neutral for key, one in law.parameters.items() if one.neutral is not None}
+    absent = " or ".join(f"{key} != {value!r}" for key, value in sizes.items())
+    rates = {
+        # Without the effect the state rests, so that the plant is the base plant to the last bit.
+        f"{key}_dot": Expression.parse(one.rate).function(
+            f"{name}_{key}", where, next(iter(sizes)), f"({{}}) if {absent} else 0.0", also=tuple(sizes)
+        )
+        for key, one in law.states.items()
+    }
     parameters = tuple(
         EffectParameter(
             key,
@@ -231,6 +273,8 @@ def effect_of(name: str, law: LawFile, where: str) -> Effect:
         fingerprint=f"{addend.meaning}: {law.expression}",
         changes=changes,
         parameters=parameters,
+        states=tuple(EffectState(key, one.unit, one.scale) for key, one in law.states.items()),
+        adds=rates,
         candidates=candidates,
         law=EffectExpression(where, law),
         source=law.note or where,
@@ -250,6 +294,8 @@ def law_text(law: LawFile) -> str:
     for name, one in law.parameters.items():
         stated = one.model_dump(exclude_none=True, exclude_defaults=True)
         lines.append(f"{name} = {table(stated)}")
+    lines += ["", "[states]"] if law.states else []
+    lines += [f"{name} = {table(one.model_dump())}" for name, one in law.states.items()]
     lines += ["", "[range]", *(f"{name} = {json.dumps(pair)}" for name, pair in law.range.items())] if law.range else []
     for log in law.logs:
         lines += ["", "[[logs]]", f"path = {json.dumps(log.path)}", f'sha256 = "{log.sha256}"']
@@ -285,8 +331,9 @@ def _check_neutral(law: LawFile, expression: Expression, name: str, where: str) 
         low, high = law.range.get(one, (-1.0, 1.0))
         ends.append((low, high) if i < TRIED else (0.5 * (low + high),))
     middle = tuple(0.5 * (each[0] + each[-1]) for each in ends)
-    typical = {key: one.value for key, one in law.parameters.items()}
-    neutral = {key: one.value if one.neutral is None else one.neutral for key, one in law.parameters.items()}
+    own = {key: one for key, one in law.parameters.items() if key in expression.names}
+    typical = {key: one.value for key, one in own.items()}
+    neutral = {key: one.value if one.neutral is None else one.neutral for key, one in own.items()}
     for point in (*product(*ends), middle):
         at = dict(zip(variables, point, strict=True))
         shown = ", ".join(f"{key} = {one:g}" for key, one in at.items()) or "any point"

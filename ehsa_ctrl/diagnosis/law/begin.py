@@ -1,0 +1,62 @@
+"""What a law remembers where a simulation begins in the middle of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...core.expression import Expression
+from ...physics.effects import LawFile
+from ..records import Record, Segment
+from .grammar import Grammar
+from .memory import Memory
+
+
+@dataclass(frozen=True)
+class Begin:
+    """The states of a law along the logs from which it was found.
+
+    starts: time of the first sample of each log [s]. states: of each log, state -> (N - 1,).
+    """
+
+    starts: tuple[float, ...] = ()
+    states: tuple[Mapping[str, np.ndarray], ...] = ()
+
+    @classmethod
+    def of(cls, file: LawFile, grammar: Grammar) -> Begin:
+        """By the rates of a definition along the measured signals."""
+        if not file.states:
+            return cls()
+        values = {name: one.value for name, one in file.parameters.items()}
+        found: dict[str, np.ndarray] = {}
+        for name, state in file.states.items():
+            linked = [other for other in file.states if other in Expression.parse(state.rate).names]
+            group = list(dict.fromkeys([name, *linked])) if name not in found else []
+            if group:
+                rates = {one: file.states[one].rate for one in group}
+                memory = Memory(rates, dict.fromkeys(group, "1"), dict.fromkeys(group, 1.0))
+                found |= memory.course(grammar.known, values, grammar.sample_time, grammar.begins)
+        ends = [*grammar.begins[1:], None]
+        parts = [slice(a, b) for a, b in zip(grammar.begins, ends, strict=True)]
+        return cls(grammar.starts, tuple({name: y[part] for name, y in found.items()} for part in parts))
+
+    def on(self, segment: Segment) -> Segment:
+        """The segment with these states where a record begins in the middle of its log.
+
+        A second log for validation has no course: its records are whole.
+        """
+        if len(segment.records) != len(self.starts):
+            return segment
+        pairs = zip(segment.records, self.starts, self.states, strict=True)
+        return replace(segment, records=tuple(_begun(*pair) for pair in pairs))
+
+
+def _begun(record: Record, start: float, states: Mapping[str, np.ndarray]) -> Record:
+    model = record.model
+    if model.start is None:
+        return record
+    at = int(round((model.log.time[0] - start) / model.log.sample_time))
+    own = {name: float(y[min(max(at, 0), y.size - 1)]) for name, y in states.items()}
+    return replace(record, model=replace(model, start={**model.start, **own}))

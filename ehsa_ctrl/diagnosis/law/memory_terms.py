@@ -1,0 +1,91 @@
+"""The terms with a memory that an unknown input may have, by the place at which it acts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ...physics.effects import ADDENDS
+from ...plant.plant import Plant
+from ...plant.system import Contact
+from ..regressors import balance_contact
+from .memory import (
+    DAMPING,
+    LAGS,
+    RESONANCES,
+    SLIPS,
+    SLOW_SHARES,
+    STATE,
+    MemoryTerm,
+    following,
+    lag,
+    over_angle,
+    over_time,
+    resonance,
+    slip,
+)
+
+Known = Mapping[str, np.ndarray]
+
+
+def memory_terms(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[MemoryTerm]:
+    """Terms with a memory for one unknown input of a plant. seconds: length of the log."""
+    place = ADDENDS[name].place
+    if place in ("torque", "force"):
+        yield from _of_motion(plant, place, known, seconds)
+    elif place == "flow":
+        yield from _of_flow(plant, name, known, seconds)
+
+
+def _of_motion(plant: Plant, place: str, known: Known, seconds: float) -> Iterator[MemoryTerm]:
+    contact = balance_contact(plant, place)
+    direction, speed, position = contact.direction, contact.velocity, contact.position
+    system = plant.structure.system
+    drive = system.inputs[0]
+    units = plant.structure.units
+    driven = place == "torque" and drive in known and units.get(drive) == "A"
+    bases = {"1": (), direction: (), speed: (speed,)} | ({drive: (drive,)} if driven else {})
+    yield from over_time(bases, seconds)
+    yield from _friction(contact, known)
+    if position in known:
+        unit, reach = units[position], float(np.ptp(known[position]))
+        for share in SLIPS:
+            shapes = {"width": share * reach}
+            yield MemoryTerm(STATE, slip(speed, unit, share * reach), shapes, {"width": unit}, (position,))
+    if place == "torque":
+        yield from over_angle("", (), speed)
+    if driven:
+        size = float(np.std(known[drive]))
+        slow = [share * seconds for share in SLOW_SHARES]
+        yield from following(f"{drive} * {STATE}", f"{drive}**2", "A2", size**2, slow, (drive,))
+        yield from following(f"{STATE} - {drive}", drive, "A", size, LAGS, (drive,))
+        for frequency in RESONANCES:
+            shapes = {"frequency": frequency, "damping": DAMPING}
+            memory = resonance(drive, "A", size)
+            yield MemoryTerm(f"{STATE} - {drive}", memory, shapes, {"frequency": "1/s", "damping": "1"}, (drive,))
+
+
+def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
+    """Dry friction that follows a reversal late."""
+    if contact.direction in known:
+        for tau in LAGS:
+            memory = lag(contact.direction, "1", 1.0, while_moving=contact.velocity)
+            yield MemoryTerm(f"{contact.direction} - {STATE}", memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
+
+
+def _of_flow(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[MemoryTerm]:
+    system = plant.structure.system
+    if not set(system.pressures) <= set(known):
+        return
+    first, second = system.pressures
+    speed = balance_contact(plant, "torque").velocity if system.entries.get("torque") is not None else ""
+    difference = f"({first} - {second})"
+    own = system.entries[name].target if name in ("flow_1", "flow_2") else ""
+    bases = {difference: (difference,)} | ({own: (own,)} if own in known else {})
+    yield from over_time(bases, seconds)
+    if own in known:
+        size = float(np.std(known[own]))
+        yield from following(f"({own} - {STATE}) / tau", own, "Pa", size, LAGS, (own,))
+    if name == "pump_flow" and speed in known:
+        yield from over_angle(speed, (speed,), speed)
