@@ -17,10 +17,10 @@ from .candidate_effects import with_parameters
 from .diagnosis import Verdict
 from .free_curve import CurveLog, FreeCurve, free_curve
 from .hypothesis_search import Hypotheses, Task
+from .local_search import MAX_CAUSES
 from .model_selection import Reference, Selection, selection_of
 from .regimes import describe_curve
 from .scoring import CauseKey, Scoring
-from .several_parameters import MAX_CAUSES
 from .signals import largest, largest_beyond
 
 #: Causes are part of the explanation if they close this part of the gap, on training and on held-out data. An effect is

@@ -20,7 +20,7 @@ from .hypothesis_model import Setting
 from .objective import TEMPER, Objective
 from .pool import Pool
 from .records import Segment
-from .refit import HypothesisFit, refine, refit, refit_thoroughly
+from .refit import HypothesisFit, refine, refit, refit_thoroughly, refit_until_converged
 
 # The numbers below are engineering judgement: computing time against the risk of missing a cause.
 
@@ -100,7 +100,7 @@ class Hypotheses:
                 known = near.sensitivities
             return refit(self.objective, candidates, start, known, steps=steps, renew_after=renew_after)
 
-        return self._with_better(self.pool.map(stage, work, tasks))
+        return self.with_fits(self.pool.map(stage, work, tasks))
 
     def with_thorough_refits(self, tasks: Sequence[Task], stage: str, windows: Segment | None) -> Hypotheses:
         """Refit hypotheses from given values as well as can be, see `refit_thoroughly`."""
@@ -108,9 +108,18 @@ class Hypotheses:
         def work(task: Task) -> HypothesisFit | None:
             return refit_thoroughly(self.objective, windows, task.candidates, task.start)
 
-        return self._with_better(self.pool.map(stage, work, tasks))
+        return self.with_fits(self.pool.map(stage, work, tasks))
 
-    def _with_better(self, found: Iterable[HypothesisFit | None]) -> Hypotheses:
+    def with_converged_refits(self, tasks: Sequence[Task], stage: str) -> Hypotheses:
+        """Refit hypotheses from given values until their costs no longer fall."""
+
+        def work(task: Task) -> HypothesisFit | None:
+            return refit_until_converged(self.objective, task.candidates, task.start)
+
+        return self.with_fits(self.pool.map(stage, work, tasks))
+
+    def with_fits(self, found: Iterable[HypothesisFit | None]) -> Hypotheses:
+        """With fits added; of each hypothesis the better one is kept."""
         fits = dict(self.fits)
         for fit in found:
             if fit is not None:
@@ -127,7 +136,7 @@ class Hypotheses:
     def refine(self, fits: Sequence[HypothesisFit], steps: int = 6) -> Hypotheses:
         """Continue fits with a new Jacobian, except for those that would not change."""
         todo = [fit for fit in fits if not fit.settled]
-        return self._with_better(self.pool.map("refitting", lambda fit: refine(self.objective, fit, steps), todo))
+        return self.with_fits(self.pool.map("refitting", lambda fit: refine(self.objective, fit, steps), todo))
 
     def on_all_data(self, objective: Objective, sensitivities: Mapping[str, np.ndarray]) -> Hypotheses:
         """The best hypotheses that were found on a stretch, and the best of each size, refitted with another objective.
@@ -259,9 +268,9 @@ def screen(hypotheses: Hypotheses, at: Setting | None = None) -> Screening:
             return Response(candidate, values, zero, {candidate.names[0]: column})
         base: np.ndarray | None
         if all(np.isfinite(f.nominal) for f in candidate.free):
-            # Secants from the neutral values, with steps to the start.
-            base, values = zero, {f.name: f.nominal for f in candidate.free}
+            # Secants from the neutral values, or from those of `at`, with steps as long as to the start.
             others = {f.name: f.nominal for f in candidate.free if f.fixed}
+            base, values = zero, {f.name: others.get(f.name, at.get(f.name, f.nominal)) for f in candidate.free}
             steps = [max(s - f.nominal, 0.0) or f.scale for s, f in zip(start, candidate.free, strict=True)]
         else:
             values = dict(zip(candidate.names, start, strict=True))

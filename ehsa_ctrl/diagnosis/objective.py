@@ -42,6 +42,8 @@ BLOCK = 0.1
 CAUCHY = 6.25
 #: Assumed model error as a share of a signal's standard deviation, added to the noise in quadrature.
 MODEL_ERROR = 0.004
+#: A run whose residuals exceed so many scales has diverged; squares of larger ones would overflow.
+DIVERGED = 1e8
 
 
 @dataclass(frozen=True)
@@ -189,13 +191,13 @@ class Objective:
         return max(int(round(BLOCK / (2.0 * self.model.log.sample_time))), 1)
 
     def residuals(self, settings: Sequence[Setting]) -> list[np.ndarray | None]:
-        """Residuals (n,) of each setting; None if the run stopped."""
+        """Residuals (n,) of each setting; None if the run stopped or diverged."""
         self.count.total += len(settings)
         out: list[np.ndarray | None] = []
         records = self.records
         for runs in run_records(records, settings, self.jobs):
             r = None if runs is None else self.scale.residual_of(records, runs)
-            out.append(r if r is not None and np.isfinite(r).all() else None)
+            out.append(r if r is not None and np.max(np.abs(r)) < DIVERGED else None)
         return out
 
     def by_channel(self, r: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from ..plant.plant import Plant
 from .candidate_effects import with_parameters
 from .hypothesis_model import Setting
 from .hypothesis_search import Hypotheses, Task, distinct_tasks
+from .local_search import neighbours
 from .objective import Objective
 from .records import Record, Runs, Segment, mean_square_root
 from .refit import HypothesisFit
@@ -44,8 +45,8 @@ MAX_LAG = 1.0
 N_SCORED = 10
 #: Best sets of causes that are refitted with exactly their causes free.
 N_EXACT = 6
-#: Best of these that are refitted without one cause, and how many of their causes are left out in turn.
-N_REDUCED, N_LEFT_OUT = 2, 2
+#: Best of these from which a local search starts.
+N_BASES = 2
 #: Hypotheses whose deviance is within this share of the nominal one's from the best are refined and scored again; at
 #: most so many.
 PROMISING, N_REFINE = 0.1, 4
@@ -280,16 +281,11 @@ def score_hypotheses(
     )[:N_EXACT]
     hypotheses = hypotheses.with_thorough_refits(exact, "sets of causes", windows)
     found = hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(exact))
-    # A larger set may only make up for what a smaller one has not reached.
-    smaller = distinct_tasks(
-        Task(tuple(c for c in one.fit.candidates if c is not left_out), one.fit.values)
-        for one in rank(found)[:N_REDUCED]
-        for left_out in least_needed(one.fit, scoring.objective)
-    )
-    hypotheses = hypotheses.with_thorough_refits(smaller, "smaller sets", windows)
+    near = [] if scoring.lumped else neighbours(hypotheses, [one.fit for one in rank(found)[:N_BASES]], windows)
+    hypotheses = hypotheses.with_converged_refits(near, "neighbouring sets")
     scores = score_best(hypotheses, refined)
     scored = {id(one.fit) for one in scores}
-    unscored = [fit for fit in hypotheses.fits_of([*exact, *smaller]) if id(fit) not in scored]
+    unscored = [fit for fit in hypotheses.fits_of([*exact, *near]) if id(fit) not in scored]
     scores += hypotheses.pool.map("scores", scoring.score, unscored)
     if not any(np.isfinite(one.deviance) for one in scores):
         raise InputError(
@@ -298,22 +294,6 @@ def score_hypotheses(
             "parameters"
         )
     return hypotheses, scores, first
-
-
-def least_needed(fit: HypothesisFit, objective: Objective) -> list[CandidateEffect]:
-    """The effects of a set that its fit can best do without, by its linear model; none of a single effect."""
-    if len(fit.candidates) < 2:
-        return []
-    covariance = fit.covariance(objective)
-    rise: list[tuple[float, CandidateEffect]] = []
-    begin = 0
-    for candidate in fit.candidates:
-        own = slice(begin, begin + len(candidate.free))
-        begin = own.stop
-        if all(np.isfinite(f.nominal) for f in candidate.free):
-            z = np.array([(fit.values[f.name] - f.nominal) / f.scale for f in candidate.free])
-            rise.append((float(z @ np.linalg.pinv(covariance[own, own], hermitian=True) @ z), candidate))
-    return [candidate for _, candidate in sorted(rise, key=lambda row: row[0])[:N_LEFT_OUT]]
 
 
 def exact_members(

@@ -17,6 +17,7 @@ import numpy as np
 from ..physics.effects import CandidateEffect
 from .candidate_effects import with_parameters
 from .hypothesis_search import N_REFINE, Hypotheses, Screening, Task, distinct_tasks, start_values
+from .local_search import MAX_CAUSES
 from .objective import TEMPER, Objective
 from .records import Segment
 from .refit import HypothesisFit
@@ -30,8 +31,6 @@ NEEDED, NEEDED_SHARE = 4.0, 0.004
 SMALL = 0.7
 #: Cost of the priors from which on nominal parameters are wrong by more than they usually are: two standard deviations.
 MOVED = 4.0
-#: Hypotheses with more causes are not proposed: no log of one rig tells so many apart.
-MAX_CAUSES = 6
 
 
 def may_be_several(hypotheses: Hypotheses) -> bool:

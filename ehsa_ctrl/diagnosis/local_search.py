@@ -1,0 +1,121 @@
+"""Local search around the best set of causes: one cause more, one less, or one in exchange for another.
+
+The first search adds effects one by one to the nominal plant. Where several parameters are off beside an effect, it may
+begin with a wrong one. Here the moves start from the best sets that it found, with responses linearised there. The
+cost is that over short windows where the log allows it, because it has fewer local minima than that of a long free run
+(see `refit.refit_thoroughly`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..physics.effects import CandidateEffect
+from .hypothesis_model import Setting
+from .hypothesis_search import (
+    MIN_ADDED_GAIN,
+    MIN_GAIN,
+    MIN_GAIN_SHARE,
+    Hypotheses,
+    Key,
+    Screening,
+    Task,
+    hypothesis_key,
+    screen,
+    start_values,
+)
+from .objective import TEMPER
+from .records import Segment
+from .refit import HypothesisFit
+
+# The numbers below are engineering judgement: computing time against the risk of missing a cause.
+
+#: Rounds of moves; effects that are tried beside a set, and in exchange for each of its causes; fits to refine.
+ROUNDS, ADDED, EXCHANGED, REFINED = 3, 4, 2, 3
+#: Hypotheses with more causes are not proposed: no log of one rig tells so many apart.
+MAX_CAUSES = 6
+#: Sets that are proposed: of the best size, of one more and of one less each.
+PROPOSED = 2
+
+
+def neighbours(hypotheses: Hypotheses, bases: Sequence[HypothesisFit], windows: Segment | None) -> list[Task]:
+    """Sets of causes near the bases that explain the training data better, or as well with fewer causes.
+
+    windows: training data in short windows; None to use the whole free run.
+    """
+    objective = hypotheses.objective
+    if windows is not None:
+        objective = replace(objective, segment=windows, level=1.0)
+    found = Hypotheses.initial(objective, hypotheses.candidates, {}, hypotheses.pool)
+
+    found = found.with_converged_refits([Task(fit.candidates, fit.values) for fit in bases], "neighbouring sets")
+    if not found.fits:
+        return []
+    found = found.with_level_of(found.best()[0])
+    moved: set[Key] = set()
+    for _ in range(ROUNDS):
+        base = _best(found)
+        key = hypothesis_key(base.candidates)
+        if key in moved:
+            break
+        moved.add(key)
+        found = _round(found, base)
+    size = len(_best(found).candidates)
+    best = [fit for near in (size, size - 1, size + 1) if near > 0 for fit in found.best(near)[:PROPOSED]]
+    return _distinct([Task(fit.candidates, fit.values) for fit in best])
+
+
+def _round(found: Hypotheses, base: HypothesisFit) -> Hypotheses:
+    """All moves from a base."""
+    screening = screen(found, base.values)
+    reduced = [
+        Task(tuple(c for c in base.candidates if c is not left_out), _without(base, left_out), base)
+        for left_out in base.candidates
+        if len(base.candidates) > 1
+    ]
+    found = found.with_refits(reduced, "neighbouring sets", steps=3)
+    tasks = _additions(found, screening, base, ADDED) if len(base.candidates) < MAX_CAUSES else []
+    for fit in found.fits_of(reduced):
+        tasks += _additions(found, screening, fit, EXCHANGED)
+    known = set(found.fits)
+    tasks = [task for task in _distinct(tasks) if hypothesis_key(task.candidates) not in known]
+    found = found.with_refits(tasks, "neighbouring sets", steps=4)
+    best = sorted(found.fits_of([*reduced, *tasks]), key=lambda fit: _price(found, fit))
+    return found.refine(best[:REFINED])
+
+
+def _distinct(tasks: Sequence[Task]) -> list[Task]:
+    """The first task of each hypothesis, with its start as it is."""
+    first: dict[Key, Task] = {}
+    for task in tasks:
+        first.setdefault(hypothesis_key(task.candidates), task)
+    return list(first.values())
+
+
+def _additions(found: Hypotheses, screening: Screening, fit: HypothesisFit, count: int) -> list[Task]:
+    """A fit with each of the effects that promise most beside it."""
+    tasks: list[Task] = []
+    seen = set()
+    for gain, response, step in screening.gains(found, fit):
+        if gain < MIN_ADDED_GAIN or len(tasks) >= count:
+            break
+        if response.candidate.key in seen:
+            continue
+        seen.add(response.candidate.key)
+        tasks.append(Task((*fit.candidates, response.candidate), start_values(response, step, fit.values), fit))
+    return tasks
+
+
+def _without(fit: HypothesisFit, left_out: CandidateEffect) -> Setting:
+    return {name: value for name, value in fit.values.items() if name not in left_out.names}
+
+
+def _price(found: Hypotheses, fit: HypothesisFit) -> float:
+    """Cost of a fit with what each further cause must gain."""
+    explained = TEMPER * found.objective.loss(found.residual) - found.best()[0].cost
+    return fit.cost + (MIN_GAIN + MIN_GAIN_SHARE * max(explained, 0.0)) * len(fit.candidates)
+
+
+def _best(found: Hypotheses) -> HypothesisFit:
+    return min(found.fits.values(), key=lambda fit: _price(found, fit))
