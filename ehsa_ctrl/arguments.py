@@ -186,13 +186,13 @@ def as_log(value: Any, given: Given) -> Any:
 
 def as_system(value: Any, given: Given) -> Any:
     """A linear model. A name, path or linear plant gives (7) with the position."""
-    from .plant.linear import three_state
+    from .plant.conditions import linear_model
     from .plant.load import load_plant
 
     if isinstance(value, str | os.PathLike):
         value = load_plant(os.fspath(value), model="linear")
     if _is(value, "Plant") and value.model == "linear":
-        return three_state(value)
+        return linear_model(value)
     return _checked(value, _is(value, "StateSpace"))
 
 

@@ -102,7 +102,7 @@ def command(
     from ..design.analysis.closed_loop import step_response
     from ..design.specification import definition_keys, design, split_figures, starting_definition, with_values
     from ..design.tuning.constraints import Tuning
-    from ..plant.linear import three_state
+    from ..plant.conditions import linear_model
     from ..scenario.rescaling import rescaling_to
     from .inputs import load_model
 
@@ -119,7 +119,12 @@ def command(
     content.pop("note", None)
     pairs = read_pairs(settings)
     loaded = load_model(plant, "linear", pairs)
-    system = three_state(loaded)
+    system, drive_unit = linear_model(loaded), loaded.structure.system.drive_unit
+    if drive_unit != "A" and base is None and not key_options.current_limit:
+        raise InputError(
+            f"{plant}: its drive is in {drive_unit}, the shipped controllers are in A; give the largest drive, such as "
+            f"--current-limit '100 {drive_unit}', and the weights and limits of the drive in {drive_unit}"
+        )
     own: dict[str, Any] = {}
     defaults: dict[str, str] = {}
     unscaled: list[str] = []
@@ -143,7 +148,7 @@ def command(
         comments.append(f"Started from {begun.stem}, a controller of the shipped EHSA; for this plant: {scaled}.")
     if unscaled:
         comments.append(f"As in {begun.stem}, because {plant} gives no scale for them: {', '.join(unscaled)}.")
-    text = (_with_gains(found) if freeze else found).toml([*comments, "On its linear model:"])
+    text = (_with_gains(found, drive_unit) if freeze else found).toml([*comments, "On its linear model:"])
     result: dict[str, Any] = {
         "plant": plant,
         "kind": kind,
@@ -179,8 +184,11 @@ def command(
     output.deliver("design", "design.json", result, print_result, files=write_files)
 
 
-def _with_gains(found: ControllerDesign) -> ControllerDesign:
-    """The design with its gains in the file. Raises InputError for a controller that is not a pid."""
+def _with_gains(found: ControllerDesign, drive_unit: str) -> ControllerDesign:
+    """The design with its gains in the file; drive_unit: SI unit of the drive.
+
+    Raises InputError for a controller that is not a pid.
+    """
     from ..design.kinds.pid import Pid
     from ..design.specification import ALTERNATIVES
 
@@ -188,6 +196,6 @@ def _with_gains(found: ControllerDesign) -> ControllerDesign:
     if not isinstance(law, Pid):
         raise InputError(f"--freeze is for kind = 'pid', but this kind is {found.controller.kind!r}; leave it out")
     content = {key: item for key, item in found.content.items() if key not in ALTERNATIVES}
-    units = {"k_p": "A/m", "k_i": "A/(m s)", "k_d": "A s/m", "T_f": "s"}
+    units = {"k_p": f"{drive_unit}/m", "k_i": f"{drive_unit}/(m s)", "k_d": f"{drive_unit} s/m", "T_f": "s"}
     content["gains"] = {key: f"{getattr(law.gains, key):.9g} {unit}" for key, unit in units.items()}
     return replace(found, content=content)

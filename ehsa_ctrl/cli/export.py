@@ -36,13 +36,13 @@ def command(
     from ..core.result_folder import ResultFolder
     from ..design.export import FILES, export_controller
     from ..design.load import load_controller
-    from ..plant.linear import three_state
+    from ..plant.conditions import linear_model
     from ..plant.load import load_plant
     from ..simulation.exercise import exercise_controller
     from .progress import compiling
 
     pairs = read_pairs(settings)
-    system = three_state(load_plant(plant, model="linear", settings=pairs))
+    system = linear_model(load_plant(plant, model="linear", settings=pairs))
     checked = load_plant(plant, model="nonlinear", settings=pairs)
     warn_implausible([checked])
     chosen = load_controller(controller, system, sample_time=checked.sample_time)

@@ -15,7 +15,7 @@ import numpy as np
 from ..core.controller_interface import MEASURED
 from .analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response, spectral_radius, unit_step
 from .analysis.loop import LoopAnalysis
-from .analysis.sampled import hidden_modes, readings, scaled_matrices, state_scales
+from .analysis.sampled import drive_of, hidden_modes, readings, scaled_matrices, state_scales
 
 if TYPE_CHECKING:
     import control
@@ -142,7 +142,7 @@ def _verdict(bad: bool, otherwise: Verdict = "warning") -> Verdict:
 def reachability(case: ReviewContext) -> Iterator[ReviewFinding]:
     """Modes that the current can't control or the readings can't observe."""
     a, b, c = scaled_matrices(case.system, state_scales(case.system))
-    current, seen = b[:, [list(case.system.input_labels).index("current")]], readings(case.system) @ c
+    current, seen = b[:, [list(case.system.input_labels).index(drive_of(case.system))]], readings(case.system) @ c
     for word, modes, fix in (
         ("controllable", hidden_modes(a, current), "design on a model without the mode, e.g. three_state"),
         ("observable", hidden_modes(a.T, seen.T), "add a sensor, or design on a model without the mode"),

@@ -49,13 +49,13 @@ class Condition:
     named: tuple[str, ...] = ()
 
     def model(self, plant: Plant) -> control.StateSpace:
-        """Design model at this point: (7) for the linear set; the nonlinear set is linearised during sliding.
+        """Design model at this point: (7) for the EHSA's linear set; any other model is linearised during sliding.
 
         Raises InputError for a physically impossible value.
         """
         given = {"K_S": self.stiffness, "m_L": self.mass, "beta": self.beta}
         there = plant.set(**{symbol: value for symbol, value in given.items() if value is not None})
-        if there.model == "linear":
+        if there.model == "linear" and there.structure.system_name == "ehsa":
             return three_state(there)
         model = linearise(there, position=self.position, velocity=self.velocity)
         return reduce_to_difference(model, f"{there.name} ({there.model}) linearised")
@@ -90,6 +90,14 @@ def conditions(
     ]
     axes = (positions, velocities, stiffnesses or (None,), masses or (None,), betas or (None,))
     return [Condition(*values, named=tuple(named)) for values in product(*axes)]
+
+
+def linear_model(plant: Plant) -> control.StateSpace:
+    """The linear model of a linear set, on which controllers are designed: (7) for the EHSA.
+
+    Raises InputError as `three_state` does for an EHSA, and for a set whose motion at rest is not linear.
+    """
+    return Condition().model(plant)
 
 
 def design_model(plant: Plant) -> control.StateSpace:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.files import parse_json, read_text, write_text
-from .baseline import SIGNALS, Baseline, run_hashes
+from .baseline import SIGNALS, Baseline, recorded_of, run_hashes
 
 if TYPE_CHECKING:
     from .definition import Scenario
@@ -48,7 +48,11 @@ def read_baseline(path: Path) -> Baseline:
         metrics = {
             name: tuple(np.nan if v is None else float(v) for v in pair) for name, pair in content["metrics"].items()
         }
-        signals = {name: np.array(content["signals"][name], dtype=float) for name in ("time", *SIGNALS)}
+        signals = {
+            name: np.array(content["signals"][name], dtype=float)
+            for name in ("time", *SIGNALS)
+            if name in content["signals"]
+        }
         if len({values.shape for values in signals.values()}) != 1 or any(len(pair) != 2 for pair in metrics.values()):
             raise ValueError("signals must have the same length and metrics two values each")
         return Baseline(path, str(content["reason"]), dict(content["of"]), metrics, signals)  # type: ignore[arg-type]
@@ -89,7 +93,7 @@ def write_baseline(result: ScenarioResult, reason: str) -> Path:
             name: [_round(value) if np.isfinite(value) else None for value in pair]
             for name, pair in result.metrics.items()
         },
-        "signals": {name: [_round(value) for value in run[name][points]] for name in ("time", *SIGNALS)},
+        "signals": {name: [_round(value) for value in run[name][points]] for name in ("time", *recorded_of(run))},
     }
     return write_text(path, _format(content))
 
@@ -122,7 +126,7 @@ def _sample_indices(result: ScenarioResult) -> np.ndarray:
     reference = result.nonlinear.reference
     jumps = np.flatnonzero((np.diff(reference[:, 0]) != 0) & (reference[1:, 1] == 0))
     force_steps = np.flatnonzero(np.diff(run.outer_force) != 0)
-    extremes = [int(find(run[name])) for name in SIGNALS for find in (np.argmin, np.argmax)]
+    extremes = [int(find(run[name])) for name in recorded_of(run) for find in (np.argmin, np.argmax)]
     # Contacts may switch at every other sample.
     transitions = transitions[:: max(transitions.size // POINTS, 1)]
     events = np.concatenate([transitions, jumps[:POINTS], force_steps])

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.unit import factor, parse
+from ..plant.motion_current import has_motion_current
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.minimum_time import shortest_time
 from .response import hunting, settling_band, step_metrics
@@ -118,7 +119,7 @@ METRICS = {
     "SaturationShare": Metric("1", "%", "share of the run with the current at the limit of the controller or drive"),
     "CurrentRMS": Metric("A", "A", "root mean square of the current"),
     "TV": Metric("A", "A", "total variation of the current"),
-    "Energy": Metric("J", "J", "work of the motor on the shaft, without the braking phases"),
+    "Energy": Metric("J", "J", "work of the drive, without the braking phases"),
     "StopTime": Metric("s", "ms", "from the first fault until supervision stops the loop"),
     "TravelAfterStop": Metric("m", "mm", "travel of the rod after the stop"),
 }
@@ -174,7 +175,9 @@ def loop_metrics(
     start = min([*jumps, *(begin for begin, _ in holds)], default=float(time[0]))
     begun, since = time >= start - 1e-9, np.maximum(time - start, 0.0)
     peak = int(np.argmax(np.abs(x)))
-    power = run.plant["K_T"] * run.current * run["omega"]
+    system = run.plant.structure.system
+    is_current = system.drive_unit == "A"
+    power = run.plant["K_T"] * run.current * run["omega"] if is_current else run.current * run["v"]
     return (
         result
         | {
@@ -188,8 +191,8 @@ def loop_metrics(
             "ITSE": float(np.sum(since * error**2) * dt),
             "StickShare": float(np.mean(run.sticks("rod"))),
             "SaturationShare": float(np.mean(_saturated(loop, current_limit, lag))),
-            "CurrentRMS": float(np.sqrt(np.mean(run.current**2))),
-            "TV": float(np.sum(np.abs(np.diff(loop.asked)))),
+            "CurrentRMS": float(np.sqrt(np.mean(run.current**2))) if is_current else float("nan"),
+            "TV": float(np.sum(np.abs(np.diff(loop.asked)))) if is_current else float("nan"),
             "Energy": float(np.sum(np.maximum(power, 0.0)) * dt),
         }
         | _stop_metrics(loop, first_fault)
@@ -201,7 +204,8 @@ def _settling_ratio(
 ) -> dict[str, float]:
     """Shortest possible settling time of a step [s], and the ratio of the actual one to it."""
     size = target - before
-    if size == 0.0 or settling_band(size) >= 1.0 or not np.isfinite(current_limit):
+    known = has_motion_current(loop.trajectory.plant) and np.isfinite(current_limit)
+    if size == 0.0 or settling_band(size) >= 1.0 or not known:
         return {"ShortestTime": float("nan"), "SettlingRatio": float("nan")}
     band = settling_band(size) * abs(size)
     least = shortest_time(loop.trajectory.plant, size, current_limit, start=before, band=band)

@@ -17,8 +17,8 @@ from ..core.registry import add_project
 from ..design.controller import SampledController
 from ..design.load import load_controller, read_controller
 from ..physics.effects import read_law
+from ..plant.conditions import linear_model
 from ..plant.file import key_of, symbol_of
-from ..plant.linear import three_state
 from ..plant.load import has_setting, load_plant, models_of, with_settings
 from ..plant.plant import Model, Plant
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
@@ -78,7 +78,8 @@ class PreparedScenario:
         for step in definition.disturbance:
             force[(time >= step.start - 1e-9) & (time < step.start + step.duration - 1e-9)] += step.force
         settings = definition.sensors
-        changed = {channel: replace(plant.sensors[channel], **settings.changes(channel)) for channel in MEASURED}
+        there = [channel for channel in MEASURED if channel in plant.sensors]
+        changed = {channel: replace(plant.sensors[channel], **settings.changes(channel)) for channel in there}
         measured = replace(plant, sensors={**plant.sensors, **changed})
         loop = run_closed_loop(
             plant,
@@ -147,7 +148,7 @@ def prepare(
             raise InputError(f"{file}: {reason}; scenarios are for plants whose drive a controller computes")
         base = base or load_plant(file, model="linear")
         nominal = nominal or load_plant(file, model="nonlinear")
-        model = three_state(base)
+        model = linear_model(base)
         law: Controller
         controller_file = None
         if controller is None or isinstance(controller, str | Path):
@@ -228,7 +229,7 @@ def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
         loaded = load_plant(plant or "ehsa", model="linear")
         if plant is not None:
             check_controller_limits(path, read_controller(path, loaded.sample_time)[1], loaded)
-        load_controller(path, three_state(loaded), sample_time=loaded.sample_time)
+        load_controller(path, linear_model(loaded), sample_time=loaded.sample_time)
         return "controller"
     if "why" in content or "reference" in content:
         scenario = load_scenario(path)

@@ -17,7 +17,7 @@ from ..core.catalogue import shipped
 from ..core.unit import factor, parse
 from ..design.state_space.kalman import Observer
 from ..plant.load import has_setting, load_plant, models_of, with_settings
-from ..plant.motion_current import motion_current
+from ..plant.motion_current import has_motion_current, motion_current
 from ..plant.plant import Plant
 from .plant_data import BOUNDED, Rating, ratings
 
@@ -110,6 +110,10 @@ class Rescaling:
 def rescaling_to(plant: str | Path, settings: Mapping[str, str | float] | None = None) -> Rescaling:
     """Rescaling from the shipped EHSA to a plant with some settings. Raises InputError as `load_plant` does."""
     target, ehsa = _models(plant, settings or {}), _models(shipped("plants")["ehsa"], {})
+    if not has_motion_current(target[0]):
+        # Another machine shares the sample time with the EHSA and nothing else.
+        rate = ehsa[0].sample_time / target[0].sample_time
+        return Rescaling({"period": 1.0 / rate, "rate": rate, "bandwidth": min(1.0, rate), "samples": rate}, {})
     new, old = characteristic_values(*target), characteristic_values(*ehsa)
     ratios = {name: new[name] / old[name] for name in new if old.get(name)}
     # The sample rate and the hydraulic mode limit the bandwidth.

@@ -216,14 +216,14 @@ class ScenarioResult(Result):
     def time_series(self) -> pandas.DataFrame:
         """One row per sample of the nonlinear run, SI units. Saved as CSV it is a log that every command reads.
 
-        Columns: t, current and the sensor readings, named as in a log (nan for a lost reading); reference, the target
-        position, with its velocity and acceleration; then the true signals of both models with the suffixes _linear and
-        _nonlinear.
+        Columns: t, current (or another drive) and the sensor readings, named as in a log (nan for a lost reading);
+        reference, the target position, with its velocity and acceleration; then the true signals of both models with
+        the suffixes _linear and _nonlinear.
         """
         import pandas
 
         run = self.nonlinear
-        columns = {"t": run.trajectory.time, "current": run.trajectory["current"]}
+        columns = {"t": run.trajectory.time, run.trajectory.plant.structure.system.drive: run.trajectory.current}
         columns |= dict(zip(MEASURED, run.measured.T, strict=True))
         columns |= dict(zip(REFERENCES, run.reference.T, strict=True))
         table = pandas.DataFrame(columns).dropna(axis="columns", how="all")

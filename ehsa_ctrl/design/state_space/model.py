@@ -17,7 +17,7 @@ import numpy as np
 
 from ...core.controller_interface import MEASURED
 from ...core.errors import InputError
-from ..analysis.sampled import readings, scaled_matrices, state_scales
+from ..analysis.sampled import drive_of, readings, scaled_matrices, state_scales
 
 if TYPE_CHECKING:
     import control
@@ -83,7 +83,8 @@ def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool
     """
     from scipy.signal import cont2discrete
 
-    if not system.isctime() or "current" not in system.input_labels:
+    drive = drive_of(system)
+    if not system.isctime() or not drive:
         raise InputError(f"the model {system.name} must be continuous and have the input current; linearise the plant")
     if np.any(readings(system) @ system.D):
         raise InputError(
@@ -99,7 +100,7 @@ def design_model(system: control.StateSpace, sample_time: float, *, scaled: bool
     labels = list(system.state_labels)
     scale = state_scales(system) if scaled else np.ones(len(labels))
     a, inputs, c = scaled_matrices(system, scale)
-    b, c = inputs[:, [system.input_labels.index("current")]], readings(system) @ c
+    b, c = inputs[:, [system.input_labels.index(drive)]], readings(system) @ c
     pick = np.array([[parts.get(channel, 0.0) for channel in MEASURED] for parts in SIGNALS.values()])
     there = np.any(pick @ c != 0.0, axis=1)
     signals = tuple(name for name, seen in zip(SIGNALS, there, strict=True) if seen)

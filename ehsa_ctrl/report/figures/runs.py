@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from ...core.errors import InputError
 from ...core.log import CHANNELS
 from ...core.plotting import draw
-from ...scenario.baseline import SIGNALS as RECORDED
+from ...scenario.baseline import recorded_of
 from ...scenario.result import ScenarioResult
 from ...simulation.closed_loop import ClosedLoop
 from ...simulation.trajectory import Trajectory
 from ..closed_loop import plant_title
-from ..signals import SIGNALS, Signal
+from ..signals import SIGNALS, Signal, channel_display
 from ..style import GREY, PRESSURES, PURPLE, ROLES, SKY
 from . import _panels as panel
 from ._layout import header_legend
@@ -95,6 +95,13 @@ def _states_figure(run: Trajectory) -> Figure:
     return figure
 
 
+def _drive(run: Trajectory) -> Signal:
+    """The drive of a run as a signal."""
+    system = run.plant.structure.system
+    shown = channel_display(system.drive)
+    return SIGNALS.get(system.drive, Signal(shown.words, system.drive_unit, system.drive_unit, 0.0))
+
+
 def _pressures(ax: Axes, run: Trajectory) -> list[Artist]:
     return [panel.draw(ax, run.time, SIGNALS["pressures"].read(run[name]), look) for name, look in PRESSURES.items()]
 
@@ -103,7 +110,7 @@ def _finish(places: Mapping[str, Axes], run: Trajectory, pressures: list[Artist]
     """Exceeded limits, labels and ranges, and legends beside the panels."""
     limits = panel.exceeded_limits(places, run)
     for name, ax in places.items():
-        panel.set_range(ax, SIGNALS[name])
+        panel.set_range(ax, _drive(run) if name == "current" else SIGNALS[name])
         panel.panel_legend(ax, (pressures if name == "pressures" else []) + limits[name])
 
 
@@ -125,7 +132,9 @@ def scenario_figure(result: ScenarioResult) -> Figure:
     if forces:
         rows["force on rod"] = (forces, panel.FORCE)
     heights = {"x": 1.4 * panel.PANEL, "strip": panel.ROW * len(rows)}
-    heights |= dict.fromkeys(("error", "omega", "dP", "pressures", "current"), panel.PANEL)
+    hydraulic = bool(run.plant.structure.system.pressures)
+    others = ("omega", "dP") if hydraulic else ("v",)
+    heights |= dict.fromkeys(("error", *others, *(("pressures",) if hydraulic else ()), "current"), panel.PANEL)
     verdict = {"pass": "passed", "fail": "FAILED", "untested": "untested"}[result.verdict]
     title = f"{result.scenario.title}\n{result.scenario.name} with {result.controller.name}: {verdict}"
     with panel.column(title, heights, panel.exceeded_words(result.trips, result.expected_trips)) as (figure, axes):
@@ -133,9 +142,9 @@ def scenario_figure(result: ScenarioResult) -> Figure:
         target = SIGNALS["x"].read(result.nonlinear.reference[:, 0])
         lines = [panel.draw(places["x"], run.time, target, ROLES["reference"] | HELD)]
         for role, loop in (("linear", result.linear), ("nonlinear", result.nonlinear)):
-            lines.append(_loop(places, loop, ROLES[role] | {"label": LABELS[role]}, ("omega", "dP")))
+            lines.append(_loop(places, loop, ROLES[role] | {"label": LABELS[role]}, others))
         axes["strip"].set_xlim(run.time[0], run.time[-1])
-        _finish(places, run, _pressures(places["pressures"], run))
+        _finish(places, run, _pressures(places["pressures"], run) if hydraulic else [])
         places["error"].axhline(0.0, color=GREY, linewidth=0.7, zorder=1.5)
         limit = float(getattr(result.controller, "current_limit", np.inf))
         for edge in (limit, -limit):
@@ -155,7 +164,7 @@ def _loop(places: Mapping[str, Axes], loop: ClosedLoop, look: dict[str, Any], ot
     panel.draw(places["error"], run.time, SIGNALS["error"].read(loop.error), look)
     # Thinner lines, as sensor noise turns the current into a broad band.
     thin = look | {"linewidth": 0.7 * look["linewidth"]} | HELD
-    panel.draw(places["current"], run.time, SIGNALS["current"].read(run.current), thin)
+    panel.draw(places["current"], run.time, _drive(run).read(run.current), thin)
     return panel.draw(places["x"], run.time, SIGNALS["x"].read(run["x"]), look)
 
 
@@ -168,8 +177,8 @@ def baseline_figure(result: ScenarioResult) -> Figure:
         raise InputError(f"{result.scenario.name} with {result.controller.name} has no baseline; record it first")
     run = result.nonlinear.trajectory
     title = f"{result.scenario.title}\n{result.scenario.name} with {result.controller.name} and its baseline"
-    with panel.column(title, dict.fromkeys(RECORDED, panel.PANEL)) as (figure, axes):
-        for name in RECORDED:
+    with panel.column(title, dict.fromkeys(recorded_of(run), panel.PANEL)) as (figure, axes):
+        for name in recorded_of(run):
             ax, read = axes[name], SIGNALS[name].read
             bounds = result.baseline.tube(result, name)
             tube = ax.fill_between(
@@ -211,7 +220,7 @@ def closed_figure(loops: Mapping[str, ClosedLoop], title: str) -> Figure:
             rows[f"{plant_title(word)}: rod sticks"] = (stuck, look["color"])
         axes["strip"].set_xlim(time[0], time[-1])
         for name, ax in places.items():
-            panel.set_range(ax, SIGNALS[name])
+            panel.set_range(ax, _drive(first.trajectory) if name == "current" else SIGNALS[name])
         places["error"].axhline(0.0, color=GREY, linewidth=0.7, zorder=1.5)
         panel.strip(axes["strip"], rows)
         header_legend(axes["header"], lines)

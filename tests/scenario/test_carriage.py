@@ -1,0 +1,72 @@
+"""`run` and `design` for a carriage under a drive force: the linear model is a mass with viscous friction."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import ehsa_ctrl
+from ehsa_ctrl.cli.main import app
+from ehsa_ctrl.plant.conditions import linear_model
+
+PID = {
+    "kind": "pid",
+    "sample_time": 1e-3,
+    "current_limit": 150.0,
+    "design": {"crossover": 35.0, "phase_margin": 1.05, "integral_ratio": 0.1, "filter_ratio": 8.0},
+}
+LQR = {"kind": "lqr", "sample_time": 1e-3, "current_limit": 150.0, "weights": {"position": 1e-3, "current": 50.0}}
+SCENARIO = {
+    "title": "A move of the carriage",
+    "why": "Its controller is designed on its own linear model.",
+    "plant": "emps",
+    "duration": 3.0,
+    "reference": {"kind": "trapezoid", "times": [0.2], "positions": [0.2], "velocity": 0.2, "acceleration": 1.0},
+    "limits": {"MaxError": {"max": 0.02}, "SteadyStateError": {"max": 1e-4}},
+}
+
+
+def test_the_linear_model_is_a_mass_with_viscous_friction():
+    plant = ehsa_ctrl.load_plant("emps", model="linear")
+    model = linear_model(plant)
+    M, Fv = plant["M"], plant["Fv"]
+
+    assert model.state_labels == ["v", "x"]
+    assert np.allclose(model.A, [[-Fv / M, 0.0], [1.0, 0.0]], atol=1e-12)
+    assert model.B[0, 0] == pytest.approx(1.0 / M)
+
+
+@pytest.mark.parametrize("controller", [PID, LQR], ids=["pid", "lqr"])
+def test_without_dry_friction_the_nonlinear_carriage_does_as_predicted(controller):
+    """And with it, the loop needs more force and loses some accuracy."""
+    free = ehsa_ctrl.run(SCENARIO, controller=controller, settings={"Fc": 0.0})
+    rubbing = ehsa_ctrl.run(SCENARIO, controller=controller)
+
+    paths = [loop.trajectory["x"] for loop in (free.linear, free.nonlinear)]
+    assert np.max(np.abs(paths[0] - paths[1])) < 1e-5
+    assert rubbing.passed, rubbing
+    assert rubbing.metrics["Energy"][1] > free.metrics["Energy"][1] > 0.0
+    # A and N are not mixed.
+    assert np.isnan(rubbing.metrics["CurrentRMS"]).all()
+
+
+def test_files_of_a_run_are_those_of_the_carriage(tmp_path, monkeypatch):
+    """Design, run, baseline and page by the command line, from an empty project."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "controllers").mkdir()
+    words = ["design", "emps", "--kind", "pid", "--bandwidth", "35 rad/s", "--phase-margin", "60 deg"]
+
+    refused = CliRunner().invoke(app, words)
+    designed = CliRunner().invoke(app, [*words, "--current-limit", "150 N", "-o", "controllers/carriage.toml"])
+    (tmp_path / "move.toml").write_text(
+        'schema = 1\ntitle = "Move"\nwhy = "Test."\nplant = "emps"\ncontroller = "carriage"\nduration = "3 s"\n'
+        '[reference]\nkind = "trapezoid"\ntimes = ["0.2 s"]\npositions = ["200 mm"]\nvelocity = "200 mm/s"\n'
+        'acceleration = "1 m/s2"\n'
+    )
+    recorded = CliRunner().invoke(app, ["run", "move.toml", "--update-baselines", "--reason", "first"])
+    again = CliRunner().invoke(app, ["run", "move.toml", "--out", "out"])
+
+    assert "--current-limit '100 N'" in str(refused.exception)
+    assert designed.exit_code == recorded.exit_code == again.exit_code == 0, again.output
+    header = (tmp_path / "out" / "move-carriage.csv").read_text().splitlines()[0].split(",")
+    assert {"t", "drive_force", "position"} <= set(header) and "current" not in header
+    assert "differs" not in again.output
