@@ -160,5 +160,5 @@ def test_a_controller_without_a_sample_time_runs_at_the_plants_period(rig, tmp_p
 
 def test_a_plant_without_a_linear_set_is_said():
     """Controllers are designed on it."""
-    with pytest.raises(InputError, match=r"xl330_pendulum.toml: has no \[linear\] model, on which controllers are designed"):
+    with pytest.raises(InputError, match=r"pendulum.toml: has no \[linear\] model, on which controllers are designed"):
         rescaling_to("xl330_pendulum")
