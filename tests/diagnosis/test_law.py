@@ -16,7 +16,8 @@ from ehsa_ctrl.core import registry
 from ehsa_ctrl.diagnosis.law.free_run import definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, LawVariable
 from ehsa_ctrl.diagnosis.law.memory import clock, lag, over_time, resonance, slip
-from ehsa_ctrl.diagnosis.law.regression import find_sums, placebo
+from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums, placebo
+from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, segment_candidates
 from ehsa_ctrl.diagnosis.records import Segment
 from ehsa_ctrl.diagnosis.regimes import Windows
@@ -255,3 +256,19 @@ def test_an_effect_that_is_left_out_is_no_candidate(plant):
     assert everything - less == {"relief_valve"}
     with pytest.raises(e.InputError, match="without = 'relief' is no effect"):
         e.diagnose(plant.set(K_T=1.5), log, without=["relief"])
+
+
+@pytest.mark.parametrize("place", ["torque", "force", "flow_1", "pump_flow"])
+def test_every_term_is_a_law_of_the_plant(plant, place):
+    """The grammar of a real log: each term alone, with its factor, has a definition whose units fit the plant."""
+    log, _ = e.record(plant, *e.excitation("noise", amplitude=3.0, duration=3.0, sample_time=0.004), centre=True)
+    signals = InjectionCase.of(plant, log, {}).signals
+    grammar = Grammar.of(plant, signals, place)
+    by_family = {term.family: term for term in grammar.terms()}
+
+    assert sum(term.memory is not None for term in by_family.values()) > 3
+    for term in by_family.values():
+        definition = definition_of(LawFit(grammar, (term,), (1.0,), (0.1,), 0.5), list(plant.parameters))
+        effect = effect_of("one_term", definition, "a test")
+        assert effect.law is not None
+        effect.law.check(plant.structure.units)

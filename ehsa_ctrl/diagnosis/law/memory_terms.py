@@ -59,11 +59,11 @@ def _of_motion(plant: Plant, place: str, known: Known, seconds: float) -> Iterat
         size = float(np.std(known[drive]))
         slow = [share * seconds for share in SLOW_SHARES]
         yield from following(f"{drive} * {STATE}", f"{drive}**2", "A2", size**2, slow, (drive,))
-        yield from following(f"{STATE} - {drive}", drive, "A", size, LAGS, (drive,))
+        yield from following(f"({STATE} - {drive})", drive, "A", size, LAGS, (drive,))
         for frequency in RESONANCES:
             shapes = {"frequency": frequency, "damping": DAMPING}
             memory = resonance(drive, "A", size)
-            yield MemoryTerm(f"{STATE} - {drive}", memory, shapes, {"frequency": "1/s", "damping": "1"}, (drive,))
+            yield MemoryTerm(f"({STATE} - {drive})", memory, shapes, {"frequency": "1/s", "damping": "1"}, (drive,))
 
 
 def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
@@ -71,7 +71,7 @@ def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
     if contact.direction in known:
         for tau in LAGS:
             memory = lag(contact.direction, "1", 1.0, while_moving=contact.velocity)
-            yield MemoryTerm(f"{contact.direction} - {STATE}", memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
+            yield MemoryTerm(f"({contact.direction} - {STATE})", memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
 
 
 def _of_flow(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[MemoryTerm]:

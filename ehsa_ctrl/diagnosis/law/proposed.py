@@ -26,7 +26,7 @@ class LawForm:
         """As in diagnosis.json."""
         numbers = {n: {"value": p.value, "sd": p.sd, "unit": p.unit} for n, p in self.file.parameters.items()}
         return {
-            "expression": self.file.expression, "parameters": numbers, "probability": self.probability,
+            "expression": self.file.form, "parameters": numbers, "probability": self.probability,
             "gap_closed": self.gap_closed,
         }  # fmt: skip
 
@@ -79,7 +79,7 @@ class ProposedLaw:
         best = self.forms[0].file
         numbers = join_words(f"{n} = {p.value:.4g} {p.unit}" for n, p in best.parameters.items())
         others = f" ({len(self.forms)} forms fit as well as each other)" if len(self.forms) > 1 else ""
-        return f"{best.expression}, a {ADDENDS[self.place].meaning}, with {numbers}{others}"
+        return f"{best.form}, a {ADDENDS[self.place].meaning}, with {numbers}{others}"
 
     def to_dict(self) -> dict[str, Any]:
         """As in diagnosis.json, without the file of the proposal, which only a written result has."""

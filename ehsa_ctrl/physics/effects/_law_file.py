@@ -192,11 +192,15 @@ class LawFile(Definition):
         return tuple(name for name in self.names if name not in self.parameters and name not in self.states)
 
     @property
+    def form(self) -> str:
+        """The expression with the rates of its states: what two laws share that differ in their numbers alone."""
+        return "; ".join([self.expression, *(f"d {name}/dt = {one.rate}" for name, one in self.states.items())])
+
+    @property
     def digest(self) -> str:
         """Six letters and digits that differ between laws, for names of files and of effects that are tried."""
         numbers = [(name, one.value) for name, one in self.parameters.items()]
-        rates = [(name, one.rate) for name, one in self.states.items()]
-        return hashlib.sha256(f"{self.adds_to} {self.expression} {rates} {numbers}".encode()).hexdigest()[:6]
+        return hashlib.sha256(f"{self.adds_to} {self.form} {numbers}".encode()).hexdigest()[:6]
 
     @property
     def own_parameters(self) -> dict[str, LawParameter]:
