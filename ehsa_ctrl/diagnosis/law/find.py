@@ -186,7 +186,10 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
     best = good[0]
     alike = [one for one in good if one.base is best.base and one.law.law.grammar.name == best.law.law.grammar.name]
     # Refits from different locations on the grid may end at the same law: the better one counts.
-    same = list({one.law.file.form: one for one in reversed(alike)}.values())[::-1]
+    by_form: dict[str, _Tried] = {}
+    for one in alike:
+        by_form.setdefault(one.law.file.form, one)
+    same = list(by_form.values())
     temperature = reference.margin(best.law.scored) / 6.0
     deviance = np.array([one.law.scored.deviance for one in same])
     weights = np.exp(-0.5 * np.clip((deviance - deviance[0]) / temperature, 0.0, 500.0))
