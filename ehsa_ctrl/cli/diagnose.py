@@ -313,7 +313,7 @@ def _controller_of_log(plant: Plant, single: SingleLogOptions, logs: Sequence[Lo
     """The controller for a closed-loop replay along the reference of these logs; None if none is asked for.
 
     Raises InputError as `log_controller` and `reference_of` do; where only the plant's file names a controller, a log
-    without a reference has no closed-loop replay.
+    without a reference, or with a sample time that does not fit, has no closed-loop replay.
     """
     from ..core.log import REFERENCES
     from ..diagnosis.logged_reference import reference_of
@@ -326,8 +326,14 @@ def _controller_of_log(plant: Plant, single: SingleLogOptions, logs: Sequence[Lo
         warn(f"the log has no channel {REFERENCES[0]}: no closed-loop replay with the plant's [log.controller]")
         return None
     controller = log_controller(plant, asked)
-    for log in logs:
-        reference_of(log, controller)
+    try:
+        for log in logs:
+            reference_of(log, controller)
+    except InputError as error:
+        if asked is not None:
+            raise
+        warn(f"no closed-loop replay with the plant's [log.controller]: {error}")
+        return None
     return controller
 
 

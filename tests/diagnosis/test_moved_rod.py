@@ -1,5 +1,6 @@
 """A rod that is moved from outside: its motion is an input, and shaft and chambers alone can be wrong."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.gap_attribution import attribute_gap
 from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
 from ehsa_ctrl.diagnosis.injection import simulate_injections
-from ehsa_ctrl.diagnosis.objective import ResidualScale, nominal_parameters
+from ehsa_ctrl.diagnosis.law.find import _inputs
+from ehsa_ctrl.diagnosis.objective import NominalParameters, ResidualScale, nominal_parameters
+from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.records import Segment
 from ehsa_ctrl.diagnosis.signals import estimate_noise
 from ehsa_ctrl.diagnosis.unknown_inputs import balance_signals, unknown_inputs
@@ -121,6 +124,21 @@ def test_a_valve_that_the_plant_has_is_sought_where_pressures_are(sealed):
 
     levels = [level for (level,) in starts[0]]
     assert sealed["P_crack"] in levels and min(levels) < np.max(log["p2"]) < sealed["P_crack"]
+
+
+def test_a_law_is_sought_only_where_it_can_act(sealed):
+    """A force changes no simulated signal of a rod whose motion is prescribed; the measured force does show one."""
+    log = moved(sealed)
+    springs = dict.fromkeys(("spring_p1", "spring_p2"), np.full(len(log), 1e5))
+    log = replace(log, channels={**log.channels, **springs, "force": 300.0 * np.sign(log["velocity"])})
+    case = InjectionCase.of(sealed, log, estimate_noise(log))
+    nothing = NominalParameters((), np.empty(0), np.empty(0), np.empty(0))
+
+    found = _inputs([case], case.signals, case.unknown.values, np.ones(len(log) - 1, dtype=bool), nothing)
+
+    assert "force" in case.unknown.values
+    assert {"torque", "pump_flow"} <= {one.grammar.name for one in found}
+    assert "force" not in {one.grammar.name for one in found}
 
 
 def test_a_log_without_the_motion_is_refused(sealed):

@@ -144,7 +144,9 @@ def _inputs(
     """The unknown inputs that the logs show, with the pump's flow beside those of the chambers."""
     plant = cases[0].plant
     changes = _changes(cases, nominal)
-    everything = {name: (value, changes[name]) for name, value in values.items() if name in ADDENDS}
+    # A law acts where its balance enters the simulation: where the motion is prescribed, forces do not.
+    acting = ADDENDS.keys() & plant.structure.system.entries.keys()
+    everything = {name: (value, changes[name]) for name, value in values.items() if name in acting}
     if {"flow_1", "flow_2"} <= set(everything):
         (one, d_one), (two, d_two) = everything["flow_1"], everything["flow_2"]
         everything["pump_flow"] = 0.5 * (one - two), 0.5 * (d_one - d_two)
