@@ -54,6 +54,10 @@ def scipy_log(rig, current):
         ("relief_hysteresis", {"P_crack": 24e5, "P_hyst": 3e5, "K_relief": 2e-7}),
         ("position_dependent_friction", {"h_FR": 0.4, "x_h": 0.002, "n_h": 150.0}),
         ("position_dependent_friction", {"h_FR": 0.5, "x_h": -0.005, "w_h": 0.003, "h_FR2": 0.8, "x_h2": 0.004}),
+        (
+            "position_dependent_friction",
+            {"h_FR": 0.0, "c_FR1": 0.35, "c_FR3": -0.4, "c_FR4": 0.3, "c_FR6": 0.2, "x_a": -0.02, "x_b": 0.02},
+        ),
         ("hose_wall", {"C_h": 1.5e-12, "tau_h": 0.1}),
         ("entrained_air", {"air_fraction": 0.03, "P_diss": 10e5, "tau_diss": 1.0}),
     ],
