@@ -37,8 +37,8 @@ def improved_plant(
             structure = replace(structure, **changes)
             note = "friction added by a diagnosis, this value not fitted"
             added |= {n: Parameter(n, v, "", "assumed", note=note) for n, v in absent.items() if n not in values}
-    named = {c.effect.name for c in candidates if c.effect.wired}
-    effects = {n: e for n, e in EFFECTS.items() if n in named or e.extends in named}
+    named = {c.effect.name for c in candidates}
+    effects = {n: e for n, e in EFFECTS.items() if e.wired and (n in named or e.extends in named)}
     effects = {n: e for n, e in effects.items() if any(p.name in values for p in e.parameters)}
     structure = replace(structure, effects=tuple(dict.fromkeys([*structure.effects, *with_extended(effects)])))
     for name, effect in effects.items():

@@ -82,7 +82,7 @@ class Structure:
             if not EFFECTS[name].wired:
                 raise InputError(f"effects: {name!r} {_instead(EFFECTS[name])}")
             extended = EFFECTS[name].extends
-            if extended and extended not in self.effects:
+            if extended and EFFECTS[extended].wired and extended not in self.effects:
                 raise InputError(f"effects: {name!r} extends {extended!r}, which is missing; name both")
             for contact in system.all_contacts:
                 self._check_symbols(name, contact)

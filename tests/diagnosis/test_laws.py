@@ -58,6 +58,7 @@ def scipy_log(rig, current):
             "position_dependent_friction",
             {"h_FR": 0.0, "c_FR1": 0.35, "c_FR3": -0.4, "c_FR4": 0.3, "c_FR6": 0.2, "x_a": -0.02, "x_b": 0.02},
         ),
+        ("maxwell_slip", {"s_slip": 2e-7}),
         ("hose_wall", {"C_h": 1.5e-12, "tau_h": 0.1}),
         ("entrained_air", {"air_fraction": 0.03, "P_diss": 10e5, "tau_diss": 1.0}),
     ],

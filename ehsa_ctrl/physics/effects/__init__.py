@@ -17,8 +17,9 @@ EFFECTS: Registry[Effect] = Registry(sys.modules[__name__], "effect", Effect, "e
 
 def with_extended(names: Iterable[str]) -> tuple[str, ...]:
     """Names of effects, each behind the effect that it extends; unknown names stay."""
-    known = {name: EFFECTS[name].extends if name in EFFECTS else "" for name in names}
-    return tuple(dict.fromkeys(one for name, extended in known.items() for one in (extended, name) if one))
+    extended = {name: EFFECTS[name].extends if name in EFFECTS else "" for name in names}
+    found = (one for name, other in extended.items() for one in (other, name))
+    return tuple(dict.fromkeys(one for one in found if one in extended or (one and EFFECTS[one].wired)))
 
 
 def all_parameters(name: str) -> tuple[EffectParameter, ...]:

@@ -156,8 +156,8 @@ class Effect:
     drifts: whether its numbers may differ from log to log of one rig, as an offset does.
     caveat: sentence that a diagnosis with this effect adds about its gaps.
     law: the expression of an effect from a TOML file.
-    extends: another effect, to whose law this one adds a term with states of its own. It acts beside that effect alone,
-        whose candidates have its parameters and under whose id a diagnosis reports them.
+    extends: another effect, to whose law this one adds a term with states of its own. The other one's candidates have
+        its parameters, and a diagnosis reports them there. It acts beside the other effect alone if that has equations.
     source: of its equation.
 
     Raises TypeError for an unknown place.

@@ -1,6 +1,7 @@
 """Presliding: before it slides, the rod yields elastically by some micrometres; the LuGre law replaces (8).
 
-A hypothesis estimates the compliance 1 / sigma_0 [m/N], so that zero is a rod without presliding.
+Or elastic sliders that slip one after the other, see `maxwell_slip`. A hypothesis estimates the compliance, for LuGre
+1 / sigma_0 [m/N], so that zero is a rod without presliding.
 """
 
 from collections.abc import Mapping
@@ -24,7 +25,10 @@ def deflection(P_1: float, P_2: float, x: float, A: float, K_S: float, A_FR: flo
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
-    """Compliance with and without damping. C_FR is free too, because the bristles take over part of static friction."""
+    """Compliance with and without damping, and that of Maxwell sliders.
+
+    C_FR is free too, because the bristles take over part of static friction.
+    """
     if not context.switches_law or context.value("A_FR") + context.value("C_FR") == 0.0:
         return []
     stiffness = context.value("sigma_0_FR")
@@ -33,10 +37,14 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
     free = (compliance, context.plant_parameter("C_FR", 0.3, 50.0))
     starts = starting_points(free, 0.0) if known else starting_points(free, 1.0, 6.0)
     damped = (*free, FreeNumber(DAMPING, 5e3, 2e3, 0.0, 1e5))
-    return [
+    found = [
         CandidateEffect(effect, free, starts),
         CandidateEffect(effect, damped, tuple((*start, 5e3) for start in starts)),
     ]
+    if context.simulated("s_slip") and not known:
+        sliders = (FreeNumber("s_slip", context.value("s_slip"), 5e-8, 0.0, 1e-5), free[1])
+        found.append(CandidateEffect(effect, sliders, starting_points(sliders, 1.0, 4.0)))
+    return found
 
 
 effect = Effect(
