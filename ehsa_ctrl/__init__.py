@@ -37,6 +37,8 @@ _MODULES = {
     "core.log_reader": "read_log",
     "identification.plant_log": "read_plant_log",
     "identification.checks": "check_log",
+    "identification.frequency_response": "frequency_response",
+    "identification.subspace": "identify_subspace",
     "identification.preparation": "Preparation",
     "identification.comparison": "replay fit_percent",
     "simulation.excitation": "excitation",

@@ -32,10 +32,12 @@ from .identification.checks import LogFinding
 from .identification.comparison import Comparison
 from .identification.experiment import ExperimentDesign
 from .identification.fit_result import Progress
+from .identification.frequency_response import FrequencyResponse, Method
 from .identification.identification import Identification
 from .identification.predicted_accuracy import PredictedAccuracy
 from .identification.preparation import Preparation as Preparation
 from .identification.refits import Profile
+from .identification.subspace import SubspaceModel
 from .plant.conditions import Condition
 from .plant.draws import Covariance
 from .plant.plant import Model
@@ -170,6 +172,19 @@ def forecast(
     centre: bool = False,
 ) -> PredictedAccuracy: ...
 def four_state(plant: _PlantLike) -> control.StateSpace: ...
+def frequency_response(
+    plant: _PlantLike,
+    logs: _LogLike | Sequence[_LogLike],
+    *,
+    models: Mapping[str, control.StateSpace] | None = None,
+    method: Method = "auto",
+    estimator: str = "H1",
+    segment: float | None = None,
+    period: float | None = None,
+    settle: float | None = None,
+    subspace: bool = False,
+    order: int | None = None,
+) -> FrequencyResponse: ...
 def gap(plant: _PlantLike, log: _LogLike) -> dict[str, float]: ...
 def hunting(time: _ArrayLike, x: _ArrayLike) -> dict[str, float]: ...
 def identify(
@@ -188,6 +203,9 @@ def identify(
     watch: Callable[[Progress], None] | None = None,
     check: bool = True,
 ) -> Identification: ...
+def identify_subspace(
+    drive: _ArrayLike, outputs: Mapping[str, _ArrayLike], sample_time: float, *, order: int | None = None
+) -> SubspaceModel: ...
 def known_of(plant: _PlantLike) -> Known: ...
 def linearise(
     plant: _PlantLike, *, position: float = 0.0, pressure_level: float | None = None, velocity: float = 0.05

@@ -278,15 +278,16 @@ def _or_name(kind: ArgumentKind) -> ArgumentKind:
 
 #: ArgumentKind -> names of the arguments of this kind. Those with the default None accept None too.
 _NAMES = {
-    NUMBER: "amplitude band current_limit delay distance duration excess from_ margin position pressure_level resample "
-    "rtol sample_time speed_limit spread stop threshold to tolerance unknown velocity width window within",
-    WHOLE: "direction draws jobs lag n points rehearsals runs shortest starts",
+    NUMBER: "amplitude band current_limit delay distance duration excess from_ margin period position pressure_level "
+    "resample rtol sample_time segment settle speed_limit spread stop threshold to tolerance unknown velocity "
+    "width window within",
+    WHOLE: "direction draws jobs lag n order points rehearsals runs shortest starts",
     SEED: "seed",
-    FLAG: "anew assumed centre check compiled raise_on_failure sensor_noise uniform",
-    TEXT: "criterion drive_unit kind label method name system_name",
+    FLAG: "anew assumed centre check compiled raise_on_failure sensor_noise subspace uniform",
+    TEXT: "criterion drive_unit estimator kind label method name system_name",
     TEXT | NONE: "chambers rod_friction shaft_friction",
     TEXT | PATH: "file folder identification path",
-    ARRAY: "current force measured reference simulated start time x",
+    ARRAY: "current drive force measured reference simulated start time x",
     NUMBERS: "betas masses positions stiffnesses velocities",
     NAMES: "fix free initial_states names required wanted without",
     FUNCTION: "keep problem watch",
@@ -300,12 +301,12 @@ _NAMES = {
     LOG: "after before log validate",
     SYSTEM: "system",
     CONTROLLER: "controller",
-    dictionary(ARRAY): "channels",
+    dictionary(ARRAY): "channels outputs",
     dictionary(PAIR): "bounds",
     dictionary(ANY_NUMBER): "noise widths",
     dictionary(ANY_NUMBER | NONE): "priors",
     dictionary(TEXT | ANY_NUMBER): "settings",
-    dictionary(SYSTEM): "systems",
+    dictionary(SYSTEM): "models systems",
     dictionary(instance("Column")): "columns",
     several(instance("Condition", "what conditions() gives")): "conditions",
     instance("Covariance", "the covariance of an identification"): "covariance",
@@ -336,6 +337,8 @@ OVERRIDES: dict[str, ArgumentKind] = {
     "confirm_law.logs": several(LOG),
     "diagnose_many.logs": several(_or_name(LOG)),
     "log_controller.controller": TEXT | PATH,
+    "frequency_response.logs": LOG | several(LOG),
+    "frequency_response.method": one_of("auto", "spectral", "periodic"),
     "identify.logs": LOG | several(LOG),
     "identify.method": one_of("simulation", "balances"),
     "identify.validate": several(LOG),

@@ -43,7 +43,7 @@ def given():
         "current": time, "parameters": time[None], "reference": np.zeros((50, 3)), "measured": time, "simulated": time,
         "name": "ehsa", "path": "nowhere/x.fmu", "plants": [plant], "n": 1, "required": (), "result": None,
         "folder": ".", "diagnosis": object.__new__(Diagnosis), "found": object.__new__(Identification),
-        "distance": 0.01, "current_limit": 6.0, "x": time,
+        "distance": 0.01, "current_limit": 6.0, "x": time, "drive": time, "outputs": {}, "sample_time": 0.004,
     }  # fmt: skip
 
 

@@ -17,6 +17,7 @@ API = {
     "logs": ("Logs and identification", "From a log to parameters with their uncertainty.", (
         "Log", "read_log", "read_plant_log", "check_log", "Preparation", "replay", "fit_percent", "identify",
         "write_plant", "sliding_linear", "profile", "forecast", "design_experiment",
+        "frequency_response", "identify_subspace",
     )),
     "control": ("Controllers and their analysis", "Designed on linear models, in the frequency domain.", (
         "controllers", "load_controller", "analyse", "analyse_loop", "robust_margins", "review", "Known",
@@ -42,7 +43,12 @@ WHERE = (
 #: Result types, shown below the functions of a page.
 RESULTS = {
     "simulation": ("simulation.trajectory.Trajectory",),
-    "logs": ("identification.identification.Identification", "identification.uncertainty.Estimate"),
+    "logs": (
+        "identification.identification.Identification",
+        "identification.uncertainty.Estimate",
+        "identification.frequency_response.FrequencyResponse",
+        "identification.subspace.SubspaceModel",
+    ),
     "control": ("design.controller.SampledController",),
     "scenarios": (
         "scenario.result.ScenarioResult",

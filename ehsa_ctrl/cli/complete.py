@@ -61,7 +61,7 @@ reference_kinds = _kinds("scenarios", "reference", "kind")
 listed_kinds = _words(*LISTED)
 models = _words("linear", "nonlinear")
 models_or_both = _words("linear", "nonlinear", "both")
-excitations = _words("noise", "steps", "sine", "ramp", "chirp", "multisine")
+excitations = _words("noise", "steps", "sine", "ramp", "chirp", "multisine", "white")
 
 
 def several_controllers(incomplete: str) -> Offer:

@@ -25,6 +25,7 @@ from . import (
     excite,
     export,
     fmu,
+    frf,
     identify,
     listing,
     montecarlo,
@@ -80,8 +81,8 @@ app = typer.Typer(
 )
 COMMANDS = {
     "run": run, "montecarlo": montecarlo, "simulate": simulate, "analyse": analyse, "design": design, "excite": excite,
-    "compare": compare, "identify": identify, "diagnose": diagnose, "export": export, "fmu": fmu, "report": report,
-    "list": listing, "check": check,
+    "compare": compare, "frf": frf, "identify": identify, "diagnose": diagnose, "export": export, "fmu": fmu,
+    "report": report, "list": listing, "check": check,
 }  # fmt: skip
 for name, module in COMMANDS.items():
     app.command(name)(expand_groups(module.command))

@@ -29,7 +29,7 @@ def command(
     ] = None,
     excitation: Annotated[
         str | None,
-        typer.Option(help="Input: noise, steps, sine, ramp, chirp or multisine.", autocompletion=excitations),
+        typer.Option(help="Input: noise, steps, sine, ramp, chirp, multisine or white.", autocompletion=excitations),
     ] = None,
     amplitude: Annotated[float, typer.Option(help="Amplitude of the excitation, A (or the drive's unit).")] = 1.5,
     duration: Annotated[float, typer.Option(help="Duration of the excitation, s.")] = 10.0,
@@ -58,7 +58,7 @@ def command(
     from .progress import compiling
 
     if (input_file is None) == (excitation is None):
-        raise InputError("give either --input current.csv or --excitation noise|steps|sine|ramp|chirp|multisine")
+        raise InputError("give either --input current.csv or --excitation noise|steps|sine|ramp|chirp|multisine|white")
     pairs = read_pairs(settings)
     loaded = load_model(plant, model, pairs)
     system, second = loaded.structure.system, None

@@ -64,8 +64,13 @@ def multisine(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> n
     return amplitude * signal / np.max(np.abs(signal))
 
 
+def white(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.ndarray:
+    """A random value within +-amplitude at each sample: white up to the Nyquist frequency, for subspace models."""
+    return amplitude * rng.uniform(-1.0, 1.0, time.size)
+
+
 EXCITATIONS: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarray]] = {
-    function.__name__: function for function in (noise, steps, sine, ramp, chirp, multisine)
+    function.__name__: function for function in (noise, steps, sine, ramp, chirp, multisine, white)
 }
 
 

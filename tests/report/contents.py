@@ -32,6 +32,21 @@ def contents(gentle, harsh, fitting):
                        "nonlinear": {"fit_percent": {"speed": None, "p1": None}, "stopped": "left the range."}},
             "findings": [{"kind": "dead", "channel": "p1", "severity": "error", "sentence": "p1 is dead"}],
         },
+        "frequency_response.json": {
+            "drive": "current", "method": "spectral", "estimator": "H1", "sample_time": 0.004,
+            "logs": [f"{AWKWARD}.csv"],
+            "period": None, "averages": 15, "provenance": PROVENANCE,
+            "subspace": {"order": 1, "singular_values": [1.0, 0.01], "fit_percent": {AWKWARD: 90.0}},
+            "channels": {
+                "speed": {"frequency": [1.0, 2.0], "real": [1.0, 0.5], "imaginary": [0.0, -0.5], "noise_sd": [0.1, 0.1],
+                          "nonlinear_sd": [None, None], "coherence": [0.9, 0.8], "even": None, "odd": None,
+                          "reliable": [True, True], "unit": "rad/s/A",
+                          "models": {"linear": {"real": [1.0, 0.5], "imaginary": [0.0, -0.5], "distance": 0.02}}},
+                AWKWARD: {"frequency": [1.0], "real": [1.0], "imaginary": [0.0], "noise_sd": [0.9],
+                          "nonlinear_sd": [0.1], "coherence": [None], "even": 0.1, "odd": None, "reliable": [False],
+                          "unit": "m/A", "models": {"linear": {"real": [1.0], "imaginary": [0.0], "distance": None}}},
+            },
+        },
         "analysis.json": {
             "plant": "ehsa", "model": "linear", "poles": [[0.0, 0.0], [-293.3, 327.8]],
             "natural_frequencies": [0.0, 439.9], "damping": [None, 0.667], "zeros": {"speed": [[-295.0, 327.0]]},

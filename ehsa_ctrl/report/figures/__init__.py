@@ -11,6 +11,7 @@ from .frequency import bode_figure, loop_figure
 from .law import law_figure
 from .loop_replays import loop_replay_figure
 from .loops import nyquist_figure, robustness_figure, step_figure
+from .responses import response_figure
 from .runs import baseline_figure, closed_figure, scenario_figure, trajectory_figure
 from .save import save, to_svg
 
@@ -32,6 +33,7 @@ __all__ = [
     "parameters_figure",
     "replay_figure",
     "residuals_figure",
+    "response_figure",
     "robustness_figure",
     "save",
     "scenario_figure",
