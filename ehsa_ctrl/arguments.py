@@ -30,6 +30,8 @@ LARGEST = 1e30
 LINEAR = ("four_state", "three_state")
 #: Arguments that are converted first, because others are loaded with them.
 FIRST = ("plant", "system")
+#: Current limit [A] of a law that is analysed without a plant.
+NO_LIMIT = 1e9
 LOADED = ("Plant", "Log", "SampledController", "Scenario")
 
 
@@ -227,7 +229,11 @@ def as_controller(value: Any, given: Given) -> Any:
 
             return own_controller(value, plant, system)
     _checked(system, _is(system, "StateSpace"))
-    return load_controller(os.fspath(value), system, sample_time=period, drive_unit=unit)
+    if isinstance(value, str | os.PathLike):
+        return load_controller(os.fspath(value), system, sample_time=period, drive_unit=unit)
+    # Without a plant there is no rating; the analysis of a linear law does not depend on its limit.
+    limit = {} if isinstance(value, Mapping) else {"current_limit": NO_LIMIT}
+    return load_controller(value, system, **limit)
 
 
 def _is_pair(value: Any, *, open_ended: bool = False) -> bool:

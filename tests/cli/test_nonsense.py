@@ -24,6 +24,7 @@ CALLS = {
     "new controller": ["no name"],
     "new scenario": ["no name"],
     "report": ["no_such"],
+    "frf": ["no_such", "--plant", "ehsa"],
     "list": ["no_such"],
     "check": ["no_such"],
 }

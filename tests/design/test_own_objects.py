@@ -116,6 +116,7 @@ def test_margins_are_those_of_python_control(linear):
     gain, phase, _, crossover = control.margin(control.frd(open_loop, np.geomspace(1.0, 780.0, 20000)))
 
     assert loop.stable
+    assert e.analyse_loop(model, lead).phase_margin == loop.phase_margin
     assert loop.gain_margin == pytest.approx(gain, rel=2e-3)
     assert loop.phase_margin == pytest.approx(phase, rel=2e-3)
     assert loop.crossover == pytest.approx(crossover, rel=2e-3)
