@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..core.errors import InputError
+
 #: A loop has settled when it stays within this share of the step (the usual 2 %), or within this distance [m] if that
 #: is larger: about the accuracy to which a PID without friction compensation holds the EHSA (docs/limits.md).
 BAND, BAND_ABSOLUTE = 0.02, 100e-6
@@ -77,7 +79,14 @@ def hunting(time: np.ndarray, x: np.ndarray) -> dict[str, float]:
     -------
     Slips: number of breakaways and reversals. HuntingAmplitude (peak to peak [m]; 0 without a reversal) and
     HuntingPeriod ([s]; nan with fewer than two reversals).
+
+    Raises InputError for vectors of different lengths.
     """
+    if time.ndim != 1 or time.shape != x.shape or time.size < 2:
+        raise InputError(
+            f"hunting: time has shape {time.shape} and x {x.shape}; expected two vectors of equal length, two samples "
+            "or more"
+        )
     direction = np.sign(np.diff(x))
     starts = np.flatnonzero((direction != 0) & (np.concatenate([[0.0], direction[:-1]]) != direction))
     directions = direction[starts]

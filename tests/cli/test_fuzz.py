@@ -296,8 +296,8 @@ def fitting():
         "time": time, "parameters": plant.vector[None], "reference": np.zeros((50, 3)), "measured": time,
         "simulated": time, "current": time, "name": "ehsa", "path": "no.fmu", "n": 1, "required": (), "result": None,
         "folder": ".", "distance": 0.01, "current_limit": 6.0, "frame": log.to_pandas(), "channels": channels,
-        "force": 0.0, "duration": 0.004, "plants": [], "logs": [log], "x": time, "drive": time, "outputs": {"speed": time},
-        "sample_time": 0.004,
+        "force": 0.0, "duration": 0.004, "plants": [], "logs": [log],
+        "x": time, "drive": time, "outputs": {"speed": time}, "sample_time": 0.004,
     }  # fmt: skip
 
 
