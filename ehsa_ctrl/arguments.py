@@ -232,7 +232,7 @@ def as_controller(value: Any, given: Given) -> Any:
     if isinstance(value, str | os.PathLike):
         return load_controller(os.fspath(value), system, sample_time=period, drive_unit=unit)
     # Without a plant there is no rating; the analysis of a linear law does not depend on its limit.
-    limit = {} if isinstance(value, Mapping) else {"current_limit": NO_LIMIT}
+    limit: dict[str, Any] = {} if isinstance(value, Mapping) else {"current_limit": NO_LIMIT}
     return load_controller(value, system, **limit)
 
 
