@@ -9,11 +9,14 @@ import numpy as np
 
 from ..core.log import Log
 from ..identification.initial_state import RUN_IN, ZERO_SPEED, estimate_states, find_initial_state
+from ..identification.logged_inputs import logged_inputs
 from ..physics.effects import EFFECTS, Effect
 from ..plant.plant import Plant
 from .hypothesis_model import HypothesisModel
+from .law.begin import courses
 from .records import Record, Segment
 from .signals import estimate_noise
+from .unknown_inputs import balance_signals
 
 #: Length of a window [s]. Engineering judgement: longer than a slip's consequences, a few times the run-in at most.
 WINDOW = 2.0
@@ -89,8 +92,23 @@ def part_of_log(plant: Plant, model: HypothesisModel, noise: Mapping[str, float]
             start[contact.velocity] = 0.0
     for effect in map(EFFECTS.__getitem__, model.plant.structure.effects):
         start |= {s.name: float(s.along(log, plant.values)[run_in]) for s in effect.states if s.along is not None}
+        start |= _states_of_law(plant, log, effect, run_in)
     piece = replace(model, log=log.rows(run_in, end), start=start)
     return Record(piece, noise, (slice(begin - run_in, end - run_in),))
+
+
+def _states_of_law(plant: Plant, log: Log, effect: Effect, at: int) -> dict[str, float]:
+    """The states of an effect from a TOML file at a sample, by their rates along the measured signals."""
+    if effect.law is None or not effect.states:
+        return {}
+    drive, second_input = logged_inputs(plant, log)
+    signals = balance_signals(plant, log, drive, {}, second_input=second_input)
+    law = effect.law.definition
+    values = {name: plant.values.get(name, one.value) for name, one in law.parameters.items()}
+    known = {name: course[:-1] for name, course in signals.values.items()}
+    if not set(law.variables) <= set(known):
+        return {}
+    return {name: float(course[at]) for name, course in courses(law, values, known, log.sample_time).items()}
 
 
 def windows_of(plants: Sequence[Plant], segment: Segment) -> Segment | None:

@@ -14,6 +14,7 @@ sys.path.append(str(ROOT / "benchmarks" / "withheld"))
 import answer_score  # noqa: E402
 import calibration  # noqa: E402
 import failures  # noqa: E402
+import law_score  # noqa: E402
 import score_statistics  # noqa: E402
 from effects import IDS  # noqa: E402
 from effects_outside import OUTSIDE  # noqa: E402
@@ -264,3 +265,27 @@ def test_a_small_change_of_one_sensor_excuses_no_other_channel():
 
     assert (with_channel("p1").minor, with_channel("p1").wrong) == (1, ())
     assert (with_channel("position").minor, with_channel("position").wrong) == (0, ("sensor_filter",))
+
+
+def law_answer(place, variables, expression, closed=0.9):
+    forms = [{"expression": expression, "gap_closed": closed}]
+    return {"law": {"place": place, "variables": variables, "forms": forms}, "seconds": 9.0}
+
+
+def law_key(law):
+    gaps = {"nominal": {"total": 0.2}, "truth": {"total": 0.01}}
+    return {"effects": [{"id": "outside_catalogue", "law": law}], "held_out": {"gap": gaps}}
+
+
+def test_a_law_is_scored_by_variable_form_and_gap():
+    """A leak that grows with time; a right variable under a wrong form; a law where no expression is right."""
+    grown = law_answer("pump_flow", ["(P_1 - P_2)", "time"], "c_1 * (P_1 - P_2) * c_m_1; d c_m_1/dt = 1")
+    static = law_answer("flow_1", ["P_1", "time"], "c_1 * P_1 * (1 - exp(-c_m_1 / c_tau_1)); d c_m_1/dt = 1", 0.5)
+    right, wrong = (law_score.score_law("a", law_key("leak_growth"), one) for one in (grown, static))
+    made_up = law_score.score_law("b", law_key("mains"), static)
+    nothing = law_score.score_law("c", {"effects": []}, {"law": None, "seconds": 1.0})
+
+    assert right.right_variable and right.right_form and right.enough
+    assert wrong.right_variable and not wrong.right_form and not wrong.enough
+    assert made_up.right_form is None and made_up.proposed and not nothing.proposed
+    assert "nothing proposed where no expression is right: 1 of 2" in law_score.table([right, wrong, made_up, nothing])

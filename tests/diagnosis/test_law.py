@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import ehsa_ctrl as e
 from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
+from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
 from ehsa_ctrl.diagnosis.law.free_run import definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, LawVariable
 from ehsa_ctrl.diagnosis.law.memory import clock, lag, over_time, resonance, slip
@@ -21,6 +22,7 @@ from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, segment_candidates
 from ehsa_ctrl.diagnosis.records import Segment
 from ehsa_ctrl.diagnosis.regimes import Windows
+from ehsa_ctrl.diagnosis.validation_segment import initial_state, part_of_log
 from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of, law_text, read_law
 
 TIME = 0.004 * np.arange(6001)
@@ -272,3 +274,24 @@ def test_every_term_is_a_law_of_the_plant(plant, place):
         effect = effect_of("one_term", definition, "a test")
         assert effect.law is not None
         effect.law.check(plant.structure.units)
+
+
+def test_a_part_of_a_log_begins_with_what_the_law_remembers(plant):
+    """The clock of a law does not start anew in the held-out last third: 4 s of a log that begins at 0."""
+    definition = LawFile.model_validate(
+        {
+            "schema": 1, "status": "proposed", "summary": "a weaker motor", "adds_to": "torque",
+            "expression": "-c_old * current * age",
+            "parameters": {"c_old": {"value": 0.01, "unit": "N m/(A s)", "neutral": 0.0}},
+            "states": {"age": {"rate": "1", "unit": "s", "scale": 1.0}},
+        }
+    )  # fmt: skip
+    EFFECTS.keep("older", effect_of("older", definition, "a test"))
+    rig = plant.with_effects("older")
+    log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=6.0, sample_time=0.004), centre=True)
+    model = HypothesisModel(rig, log, initial_state(rig, log))
+    part = part_of_log(rig, model, {}, [slice(1000, 1500)]).model
+    first = part.log.time[0]
+
+    assert 2.0 < first < 4.0 and part.start is not None
+    assert part.start["age"] == pytest.approx(first - log.time[0], abs=1e-9)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,25 @@ from ...physics.effects import LawFile
 from ..records import Record, Segment
 from .grammar import Grammar
 from .memory import Memory
+
+
+def courses(
+    file: LawFile,
+    values: Mapping[str, float],
+    known: Mapping[str, np.ndarray],
+    sample_time: float,
+    begins: Sequence[int] = (0,),
+) -> dict[str, np.ndarray]:
+    """State of a law -> (N - 1,) along logs. values: of its parameters. known: name in the equations -> (N - 1,)."""
+    found: dict[str, np.ndarray] = {}
+    for name, state in file.states.items():
+        linked = [other for other in file.states if other in Expression.parse(state.rate).names]
+        group = list(dict.fromkeys([name, *linked])) if name not in found else []
+        if group:
+            rates = {one: file.states[one].rate for one in group}
+            memory = Memory(rates, dict.fromkeys(group, "1"), dict.fromkeys(group, 1.0))
+            found |= memory.course(known, values, sample_time, begins)
+    return found
 
 
 @dataclass(frozen=True)
@@ -30,14 +49,7 @@ class Begin:
         if not file.states:
             return cls()
         values = {name: one.value for name, one in file.parameters.items()}
-        found: dict[str, np.ndarray] = {}
-        for name, state in file.states.items():
-            linked = [other for other in file.states if other in Expression.parse(state.rate).names]
-            group = list(dict.fromkeys([name, *linked])) if name not in found else []
-            if group:
-                rates = {one: file.states[one].rate for one in group}
-                memory = Memory(rates, dict.fromkeys(group, "1"), dict.fromkeys(group, 1.0))
-                found |= memory.course(grammar.known, values, grammar.sample_time, grammar.begins)
+        found = courses(file, values, grammar.known, grammar.sample_time, grammar.begins)
         ends = [*grammar.begins[1:], None]
         parts = [slice(a, b) for a, b in zip(grammar.begins, ends, strict=True)]
         return cls(grammar.starts, tuple({name: y[part] for name, y in found.items()} for part in parts))
