@@ -41,6 +41,12 @@ def test_no_misfit_keeps_the_verdict(verdict_of):
     assert verdict_of(0.05, misfit=0.9, curve=0.1, verdict="ambiguous") == "ambiguous"
 
 
+def test_a_large_rest_counts_however_small_it_is_beside_the_nominal_gap(verdict_of):
+    """Three thresholds and more, here with 10 % before."""
+    assert verdict_of(0.0899, misfit=0.9, curve=0.9) == "effect"
+    assert verdict_of(0.0901, misfit=0.9, curve=0.9) == "outside_catalogue"
+
+
 def test_a_rest_that_does_not_matter_is_explained(verdict_of):
     """Residuals that are significant and small, which no curve of the same variables makes smaller."""
     assert verdict_of(0.02, misfit=5.0, curve=0.9) == "effect"
