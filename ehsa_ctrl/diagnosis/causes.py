@@ -21,10 +21,10 @@ from .signals import largest
 MIN_PROBABILITY = 0.02
 #: Hypotheses whose effects are listed as near to what stays unexplained.
 NEAREST = 3
-#: Logistic regression of whether a listed cause is right, on 152 listed causes of tuning seeds of the bench:
+#: Logistic regression of whether a listed cause is right, on 210 listed causes of tuning seeds of the bench:
 #: constant, logarithm of its own gap, verdict `partly`, logarithm of the gap that is left. Gaps are in thresholds and
 #: not below SMALLEST.
-RELIABILITY, SMALLEST = (-0.95, 1.18, -2.16, -1.55), 0.05
+RELIABILITY, SMALLEST = (-0.55, 1.23, -2.36, -1.36), 0.05
 #: The Shapley value is exact for so many causes, and the mean over so many random orders for more.
 MAX_EXACT, ORDERS = 5, 40
 
@@ -74,16 +74,15 @@ def build_causes(
 def _probability(key: CauseKey, selection: Selection, left: float, threshold: float) -> float:
     """Probability that a cause of the chosen hypothesis, or one that could replace it, is present.
 
-    The share among the hypotheses, which is at least a half for what is claimed, times the reliability of such a cause:
-    the hypotheses know nothing of effects that they lack. How often a cause of such a size is right where the model
-    leaves so much comes from logs whose truth is known, see RELIABILITY. left: of the gap, in thresholds.
+    How often a claimed cause of such a size is right where the model leaves so much comes from logs whose truth is
+    known, see RELIABILITY. The share of the cause among the hypotheses says nothing beyond it (its coefficient in the
+    same regression is 0.05): the hypotheses know nothing of effects that they lack. left: of the gap, in thresholds.
     """
-    among = sum(selection.probability.get(one, 0.0) for one in (key, *selection.alternatives.get(key, ())))
     size = largest(selection.chosen.own_gaps[key]) / threshold
     constant, by_size, partly, by_left = RELIABILITY
     logit = constant + by_size * np.log(max(size, SMALLEST)) + by_left * np.log(max(left, SMALLEST))
     logit += partly * (selection.verdict == "partly")
-    return float(np.clip(among, 0.5, 1.0) / (1.0 + np.exp(-logit)))
+    return float(1.0 / (1.0 + np.exp(-logit)))
 
 
 def related_effects(selection: Selection, scoring: Scoring, reference: Reference) -> tuple[RelatedEffect, ...]:
