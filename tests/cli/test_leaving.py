@@ -100,7 +100,7 @@ def test_an_interrupted_campaign_says_what_is_kept_and_goes_on(tmp_path):
 @pytest.mark.parametrize(
     ("work", "call"),
     [
-        ("ehsa_ctrl.scenario.run.run", ("run", "force_step", "--out", "there")),
+        ("ehsa_ctrl.scenario.run.run_one", ("run", "force_step", "--out", "there")),
         ("ehsa_ctrl.identification.identify.identify", ("identify", "log.csv", "--plant", "ehsa", "--out", "there")),
         ("ehsa_ctrl.diagnosis.diagnose.diagnose", ("diagnose", "log.csv", "--plant", "ehsa", "--out", "there")),
         ("ehsa_ctrl.identification.comparison.replay", ("compare", "log.csv", "--plant", "ehsa", "--json")),

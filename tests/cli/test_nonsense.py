@@ -23,6 +23,7 @@ CALLS = {
     "new plant": ["no name"],
     "new controller": ["no name"],
     "new scenario": ["no name"],
+    "effects confirm": ["no_such", "no_such.csv", "--plant", "ehsa"],
     "report": ["no_such"],
     "frf": ["no_such", "--plant", "ehsa"],
     "list": ["no_such"],

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+import ehsa_ctrl
 from ehsa_ctrl import InputError, SimulationError, load_controller, run_closed_loop, three_state
 from ehsa_ctrl.plant.plant import Sensor
 from ehsa_ctrl.simulation.sensors import Sensors
@@ -148,7 +149,7 @@ def test_a_current_that_is_no_number_stops_the_run(plant):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ({"reference": np.zeros(10)}, r"expected \(samples, 3\)"),
+        ({"reference": np.zeros((10, 2))}, r"expected \(samples, 3\)"),
         ({"reference": np.full((10, 3), np.nan)}, "finite"),
         ({"reference": np.zeros((10, 3)), "force": np.zeros(9)}, r"expected \(10,\)"),
         ({"reference": np.zeros((10, 3)), "lag": -1}, "whole number"),
@@ -160,3 +161,12 @@ def test_wrong_input_is_a_sentence(plant, pid, arguments, says):
 
     with pytest.raises(InputError, match=says):
         run_closed_loop(plant, pid, reference, **arguments)
+
+
+def test_positions_alone_are_a_reference():
+    """With zero velocity and acceleration."""
+    plant, controller = ehsa_ctrl.load_plant("ehsa"), "pid_position"
+    alone = ehsa_ctrl.run_closed_loop(plant, controller, np.full(50, 0.01))
+    full = ehsa_ctrl.run_closed_loop(plant, controller, np.tile([0.01, 0.0, 0.0], (50, 1)))
+
+    assert np.array_equal(alone["x"], full["x"])
