@@ -1,6 +1,5 @@
 """A carriage under a known force: the catalogue's effects in other symbols, on a bench log and a real one."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.candidate_effects import friction_levels
-from ehsa_ctrl.diagnosis.diagnose import diagnose
 from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "emps" / "train.csv"
@@ -113,25 +111,3 @@ def test_a_servo_believed_with_coulomb_and_viscous_friction_shows_its_loaded_gea
     assert causes["load_dependent_friction"].place == "torque"
     assert {place for place, _ in found.where} <= {"torque", "drive", "sensor"}
     assert found.gap["with_effects"]["total"] < 0.5 * found.gap["nominal"]["total"]
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not (SHARED.parents[1] / "bam").is_dir(), reason="the measured records are not here")
-def test_records_of_two_gains_improve_the_servo_to_30_mrad():
-    """One diagnosis of all records; its plant replays each in closed loop, the nominal one to 62 mrad."""
-    plant = ehsa_ctrl.load_plant("xl330_pendulum")
-    logs = []
-    for path in sorted((SHARED.parents[1] / "bam").glob("kp*.csv")):
-        log, _ = ehsa_ctrl.Preparation(resample=200.0).apply(
-            ehsa_ctrl.read_plant_log(path, plant, uniform=False), plant
-        )
-        logs.append(replace(log, settings={"kp": float(path.name[2:5])}))
-
-    found = diagnose(plant, logs)
-
-    def error(model):
-        runs = [ehsa_ctrl.replay(model, log) for log in logs]
-        return np.mean([np.mean(np.abs(run.simulated["angle"] - run.log["angle"])) for run in runs])
-
-    assert "load_dependent_friction" in {cause.id for cause in found.effects}
-    assert error(found.improved) < 0.030 < 0.060 < error(plant)

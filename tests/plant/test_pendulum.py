@@ -210,21 +210,23 @@ def test_records_of_two_gains_determine_supply_and_gear(servo):
 @pytest.mark.slow
 @pytest.mark.skipif(not RECORDS.is_dir(), reason="the measured records are not here")
 def test_load_and_saturation_explain_records_of_another_gain(servo):
-    """Identified at kp 800 alone, the servo replays those at kp 100 to 30 mrad; Coulomb and viscous friction do not."""
+    """Identified at kp 800 alone, the servo replays those at kp 100 to 30 mrad; Coulomb and viscous friction do not.
+    Identified at both, it replays all of them so."""
     logs = {100.0: [], 800.0: []}
     for path in sorted(RECORDS.glob("kp*.csv")):
         kp = float(path.name[2:5])
         log, _ = Preparation(resample=200.0).apply(read_plant_log(path, servo, uniform=False), servo)
         logs[kp].append(replace(log, settings={"kp": kp}))
 
-    def tested(plant, *free):
-        fitted = identify(plant, logs[800.0], free=free, starts=4).plant
-        runs = [replay(fitted, log) for log in logs[100.0]]
+    def tested(plant, *free, gains=(800.0,), at=(100.0,)):
+        fitted = identify(plant, [log for kp in gains for log in logs[kp]], free=free, starts=4).plant
+        runs = [replay(fitted, log) for kp in at for log in logs[kp]]
         return np.mean([np.mean(np.abs(run.simulated["angle"] - run.log["angle"])) for run in runs])
 
     effects = ("load_dependent_friction", "torque_saturation")
     loaded = with_law(servo, "coulomb", *effects, kappa=0.2, k_sat=0.3)
     assert tested(loaded, "kappa", "k_sat") < 0.030 < tested(servo)
+    assert tested(loaded, "kappa", "k_sat", gains=(100.0, 800.0), at=(100.0, 800.0)) < 0.030
 
 
 def test_a_lag_of_the_current_and_friction_over_the_angle_act_in_the_servo(servo):
