@@ -38,7 +38,9 @@ def improved_plant(
             note = "friction added by a diagnosis, this value not fitted"
             added |= {n: Parameter(n, v, "", "assumed", note=note) for n, v in absent.items() if n not in values}
     named = {c.effect.name for c in candidates}
-    effects = {n: e for n, e in EFFECTS.items() if e.wired and (n in named or e.extends in named)}
+    # A law that was just found is not listed in the catalogue.
+    known_effects = {**EFFECTS.members(), **{c.effect.name: c.effect for c in candidates}}
+    effects = {n: e for n, e in known_effects.items() if e.wired and (n in named or e.extends in named)}
     effects = {n: e for n, e in effects.items() if any(p.name in values for p in e.parameters)}
     structure = replace(structure, effects=tuple(dict.fromkeys([*structure.effects, *with_extended(effects)])))
     for name, effect in effects.items():

@@ -4,7 +4,7 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.improved_plant import improved_plant
-from ehsa_ctrl.physics.effects import EFFECTS, CandidateEffect, with_extended
+from ehsa_ctrl.physics.effects import EFFECTS, CandidateEffect, LawFile, effect_of, law_candidate, with_extended
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +71,16 @@ def test_bristles_are_found_by_their_softness(plant):
     assert better.parameters["sigma_1_FR"].source == "assumed"
     assert damped["sigma_1_FR"] == 4e3 and damped.parameters["sigma_1_FR"].source == "identified"
     assert "softness_FR" not in better.parameters
+
+
+def test_a_law_that_was_just_found_is_in_the_plant(plant):
+    """It is known by its name only, not listed in the catalogue."""
+    definition = {
+        "schema": 1, "status": "proposed", "summary": "cubic drag", "adds_to": "force", "expression": "c_x * v**3",
+        "parameters": {"c_x": {"value": 4e5, "unit": "N s3/m3", "neutral": 0.0}},
+    }  # fmt: skip
+    effect = effect_of("cubic_drag", LawFile.model_validate(definition), "a test")
+    EFFECTS.keep("cubic_drag", effect)
+    improved = improved_plant(plant, (law_candidate(effect, plant.values),), {"c_x": 3e5}, {"c_x": 1e4})
+
+    assert improved.structure.effects == ("cubic_drag",) and improved["c_x"] == 3e5
