@@ -9,7 +9,7 @@
 # corrected plant, that works on the rig. Compare, diagnose and run are also commands: `ehsa-ctrl compare`, `ehsa-ctrl
 # diagnose`, `ehsa-ctrl run`.
 #
-# It is the last of four notebooks, after `from_paper_to_model`, `from_log_to_plant` and `from_model_to_controller`.
+# It is the fourth of five notebooks, after `from_paper_to_model`, `from_log_to_plant` and `from_model_to_controller`.
 
 # %%
 import os
@@ -506,5 +506,5 @@ pd.DataFrame(others).T.round(0).astype(int)
 # - The cause matters where it changes a decision: here the feed-forward, and a prediction of 16 successful moves of
 #   which the rig achieved one.
 #
-# **Next:** your own log. `ehsa-ctrl compare log.csv --plant ehsa` is the first command for it; `design_script.py` in
-# the same folder has all four steps. Back to the beginning: [from_paper_to_model](from_paper_to_model.ipynb).
+# **Next:** [from_log_to_law](from_log_to_law.ipynb), for a rig that the catalogue does not explain. `design_script.py` in
+# the same folder has all four steps so far.

@@ -7,7 +7,7 @@
 # result, and design on it. Everything here is also a command: `ehsa-ctrl compare`, `ehsa-ctrl identify`, `ehsa-ctrl
 # run`.
 #
-# This is the second of four notebooks; the plant and its equations are in `from_paper_to_model`.
+# This is the second of five notebooks; the plant and its equations are in `from_paper_to_model`.
 #
 # The bench is virtual. It drives the paper's actuator and adds sensor noise, also to the current. So the results can be
 # compared with the truth, which a real bench does not offer; the truth is used for nothing else.

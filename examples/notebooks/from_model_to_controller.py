@@ -11,7 +11,7 @@
 # its *nonlinear* set with stick-slip friction at shaft and rod, which no controller sees. Everything here is also a
 # command: `ehsa-ctrl analyse`, `ehsa-ctrl design`, `ehsa-ctrl run`.
 #
-# This is the third of four notebooks, after `from_paper_to_model` and `from_log_to_plant`. `design_script.py` in the
+# This is the third of five notebooks, after `from_paper_to_model` and `from_log_to_plant`. `design_script.py` in the
 # same folder has the same steps as a script.
 
 # %%

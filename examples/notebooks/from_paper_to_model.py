@@ -8,7 +8,7 @@
 # simulation and design. It checks the model against the paper's statements and against the balances of energy and oil,
 # and shows how results depend on the numbers that the paper does not print.
 #
-# It is the first of four notebooks; `from_log_to_plant`, `from_model_to_controller` and `from_gap_to_cause` follow.
+# It is the first of five notebooks; `from_log_to_plant`, `from_model_to_controller`, `from_gap_to_cause` and `from_log_to_law` follow.
 # `design_script.py` in the same folder has all steps in one script, `paper_figures.py` only the paper's figures.
 
 # %%
