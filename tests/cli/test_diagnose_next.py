@@ -13,7 +13,8 @@ from ehsa_ctrl.diagnosis.next_experiment import FILE, NextExperiment
 
 def experiment(command):
     return NextExperiment(
-        words="drive it", command=command, drive="current", current=np.sin(np.arange(100) / 10), sample_time=0.004, amplitude=1.0,
+        words="drive it", command=command, drive="current",
+            current=np.sin(np.arange(100) / 10), sample_time=0.004, amplitude=1.0,
         centre=False, load={}, distance={("a", "b"): 6.0}, now={}, alike=(), tried={},
     )  # fmt: skip
 

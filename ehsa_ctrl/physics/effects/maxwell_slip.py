@@ -12,6 +12,7 @@ IEEE Trans. Control Systems Technology 17(1), 2009; the gradual slip is derived 
 
 from math import exp
 
+from ._candidate import DiagnosisContext, FreeNumber, effect_number
 from ._effect import Effect, EffectParameter, EffectState
 
 #: Share of the limit over which a slider begins to slip: a kink would cost the integrator many steps.
@@ -81,3 +82,8 @@ effect = Effect(
     adds={"z_S1_dot": rate_1, "z_S2_dot": rate_2, "z_S3_dot": rate_3},
     extends="presliding",
 )
+
+
+def sliders(context: DiagnosisContext) -> FreeNumber | None:
+    """The compliance as a free number of an effect that has this form too; None where no simulation depends on it."""
+    return effect_number(effect, context, "s_slip", effect.parameters[0].scale) if context.simulated("s_slip") else None

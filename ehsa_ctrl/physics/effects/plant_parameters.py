@@ -5,6 +5,7 @@ from typing import Any
 
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, from_symbols, starting_points
 from ._effect import Effect
+from .maxwell_slip import sliders
 
 
 def scaled_current(found: Mapping[str, float], plant: Mapping[str, float], speed: float) -> dict[str, str]:
@@ -33,6 +34,16 @@ def force_or_cell_bias(effect: Effect, context: DiagnosisContext) -> list[Candid
     if found and "force" in context.channels:
         free = (*found[0].free, FreeNumber("bias.force", 0.0, 20.0))
         found.append(CandidateEffect(effect, free, starting_points(free, 0.0)))
+    return found
+
+
+def dry_or_elastic(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
+    """Another level of dry friction; or of one that sets in gradually, where elastic sliders slip one after another."""
+    found, slip = from_symbols(effect, context), sliders(context)
+    if found and slip is not None and context.value("A_FR") + context.value("C_FR") > 0.0:
+        free = (*found[0].free, slip)
+        levels = found[0].starts[0]
+        found.append(CandidateEffect(effect, free, tuple((*levels, slip.nominal + n * slip.scale) for n in (1.0, 4.0))))
     return found
 
 
@@ -74,7 +85,7 @@ effects = (
     wrong(
         "rod_friction", "force", "dry friction of the rod is missing or differs from nominal",
         "force error ~ sign(v), and more at breakaway", "(8), (10)", symbols={"A_FR": 100.0, "C_FR": 50.0},
-        groups=(("A_FR", "C_FR"),), related_symbols=("tau_FR",), from_balances=True,
+        groups=(("A_FR", "C_FR"),), related_symbols=("tau_FR",), candidates=dry_or_elastic, from_balances=True,
     ),
     wrong(
         "rod_viscous_friction", "force", "viscous friction of the rod differs from nominal",

@@ -9,6 +9,7 @@ from math import sqrt
 
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, starting_points
 from ._effect import Effect, LawSwitch
+from .maxwell_slip import sliders
 
 COMPLIANCE, DAMPING = "softness_FR", "sigma_1_FR"
 
@@ -41,9 +42,10 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
         CandidateEffect(effect, free, starts),
         CandidateEffect(effect, damped, tuple((*start, 5e3) for start in starts)),
     ]
-    if context.simulated("s_slip") and not known:
-        sliders = (FreeNumber("s_slip", context.value("s_slip"), 5e-8, 0.0, 1e-5), free[1])
-        found.append(CandidateEffect(effect, sliders, starting_points(sliders, 1.0, 4.0)))
+    slip = sliders(context)
+    if slip is not None and not known:
+        elastic = (slip, free[1])
+        found.append(CandidateEffect(effect, elastic, starting_points(elastic, 1.0, 4.0)))
     return found
 
 
