@@ -73,3 +73,17 @@ def test_a_log_of_another_integrator_is_named(plant, id, form):
 
     assert [cause.id for cause in found.effects] == [EFFECTS[id].extends or id]
     assert found.gap["with_effects"]["total"] < 0.2 * found.gap["nominal"]["total"]
+
+
+def test_another_level_with_elastic_sliders_is_one_cause(plant):
+    """The rod's friction is wrong in level and in form: `rod_friction` alone, with the sliders' compliance."""
+    loaded = plant.set(K_S=5e4)
+    _, current = ehsa_ctrl.excitation("noise", amplitude=4.0, duration=12.0, seed=2)
+    rig = loaded.set(A_FR=1.25 * plant["A_FR"]).with_effects("maxwell_slip", s_slip=1e-7)
+    log = scipy_log(rig, current)
+
+    found = ehsa_ctrl.diagnose(loaded, log)
+
+    assert [cause.id for cause in found.effects] == ["rod_friction"]
+    assert found.effects[0].parameters["A_FR"].value == pytest.approx(rig["A_FR"], rel=0.05)
+    assert found.effects[0].parameters["s_slip"].value == pytest.approx(1e-7, rel=0.3)
