@@ -23,8 +23,8 @@ MIN_PROBABILITY = 0.02
 NEAREST = 3
 #: Logistic regression of whether a listed cause is right, on 210 listed causes of tuning seeds of the bench:
 #: constant, logarithm of its own gap, verdict `partly`, logarithm of the gap that is left. Gaps are in thresholds and
-#: not below SMALLEST.
-RELIABILITY, SMALLEST = (-0.55, 1.23, -2.36, -1.36), 0.05
+#: within SMALLEST and LARGEST, their range there.
+RELIABILITY, SMALLEST, LARGEST = (-0.55, 1.23, -2.36, -1.36), 0.05, 20.0
 #: The Shapley value is exact for so many causes, and the mean over so many random orders for more.
 MAX_EXACT, ORDERS = 5, 40
 
@@ -80,7 +80,8 @@ def _probability(key: CauseKey, selection: Selection, left: float, threshold: fl
     """
     size = largest(selection.chosen.own_gaps[key]) / threshold
     constant, by_size, partly, by_left = RELIABILITY
-    logit = constant + by_size * np.log(max(size, SMALLEST)) + by_left * np.log(max(left, SMALLEST))
+    size, left = np.clip([size, left], SMALLEST, LARGEST)
+    logit = constant + by_size * np.log(size) + by_left * np.log(left)
     logit += partly * (selection.verdict == "partly")
     return float(1.0 / (1.0 + np.exp(-logit)))
 

@@ -142,8 +142,10 @@ def diagnose(
         words = f"effects were searched {searched.name}; the best were refitted to all training data and scored on it"
         prepared = replace(prepared, findings=(*prepared.findings, words))
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, threshold, lumped=lumped)
-    windows = windows_of([one.plant for one in prepared.logs], segments.training) if all_data else None
-    hypotheses, scores, superseded = score_hypotheses(hypotheses, scoring, windows)
+    windows = windows_of([one.plant for one in prepared.logs], searched)
+    hypotheses, scores, superseded = score_hypotheses(
+        hypotheses, scoring, windows if all_data else None, windows or searched
+    )
     reference = Reference.of(scoring)
     selection = select_model(scores, reference, threshold)
     pool.progress.begin(1.0 - pool.progress.end)

@@ -39,14 +39,14 @@ MAX_CAUSES = 6
 PROPOSED = 2
 
 
-def neighbours(hypotheses: Hypotheses, bases: Sequence[HypothesisFit], windows: Segment | None) -> list[Task]:
+def neighbours(hypotheses: Hypotheses, bases: Sequence[HypothesisFit], searched: Segment) -> list[Task]:
     """Sets of causes near the bases that explain the training data better, or as well with fewer causes.
 
-    windows: training data in short windows; None to use the whole free run.
+    searched: training data or a stretch of them, best in short windows.
     """
-    objective = hypotheses.objective
-    if windows is not None:
-        objective = replace(objective, segment=windows, level=1.0)
+    if not bases:
+        return []
+    objective = replace(hypotheses.objective, segment=searched, level=1.0)
     found = Hypotheses.initial(objective, hypotheses.candidates, {}, hypotheses.pool)
 
     found = found.with_converged_refits([Task(fit.candidates, fit.values) for fit in bases], "neighbouring sets")

@@ -250,12 +250,12 @@ class Scoring:
 
 
 def score_hypotheses(
-    hypotheses: Hypotheses, scoring: Scoring, windows: Segment | None = None
+    hypotheses: Hypotheses, scoring: Scoring, windows: Segment | None = None, searched: Segment | None = None
 ) -> tuple[Hypotheses, list[ScoredHypothesis], list[ScoredHypothesis]]:
     """Score the best hypotheses of each size, refine the most promising ones and score them again.
 
-    windows: training data in short windows, see `refit_thoroughly`. Returns the hypotheses with the refined fits, the
-    final scores, and the first ones.
+    windows: training data in short windows, see `refit_thoroughly`. searched: data of the local search, by default the
+    training data. Returns the hypotheses with the refined fits, the final scores, and the first ones.
 
     Raises InputError if no hypothesis can be simulated on the held-out data.
     """
@@ -281,7 +281,8 @@ def score_hypotheses(
     )[:N_EXACT]
     hypotheses = hypotheses.with_thorough_refits(exact, "sets of causes", windows)
     found = hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(exact))
-    near = [] if scoring.lumped else neighbours(hypotheses, [one.fit for one in rank(found)[:N_BASES]], windows)
+    bases = [] if scoring.lumped else [one.fit for one in rank(found)[:N_BASES]]
+    near = neighbours(hypotheses, bases, searched or scoring.training)
     hypotheses = hypotheses.with_converged_refits(near, "neighbouring sets")
     scores = score_best(hypotheses, refined)
     scored = {id(one.fit) for one in scores}
