@@ -65,7 +65,7 @@ def command(
     kind: Annotated[
         str,
         typer.Option(
-            help="Kind of controller: pid, cascade, scheduled_pid, lqr or mpc.", autocompletion=controller_kinds
+            help="Kind of controller: pid, cascade, scheduled_pid, lqr, mpc or force.", autocompletion=controller_kinds
         ),
     ],
     specification: SpecificationOptions,

@@ -56,7 +56,8 @@ def plant(
 def controller(
     name: Name = None,
     kind: Annotated[
-        str | None, typer.Option(help="pid, scheduled_pid, cascade, lqr or mpc.", autocompletion=controller_kinds)
+        str | None,
+        typer.Option(help="pid, scheduled_pid, cascade, lqr, mpc or force.", autocompletion=controller_kinds),
     ] = None,
     base: Annotated[
         str | None,

@@ -11,6 +11,8 @@ import numpy as np
 MEASURED = ("speed", "p1", "p2", "position", "force")
 #: Reference of each sample: position, velocity and acceleration.
 REFERENCE = ("position", "velocity", "acceleration")
+#: Index of the force target [N] in a row of the reference: a fourth number, for controllers that follow a force.
+REFERENCE_FORCE = len(REFERENCE)
 #: Inputs of a controller's linear law; the prefix separates references from measurements of the same name.
 INPUTS = (*(f"reference_{name}" for name in REFERENCE), *MEASURED)
 
@@ -31,6 +33,7 @@ class Setpoint(NamedTuple):
     position: float  # m
     velocity: float  # m/s
     acceleration: float  # m/s2
+    force: float = 0.0  # N, target of a force controller; 0 asks for none
 
 
 @runtime_checkable
@@ -70,6 +73,7 @@ class Controller(Protocol):
     def step(self, reference: np.ndarray, measured: np.ndarray, memory: np.ndarray) -> float:
         """Current [A] of this sample.
 
-        reference: (3,) as in REFERENCE. measured: (5,) as in MEASURED. memory: (m,), updated in place.
+        reference: (3,) as in REFERENCE, or (4,) with the force target [N]. measured: (5,) as in MEASURED.
+        memory: (m,), updated in place.
         """
         ...

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ..core.controller_interface import REFERENCE_FORCE
 from ..core.result import Result
 from .python_law import PythonLaw
 from .stages.compiled import compiled_pipeline
@@ -27,18 +28,21 @@ class Law(Protocol):
 
     Attributes
     ----------
-    function: law(reference, measured, memory, settings, extra, hold) -> current. `reference` (3,) is the planned
-        motion, `measured` (5,) the validated readings, in the orders of core.controller_interface; `extra` [A] is the
-        current of feedforward and friction compensation; `hold` is 1.0 while integral action must pause, and -1.0 at
-        the start of a motion, when the law may reset its integral. It returns feedback + extra, limited to the drive's
-        current, and uses the limited value in its anti-windup. A module-level function whose source is compiled and
-        translated to C. Vectors have indices and slices that count from their beginning, but no length; it may call
-        those in `uses` and sqrt, exp, log, sin, cos, tan, tanh, atan and isfinite.
+    function: law(reference, measured, memory, settings, extra, hold) -> current. `reference` (4,) is the planned
+        motion with the force target [N], `measured` (5,) the validated readings, in the orders of
+        core.controller_interface; `extra` [A] is the current of feedforward and friction compensation; `hold` is 1.0
+        while integral action must pause, and -1.0 at the start of a motion, when the law may reset its integral. It
+        returns feedback + extra, limited to the drive's current, and uses the limited value in its anti-windup. A
+        module-level function whose source is compiled and translated to C. Vectors have indices and slices that count
+        from their beginning, but no length; it may call those in `uses` and sqrt, exp, log, sin, cos, tan, tanh, atan
+        and isfinite.
     uses: functions that `function` calls.
     compiles: False for a law that only runs as plain Python (with a solver inside); `function` may then be any
         callable.
     reads: channels that it requires.
     traces: name -> index in memory of the numbers to record at each sample.
+
+    A law with an attribute `follows_force`, True, gets the force target of the reference; any other gets 0.
     """
 
     @property
@@ -112,7 +116,7 @@ class SampledController(Result):
         return np.concatenate(
             [
                 self.supervision.settings(self.sample_time, self.law.reads),
-                trajectory_settings(self.trajectory, self.sample_time),
+                trajectory_settings(self.trajectory, self.sample_time, force=self.follows_force),
                 feedforward_settings(self.feedforward, self.sample_time),
                 rest_settings(self.rest, self.dither, self.sample_time),
                 self.law.settings(),
@@ -125,7 +129,14 @@ class SampledController(Result):
         memory[: supervision.size] = supervision
         return np.concatenate([memory, self.law.initial_memory()])
 
+    @property
+    def follows_force(self) -> bool:
+        """Whether the law follows the force target, the fourth number of a reference."""
+        return bool(getattr(self.law, "follows_force", False))
+
     def step(self, reference: np.ndarray, measured: np.ndarray, memory: np.ndarray) -> float:
+        if self.follows_force and reference.size == REFERENCE_FORCE:
+            reference = np.append(reference, 0.0)
         return float(pipeline(reference, measured, memory, self._settings, self.law.function))
 
     def linear(self) -> control.StateSpace:

@@ -41,6 +41,7 @@ class PythonLaw:
     current_limit: float
     uses: tuple[Callable[..., Any], ...] = ()
     compiles = False
+    follows_force = True
     reads = ("position",)
     traces = dict[str, int]()
     _running: dict[float, Callable[..., Any]] = field(default_factory=dict, repr=False, compare=False)

@@ -13,6 +13,8 @@ from ..core.unit import factor, parse
 from ..plant.motion_current import has_motion_current
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.minimum_time import shortest_time
+from .force_metrics import force_metrics
+from .force_reference import ForceChange
 from .response import hunting, settling_band, step_metrics
 
 #: Hunting is evaluated over this final share of the last hold, after the transient (engineering judgement).
@@ -21,9 +23,11 @@ HUNTING_SHARE = 0.5
 STATUS, STOPPED = "status", 2.0
 
 #: SI unit -> absolute tolerance of the comparison with a baseline, above the differences between machines (engineering
-#: judgement: three samples of 4 ms for a time, the bench's position noise of 20 um for a length).
+#: judgement: three samples of 4 ms for a time, the bench's position noise of 20 um for a length;
+#: 20 N for a force, 0.2 % of 10 kN).
 ABSOLUTE_TOLERANCES = {
     "s": 0.012, "1": 0.02, "m": 2e-5, "m s": 2e-5, "m2 s": 2e-8, "m s2": 2e-5, "m2 s2": 2e-8, "A": 0.02, "J": 1.0,
+    "N": 20.0,
 }  # fmt: skip
 
 
@@ -34,13 +38,14 @@ class Metric:
     Attributes
     ----------
     unit: SI unit. display_unit: unit in tables and messages. meaning: one line.
-    requires: what the reference must contain for the metric to be defined: a "step", a "hold", or nothing ("run").
+    requires: what the reference must contain for the metric to be defined: a "position" target, a "step" or a "hold" of
+        it, a "force" target, or nothing ("run").
     """
 
     unit: str
     display_unit: str
     meaning: str
-    requires: Literal["run", "step", "hold"] = "run"
+    requires: Literal["run", "position", "step", "hold", "force"] = "run"
 
     @property
     def scale(self) -> float:
@@ -106,15 +111,22 @@ METRICS = {
     "PeakTime": Metric("s", "ms", "time of the peak"),
     "SteadyStateError": Metric("m", "mm", "mean error over the last tenth of a hold, worst hold", "hold"),
     "SteadyStateErrorMax": Metric("m", "mm", "largest error over the last tenth of a hold, worst hold", "hold"),
-    "MaxError": Metric("m", "mm", "largest error after the first change of target"),
-    "RMSError": Metric("m", "mm", "root mean square of the error over the whole run"),
-    "IAE": Metric("m s", "mm s", "integral of |e|"),
-    "ISE": Metric("m2 s", "mm2 s", "integral of e^2"),
-    "ITAE": Metric("m s2", "mm s2", "integral of t |e|, t from the first change of target"),
-    "ITSE": Metric("m2 s2", "mm2 s2", "integral of t e^2, t from the first change of target"),
+    "MaxError": Metric("m", "mm", "largest error after the first change of target", "position"),
+    "RMSError": Metric("m", "mm", "root mean square of the error over the whole run", "position"),
+    "IAE": Metric("m s", "mm s", "integral of |e|", "position"),
+    "ISE": Metric("m2 s", "mm2 s", "integral of e^2", "position"),
+    "ITAE": Metric("m s2", "mm s2", "integral of t |e|, t from the first change of target", "position"),
+    "ITSE": Metric("m2 s2", "mm2 s2", "integral of t e^2, t from the first change of target", "position"),
     "HuntingAmplitude": Metric("m", "mm", "peak-to-peak amplitude of hunting at the last target", "hold"),
     "HuntingPeriod": Metric("s", "ms", "period of hunting at the last target", "hold"),
     "Slips": Metric("1", "1", "number of breakaways while the last target is held", "hold"),
+    "ForceOvershoot": Metric("1", "%", "overshoot of the force target, % of its change, worst change", "force"),
+    "ForceSettlingTime": Metric(
+        "s", "ms", "until the force stays within 2 % of the change of its target, worst change", "force"
+    ),
+    "ForceSteadyStateError": Metric(
+        "N", "N", "mean error of the force over the last tenth of a hold, worst hold", "force"
+    ),
     "StickShare": Metric("1", "%", "share of the run in which the rod sticks"),
     "SaturationShare": Metric("1", "%", "share of the run with the current at the limit of the controller or drive"),
     "CurrentRMS": Metric("A", "A", "root mean square of the current"),
@@ -134,6 +146,8 @@ def loop_metrics(
     first_fault: float | None = None,
     lag: int = 0,
     shortest: bool = True,
+    position: bool = True,
+    force_changes: Sequence[ForceChange] = (),
 ) -> dict[str, float]:
     """All of METRICS for a run, SI units; nan for an event that did not happen.
 
@@ -146,6 +160,8 @@ def loop_metrics(
     first_fault: start of the first fault [s]; None for a run without faults.
     lag: samples of delay between measurement and current.
     shortest: False omits ShortestTime and SettlingRatio, which take as long to compute as all other metrics.
+    position: False for a run without a position target; metrics of the position error are then nan.
+    force_changes: of the force target.
     """
     run = loop.trajectory
     time, x, error, target = run.time, run["x"], loop.error, loop.reference[:, 0]
@@ -178,6 +194,8 @@ def loop_metrics(
     system = run.plant.structure.system
     is_current = system.drive_unit == "A"
     power = run.plant["K_T"] * run.current * run["omega"] if is_current else run.current * run["v"]
+    if not position:
+        error = np.full(error.size, np.nan)
     return (
         result
         | {
@@ -196,6 +214,7 @@ def loop_metrics(
             "Energy": float(np.sum(np.maximum(power, 0.0)) * dt),
         }
         | _stop_metrics(loop, first_fault)
+        | force_metrics(loop, force_changes)
     )
 
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 #: Key of a controller's TOML -> the plant rating that bounds it.
 BOUNDED = {
     "current_limit": "current",
+    "force.limit": "force",
     "position.speed_limit": "speed",
     "limits.speed": "speed",
     "limits.pressure": "pressure",
@@ -42,7 +43,8 @@ class Rating(NamedTuple):
 def ratings(plant: Plant) -> dict[str, Rating]:
     """Ratings from a plant's [limits], as far as the file determines them.
 
-    Keys: current, speed (shaft), rod_speed, pressure (difference), reach (travel to either side of mid-stroke).
+    Keys: current, speed (shaft), rod_speed, pressure (difference), force (static, both chambers
+    within their limits), reach (travel to either side of mid-stroke).
     """
     limit = {name: parameter.value for name, parameter in plant.limits.items()}
     found = {}
@@ -56,6 +58,11 @@ def ratings(plant: Plant) -> dict[str, Rating]:
     if "pressure_max" in limit:
         lowest = limit.get("pressure_min", 0.0)
         found["pressure"] = Rating(limit["pressure_max"] - lowest, "Pa", "pressure_max - pressure_min")
+        if "P_0" in plant.parameters:
+            # At rest P_1 + P_2 = 2 P_0: one chamber rises as the other falls.
+            rise, fall = limit["pressure_max"] - plant["P_0"], plant["P_0"] - lowest
+            source = "2 A (P_0 - pressure_min)" if fall < rise else "2 A (pressure_max - P_0)"
+            found["force"] = Rating(2.0 * plant["A"] * min(rise, fall), "N", source)
     if "stroke" in limit:
         found["reach"] = Rating(0.5 * limit["stroke"], "m", "stroke / 2")
     return found

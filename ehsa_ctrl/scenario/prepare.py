@@ -84,7 +84,7 @@ class PreparedScenario:
         loop = run_closed_loop(
             plant,
             self.controller,
-            definition.reference.signal(time),
+            definition.reference.rows(time),
             force=force,
             sensors=Sensors.of(measured, seed=settings.seed if seed is None else seed, noise=settings.noise),
             lag=settings.lag,
@@ -104,6 +104,8 @@ class PreparedScenario:
             current_limit=float(getattr(self.controller, "current_limit", np.inf)),
             first_fault=definition.first_fault,
             lag=definition.sensors.lag,
+            position=definition.reference.has_position,
+            force_changes=[one for one in definition.reference.force_changes() if one.start < definition.duration],
             shortest=wanted is None or bool({"ShortestTime", "SettlingRatio"} & {*wanted}),
         )
 
@@ -168,6 +170,7 @@ def prepare(
     except InputError as error:
         raise InputError(f"{loaded.path or loaded.name}: {error}") from None
     _check_length(loaded, law)
+    _check_force(loaded, law)
     if definition.supervision is not None and isinstance(law, SampledController):
         law = replace(law, supervision=definition.supervision.for_plant(linear))
     # The load acts on both runs; the other settings change only the simulated plant.
@@ -188,6 +191,22 @@ def _given_plant(word: str, plant: str | Path | Plant | None, model: Model) -> P
             f'load_plant("{plant.name}", model="{model}")'
         )
     return plant
+
+
+def _check_force(scenario: Scenario, controller: Controller) -> None:
+    """Raise InputError for a force alone with a position controller, and for one beyond the controller's limit."""
+    if not scenario.definition.reference.has_position and not getattr(controller, "follows_force", True):
+        raise InputError(
+            f"{scenario.path or scenario.name}: [reference] has a force target only, but {controller.name} controls "
+            "the position; choose a controller that follows a force, or a position reference"
+        )
+    limit = getattr(getattr(controller, "law", None), "limit", np.inf)
+    beyond = [change.after for change in scenario.definition.reference.force_changes() if abs(change.after) > limit]
+    if beyond:
+        raise InputError(
+            f"{scenario.path or scenario.name}: [reference] a force of {beyond[0]:g} N is beyond the limit of "
+            f"{controller.name}, {limit:g} N; lower it, or raise [force] limit as far as current and pressures allow"
+        )
 
 
 def _check_length(scenario: Scenario, controller: Controller) -> None:

@@ -217,8 +217,8 @@ class ScenarioResult(Result):
         """One row per sample of the nonlinear run, SI units. Saved as CSV it is a log that every command reads.
 
         Columns: t, current (or another drive) and the sensor readings, named as in a log (nan for a lost reading);
-        reference, the target position, with its velocity and acceleration; then the true signals of both models with
-        the suffixes _linear and _nonlinear.
+        reference, the target position, with its velocity and acceleration, reference_force where there is a force
+        target; then the true signals of both models with the suffixes _linear and _nonlinear.
         """
         import pandas
 
@@ -226,6 +226,8 @@ class ScenarioResult(Result):
         columns = {"t": run.trajectory.time, run.trajectory.plant.structure.system.drive: run.trajectory.current}
         columns |= dict(zip(MEASURED, run.measured.T, strict=True))
         columns |= dict(zip(REFERENCES, run.reference.T, strict=True))
+        if run.force_reference is not None:
+            columns["reference_force"] = run.force_reference
         table = pandas.DataFrame(columns).dropna(axis="columns", how="all")
         for word, loop in (("linear", self.linear), ("nonlinear", run)):
             table = table.join(loop.trajectory.to_pandas().drop(columns="time").add_suffix(f"_{word}"))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.controller_interface import MEASURED, REFERENCE, Controller
+from ..core.controller_interface import MEASURED, REFERENCE, REFERENCE_FORCE, Controller
 from ..core.errors import InputError, SimulationError
 from ..core.result import Result
 from ..plant.plant import Plant
@@ -35,6 +35,7 @@ class ClosedLoop(Result):
     measured: (N, 5) readings that the controller got, in the order of core.controller_interface.MEASURED.
     asked: (N,) current that the controller commanded at each sample [A].
     traces: name -> (N,) recorded entry of the controller's memory.
+    force_reference: (N,) target of the load's force [N]; None for a run without one.
     """
 
     trajectory: Trajectory
@@ -42,9 +43,11 @@ class ClosedLoop(Result):
     measured: np.ndarray
     asked: np.ndarray
     traces: Mapping[str, np.ndarray] = field(default_factory=dict)
+    force_reference: np.ndarray | None = None
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A signal by name (N,): those of the trajectory, error, asked, reference_NAME, measured_NAME, or a trace.
+        """A signal by name (N,): those of the trajectory, error, asked, reference_NAME, measured_NAME, or a trace;
+        with a force target, reference_force too.
 
         Raises InputError for a name that is not there.
         """
@@ -55,6 +58,8 @@ class ClosedLoop(Result):
             if name.removeprefix(prefix) in names and name.startswith(prefix):
                 return np.asarray(table[:, names.index(name.removeprefix(prefix))])
         own = {"error": self.error, "asked": self.asked, **self.traces}
+        if self.force_reference is not None:
+            own["reference_force"] = self.force_reference
         return own[name] if name in own else self.trajectory[name]
 
     def __len__(self) -> int:
@@ -70,6 +75,8 @@ class ClosedLoop(Result):
         table = self.trajectory.to_pandas()
         for k, name in enumerate(REFERENCE):
             table[f"reference_{name}"] = self.reference[:, k]
+        if self.force_reference is not None:
+            table["reference_force"] = self.force_reference
         for k, name in enumerate(MEASURED):
             table[f"measured_{name}"] = self.measured[:, k]
         traces = {f"controller_{name}": values for name, values in self.traces.items()}
@@ -88,7 +95,8 @@ class ClosedLoop(Result):
         names = ("time", "current", "outer_force", "states", "modes", "cell_force")
         cut = replace(run, **{name: getattr(run, name)[:samples] for name in names})
         traces = {name: values[:samples] for name, values in self.traces.items()}
-        return ClosedLoop(cut, self.reference[:samples], self.measured[:samples], self.asked[:samples], traces)
+        force = None if self.force_reference is None else self.force_reference[:samples]
+        return ClosedLoop(cut, self.reference[:samples], self.measured[:samples], self.asked[:samples], traces, force)
 
 
 def run_closed_loop(
@@ -109,8 +117,8 @@ def run_closed_loop(
 
     Parameters
     ----------
-    reference: (N, 3) position, velocity and acceleration [m, m/s, m/s2], one row per sample of the controller; or
-        positions alone (N,), with zero velocity and acceleration.
+    reference: (N, 3) position, velocity and acceleration [m, m/s, m/s2], one row per sample of the controller; (N, 4)
+        with the target of the load's force [N]; or positions alone (N,), with zero velocity and acceleration.
     force: (N,) external force [N], positive when it resists extension; zero by default.
     sensors: ideal ones by default.
     lag: samples between a measurement and the current computed from it.
@@ -128,8 +136,16 @@ def run_closed_loop(
     reference = np.array(reference, dtype=float, order="C")
     if reference.ndim == 1:
         reference = np.column_stack([reference, np.zeros((reference.size, 2))])
-    if reference.ndim != 2 or reference.shape[0] < 2 or reference.shape[1] != 3:
-        raise InputError(f"reference has shape {reference.shape}; expected (samples, 3), at least two samples")
+    if reference.ndim != 2 or reference.shape[0] < 2 or reference.shape[1] not in (3, 4):
+        raise InputError(
+            f"reference has shape {reference.shape}; expected (samples, 3), or (samples, 4) with a force target, "
+            "at least two samples"
+        )
+    target = reference[:, REFERENCE_FORCE].copy() if reference.shape[1] == 4 else None
+    # A compiled law that follows a force reads four numbers a row.
+    reference = np.ascontiguousarray(
+        np.column_stack([reference[:, :3], np.zeros(len(reference)) if target is None else target])
+    )
     samples = reference.shape[0]
     outer = np.zeros(samples) if force is None else np.array(force, dtype=float)
     if outer.shape != (samples,):
@@ -236,7 +252,10 @@ def run_closed_loop(
         stopped=stopped,
     )
     by_name = {name: traces[there, i] for i, name in enumerate(controller.traces)}
-    return ClosedLoop(trajectory, reference[there], measured[there], asked[there], by_name)
+    rows = reference[there, : len(REFERENCE)]
+    return ClosedLoop(
+        trajectory, rows, measured[there], asked[there], by_name, None if target is None else target[there]
+    )
 
 
 @lru_cache(maxsize=1)

@@ -17,7 +17,7 @@ FORCE_PULSES = (0.0, 10e3, 20e3, 40e3)
 def exercise_controller(
     plant: Plant, controller: Controller, current_limit: float, seed: int
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Reference (N, 3) and readings (N, 5) of a run, and the number of samples at the current limit [A].
+    """Reference (N, 3), or (N, 4) with a force target, readings (N, 5), and the number of samples at the current limit.
 
     The run has two steps and a ramp of the reference, a force pulse, and lost readings: briefly, and for the last
     0.2 s.
@@ -30,6 +30,9 @@ def exercise_controller(
     ramp = (time >= 1.8) & (time < 2.2)
     reference[ramp, 1] = size
     reference[:, 0] += size * np.clip(time - 1.8, 0.0, 0.4)
+    if getattr(controller, "follows_force", False):
+        # Press in both directions, then release.
+        reference = np.column_stack([reference, np.select([time < 0.6, time < 1.4, time < 2.2], [0.0, 2e3, -1e3], 0.0)])
     end = float(time[-1])
     faults = Faults(
         [
@@ -51,4 +54,4 @@ def exercise_controller(
         limited = int(np.count_nonzero(np.abs(loop.asked) >= current_limit))
         if limited:
             break
-    return loop.reference, loop.measured, limited
+    return reference[: len(loop)], loop.measured, limited

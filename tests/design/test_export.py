@@ -29,6 +29,7 @@ LAWS = (
     "cascade_position",
     "lqr_position",
     "lqi_position",
+    "force_press",
     "lqr_friction",
     pytest.param("pid_scheduled", marks=pytest.mark.slow),
 )
@@ -341,6 +342,9 @@ def test_c_is_python_to_the_bit(name, stages, system, tmp_path):
         controller = load_controller(control.tf([12.0, 300.0, 900.0], [0.004, 1.0, 0.0]), current_limit=2.0)
     controller = full(controller) if stages == "all" else controller
     reference, measured = readings(1200)
+    if controller.follows_force:
+        # Approach, contact, a smaller force and the release; the readings are between -10 and 10 N.
+        reference = np.column_stack([reference, np.resize([0.0, 9.0, 9.0, 4.0, 0.0], len(reference))])
     export_controller(controller, reference[:20], measured[:20]).write(tmp_path)
     step, memory = step_of(tmp_path, controller), controller.initial_memory()
     currents = []

@@ -10,6 +10,7 @@ import numpy as np
 from ...core.controller_interface import INPUTS as LAW_INPUTS
 from ...core.controller_interface import MEASURED, REFERENCE, Controller
 from ...core.errors import InputError
+from .contact import loop_model
 from .sampled import sampled_plant
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ def law_state_space(law: Any, sample_time: float) -> control.StateSpace:
         """Memory and current after one sample."""
         after = memory.copy()
         references = len(REFERENCE)
-        return np.append(after, law.function(inputs[:references], inputs[references:], after, settings, 0.0, 0.0))
+        target = np.append(inputs[:references], 0.0)
+        return np.append(after, law.function(target, inputs[references:], after, settings, 0.0, 0.0))
 
     start = sample(inputs, law.initial_memory())[:-1]
     rest, n = sample(inputs, start), start.size
@@ -112,7 +114,7 @@ def close_loop(
     Raises InputError as `linear_law` and `sampled_plant` do.
     """
     law = linear_law(controller)
-    plant = sampled_plant(system, controller.sample_time, delay=delay)
+    plant = sampled_plant(loop_model(system, controller), controller.sample_time, delay=delay)
     return plant, law, closed_loop(plant, law)
 
 

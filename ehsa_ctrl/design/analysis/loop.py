@@ -15,6 +15,7 @@ from ...core.log import CHANNELS
 from ...core.plotting import draw
 from ...core.result import Result, as_dict
 from .closed_loop import INPUTS, OUTPUTS, close_loop, closed_loop_matrix, discrete_response, spectral_radius
+from .contact import loop_model
 from .margins import Margins, disk_range, frequency_grid, margins
 from .sampled import DRIVES, LATEST, drive_of, sample, scale_model, scaled_matrices
 
@@ -161,6 +162,7 @@ def analyse_loop(
         raise InputError(f"lag = {lag}; expected a whole number of samples, 0 to {LATEST}")
     if not 10 <= points <= MOST_POINTS:
         raise InputError(f"points = {points}; expected 10 to {MOST_POINTS}")
+    system = loop_model(system, controller)
     h = controller.sample_time
     late = lag * h + delay
     plant, law, closed = close_loop(system, controller, late)

@@ -16,7 +16,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from ...core.controller_interface import INPUTS, MEASURED, REFERENCE
+from ...core.controller_interface import INPUTS, MEASURED, REFERENCE, REFERENCE_FORCE
 from ...core.errors import InputError
 from ...core.files import FORCE_ARGUMENT
 from ...core.result_folder import ResultFolder
@@ -58,7 +58,8 @@ class TestVector:
 
     Attributes
     ----------
-    reference (N, 3), measured (N, 5): as in core.controller_interface; nan is a lost reading.
+    reference (N, 3), or (N, 4) with a force target, measured (N, 5): as in core.controller_interface; nan is a lost
+        reading.
     current: (N,) of the Python controller [A].
     exact: (N,) with an exact solver from the same memory [A]; None for a law without a solver.
     unsolved: (N,) whether the sample took the fallback.
@@ -84,7 +85,9 @@ class TestVector:
 
     @property
     def columns(self) -> list[str]:
-        return [*INPUTS, "current", *([] if self.exact is None else ["exact"])]
+        force = ["reference_force"] if self.reference.shape[1] > REFERENCE_FORCE else []
+        inputs = [*INPUTS[:REFERENCE_FORCE], *force, *INPUTS[REFERENCE_FORCE:]]
+        return [*inputs, "current", *([] if self.exact is None else ["exact"])]
 
     def to_csv(self) -> str:
         """CSV with a header row; numbers keep every bit."""
@@ -149,16 +152,17 @@ def export_controller(controller: SampledController, reference: np.ndarray, meas
 
     Parameters
     ----------
-    reference (N, 3), measured (N, 5): of a run, for the test vector; may contain lost readings (nan).
+    reference (N, 3), measured (N, 5): of a run, for the test vector; may contain lost readings (nan). A controller that
+        follows a force needs its target as fourth column of the reference.
 
     Raises InputError for a law outside the translator's subset of Python, for an MPC that OSQP does not solve, and for
     wrong shapes.
     """
     reference, measured = np.array(reference, dtype=float), np.array(measured, dtype=float)
-    n = len(reference)
-    if n < 1 or reference.shape != (n, len(REFERENCE)) or measured.shape != (n, len(MEASURED)):
+    n, width = len(reference), len(REFERENCE) + controller.follows_force
+    if n < 1 or reference.shape != (n, width) or measured.shape != (n, len(MEASURED)):
         raise InputError(
-            f"a test vector of shapes {reference.shape} and {measured.shape}; expected (N, {len(REFERENCE)}) and "
+            f"a test vector of shapes {reference.shape} and {measured.shape}; expected (N, {width}) and "
             f"(N, {len(MEASURED)})"
         )
     law: Law = controller.law
@@ -198,6 +202,8 @@ def _files(controller: SampledController, vector: TestVector, tolerance: float) 
         "traces": dict(controller.traces),
         "samples": len(vector.current),
         "columns": len(vector.columns),
+        "references": vector.reference.shape[1],
+        "follows_force": controller.follows_force,
         "memory": memory.size,
         "initial": [(k, literal(value)) for k, value in enumerate(memory.tolist()) if value != 0.0],
         "settings": _settings_lines(controller),

@@ -66,5 +66,5 @@ def pipeline(
     extra = run_stages(reference, measured, memory, settings)
     if memory[0] == 2.0:
         return 0.0
-    planned, readings = memory[M_PLAN : M_PLAN + 3], memory[M_REST + 9 : M_REST + 14]
+    planned, readings = memory[M_PLAN : M_PLAN + 4], memory[M_REST + 9 : M_REST + 14]
     return law(planned, readings, memory[M_LAW:], settings[S_LAW:], extra, memory[M_REST])

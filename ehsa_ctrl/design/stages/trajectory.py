@@ -17,37 +17,39 @@ from pydantic import Field
 from ...core.definition import Definition, In, Second
 
 #: Sizes of memory and settings of `plan`.
-MEMORY, SETTINGS = 5, 4
+MEMORY, SETTINGS = 6, 5
 
 
 def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: np.ndarray) -> None:
-    """One sample of the plan: memory[0:3] becomes planned position [m], speed [m/s] and acceleration [m/s2].
+    """One sample of the plan: memory[0:4] becomes planned position [m], speed [m/s], acceleration [m/s2], force [N].
 
     position: measured position [m], where the first motion starts.
     settings: largest speed [m/s] (0: the reference passes unchanged), largest acceleration [m/s2], least duration of a
-    motion [s], sample time.
-    memory: planned position, speed, acceleration; acceleration limit of the present motion (0 before the first sample);
-    last target position.
+    motion [s], sample time, 1 if the law follows a force, which is then the fourth number of the reference.
+    memory: planned position, speed, acceleration, force; acceleration limit of the present motion (0 before the first
+    sample); last target position.
     """
     v_max, a_top, least, T_s = settings[0], settings[1], settings[2], settings[3]
     r, r_v = reference[0], reference[1]
+    if settings[4] > 0.0:
+        memory[3] = reference[3]
     if v_max == 0.0:
         memory[0], memory[1], memory[2] = r, r_v, reference[2]
         return
-    if memory[3] == 0.0:
-        memory[0], memory[3], memory[4] = position, a_top, position
+    if memory[4] == 0.0:
+        memory[0], memory[4], memory[5] = position, a_top, position
     x, v = memory[0], memory[1]
     if r_v != 0.0:
-        memory[3] = a_top
-    elif abs(r - memory[4]) > 0.25 * a_top * T_s * T_s and least > 0.0:
+        memory[4] = a_top
+    elif abs(r - memory[5]) > 0.25 * a_top * T_s * T_s and least > 0.0:
         # The target jumped: a short stroke takes the least duration, with s = a t^2 / 4 from rest to rest.
-        memory[3] = min(a_top, max(4.0 * abs(r - x) / (least * least), 0.1 * a_top))
-    memory[4] = r
-    a_max = memory[3]
+        memory[4] = min(a_top, max(4.0 * abs(r - x) / (least * least), 0.1 * a_top))
+    memory[5] = r
+    a_max = memory[4]
     # Remaining distance if this sample brought the speed to that of the target.
     gap = r - x - 0.5 * T_s * (v + r_v)
     if abs(gap) <= 0.25 * a_max * T_s * T_s and abs(r_v - v) <= a_max * T_s:
-        memory[3] = a_top
+        memory[4] = a_top
         memory[0], memory[1], memory[2] = r, r_v, reference[2]
         return
     # The relative speed after this sample must leave room to brake: relative^2 = 2 a (distance then left).
@@ -73,8 +75,8 @@ class TrajectoryLimits(Definition):
     )
 
 
-def trajectory_settings(limits: TrajectoryLimits | None, sample_time: float) -> np.ndarray:
-    """Settings of `plan`; without limits the reference passes unchanged."""
+def trajectory_settings(limits: TrajectoryLimits | None, sample_time: float, *, force: bool = False) -> np.ndarray:
+    """Settings of `plan`; without limits the reference passes unchanged. force: whether the law follows a force."""
     if limits is None:
-        return np.array([0.0, 0.0, 0.0, sample_time])
-    return np.array([limits.speed, limits.acceleration, limits.duration, sample_time])
+        return np.array([0.0, 0.0, 0.0, sample_time, float(force)])
+    return np.array([limits.speed, limits.acceleration, limits.duration, sample_time, float(force)])

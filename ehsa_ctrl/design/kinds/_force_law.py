@@ -1,0 +1,171 @@
+"""The feedback law of a force controller.
+
+    force      u = F_t / G_0 + k_f (F_t - F) + k_fi int (F_t - F) dt - k_fw omega + friction sign(dF_t / dt)
+    position   u = k_x (r - x) + k_xi int (r - x) dt + k_xw (v_r / n - omega)
+
+both limited to +-current_limit. F_t follows the force target at a limited rate; G_0 is the static force per current,
+n the rod's travel per radian of the shaft. Both loops share one integral, which is set at a switch so that the current
+does not step (bumpless transfer, K. J. Astrom, T. Hagglund, "Advanced PID Control", ISA 2006). From contact on
+the force is controlled until its target returns to zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..analysis.closed_loop import law_state_space
+from ..analysis.robustness import RobustMargins
+
+if TYPE_CHECKING:
+    import control
+
+
+def force_law(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """One sample of the law above.
+
+    settings: k_x, k_xi, k_xw, 1 / n, contact [N]; k_f, k_fi, k_fw, 1 / G_0, friction [A], limit [N], change of the
+    target per sample [N], area [m2] (0 for the load cell), deadband [N]; current_limit, back-calculation rates of
+    position and force [1/s], sample time.
+    memory: 1 while the force is controlled, integral [A], F_t [N], last current [A], measured force [N].
+    """
+    k_x, k_xi, k_xw, per_metre, contact = settings[0], settings[1], settings[2], settings[3], settings[4]
+    k_f, k_fi, k_fw, per_force, friction = settings[5], settings[6], settings[7], settings[8], settings[9]
+    most, change, area, deadband = settings[10], settings[11], settings[12], settings[13]
+    limit, back_x, back_f, T_s = settings[14], settings[15], settings[16], settings[17]
+    force = area * (measured[1] - measured[2]) if area > 0.0 else measured[4]
+    memory[4] = force
+    asked = min(max(reference[3], -most), most)
+    before = memory[0]
+    if k_x > 0.0:
+        if asked == 0.0:
+            memory[0] = 0.0
+        elif (force if asked > 0.0 else -force) >= contact:
+            memory[0] = 1.0
+    if memory[0] == 1.0:
+        if before == 0.0:
+            memory[2] = force
+        move = min(max(asked - memory[2], -change), change)
+        memory[2] += move
+        error = memory[2] - force
+        without = per_force * memory[2] + k_f * error - k_fw * measured[0]
+        if move != 0.0:
+            without += friction if move > 0.0 else -friction
+        pauses = move == 0.0 and abs(error) <= deadband
+        k_i, back = k_fi, back_f
+    else:
+        error = reference[0] - measured[3]
+        without = k_x * error + k_xw * (per_metre * reference[1] - measured[0]) + extra
+        pauses = hold != 0.0
+        k_i, back = k_xi, back_x
+    if memory[0] != before:
+        # Bumpless: this sample keeps the current of the last one.
+        memory[1] = memory[3] - without
+    wanted = without + memory[1]
+    current = min(max(wanted, -limit), limit)
+    if not pauses:
+        memory[1] += T_s * (k_i * error + back * (current - wanted))
+    memory[3] = current
+    return current
+
+
+@dataclass(frozen=True)
+class LoopGains:
+    """k: per error. k_i: per integral of the error. k_w [A s/rad]: of the shaft speed."""
+
+    k: float
+    k_i: float
+    k_w: float
+
+
+NO_LOOP = LoopGains(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class ForceLaw:
+    """Feedback law of a force controller, a design.controller.Law.
+
+    Attributes
+    ----------
+    force: gains of the force loop, A/N. position: gains of the approach, A/m; NO_LOOP for none.
+    stiffness: of the environment of the design [N/m]. G_0: static force per current [N/A].
+    n: rod travel per radian of the shaft [m]. area: m2 where the force is measured by pressures, 0 for the load cell.
+    contact, limit, deadband: N. rate: N/s. friction: A, fed forward while the target moves.
+    current_limit: A. sample_time: s.
+    margins: of the force loop over the stiffness of the environment.
+    """
+
+    force: LoopGains
+    position: LoopGains
+    stiffness: float
+    G_0: float
+    n: float
+    area: float
+    contact: float
+    limit: float
+    rate: float
+    deadband: float
+    friction: float
+    current_limit: float
+    sample_time: float
+    margins: RobustMargins | None = field(default=None, repr=False, compare=False)
+    name: str = ""
+    function = staticmethod(force_law)
+    uses = ()
+    compiles = True
+    follows_force = True
+    traces = {"force_mode": 0, "integral": 1, "force_target": 2, "force_reading": 4}
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        force = ("p1", "p2") if self.area > 0.0 else ("force",)
+        return ("speed", *force, *(("position",) if self.position != NO_LOOP else ()))
+
+    def settings(self) -> np.ndarray:
+        x, f = self.position, self.force
+        return np.array(
+            [
+                *(x.k, x.k_i, x.k_w, 1.0 / self.n, self.contact),
+                *(f.k, f.k_i, f.k_w, 1.0 / self.G_0, self.friction, self.limit, self.rate * self.sample_time),
+                *(self.area, self.deadband, self.current_limit),
+                *(min(loop.k_i / loop.k, 1.0 / self.sample_time) if loop.k > 0.0 else 0.0 for loop in (x, f)),
+                self.sample_time,
+            ]
+        )
+
+    def initial_memory(self) -> np.ndarray:
+        memory = np.zeros(5)
+        memory[0] = float(self.position == NO_LOOP)
+        return memory
+
+    def linear(self) -> control.StateSpace:
+        """The force loop."""
+        unlimited = replace(self, position=NO_LOOP, current_limit=inf, deadband=0.0, rate=0.0)
+        return law_state_space(unlimited, self.sample_time)
+
+    def __str__(self) -> str:
+        measurement = "A (P_1 - P_2)" if self.area > 0.0 else "load cell"
+        text = (
+            f"force by {measurement}, k_f = {1e3 * self.force.k:.4g} A/kN, k_fi = {1e3 * self.force.k_i:.4g} A/(kN s), "
+            f"k_fw = {self.force.k_w:.4g} A s/rad"
+        )
+        if self.position != NO_LOOP:
+            text += f", position before contact, k_x = {self.position.k:.4g} A/m"
+        if self.margins is None:
+            return text
+        worst = self.margins.worst
+        return (
+            f"{text}, {self.margins_range}: phase margin {worst['phase_margin'].value:.3g} deg or more, "
+            f"Ms {worst['Ms'].value:.3g} or less"
+        )
+
+    @property
+    def margins_range(self) -> str:
+        """The stiffnesses of `margins` in words."""
+        labels = list(self.margins.loops) if self.margins is not None else []
+        return f"from {labels[0]} to {labels[-1]}" if labels else "no stiffness"
