@@ -114,7 +114,6 @@ class ForceLaw:
     current_limit: float
     sample_time: float
     margins: RobustMargins | None = field(default=None, repr=False, compare=False)
-    name: str = ""
     function = staticmethod(force_law)
     uses = ()
     compiles = True

@@ -19,6 +19,7 @@ from ..analysis.closed_loop import discrete_response
 from ..analysis.contact import in_contact
 from ..analysis.robustness import RobustMargins, robust_margins
 from ..analysis.sampled import sampled_plant
+from ..controller import SampledController
 from ._force_law import NO_LOOP, ForceLaw, LoopGains
 from ._kind import ControllerFile, ControllerKind
 from .pid import PhaseMargin
@@ -177,16 +178,17 @@ def design_force(name: str, file: ForceFile, system: control.StateSpace) -> Forc
         friction=friction,
         current_limit=file.current_limit,
         sample_time=T_s,
-        name=name,
     )
-    return replace(law, margins=margins_over_stiffness(law, system, file.environment))
+    return replace(law, margins=margins_over_stiffness(name, law, system, file.environment))
 
 
-def margins_over_stiffness(law: ForceLaw, system: control.StateSpace, environment: Environment) -> RobustMargins:
+def margins_over_stiffness(
+    name: str, law: ForceLaw, system: control.StateSpace, environment: Environment
+) -> RobustMargins:
     """Margins of the force loop from the softest to the stiffest environment. Raises InputError if one is unstable."""
     stiffnesses = np.geomspace(environment.softest, environment.stiffest, STIFFNESSES)
     models = {f"{1e-3 * K:.5g} kN/m": in_contact(system, K) for K in stiffnesses}
-    found = robust_margins(models, law)
+    found = robust_margins(models, SampledController(name, "force", law.sample_time, law.current_limit, law))
     if not found.stable:
         raise InputError(
             f"the force loop is unstable against {', '.join(found.unstable)}; lower [force] crossover, design it for a "
