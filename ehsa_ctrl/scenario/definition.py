@@ -54,9 +54,7 @@ class ScenarioFile(Definition):
         default={},
         description="plant parameters that this scenario changes, by symbol",
     )
-    reference: Reference = Field(
-        description="position or force reference; positive extends the rod or pushes, position 0 is mid-stroke"
-    )
+    reference: Reference = Field(description="position reference; positive extends the rod, 0 is mid-stroke")
     disturbance: list[ForceStep] = Field(default=[], description="force steps on the rod")
     sensors: SensorSettings = Field(
         default=SensorSettings(), description="sensor settings that differ from the plant's"
@@ -178,10 +176,8 @@ class ScenarioFile(Definition):
     def reason_undefined(self, metric: str) -> str:
         """Reason why a metric is undefined for this scenario's reference; empty if it is defined."""
         match METRICS[metric].requires:
-            case "force" if self.reference.levels is None:
+            case "force" if self.reference.force is None:
                 return "the reference has no force target"
-            case "position" | "step" | "hold" if not self.reference.has_position:
-                return "the reference has a force target only"
             case "step" if not self.reference.jumps():
                 return f"the target of [reference] kind = {self.reference.kind!r} does not jump"
             case "hold" if not self.reference.holds():

@@ -38,14 +38,14 @@ class Metric:
     Attributes
     ----------
     unit: SI unit. display_unit: unit in tables and messages. meaning: one line.
-    requires: what the reference must contain for the metric to be defined: a "position" target, a "step" or a "hold" of
-        it, a "force" target, or nothing ("run").
+    requires: what the reference must contain for the metric to be defined: a "step" or a "hold" of the
+        position, a "force" target, or nothing ("run").
     """
 
     unit: str
     display_unit: str
     meaning: str
-    requires: Literal["run", "position", "step", "hold", "force"] = "run"
+    requires: Literal["run", "step", "hold", "force"] = "run"
 
     @property
     def scale(self) -> float:
@@ -111,12 +111,12 @@ METRICS = {
     "PeakTime": Metric("s", "ms", "time of the peak"),
     "SteadyStateError": Metric("m", "mm", "mean error over the last tenth of a hold, worst hold", "hold"),
     "SteadyStateErrorMax": Metric("m", "mm", "largest error over the last tenth of a hold, worst hold", "hold"),
-    "MaxError": Metric("m", "mm", "largest error after the first change of target", "position"),
-    "RMSError": Metric("m", "mm", "root mean square of the error over the whole run", "position"),
-    "IAE": Metric("m s", "mm s", "integral of |e|", "position"),
-    "ISE": Metric("m2 s", "mm2 s", "integral of e^2", "position"),
-    "ITAE": Metric("m s2", "mm s2", "integral of t |e|, t from the first change of target", "position"),
-    "ITSE": Metric("m2 s2", "mm2 s2", "integral of t e^2, t from the first change of target", "position"),
+    "MaxError": Metric("m", "mm", "largest error after the first change of target"),
+    "RMSError": Metric("m", "mm", "root mean square of the error over the whole run"),
+    "IAE": Metric("m s", "mm s", "integral of |e|"),
+    "ISE": Metric("m2 s", "mm2 s", "integral of e^2"),
+    "ITAE": Metric("m s2", "mm s2", "integral of t |e|, t from the first change of target"),
+    "ITSE": Metric("m2 s2", "mm2 s2", "integral of t e^2, t from the first change of target"),
     "HuntingAmplitude": Metric("m", "mm", "peak-to-peak amplitude of hunting at the last target", "hold"),
     "HuntingPeriod": Metric("s", "ms", "period of hunting at the last target", "hold"),
     "Slips": Metric("1", "1", "number of breakaways while the last target is held", "hold"),
@@ -146,7 +146,6 @@ def loop_metrics(
     first_fault: float | None = None,
     lag: int = 0,
     shortest: bool = True,
-    position: bool = True,
     force_changes: Sequence[ForceChange] = (),
 ) -> dict[str, float]:
     """All of METRICS for a run, SI units; nan for an event that did not happen.
@@ -160,7 +159,6 @@ def loop_metrics(
     first_fault: start of the first fault [s]; None for a run without faults.
     lag: samples of delay between measurement and current.
     shortest: False omits ShortestTime and SettlingRatio, which take as long to compute as all other metrics.
-    position: False for a run without a position target; metrics of the position error are then nan.
     force_changes: of the force target.
     """
     run = loop.trajectory
@@ -194,8 +192,6 @@ def loop_metrics(
     system = run.plant.structure.system
     is_current = system.drive_unit == "A"
     power = run.plant["K_T"] * run.current * run["omega"] if is_current else run.current * run["v"]
-    if not position:
-        error = np.full(error.size, np.nan)
     return (
         result
         | {

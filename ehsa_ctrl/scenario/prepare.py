@@ -104,7 +104,6 @@ class PreparedScenario:
             current_limit=float(getattr(self.controller, "current_limit", np.inf)),
             first_fault=definition.first_fault,
             lag=definition.sensors.lag,
-            position=definition.reference.has_position,
             force_changes=[one for one in definition.reference.force_changes() if one.start < definition.duration],
             shortest=wanted is None or bool({"ShortestTime", "SettlingRatio"} & {*wanted}),
         )
@@ -194,12 +193,7 @@ def _given_plant(word: str, plant: str | Path | Plant | None, model: Model) -> P
 
 
 def _check_force(scenario: Scenario, controller: Controller) -> None:
-    """Raise InputError for a force alone with a position controller, and for one beyond the controller's limit."""
-    if not scenario.definition.reference.has_position and not getattr(controller, "follows_force", True):
-        raise InputError(
-            f"{scenario.path or scenario.name}: [reference] has a force target only, but {controller.name} controls "
-            "the position; choose a controller that follows a force, or a position reference"
-        )
+    """Raise InputError for a force target beyond the controller's limit."""
     limit = getattr(getattr(controller, "law", None), "limit", np.inf)
     beyond = [change.after for change in scenario.definition.reference.force_changes() if abs(change.after) > limit]
     if beyond:

@@ -1,4 +1,4 @@
-"""References of position and force, one class per kind: the signal, its jumps and its holds."""
+"""Rod position references, one class per kind: the signal, its jumps and its holds; and a force target beside them."""
 
 from __future__ import annotations
 
@@ -22,25 +22,19 @@ class _ReferenceBase(Definition):
     """Base of the reference kinds; by default the target neither jumps nor holds."""
 
     kind: str = Field(description="type of reference")
-
-    @property
-    def levels(self) -> ForceLevels | None:
-        """The force target; None without one."""
-        return None
-
-    @property
-    def has_position(self) -> bool:
-        """Whether there is a position target."""
-        return True
+    force: ForceLevels | None = Field(
+        default=None,
+        description="force target beside the position, for a controller that follows one; none if left out",
+    )
 
     def rows(self, time: np.ndarray) -> np.ndarray:
         """Reference of a run: `signal`, with the force target [N] as fourth column (N, 4) if there is one."""
         motion = self.signal(time)
-        return motion if self.levels is None else np.column_stack([motion, self.levels.signal(time)])
+        return motion if self.force is None else np.column_stack([motion, self.force.signal(time)])
 
     def force_changes(self) -> list[ForceChange]:
         """Changes of the force target; empty without one."""
-        return [] if self.levels is None else self.levels.changes()
+        return [] if self.force is None else self.force.changes()
 
     def signal(self, time: np.ndarray) -> np.ndarray:
         """Position [m], speed [m/s] and acceleration [m/s2] at the times (N,) as (N, 3).
@@ -58,37 +52,7 @@ class _ReferenceBase(Definition):
         return []
 
 
-class _Motion(_ReferenceBase):
-    """Base of the position references, which may have a force target beside."""
-
-    force: ForceLevels | None = Field(
-        default=None,
-        description="force target beside the position, for a controller that follows one; none if left out",
-    )
-
-    @property
-    def levels(self) -> ForceLevels | None:
-        return self.force
-
-
-class Force(_ReferenceBase, ForceLevels):
-    """Levels of force without a position target."""
-
-    kind: Literal["force"] = Field(description="type of reference")
-
-    @property
-    def levels(self) -> ForceLevels:
-        return ForceLevels.model_construct(times=self.times, forces=self.forces, rate=self.rate)
-
-    @property
-    def has_position(self) -> bool:
-        return False
-
-    def signal(self, time: np.ndarray) -> np.ndarray:
-        return np.zeros((time.size, 3))
-
-
-class _Targets(_Motion):
+class _Targets(_ReferenceBase):
     """A sequence of targets, each with its start time."""
 
     times: list[Second] = Field(description="start time of each motion")
@@ -171,7 +135,7 @@ class Moves(_Targets):
         return [at + duration for at, duration in zip(self.times, self.durations, strict=True)]
 
 
-class Sine(_Motion):
+class Sine(_ReferenceBase):
     """amplitude sin(2 pi frequency (t - start)); zero before `start`."""
 
     kind: Literal["sine"] = Field(description="type of reference")
@@ -193,7 +157,7 @@ class Sine(_Motion):
         return self.amplitude * np.column_stack(columns) * on[:, None]
 
 
-class Ramp(_Motion):
+class Ramp(_ReferenceBase):
     """From zero to a position at constant speed, then a hold; the speed jumps at both ends."""
 
     kind: Literal["ramp"] = Field(description="type of reference")
@@ -272,7 +236,7 @@ class Trapezoid(_Targets):
         return ends
 
 
-class TrajectoryFile(_Motion):
+class TrajectoryFile(_ReferenceBase):
     """A trajectory from a CSV file: t [s], position [m] and, optionally, velocity [m/s] and acceleration [m/s2].
 
     Values are interpolated linearly; without a velocity column the velocity is the slope of the position. The last
@@ -341,4 +305,4 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
     return columns
 
 
-Reference = Annotated[Steps | Moves | Sine | Ramp | Trapezoid | TrajectoryFile | Force, Field(discriminator="kind")]
+Reference = Annotated[Steps | Moves | Sine | Ramp | Trapezoid | TrajectoryFile, Field(discriminator="kind")]

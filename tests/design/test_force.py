@@ -195,7 +195,9 @@ def test_a_force_that_the_pressures_do_not_allow_is_refused():
     """Beyond 2 A P_0 one chamber would be empty; the scenario's force must be within the controller's limit."""
     scenario = {
         "plant": "ehsa", "duration": 1.0, "load": {"stiffness": 1e6},
-        "reference": {"kind": "force", "times": [0.1], "forces": [5500.0]},
+        "reference": {
+            "kind": "steps", "times": [0.0], "positions": [0.0], "force": {"times": [0.1], "forces": [5500.0]},
+        },
     }  # fmt: skip
     content = e.core.files.read_toml(e.controllers[NAME])
     with pytest.raises(

@@ -17,8 +17,14 @@ SCENARIO = {
     "plant": "ehsa",
     "duration": 4.0,
     "load": {"stiffness": STIFFNESS},
-    "reference": {"kind": "force", "times": [0.1, 1.5], "forces": [2e3, 4e3], "rate": 5e3},
+    "reference": {
+        "kind": "steps",
+        "times": [0.0],
+        "positions": [0.0],
+        "force": {"times": [0.1, 1.5], "forces": [2e3, 4e3], "rate": 5e3},
+    },
 }
+REFERENCE = SCENARIO["reference"]
 
 
 class Integral:
@@ -71,13 +77,6 @@ def test_integral_action_reaches_the_force(pressed):
     assert "reference_force" in pressed.time_series()
 
 
-def test_position_metrics_are_not_defined_without_a_position_target(pressed):
-    """No error of a position that nobody asked for; limits on one are refused."""
-    assert np.isnan(pressed.metrics["RMSError"][1])
-    assert pressed.table().loc["RMSError", "nonlinear"] == "not defined"
-    assert pressed.table().loc["ForceOvershoot", "nonlinear"] not in ("not defined", "-")
-
-
 def test_force_metrics_are_those_of_the_signal(pressed):
     """A first-order lag of 50 ms settles after T ln 50, without overshoot; 100 N short is an error of 100 N."""
     run = pressed.linear.trajectory
@@ -112,23 +111,16 @@ def test_a_release_has_no_metrics(pressed):
 def test_impossible_levels_are_said(change, message):
     """Counts, order, a rate that is too slow, a change that ends after the run."""
     with pytest.raises(InputError, match=message):
-        e.run({**SCENARIO, "reference": SCENARIO["reference"] | change}, controller=Integral())
+        e.run({**SCENARIO, "reference": {**REFERENCE, "force": REFERENCE["force"] | change}}, controller=Integral())
 
 
-def test_a_position_controller_is_refused_for_a_force():
-    """In one sentence; with a position target beside it runs."""
-    with pytest.raises(InputError, match="has a force target only, but pid_position controls the position"):
-        e.run(SCENARIO, controller="pid_position")
-
-
-def test_limits_need_their_target():
-    """A force metric needs a force target, a position metric a position target."""
+def test_a_force_metric_needs_a_force_target():
+    """A limit on one is refused without it; with it the metric is shown."""
     content = {"schema": 1, "title": "t", "why": "w", "plant": "ehsa", "controller": "pid_position", "duration": "2 s"}
-    position = {"kind": "steps", "times": ["0.2 s"], "positions": ["1 mm"]}
-    force = {"kind": "force", "times": ["0.2 s"], "forces": ["1 kN"]}
-    for reference, limit, message in (
-        (position, {"ForceOvershoot": {"max": "5 %"}}, "the reference has no force target"),
-        (force, {"MaxError": {"max": "5 mm"}}, "the reference has a force target only"),
-    ):
-        with pytest.raises(InputError, match=message):
-            validate({**content, "reference": reference, "limits": limit}, ScenarioFile, "file")
+    reference = {"kind": "steps", "times": ["0.2 s"], "positions": ["1 mm"]}
+    limits = {"ForceOvershoot": {"max": "5 %"}}
+    with pytest.raises(InputError, match="the reference has no force target"):
+        validate({**content, "reference": reference, "limits": limits}, ScenarioFile, "file")
+    reference["force"] = {"times": ["0.2 s"], "forces": ["1 kN"]}
+
+    assert validate({**content, "reference": reference, "limits": limits}, ScenarioFile, "file").reference.force
