@@ -80,6 +80,9 @@ def controller_output(controller: Controller, reference: np.ndarray, log: Log) -
     n = len(reference)
     rows = np.column_stack([log[name][:n] if name in log.channels else np.zeros(n) for name in MEASURED])
     memory, compiled, settings = controller.initial_memory(), controller.compiled, controller.settings()
+    if getattr(controller, "follows_force", False):
+        # A log has no force target; a compiled law that follows one reads four numbers a row.
+        reference = np.column_stack([reference, np.zeros(n)])
     return np.array(
         [
             controller.step(r, m, memory) if compiled is None else compiled(r, m, memory, settings)
