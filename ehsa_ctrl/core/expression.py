@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError, choices, shown
+from .syntax import parse_expression
 from .unit import base_units
 
 #: Function -> smallest number of arguments; only min and max take more.
@@ -51,7 +52,7 @@ class Expression:
         if len(text) > LONGEST:
             raise InputError(f"has {len(text)} characters; expected at most {LONGEST}")
         try:
-            tree = ast.parse(text.strip(), mode="eval").body
+            tree = parse_expression(text.strip())
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise InputError(f"{shown(text)} is not an expression; write it as in 'c * omega * abs(omega)'") from None
         _check(tree)

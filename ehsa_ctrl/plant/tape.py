@@ -14,13 +14,13 @@ from __future__ import annotations
 import ast
 import inspect
 import math
-import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from ..core.errors import CompileError
+from ..core.syntax import parse_statement
 from .wiring import Equations
 
 Ref = int
@@ -98,8 +98,7 @@ class Tape:
 
 @cache
 def _body(function: Callable[..., float]) -> tuple[list[ast.stmt], dict[str, Any], str]:
-    source = textwrap.dedent(inspect.getsource(function))
-    tree = ast.parse(source).body[0]
+    tree = parse_statement(inspect.getsource(function))
     if not isinstance(tree, ast.FunctionDef):
         raise CompileError(f"{function!r} is not a plain function")
     body = tree.body

@@ -110,4 +110,4 @@ def test_the_limit_of_blas_ends_with_the_last_call():
         second.__exit__(None, None, None)
 
         assert within == still == {1}
-        assert threads() == before == {2}
+        assert threads() == before and 2 in before

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ...core.errors import InputError
+from ...core.syntax import parse_statement
 
 #: Types of values; an array is a vector of doubles.
 BOOL, INT, DOUBLE, ARRAY = "bool", "int", "double", "array"
@@ -158,7 +159,7 @@ def read_source(
         name = getattr(function, "__name__", repr(function))
         raise InputError(f"{name}: its text can't be found, so that it can't be written as C") from None
     text = textwrap.dedent("".join(lines))
-    tree = ast.parse(text).body[0]
+    tree = parse_statement(text)
     if not isinstance(tree, ast.FunctionDef) or tree.decorator_list:
         raise InputError(f"{file}, line {first}: expected a plain function without decorators to be written as C")
     return FunctionSource(function, tree, tuple(text.splitlines()), file, first, dict(substitutes or {}))

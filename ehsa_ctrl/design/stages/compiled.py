@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import inspect
-import textwrap
 from collections.abc import Callable
 from functools import cache
 from types import ModuleType
@@ -16,6 +15,7 @@ from typing import Any
 
 from ...core.compiled import load_compiled
 from ...core.errors import InputError
+from ...core.syntax import parse_statement
 from . import pipeline as _pipeline
 
 IMPORTS = """\
@@ -86,7 +86,7 @@ def pointer_text(function: Callable[..., Any], without: str = "") -> str:
     It has no comments and docstrings, so that rewording them does not compile it anew. Raises InputError for a slice
     or an index that a pointer lacks.
     """
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
+    tree = parse_statement(inspect.getsource(function))
     assert isinstance(tree, ast.FunctionDef)
     tree.returns = None
     tree.args.args = [argument for argument in tree.args.args if argument.arg != without]

@@ -1,0 +1,22 @@
+"""Parsing of Python text, one thread at a time."""
+
+import ast
+import textwrap
+from threading import Lock
+
+#: CPython 3.11 counts the depth of its syntax trees for all threads together, and raises SystemError where two of them
+#: parse at once (python/cpython issue 106905).
+_ONE_AT_A_TIME = Lock()
+
+
+def parse_expression(text: str) -> ast.expr:
+    """The tree of an expression. Raises SyntaxError and others as `ast.parse` does."""
+    with _ONE_AT_A_TIME:
+        return ast.parse(text, mode="eval").body
+
+
+def parse_statement(text: str) -> ast.stmt:
+    """The tree of the first statement of a text, which may be indented."""
+    text = textwrap.dedent(text)
+    with _ONE_AT_A_TIME:
+        return ast.parse(text).body[0]
