@@ -123,7 +123,7 @@ e.figures.save(diagnosis.plot(), FOLDER / "4_diagnosis")
 
 # Diagnose to name the effect, identify to measure its parameter.
 measured = e.identify(
-    diagnosis.improved, log.segment(0, 12), validate=[log.segment(12, 24)], free=["c_f", "K_T", "K_S"], starts=1
+    diagnosis.improved, log.segment(0, 12), validate=[log.segment(12, 24)], free=["c_f", "K_T", "K_S", "beta"], starts=1
 )
 print(measured)
 corrected = measured.plant
