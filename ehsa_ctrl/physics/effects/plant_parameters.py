@@ -43,7 +43,7 @@ def dry_or_elastic(effect: Effect, context: DiagnosisContext) -> list[CandidateE
     if found and slip is not None and context.value("A_FR") + context.value("C_FR") > 0.0:
         free = (*found[0].free, slip)
         levels = found[0].starts[0]
-        found.append(CandidateEffect(effect, free, tuple((*levels, slip.nominal + n * slip.scale) for n in (1.0, 4.0))))
+        found.append(CandidateEffect(effect, free, ((*levels, slip.nominal + slip.scale),)))
     return found
 
 
