@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import SimulationError
-from .complete import models_or_both
-from .options import LogOptions, PlantOption, Settings, read_pairs
+from .options import LogOptions, Models, PlantOption, Settings, read_pairs
 from .output import OutputOptions, assumed_names, provenance, warn
 
 if TYPE_CHECKING:
@@ -23,9 +22,7 @@ def command(
     plant: PlantOption,
     preparation: LogOptions,
     output: OutputOptions,
-    model: Annotated[
-        str, typer.Option(help="linear, nonlinear or both (those that the plant has).", autocompletion=models_or_both)
-    ] = "both",
+    model: Models = "both",
     settings: Settings = [],
 ) -> None:
     """Overlay a log with a free-run simulation driven by its input, and compute the fit; no diagnosis.

@@ -11,8 +11,17 @@ import typer
 
 from ..core.errors import InputError
 from ..core.text import stems
-from .complete import controllers, models, scenarios
-from .options import LogOptions, LogSettings, PlantOption, Settings, read_pairs, settings_by_log
+from .complete import controllers, scenarios
+from .options import (
+    LogOptions,
+    LogSettings,
+    NominalModel,
+    PlantOption,
+    Settings,
+    Threshold,
+    read_pairs,
+    settings_by_log,
+)
 from .output import OutputOptions, provenance, to_json, warn
 
 if TYPE_CHECKING:
@@ -119,13 +128,9 @@ def command(
     single: SingleLogOptions,
     preparation: LogOptions,
     output: OutputOptions,
-    model: Annotated[str, typer.Option(help="linear or nonlinear: the nominal model.", autocompletion=models)] = (
-        "nonlinear"
-    ),
+    model: NominalModel = "nonlinear",
     settings: Settings = [],
-    threshold: Annotated[
-        float, typer.Option(help="Smallest relevant gap of a signal, relative to its standard deviation.")
-    ] = 0.03,
+    threshold: Threshold = 0.03,
     jobs: Annotated[int | None, typer.Option(help="Number of cores to use; all by default.")] = None,
     backend: Annotated[str, typer.Option(help="For several logs: loky (processes) or threading.")] = "loky",
     unchecked: Annotated[

@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from ..core.errors import InputError
-from .complete import models
-from .options import Json, LogOptions, PlantOption, Settings, expand_groups, read_pairs
+from .options import Json, LogOptions, NominalModel, PlantOption, Settings, Threshold, expand_groups, read_pairs
 from .output import to_json
 
 app = typer.Typer(
@@ -30,13 +29,9 @@ def confirm(
     logs: Annotated[list[Path], typer.Argument(help="Further logs of the rig: another load or waveform.")],
     plant: PlantOption,
     preparation: LogOptions,
-    model: Annotated[str, typer.Option(help="linear or nonlinear: the nominal model.", autocompletion=models)] = (
-        "nonlinear"
-    ),
+    model: NominalModel = "nonlinear",
     settings: Settings = [],
-    threshold: Annotated[
-        float, typer.Option(help="Smallest relevant gap of a signal, relative to its standard deviation.")
-    ] = 0.03,
+    threshold: Threshold = 0.03,
     as_json: Json = False,
 ) -> None:
     """Test a proposed law on further logs; if they confirm it, its file says so: status, hashes and ranges.

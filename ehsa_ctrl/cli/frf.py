@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from .complete import models_or_both
-from .options import LogOptions, PlantOption, Settings, check_word, read_pairs
+from .options import LogOptions, Models, PlantOption, Settings, check_word, read_pairs
 from .output import OutputOptions, provenance
 
 
@@ -20,9 +18,7 @@ def command(
     plant: PlantOption,
     preparation: LogOptions,
     output: OutputOptions,
-    model: Annotated[
-        str, typer.Option(help="linear, nonlinear or both (those that the plant has).", autocompletion=models_or_both)
-    ] = "both",
+    model: Models = "both",
     method: Annotated[
         str, typer.Option(help="periodic (multisine), spectral (any input), or auto: periodic if the drive repeats.")
     ] = "auto",
@@ -50,6 +46,7 @@ def command(
     Examples: ehsa-ctrl frf log.csv --plant ehsa · ehsa-ctrl frf seed0.csv seed1.csv seed2.csv --plant my/rig.toml
     --set load.stiffness=50e3 --out results/frf · ehsa-ctrl frf steps.csv --plant ehsa --subspace --resample 50
     """
+    from ..core.log import named
     from ..identification.frequency_response import frequency_response
     from ..plant.linearise import linearise
     from ..report.figures import save
@@ -62,10 +59,8 @@ def command(
     output.check("frf", "frequency_response.json", "response.csv", "report.html", figures=["response"])
     last = plants[-1]
     read = [read_prepared(path, last, preparation.preparation()) for path in logs]
-    names = [path.name for path in logs]
-    labels = names if len({*names}) == len(names) else [str(path) for path in logs]
     found = frequency_response(
-        last, [replace(each.log, label=label) for each, label in zip(read, labels, strict=True)],
+        last, named([each.log for each in read]),
         models={each.model: linearise(each) for each in plants}, method=method, estimator=estimator,  # type: ignore[arg-type]
         segment=segment, period=period, settle=settle, subspace=subspace or order is not None, order=order,
     )  # fmt: skip

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from ..core.errors import InputError
-from .complete import models, plants, several_controllers, symbols
+from .complete import models, models_or_both, plants, several_controllers, symbols
 
 if TYPE_CHECKING:
     from ..identification.preparation import Preparation
@@ -23,6 +23,13 @@ PlantOption = Annotated[
     str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.", autocompletion=plants)
 ]
 Model = Annotated[str, typer.Option(help="linear or nonlinear.", autocompletion=models)]
+NominalModel = Annotated[str, typer.Option(help="linear or nonlinear: the nominal model.", autocompletion=models)]
+Models = Annotated[
+    str, typer.Option(help="linear, nonlinear or both (those that the plant has).", autocompletion=models_or_both)
+]
+Threshold = Annotated[
+    float, typer.Option(help="Smallest relevant gap of a signal, relative to its standard deviation.")
+]
 Settings = Annotated[
     list[str],
     typer.Option(

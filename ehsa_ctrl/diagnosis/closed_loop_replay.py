@@ -140,9 +140,10 @@ def replay_loop(found: Diagnosis, case: LoopCase) -> tuple[ClosedLoopReplay, lis
     noise = found.noise_sd if log.path == found.log.path else estimate_noise(log)
     rows = case.scored[:n] if case.scored[:n].any() else np.ones(n, dtype=bool)
     score = _Score(found.plant, log, rows, noise)
-    loops = {model: case.run(plant, lag, None) for model, plant in models_of(found).items()}
+    models = models_of(found)
+    loops = {model: case.run(plant, lag, None) for model, plant in models.items()}
     gaps: dict[str, Mapping[str, float]] = {model: score.gap(_readings(loop)) for model, loop in loops.items()}
-    word, best = list(models_of(found).items())[-1]
+    word, best = list(models.items())[-1]
     gaps["upper_bound"] = upper_bound(gaps, found.location) if found.location is not None else gaps["nominal"]
     channels = {model: _readings(loop) | {"drive": loop.trajectory.current} for model, loop in loops.items()}
     measured = {channel: log[channel][:n] for channel in system.positions} | {"drive": log[system.drive][:n]}

@@ -61,13 +61,13 @@ def free_curve(logs: Sequence[CurveLog]) -> FreeCurve | None:
         return None
     fitted = [i for i, one in enumerate(logs) if one.training]
     runs = {i: cases[i].run([{}, *(form.inputs for _, form in forms[i])]) for i in fitted}
-    left = [[total_gap(cases[i].gap, run, logs[i].training) for run in runs[i][1:]] for i in fitted]
+    left = [[_total(cases[i].gap, run, logs[i].training) for run in runs[i][1:]] for i in fitted]
     best = int(np.argmin(np.mean(np.square(left), axis=0)))
     ends = []
     for i, one in enumerate(logs):
         if one.held_out:
             pair = [runs[i][0], runs[i][1 + best]] if i in runs else cases[i].run([{}, forms[i][best][1].inputs])
-            ends.append([total_gap(cases[i].gap, run, one.held_out) for run in pair])
+            ends.append([_total(cases[i].gap, run, one.held_out) for run in pair])
     without, with_curve = np.sqrt(np.mean(np.square(ends), axis=0)).tolist()
     place, form = forms[0][best]
     return FreeCurve(place, form.curves, without, with_curve)
@@ -116,7 +116,7 @@ def joined(
     return signals, joint, np.concatenate(masks)[:-1]
 
 
-def total_gap(gap: GapMeasure, run: Mapping[str, np.ndarray], parts: Sequence[slice]) -> float:
+def _total(gap: GapMeasure, run: Mapping[str, np.ndarray], parts: Sequence[slice]) -> float:
     """Gap in total over parts of a run."""
     errors = gap.errors(run)
     errors = np.concatenate([errors[:, part] for part in parts], axis=1)

@@ -20,7 +20,7 @@ from .hypothesis_model import Setting
 from .objective import TEMPER, Objective
 from .pool import Pool
 from .records import Segment
-from .refit import HypothesisFit, refine, refit, refit_thoroughly, refit_until_converged
+from .refit import HypothesisFit, refine, refit, refit_thoroughly
 
 # The numbers below are engineering judgement: computing time against the risk of missing a cause.
 
@@ -48,6 +48,11 @@ class Task(NamedTuple):
     candidates: tuple[CandidateEffect, ...]
     start: Setting
     near: HypothesisFit | None = None
+
+    def from_nominal(self) -> Task:
+        """The same refit with the nominal parameters that no effect stands for at their nominal values."""
+        names = {name for candidate in self.candidates for name in candidate.names}
+        return self._replace(start={name: value for name, value in self.start.items() if name in names})
 
 
 @dataclass(frozen=True)
@@ -107,14 +112,6 @@ class Hypotheses:
 
         def work(task: Task) -> HypothesisFit | None:
             return refit_thoroughly(self.objective, windows, task.candidates, task.start)
-
-        return self.with_fits(self.pool.map(stage, work, tasks))
-
-    def with_converged_refits(self, tasks: Sequence[Task], stage: str) -> Hypotheses:
-        """Refit hypotheses from given values until their costs no longer fall."""
-
-        def work(task: Task) -> HypothesisFit | None:
-            return refit_until_converged(self.objective, task.candidates, task.start)
 
         return self.with_fits(self.pool.map(stage, work, tasks))
 
@@ -404,12 +401,10 @@ def hypothesis_key(candidates: Sequence[CandidateEffect]) -> Key:
 
 
 def distinct_tasks(tasks: Iterable[Task]) -> list[Task]:
-    """The first task of each hypothesis, which starts from its candidates' values and the nominal ones of the rest."""
+    """The first task of each hypothesis."""
     found: dict[Key, Task] = {}
     for task in tasks:
-        names = {name for candidate in task.candidates for name in candidate.names}
-        own = {name: value for name, value in task.start.items() if name in names}
-        found.setdefault(hypothesis_key(task.candidates), task._replace(start=own))
+        found.setdefault(hypothesis_key(task.candidates), task)
     return list(found.values())
 
 

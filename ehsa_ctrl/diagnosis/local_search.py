@@ -21,6 +21,7 @@ from .hypothesis_search import (
     Key,
     Screening,
     Task,
+    distinct_tasks,
     hypothesis_key,
     screen,
     start_values,
@@ -49,7 +50,7 @@ def neighbours(hypotheses: Hypotheses, bases: Sequence[HypothesisFit], searched:
     objective = replace(hypotheses.objective, segment=searched, level=1.0)
     found = Hypotheses.initial(objective, hypotheses.candidates, {}, hypotheses.pool)
 
-    found = found.with_converged_refits([Task(fit.candidates, fit.values) for fit in bases], "neighbouring sets")
+    found = found.with_thorough_refits([Task(fit.candidates, fit.values) for fit in bases], "neighbouring sets", None)
     if not found.fits:
         return []
     found = found.with_level_of(found.best()[0])
@@ -63,7 +64,7 @@ def neighbours(hypotheses: Hypotheses, bases: Sequence[HypothesisFit], searched:
         found = _round(found, base)
     size = len(_best(found).candidates)
     best = [fit for near in (size, size - 1, size + 1) if near > 0 for fit in found.best(near)[:PROPOSED]]
-    return _distinct([Task(fit.candidates, fit.values) for fit in best])
+    return distinct_tasks(Task(fit.candidates, fit.values) for fit in best)
 
 
 def _round(found: Hypotheses, base: HypothesisFit) -> Hypotheses:
@@ -79,18 +80,10 @@ def _round(found: Hypotheses, base: HypothesisFit) -> Hypotheses:
     for fit in found.fits_of(reduced):
         tasks += _additions(found, screening, fit, EXCHANGED)
     known = set(found.fits)
-    tasks = [task for task in _distinct(tasks) if hypothesis_key(task.candidates) not in known]
+    tasks = [task for task in distinct_tasks(tasks) if hypothesis_key(task.candidates) not in known]
     found = found.with_refits(tasks, "neighbouring sets", steps=4)
     best = sorted(found.fits_of([*reduced, *tasks]), key=lambda fit: _price(found, fit))
     return found.refine(best[:REFINED])
-
-
-def _distinct(tasks: Sequence[Task]) -> list[Task]:
-    """The first task of each hypothesis, with its start as it is."""
-    first: dict[Key, Task] = {}
-    for task in tasks:
-        first.setdefault(hypothesis_key(task.candidates), task)
-    return list(first.values())
 
 
 def _additions(found: Hypotheses, screening: Screening, fit: HypothesisFit, count: int) -> list[Task]:

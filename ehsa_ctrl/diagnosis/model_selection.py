@@ -111,9 +111,8 @@ def select_model(scores: Sequence[ScoredHypothesis], reference: Reference, thres
 def selection_of(chosen: ScoredHypothesis, ranked: Sequence[ScoredHypothesis], reference: Reference) -> Selection:
     """The selection of a hypothesis among others, the best of each set of causes first."""
     with_causes = [one for one in ranked if one.causes] or ranked
-    margin = reference.margin(chosen)
-    alternatives = _alternatives(chosen, with_causes, margin)
-    probability = _probability(with_causes, chosen, margin / 6.0)
+    alternatives = _alternatives(chosen, with_causes, reference.margin(chosen))
+    probability = _probability(with_causes, chosen, reference)
     verdict = _verdict(chosen, alternatives)
     return Selection(verdict, chosen, alternatives, probability, tuple(ranked), _misfit(chosen, reference))
 
@@ -181,20 +180,25 @@ def _alternatives(
     return {key: tuple(keys) for key, keys in out.items()}
 
 
-def _probability(
-    ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesis, temperature: float
-) -> dict[CauseKey, float]:
-    """Cause -> probability that it is present: the sum of the weights exp(-deviance / 2) of all sets that contain it.
+def relative_weights(scored: Sequence[ScoredHypothesis], best: ScoredHypothesis, reference: Reference) -> np.ndarray:
+    """Weights (n,) exp(-deviance / 2) of hypotheses with the sum 1.
 
-    temperature: divides the deviance, because the model error makes it larger than that of independent noise.
+    A temperature divides the deviance, because the model error makes it larger than that of independent noise.
     """
+    deviance = np.array([one.deviance for one in scored])
+    temperature = reference.margin(best) / 6.0
+    weights = np.exp(-0.5 * np.clip((deviance - best.deviance) / temperature, 0.0, 500.0))
+    return np.asarray(weights / weights.sum())
+
+
+def _probability(
+    ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesis, reference: Reference
+) -> dict[CauseKey, float]:
+    """Cause -> probability that it is present: the sum of the weights of all sets that contain it."""
     # Sets larger than the chosen one are left out: what they add was found to be irrelevant.
     counted = [one for one in ranked if one is chosen or len(one.causes) <= len(chosen.causes)]
-    deviance = np.array([one.deviance for one in counted])
-    weights = np.exp(-0.5 * np.clip((deviance - chosen.deviance) / temperature, 0.0, 500.0))
-    weights /= weights.sum()
     out: dict[CauseKey, float] = {}
-    for one, w in zip(counted, weights, strict=True):
+    for one, w in zip(counted, relative_weights(counted, chosen, reference), strict=True):
         for key in one.causes:
             out[key] = out.get(key, 0.0) + float(w)
     return out

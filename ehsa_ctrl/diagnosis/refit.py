@@ -65,13 +65,14 @@ class HypothesisFit:
         information[prior, prior] += 1.0
         return np.asarray(information)
 
-    def covariance(self, objective: Objective) -> np.ndarray:
-        """Covariance (k, k) of the free parameters by the linear model, by the scales of `free`."""
-        return np.asarray(np.linalg.pinv(self.information(objective), rcond=1e-12, hermitian=True))
-
     def with_level_of(self, objective: Objective) -> HypothesisFit:
         """The same fit with its cost under an objective with another level."""
         return replace(self, cost=TEMPER * objective.loss(self.residual) + self.prior_cost)
+
+
+def covariance_of(information: np.ndarray) -> np.ndarray:
+    """Covariance (k, k) by an information matrix (k, k), which may be singular."""
+    return np.asarray(np.linalg.pinv(information, rcond=1e-12, hermitian=True))
 
 
 class _HypothesisProblem:

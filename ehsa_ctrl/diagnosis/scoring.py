@@ -21,7 +21,7 @@ from .hypothesis_search import Hypotheses, Task, distinct_tasks
 from .local_search import neighbours
 from .objective import Objective
 from .records import Record, Runs, Segment, mean_square_root
-from .refit import HypothesisFit
+from .refit import HypothesisFit, covariance_of
 from .signals import largest, signal_noise
 
 # The constants without another reason are engineering judgement, chosen with the tuning seeds of the independent bench.
@@ -175,7 +175,7 @@ class Scoring:
         typical = dict(zip(nominal.names, nominal.typical, strict=True))
         for i, f in enumerate(fit.free[fit.n_effect :], fit.n_effect):
             information[i, i] += (f.scale / typical[f.name]) ** 2 - 1.0
-        covariance = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+        covariance = covariance_of(information)
         return {
             f.name: float(np.sqrt(max(covariance[i, i], 0.0))) * f.scale for i, f in enumerate(fit.free[: fit.n_effect])
         }
@@ -275,7 +275,7 @@ def score_hypotheses(
     # Priors and minor effects favour one set over another: the best sets compete with exactly their causes free.
     refined = score_best(hypotheses, first)
     exact = distinct_tasks(
-        Task(members, one.fit.values)
+        Task(members, one.fit.values).from_nominal()
         for one in ([] if scoring.lumped else rank(refined))
         if (members := exact_members(one, hypotheses.candidates, scoring.ids))
     )[:N_EXACT]
@@ -283,7 +283,7 @@ def score_hypotheses(
     found = hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(exact))
     bases = [] if scoring.lumped else [one.fit for one in rank(found)[:N_BASES]]
     near = neighbours(hypotheses, bases, searched or scoring.training)
-    hypotheses = hypotheses.with_converged_refits(near, "neighbouring sets")
+    hypotheses = hypotheses.with_thorough_refits(near, "neighbouring sets", None)
     scores = score_best(hypotheses, refined)
     scored = {id(one.fit) for one in scores}
     unscored = [fit for fit in hypotheses.fits_of([*exact, *near]) if id(fit) not in scored]

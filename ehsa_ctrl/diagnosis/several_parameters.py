@@ -60,7 +60,7 @@ def with_several_parameters(
     found = found.with_level_of(found.best()[0])
     fits = [found.fits[()], *found.best(1)[:REDUCED], *found.best(2)[:REDUCED]]
     tasks = distinct_tasks(
-        Task(with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES], values, fit)
+        Task(with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES], values, fit).from_nominal()
         for fit in fits
         for kept, values in _eliminated(found, fit, threshold)
     )

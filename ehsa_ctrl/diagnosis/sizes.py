@@ -18,7 +18,7 @@ import numpy as np
 from ..plant.arrays import needed_to_simulate
 from .model_selection import Selection
 from .objective import TEMPER, NominalParameters, Objective
-from .refit import CONVERGED, HypothesisFit, refit_until_converged
+from .refit import CONVERGED, HypothesisFit, covariance_of, refit_until_converged
 from .scoring import Scoring
 
 #: Time constant of a filter in a typical logger, in samples. Engineering judgement.
@@ -62,7 +62,8 @@ def fit_sizes(objective: Objective, fit: HypothesisFit) -> tuple[HypothesisFit, 
     for restart in range(RESTARTS + 1):
         scale, lower, upper = (np.array([getattr(f, name) for f in fit.free]) for name in ("scale", "lower", "upper"))
         x = np.array([fit.values[f.name] for f in fit.free])
-        information, covariance = fit.information(objective), fit.covariance(objective)
+        information = fit.information(objective)
+        covariance = covariance_of(information)
         half = random.multivariate_normal(np.zeros(x.size), DISTANCE**2 * covariance, PAIRS, method="eigh")
         points = np.clip(x + np.vstack([half, -half]) * scale, lower, upper)
         settings = [dict(zip(fit.values, point.tolist(), strict=True)) for point in points]

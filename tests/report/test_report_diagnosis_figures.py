@@ -133,10 +133,8 @@ def test_bars_of_gaps_are_the_gaps():
     made = diagnosis("effect")
     ax = axes_of(shrinkage_figure(made), "bars")
 
-    for model, look in LOOKS.items():
-        if model not in made.gap:
-            continue
-        assert bars(ax, look) == pytest.approx([100 * gap for gap in made.gap[model].values()])
+    for model, gaps in made.gap.items():
+        assert bars(ax, LOOKS[model]) == pytest.approx([100 * gap for gap in gaps.values()])
     assert bars(axes_of(shrinkage_figure(diagnosis("outside_catalogue")), "bars"), LOOKS["with_effects"]) == []
 
 

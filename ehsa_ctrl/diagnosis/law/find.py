@@ -10,8 +10,8 @@ import numpy as np
 from ...physics.effects import ADDENDS, CandidateEffect, Effect
 from ..free_curve import BETTER, CurveLog, joined
 from ..hypothesis_model import Setting
-from ..model_selection import Reference
-from ..objective import NominalParameters
+from ..model_selection import Reference, relative_weights
+from ..objective import STEP, NominalParameters
 from ..place_sets import InjectionCase
 from ..pool import Pool
 from ..refit import HypothesisFit
@@ -35,8 +35,6 @@ MORE = 0.1
 #: Unknown inputs that a chamber integrates, which are averaged over windows this much longer too: a leakage too small
 #: to see beside errors of the rates moves the mean pressure by and by.
 FLOWS, SLOW = ("flow_1", "flow_2", "pump_flow"), 8
-#: Relative step of derivatives by nominal parameters.
-STEP = 0.02
 
 
 @dataclass(frozen=True)
@@ -192,10 +190,7 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
     for one in alike:
         by_form.setdefault(one.law.file.form, one)
     same = list(by_form.values())
-    temperature = reference.margin(best.law.scored) / 6.0
-    deviance = np.array([one.law.scored.deviance for one in same])
-    weights = np.exp(-0.5 * np.clip((deviance - deviance[0]) / temperature, 0.0, 500.0))
-    weights /= weights.sum()
+    weights = relative_weights([one.law.scored for one in same], best.law.scored, reference)
     nominal = reference.nominal_gaps[1]
     forms = [
         LawForm(one.law.file, float(w), 1.0 - one.law.scored.held_out_gap["total"] / max(nominal, 1e-12))

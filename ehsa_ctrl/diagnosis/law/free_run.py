@@ -86,12 +86,10 @@ def definition_of(law: LawFit, taken: Sequence[str]) -> LawFile:
 
 
 def _bounds(law: LawFit, term: Term, name: str) -> dict[str, object]:
-    if name == "damping":
+    if name == "damping" or (name != "at" and term.units[name] != "1"):
         return {"bounds": (term.shapes[name] / WIDER, term.shapes[name] * WIDER)}
     if term.units[name] == "1":
         return {}
-    if name != "at":
-        return {"bounds": (term.shapes[name] / WIDER, term.shapes[name] * WIDER)}
     if "time" in term.variables:
         return {"bounds": (0.0, 2.0 * term.shapes[name])}
     reach = max(float(np.ptp(v.values)) for v in law.grammar.variables if v.text in term.variables)
@@ -119,8 +117,9 @@ class _Start:
     def of(cls, law: LawFit, scoring: Scoring, base: HypothesisFit) -> _Start:
         file = definition_of(law, [*scoring.objective.model.plant.parameters])
         begin = Begin.of(file, law.grammar)
-        own = _scoring_with(scoring, kept_effect(f"law_{file.digest}", file), begin)
-        candidate = law_candidate(EFFECTS[f"law_{file.digest}"], own.objective.model.plant.values)
+        effect = kept_effect(f"law_{file.digest}", file)
+        own = _scoring_with(scoring, effect, begin)
+        candidate = law_candidate(effect, own.objective.model.plant.values)
         # Nominal parameters start at their nominal values: without the law, a refit bends them to make up for it.
         values = {name: base.values[name] for c in base.candidates for name in c.names}
         return cls(file, begin, own, candidate, values | dict(zip(candidate.names, candidate.starts[0], strict=True)))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Section, Sentence, Table
-from ..text import value_text
+from ..text import percent, value_text
 
 NOTE_PERIODIC = (
     "Best linear approximation at the excited lines of the multisine. The scatter between periods is noise; that "
@@ -46,10 +46,6 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     )
 
 
-def _percent(value: float | None) -> str:
-    return "–" if value is None else f"{value_text(100.0 * value, 1.0, 2)} %"
-
-
 def _share(channel: Mapping[str, Any], key: str) -> float | None:
     """Median of a standard deviation relative to the response."""
     shares = [
@@ -69,7 +65,7 @@ def _sentence(name: str, channel: Mapping[str, Any]) -> Sentence:
     distances = [each["distance"] for each in models.values() if each["distance"] is not None]
     if not distances:
         return f"{words}: hidden by noise at every frequency; drive harder or longer.", DOUBT
-    listed = ", ".join(f"{_percent(each['distance'])} from the {model} model" for model, each in models.items())
+    listed = ", ".join(f"{percent(each['distance'], 2)} from the {model} model" for model, each in models.items())
     return f"{words}: {listed} (RMS over the reliable frequencies).", True if min(distances) <= CLOSE else DOUBT
 
 
@@ -82,9 +78,9 @@ def _table(channels: Mapping[str, Mapping[str, Any]]) -> Table:
         ends = (f"{value_text(each['frequency'][k])} Hz" for k in (0, -1))
         rows.append(
             [name.replace("_", " "), *ends,
-             _percent(_share(each, "noise_sd")), _percent(_share(each, "nonlinear_sd")), _percent(each["even"]),
+             percent(_share(each, "noise_sd"), 2), percent(_share(each, "nonlinear_sd"), 2), percent(each["even"], 2),
              value_text(sum(coherence) / len(coherence), 1.0, 3) if coherence else "–",
-             *(_percent(each["models"][model]["distance"]) for model in models)]
+             *(percent(each["models"][model]["distance"], 2) for model in models)]
         )  # fmt: skip
     return Table(
         "Medians over the frequencies, relative to the response", [*head, *(f"{m}\nmodel" for m in models)], rows
