@@ -24,7 +24,8 @@ class SpecificationOptions:
     bandwidth: Annotated[
         str,
         typer.Option(
-            help="Crossover of a pid or cascade, otherwise bandwidth from reference to position, e.g. '30 rad/s'."
+            help="Crossover of a pid or cascade, key `bandwidth` of a kind that has one, otherwise bandwidth from "
+            "reference to position, e.g. '30 rad/s'."
         ),
     ] = ""
     phase_margin: Annotated[
@@ -64,9 +65,7 @@ def command(
     plant: PlantArgument,
     kind: Annotated[
         str,
-        typer.Option(
-            help="Kind of controller: pid, cascade, scheduled_pid, lqr, mpc or force.", autocompletion=controller_kinds
-        ),
+        typer.Option(help="Kind of controller, out of `ehsa-ctrl list kinds`.", autocompletion=controller_kinds),
     ],
     specification: SpecificationOptions,
     key_options: KeyOptions,

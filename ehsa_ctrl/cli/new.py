@@ -57,7 +57,7 @@ def controller(
     name: Name = None,
     kind: Annotated[
         str | None,
-        typer.Option(help="pid, scheduled_pid, cascade, lqr, mpc or force.", autocompletion=controller_kinds),
+        typer.Option(help="Kind, out of `ehsa-ctrl list kinds`.", autocompletion=controller_kinds),
     ] = None,
     base: Annotated[
         str | None,

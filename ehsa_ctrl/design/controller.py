@@ -42,7 +42,8 @@ class Law(Protocol):
     reads: channels that it requires.
     traces: name -> index in memory of the numbers to record at each sample.
 
-    A law with an attribute `follows_force`, True, gets the force target of the reference; any other gets 0.
+    A law with an attribute `follows_force`, True, gets the force target of the reference; any other gets 0. A method
+    `findings(case)` adds checks of its own to a design review.
     """
 
     @property

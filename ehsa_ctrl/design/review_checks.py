@@ -353,8 +353,15 @@ def solver(case: ReviewContext) -> Iterator[ReviewFinding]:
     )
 
 
+def own_findings(case: ReviewContext) -> Iterator[ReviewFinding]:
+    """What the law itself has to say, by its method `findings(case)` if it has one."""
+    findings = getattr(case.feedback, "findings", None)
+    if findings is not None:
+        yield from findings(case)
+
+
 #: In the order of the report.
 CHECKS: tuple[Callable[[ReviewContext], Iterator[ReviewFinding]], ...] = (
     reachability, stability, stability_margins, worst_case, state_scaling, steady_state_error, leakage_creep,
-    friction, noise, solver,
+    friction, noise, solver, own_findings,
 )  # fmt: skip

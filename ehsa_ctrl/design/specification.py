@@ -187,7 +187,7 @@ def split_figures(kind: ControllerKind, figures: Mapping[str, str]) -> tuple[dic
     known = set(definition_keys(kind.file))
     classic = "phase_margin" in figures and "design.phase_margin" in known
     table = "design" if classic else "tuning"
-    places = {"bandwidth": (f"{table}.crossover", "position.crossover")}
+    places = {"bandwidth": (f"{table}.crossover", "position.crossover", f"{kind.name}.bandwidth")}
     keys: dict[str, str] = {}
     checked: dict[str, str] = {}
     for word, text in figures.items():

@@ -25,13 +25,17 @@ from .plant_data import BOUNDED, Rating, ratings
 SCALES_WITH = {
     "period": ("sample_time", "solver.deadline", "rest.knocker.width", "rest.knocker.period", "gains.T_f"),
     "rate": ("dither.frequency",),
-    "bandwidth": ("speed.crossover", "position.crossover", "design.crossover", "tuning.crossover"),
+    "bandwidth": (
+        "speed.crossover", "position.crossover", "design.crossover", "tuning.crossover", "adrc.bandwidth",
+        "sliding_mode.bandwidth",
+    ),
     "samples": ("horizon",),
     "current": (
         "current_limit", "weights.current", "weights.current_rate", "limits.current_rate", "observer.current",
     ),
     "friction": (
-        "observer.friction", "rest.knocker.first", "rest.knocker.growth", "rest.knocker.largest", "dither.amplitude",
+        "observer.friction", "sliding_mode.disturbance", "sliding_mode.reaching", "rest.knocker.first",
+        "rest.knocker.growth", "rest.knocker.largest", "dither.amplitude",
     ),
     "speed": ("position.speed_limit", "limits.speed", "weights.speed", "observer.leak", "supervision.speed"),
     "rod_speed": ("trajectory.speed", "reference.velocity"),

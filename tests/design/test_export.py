@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 
 from ehsa_ctrl import InputError, load_controller, three_state
 from ehsa_ctrl.design.export import Program, export_controller, replay
+from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
+from ehsa_ctrl.design.specification import starting_definition
 from ehsa_ctrl.design.stages.feedforward import Feedforward
 from ehsa_ctrl.design.stages.rest import Dither, Knocker, Rest
 from ehsa_ctrl.design.stages.trajectory import TrajectoryLimits
@@ -24,14 +26,9 @@ needs_compiler = pytest.mark.skipif(CC is None, reason="there is no C compiler h
 STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off"]
 HEAD = "#include <math.h>\n#include <stdbool.h>\n#include <string.h>\n\n"
 POINTER = ctypes.POINTER(ctypes.c_double)
-LAWS = (
-    "pid_position",
-    "cascade_position",
-    "lqr_position",
-    "lqi_position",
-    "force_press",
-    "lqr_friction",
-    pytest.param("pid_scheduled", marks=pytest.mark.slow),
+#: A controller of every kind but an MPC, whose solver OSQP generates, and two more forms of state feedback.
+LAWS = sorted(
+    {starting_definition(kind)[1].stem for kind in CONTROLLER_KINDS if kind != "mpc"} | {"lqi_position", "lqr_friction"}
 )
 
 

@@ -15,6 +15,8 @@ EXAMPLES = {
     "pid": "pid_tuned",
     "scheduled_pid": "pid_scheduled",
     "cascade": "cascade_friction",
+    "adrc": "adrc_friction",
+    "sliding_mode": "sliding_friction",
     "lqr": "lqr_friction",
     "mpc": "mpc_friction",
 }

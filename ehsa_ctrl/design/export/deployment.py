@@ -1,6 +1,6 @@
 """A controller as C99 files: the functions that run in Python, with a test vector and its test.
 
-PID, cascade and state feedback are translated completely; of an MPC the estimate, the problem and the fallback are
+Every law is translated completely but that of an MPC: of it the estimate, the problem and the fallback are
 translated, and OSQP generates its solver.
 """
 

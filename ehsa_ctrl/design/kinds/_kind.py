@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
 
 from ...core.definition import Definition, Drive, Schema, Second
+from ...core.errors import InputError
+from ..analysis.closed_loop import close_loop, spectral_radius
 from ..stages.feedforward import Feedforward
 from ..stages.rest import Dither, Rest
 from ..stages.trajectory import TrajectoryLimits
+
+if TYPE_CHECKING:
+    import control
 
 
 class ControllerFile(Definition):
@@ -49,9 +54,18 @@ class ControllerKind:
     summary: one line for lists.
     file: the definition's form, a ControllerFile.
     design: (controller's name, definition, linear model with an output x) -> a design.controller.Law.
+    tunes: dotted keys that `tuning.tune_keys` chooses -> least and largest value in the key's SI unit.
     """
 
     name: str
     summary: str
     file: type[ControllerFile]
     design: Callable[[str, Any, Any], Any]
+    tunes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+def require_stable(system: control.StateSpace, controller: Any, fix: str) -> None:
+    """Raise InputError for a controller whose sampled linear loop is unstable; `fix` says what to change."""
+    radius = spectral_radius(close_loop(system, controller)[2].A)
+    if radius >= 1.0:
+        raise InputError(f"the loop is unstable on this model (largest |pole| {radius:.4g}); {fix}")
