@@ -161,8 +161,8 @@ def _parameters(path: Path, file: PlantFile, part: ModelFile, model: str, struct
         default = effect_default(structure, name)
         if default is not None:
             found[name] = default
-        elif name in LOAD_SYMBOLS.values():
-            found[name] = Parameter(name, 0.0, kind.unit, "assumed", note="no load is given")
+        elif kind.default is not None:
+            found[name] = Parameter(name, kind.default, kind.unit, "assumed", note="not given")
         else:
             raise InputError(f"{path}: [{model}.parameters] {name} ({kind.meaning}, {kind.unit}) is missing")
     return {name: found[name] for name in kinds}

@@ -31,6 +31,7 @@ class ParameterKind:
     prior: relative standard deviation of a typical nominal value; None for a parameter that a diagnosis does not refit.
     searched: whether a diagnosis refits it beside every hypothesis. False where other parameters act nearly alike, as
         volumes beside the bulk modulus: together they would hide causes. The final estimate of sizes refits it.
+    default: value where a plant's file leaves it out; None for a parameter that it must give.
     """
 
     name: str
@@ -41,6 +42,7 @@ class ParameterKind:
     lower_open: bool = False
     prior: float | None = None
     searched: bool = True
+    default: float | None = None
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,8 @@ class System:
     hold: drives between the samples of a log: "zero_order" or "first_order" (linear interpolation).
     chamber_forms: name in a plant's TOML -> equations of the chamber volumes; empty for a system without chambers.
     start: state -> parameter with its value at rest; other states are zero at rest.
+    kinks: signal -> length of a relevant change, for each signal at whose zero the equations bend; a step of the engine
+        ends there.
     cell: signal of the load cell; None without one. cell_channel: channel of the log that measures it.
     prescribed: contacts whose motion is an input; their friction occurs only in balances.
     balances: in the order of solution; the next one uses the parameters estimated in the one before.
@@ -182,7 +186,7 @@ class System:
         one can, for a system whose drive moves the state x.
     units: channel or scored signal -> SI unit, for those that `core.log.CHANNELS` lacks; they are added there.
 
-    Raises TypeError for unknown names in drives, outputs, scored, entries or contacts of balances.
+    Raises TypeError for unknown names in drives, outputs, scored, entries, kinks or contacts of balances.
     """
 
     name: str
@@ -197,6 +201,7 @@ class System:
     title: str = ""
     chamber_forms: Mapping[str, tuple[tuple[str, ScalarFunction], ...]] = field(default_factory=dict)
     start: Mapping[str, str] = field(default_factory=dict)
+    kinks: Mapping[str, float] = field(default_factory=dict)
     cell: str | None = None
     cell_channel: str = "force"
     prescribed: tuple[Contact, ...] = ()
@@ -221,6 +226,7 @@ class System:
             ("units: missing channel", self.channels, CHANNELS),
             ("drives: unknown input", self.drives, self.inputs),
             ("outputs: unknown state", self.outputs.values(), states),
+            ("kinks: unknown signal", self.kinks, [signal for signal, _ in self.equations]),
             ("proportional: unknown channel", [name for pair in self.proportional for name in pair], self.channels),
             ("scored: unknown output", [one.channel for one in self.scored], self.outputs),
             ("entries: unknown target", [one.target for one in self.entries.values()], states | {*self.inputs}),

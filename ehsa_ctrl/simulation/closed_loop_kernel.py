@@ -26,6 +26,7 @@ from .integrator import (
     UNFINISHED,
     advance,
     dead_time,
+    work_size,
 )  # fmt: skip
 
 # Cost of a controller's step, in steps of the plant: that of an MPC.
@@ -58,7 +59,7 @@ def closed_loop(
     controller's memory.
     """
     n = shape[STATES]
-    constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(3 * n + 2 * shape[CONTACTS])
+    constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(work_size(shape))
     call(functions[CONSTANTS], pointer(p), pointer(constants))
     whole, part = dead_time(shape, p, dt)
     whole += lag

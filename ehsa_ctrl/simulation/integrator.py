@@ -31,7 +31,7 @@ SHORT, LONG, SHARE = 0.12, 0.3, 1.5
 # Indices in `functions` and `shape`, see plant_code.py.
 CONSTANTS, STEP, ACCEPT, RATES, CELL, PROPAGATE, CONTACT = range(7)
 HOLD, NET, FRICTION = range(3)
-STATES, CONTACTS, CONSTANT_COUNT, LATE, MEASURED, SPEEDS = 0, 1, 2, 3, 4, 8
+STATES, CONTACTS, CONSTANT_COUNT, LATE, MEASURED, KINKS, SPEEDS = 0, 1, 2, 3, 4, 8, 9
 
 
 # Types of the three parts of PlantCode.
@@ -50,6 +50,19 @@ def dead_time(shape, p, dt):
 def of_contact(functions, i, which):
     """Address of a function of the contact i."""
     return functions[CONTACT + 3 * i + which]
+
+
+@njit(error_model="numpy", forceinline=True)
+def kink(functions, shape, scales, i, y, u, f, d, c):
+    """Signal of the kink i, in units of its scale."""
+    contacts = shape[CONTACTS]
+    return call(functions[CONTACT + 3 * contacts + i], y, u, f, d, c) * scales[2 * contacts + i]
+
+
+@njit(error_model="numpy", forceinline=True)
+def work_size(shape):
+    """Numbers of working memory that `advance` needs: y_n, k7, y_m, modes, accelerations, sides of the kinks."""
+    return 3 * shape[STATES] + 2 * shape[CONTACTS] + shape[KINKS]
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -90,11 +103,11 @@ def longest(speed, acceleration, at_rest):
 
 
 @njit(error_model="numpy", forceinline=True)
-def margin(functions, shape, scales, y, u, f, d, fresh, c):
-    """Distance to the nearest mode change, in units of the contact's scale; negative beyond it.
+def margin(functions, shape, scales, y, u, f, d, fresh, sides, c):
+    """Distance to the nearest mode change or kink, in units of its scale; negative beyond it.
 
     A contact that has just begun to move (fresh) is on its own switching surface, and is left out until it has left
-    this surface.
+    this surface. sides: sign of each kink's signal at the start of the step.
     """
     least = inf
     for i in range(shape[CONTACTS]):
@@ -104,11 +117,14 @@ def margin(functions, shape, scales, y, u, f, d, fresh, c):
             least = min(least, call(of_contact(functions, i, HOLD), y, u, f, d, c))
         elif fresh[i] == 0.0:
             least = min(least, (d[i] * y[shape[SPEEDS + 2 * i]] - c[i]) * scales[shape[CONTACTS] + i])
+    for i in range(shape[KINKS]):
+        if sides[i] != 0.0:
+            least = min(least, sides[i] * kink(functions, shape, scales, i, y, u, f, d, c))
     return least
 
 
 @njit(error_model="numpy")
-def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, d, fresh, at_end, exact, c):
+def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, d, fresh, sides, at_end, exact, c):
     """Length of the step that ends where the margin crosses zero; y_n and k7 become the values at its end.
 
     at_end: margin at the end of the whole step. The first guess is the root of the margin along the cubic through both
@@ -117,7 +133,7 @@ def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, 
     """
     n = shape[STATES]
     aim = 0.5 * exact
-    at_low = margin(functions, shape, scales, y, u, f, d, fresh, c)
+    at_low = margin(functions, shape, scales, y, u, f, d, fresh, sides, c)
     if at_low <= 0.0:
         at_low = exact
     a, b, at_a, at_b = 0.0, 1.0, at_low + aim, at_end + aim
@@ -129,7 +145,7 @@ def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, 
         start, end, start_k, end_k = r * r * (1.0 + 2.0 * s), s * s * (3.0 - 2.0 * s), h * s * r * r, -h * s * s * r
         for i in range(n):
             y_m[i] = start * y[i] + end * y_n[i] + start_k * k1[i] + end_k * k7[i]
-        at_s = margin(functions, shape, scales, y_m, u + du * s, f + df * s, d, fresh, c) + aim
+        at_s = margin(functions, shape, scales, y_m, u + du * s, f + df * s, d, fresh, sides, c) + aim
         if abs(at_s) < aim or b - a < 1e-6:
             break
         if at_s < 0.0:
@@ -149,13 +165,13 @@ def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, 
             s = mid / h - 1e-6
             for i in range(n):
                 y_m[i] = y_n[i] - 1e-6 * h * k7[i]
-            before = margin(functions, shape, scales, y_m, u + du * s, f + df * s, d, fresh, c)
+            before = margin(functions, shape, scales, y_m, u + du * s, f + df * s, d, fresh, sides, c)
             mid = mid - 1e-6 * h * (at_mid + aim) / (at_mid - before) if at_mid < before else low
         if not low < mid < high:
             mid = 0.5 * (low + high)
         s = mid / h
         call(functions[STEP], y, mid, u, du * s, f, df * s, d, c, k1, y_n, k7, a_0)
-        at_mid = margin(functions, shape, scales, y_n, u + du * s, f + df * s, d, fresh, c)
+        at_mid = margin(functions, shape, scales, y_n, u + du * s, f + df * s, d, fresh, sides, c)
         if at_mid < 0.0:
             high = mid
             if -at_mid <= exact or high - low <= 1e-15:
@@ -207,12 +223,13 @@ def leap(n, speed, before, after, S, width):
 
 
 @njit(error_model="numpy", forceinline=True)
-def watch(functions, shape, scales, y, k1, y_n, k7, y_m, h, dt, u, f, u_n, f_n, d, fresh, c):
-    """Check a step for mode changes: returns the margin at its end and the length that the step should have.
+def watch(functions, shape, scales, y, k1, y_n, k7, y_m, h, dt, u, f, u_n, f_n, d, fresh, sides, kinks, c):
+    """Check a step for mode changes and kinks: returns the margin at its end and the length that the step should have.
 
-    The length is less than h if a contact may break away, or stop, and return within the step; the step then ends where
-    the margin is lowest. It is also less for a fresh contact that has already reversed. Also returns whether a contact
-    is fresh, and whether one slides slowly (see `longest`).
+    Sets the sides of the first `kinks` kinks at its start (see `margin`). The length is less than h if a contact may
+    break away, or stop, and return within the step; the step then ends where the margin is lowest. It is also less for
+    a fresh contact that has already reversed. Also returns whether a contact is fresh, and whether one slides slowly
+    (see `longest`).
     """
     at_end, wanted, some_fresh, slow = inf, h, False, False
     divisible = h > 1e-6 * dt
@@ -247,6 +264,18 @@ def watch(functions, shape, scales, y, k1, y_n, k7, y_m, h, dt, u, f, u_n, f_n, 
         if 0.02 < share < 0.98 and divisible:
             wanted = share * h
             break
+    for i in range(kinks):
+        start = kink(functions, shape, scales, i, y, u, f, d, c)
+        sides[i] = np.sign(start)
+        if sides[i] != 0.0:
+            for j in range(shape[STATES]):
+                y_m[j] = 0.5 * (y[j] + y_n[j]) + 0.125 * h * (k1[j] - k7[j])
+            middle = sides[i] * kink(functions, shape, scales, i, y_m, 0.5 * (u + u_n), 0.5 * (f + f_n), d, c)
+            end = sides[i] * kink(functions, shape, scales, i, y_n, u_n, f_n, d, c)
+            share = lowest(abs(start), middle, end)
+            if 0.02 < share < 0.98 and divisible:
+                wanted = min(wanted, share * h)
+            at_end = min(at_end, end)
     return at_end, wanted, some_fresh, slow
 
 
@@ -257,13 +286,13 @@ def advance(
     """Advance one sample: y, d, memory and extremes to its end; returns the status and the number of steps.
 
     memory: state of the integrator between samples: step length, inputs at the end of the last sample, rates there (n),
-    which contacts are fresh (see `margin`). extremes: lowest and highest states so far. work: 3 n + 2 contacts numbers.
+    which contacts are fresh (see `margin`). extremes: lowest and highest states so far. work: `work_size` numbers.
     S, F, columns, width: sensitivities and their working memory (see sensitivity_kernel.py); width 0 for none.
     """
     n, contacts = shape[STATES], shape[CONTACTS]
     k1, fresh = shifted(memory, 3), shifted(memory, 3 + n)
     y_n, k7, y_m, d_was = work, shifted(work, n), shifted(work, 2 * n), shifted(work, 3 * n)
-    a_0 = shifted(work, 3 * n + contacts)
+    a_0, sides = shifted(work, 3 * n + contacts), shifted(work, 3 * n + 2 * contacts)
     exact = 1e-3 * tol
     inverse = 1.0 / (tol * tol)
     shortest = 1e-9 * dt
@@ -271,6 +300,12 @@ def advance(
     if memory[1] != u or memory[2] != f:
         switch(functions, shape, y, u, f, d, fresh, c)
         call(functions[RATES], y, u, f, d, c, k1)
+    # An infinite signal stands for a kink that is never reached.
+    kinks = 0
+    for i in range(shape[KINKS]):
+        sides[i] = 0.0
+        if abs(kink(functions, shape, scales, i, y, u, f, d, c)) < inf:
+            kinks = shape[KINKS]
     slope_u, slope_f = (u_end - u) / dt, (f_end - f) / dt
     t = 0.0
     events = 0
@@ -295,7 +330,7 @@ def advance(
             continue
         u_n, f_n = u_t + slope_u * tried, f_t + slope_f * tried
         at_end, wanted, some_fresh, slow = watch(
-            functions, shape, scales, y, k1, y_n, k7, y_m, tried, dt, u_t, f_t, u_n, f_n, d, fresh, c
+            functions, shape, scales, y, k1, y_n, k7, y_m, tried, dt, u_t, f_t, u_n, f_n, d, fresh, sides, kinks, c
         )
         if wanted < tried:
             h = wanted
@@ -303,7 +338,7 @@ def advance(
         if at_end < -exact:
             tried = locate(
                 functions, shape, scales, y, k1, y_n, k7, y_m, a_0, tried, u_t, slope_u * tried, f_t, slope_f * tried,
-                d, fresh, at_end, exact, c,
+                d, fresh, sides, at_end, exact, c,
             )  # fmt: skip
             u_n, f_n = u_t + slope_u * tried, f_t + slope_f * tried
             last = False

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..core.errors import InputError
+from ..physics import load
 from ..plant.plant import Plant
 from ..plant.system import Contact
 
@@ -95,11 +96,12 @@ def _acceleration(plant: Plant, way: float) -> Callable[[float, float, float], f
     travel = plant["D"] / plant["A"]
     inertia = plant["J_M"] + (plant["M"] + plant["m_L"]) * travel**2
     shaft, rod = (_friction(plant, contact) for contact in plant.structure.system.contacts)
-    K_T, K_S, k_3, constant = plant["K_T"], plant["K_S"], plant["k_3"], plant["F_pre"] + plant["F_0"]
+    K_T = plant["K_T"]
+    spring = {name: plant[name] for name in ("K_S", "F_pre", "k_3", "F_0")}
 
     def rate(x: float, omega: float, current: float) -> float:
-        load = way * (x * (K_S + k_3 * x * x) + constant)
-        return (K_T * current - shaft(omega) - travel * (load + rod(travel * omega))) / inertia
+        resists = way * load.force(load.deflection(x, plant["x_C"]), **spring, F_D=0.0)
+        return (K_T * current - shaft(omega) - travel * (resists + rod(travel * omega))) / inertia
 
     return rate
 

@@ -22,6 +22,7 @@ from .integrator import (
     UNFINISHED,
     advance,
     dead_time,
+    work_size,
 )  # fmt: skip
 
 
@@ -58,7 +59,7 @@ def open_loop(
     The next call continues runs that are still UNFINISHED after STEPS_PER_CALL.
     """
     n, contacts = shape[STATES], shape[CONTACTS]
-    constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(3 * n + 2 * contacts)
+    constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(work_size(shape))
     code, layout, sizes = pointer(functions), pointer(shape), pointer(scales)
     last = carry.shape[1] - 1
     spent = 0

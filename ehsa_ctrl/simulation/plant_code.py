@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from ..plant.wiring import Equations
 from .plant_text import plant_text
 
-#: Names in the order of `PlantCode.functions`: those of every structure, then three for each contact.
+#: Names in the order of `PlantCode.functions`: those of every structure, three for each contact, one for each kink.
 NAMES = ("constants", "step", "accept", "rates", "cell", "propagate")
 OF_A_CONTACT = ("hold", "net", "friction")
 MEASURED_STATES = ("omega", "P_1", "P_2", "x")
@@ -25,8 +25,9 @@ class PlantCode:
 
     functions: addresses in the order of NAMES and OF_A_CONTACT; 0 for functions that a structure lacks.
     shape: numbers of states, contacts and constants; index of the dead time among the parameters (-1 for none);
-        indices of MEASURED_STATES (-1 for none); then for each contact the index of its speed, and 1 if it can stick.
-    scales: scale of the speed of each contact, then their reciprocals.
+        indices of MEASURED_STATES (-1 for none); number of kinks; then for each contact the index of its
+        speed, and 1 if it can stick.
+    scales: scale of the speed of each contact, then their reciprocals; then the reciprocal scale of each kink.
     """
 
     functions: np.ndarray
@@ -55,15 +56,18 @@ def plant_code(equations: Equations, *, sensitivities: bool = False) -> PlantCod
     text, constants = plant_text(structure, sensitivities=sensitivities)
     addresses = load_functions(text)
     names = [*NAMES, *(f"{name}_{i}" for i in range(len(contacts)) for name in OF_A_CONTACT)]
+    kinks = structure.system.kinks
+    names += [f"kink_{i}" for i in range(len(kinks))]
     states = [state.name for state in equations.states]
     late = -1 if structure.delay is None else equations.parameter_names.index(structure.delay)
     shape = [len(states), len(contacts), constants, late]
     shape += [states.index(name) if name in states else -1 for name in MEASURED_STATES]
+    shape.append(len(kinks))
     for contact in contacts:
         shape += [states.index(contact.velocity), int(structure.law(contact).sticks)]
     scales = np.array([equations.states[states.index(contact.velocity)].scale for contact in contacts])
     return PlantCode(
         functions=np.array([addresses.get(name, 0) for name in names], dtype=np.int64),
         shape=np.array(shape, dtype=np.int64),
-        scales=np.concatenate([scales, 1.0 / scales]),
+        scales=np.concatenate([scales, 1.0 / scales, [1.0 / scale for scale in kinks.values()]]),
     )

@@ -16,6 +16,7 @@ u, f the two inputs). Each returns one double.
     cell(y, u, f, d, c)                              reading of the load cell
     propagate(y, h, u, du, f, df, d, c, S, F, columns, width)   the sensitivities over a step
     hold_i(y, u, f, d, c)                            margin of the contact i at rest, in units of its scale
+    kink_i(y, u, f, d, c)                            signal at whose zero the equations bend
     net_i, friction_i(y, u, f, d, c)                 net effort without friction, friction in the direction d[i]
 """
 
@@ -305,6 +306,8 @@ class _Writer:
                 texts[f"hold_{i}"] = self.hold(f"hold_{i}", net, friction, contact.direction, contact.effort_scale)
                 texts[f"net_{i}"] = self.signal(f"net_{i}", net)
                 texts[f"friction_{i}"] = self.signal(f"friction_{i}", friction)
+        for i, signal in enumerate(system.kinks):
+            texts[f"kink_{i}"] = self.signal(f"kink_{i}", tape.refs[signal])
         texts["constants"] = self.constants_text(bands)
         return texts
 

@@ -94,6 +94,9 @@ class _ModeMachine:
             for contact, law in zip(self.contacts, self.laws, strict=True)
         ]
         self.columns = [self.names.index(contact.velocity) for contact in self.contacts]
+        self.kinks = list(plant.structure.system.kinks)
+        #: Sign of each kink's signal; 0 for one that is never reached.
+        self.sides: list[float] = []
         self.method, self.rtol = method, rtol
         self.atol = rtol * np.array([state.scale for state in equations.states])
 
@@ -116,6 +119,8 @@ class _ModeMachine:
         """Advance one sample from the state y; returns the mode changes."""
         changes: list[tuple[float, str, int]] = []
         t = 0.0
+        signals = self.evaluate(y, inputs, modes)
+        self.sides = [0.0 if np.isinf(signals[name]) else float(np.sign(signals[name])) for name in self.kinks]
         for index, contact in enumerate(self.contacts):
             if modes[index] == 0 and self.laws[index].sticks and self._decide(index, y, inputs, modes):
                 changes.append((t, contact.name, int(modes[index])))
@@ -125,7 +130,10 @@ class _ModeMachine:
             y[:] = found.y[:, -1]
             if found.status == 0:
                 break
-            for index, times in zip(watched, found.t_events, strict=True):
+            for index, times in enumerate(found.t_events[len(watched) :]):
+                if times.size:
+                    self.sides[index] = -self.sides[index]
+            for index, times in zip(watched, found.t_events[: len(watched)], strict=True):
                 if times.size:
                     if modes[index] != 0:
                         y[self.columns[index]] = 0.0
@@ -148,6 +156,7 @@ class _ModeMachine:
 
         watched = [index for index, law in enumerate(self.laws) if law.sticks]
         surfaces = [self._surface(index, modes, inputs, slopes) for index in watched]
+        surfaces += [self._kink(index, modes, inputs, slopes) for index in range(len(self.kinks))]
         found = solve_ivp(
             rates,
             (t, dt),
@@ -172,6 +181,19 @@ class _ModeMachine:
                 net, held = self.held(index, state, inputs + slopes * s, modes)
                 return held - abs(net)
             return float(modes[index] * state[self.columns[index]] - self.bands[index])
+
+        surface.terminal = True  # type: ignore[attr-defined]
+        surface.direction = -1.0  # type: ignore[attr-defined]
+        return surface
+
+    def _kink(
+        self, index: int, modes: np.ndarray, inputs: np.ndarray, slopes: np.ndarray
+    ) -> Callable[[float, np.ndarray], float]:
+        """Positive while a kink's signal keeps its sign."""
+        side = self.sides[index]
+
+        def surface(s: float, state: np.ndarray) -> float:
+            return side * self.evaluate(state, inputs + slopes * s, modes)[self.kinks[index]] if side else 1.0
 
         surface.terminal = True  # type: ignore[attr-defined]
         surface.direction = -1.0  # type: ignore[attr-defined]

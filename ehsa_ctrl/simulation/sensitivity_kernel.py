@@ -14,12 +14,12 @@ from .integrator import (
     CODE,
     CONSTANT_COUNT,
     CONSTANTS,
-    CONTACTS,
     DONE,
     STATES,
     STEPS_PER_CALL,
     UNFINISHED,
     advance,
+    work_size,
 )  # fmt: skip
 
 
@@ -42,7 +42,7 @@ def sensitivity(
     again if it is UNFINISHED.
     """
     n, width = shape[STATES], S.shape[1]
-    constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(3 * n + 2 * shape[CONTACTS])
+    constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(work_size(shape))
     by_parameter = np.zeros((6, n, width))
     call(functions[CONSTANTS], pointer(p), pointer(constants))
     begin = S.copy()

@@ -4,12 +4,10 @@ from ._candidate import CandidateEffect, DiagnosisContext, from_neutral
 from ._effect import Effect, EffectParameter
 
 
-def force(F_EXT: float, x: float, K_S: float, k_3: float, width: float) -> float:
-    """Force of the spring at its deflection: |x| - width/2 beyond the play, zero within it."""
+def deflection(s: float, width: float) -> float:
+    """Deflection of the spring: |s| - width/2 beyond the play, zero within it."""
     half = 0.5 * width
-    deflection = max(x - half, 0.0) + min(x + half, 0.0)
-    without_play = x * (K_S + k_3 * x * x)
-    return F_EXT + (deflection * (K_S + k_3 * deflection * deflection) - without_play if width > 0.0 else 0.0)
+    return max(s - half, 0.0) + min(s + half, 0.0) if width > 0.0 else s
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
@@ -22,7 +20,7 @@ effect = Effect(
     place="force",
     summary="play between rod and load",
     fingerprint="the load cell reads nothing while the rod crosses the play",
-    changes={"F_EXT": force},
+    changes={"s": deflection},
     parameters=(EffectParameter("width", "m", "play", 0.0, 1e-3, 0.0, 0.1, detectable=2e-4),),
     candidates=candidates,
     source="dead zone in front of a spring without mass",

@@ -7,6 +7,7 @@ Or elastic sliders that slip one after the other, see `maxwell_slip`. A hypothes
 from collections.abc import Mapping
 from math import sqrt
 
+from .. import load
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, starting_points
 from ._effect import Effect, LawSwitch
 from .maxwell_slip import sliders
@@ -19,10 +20,10 @@ def critical_damping(compliance: float, plant: Mapping[str, float]) -> float:
     return sqrt(plant["M"] / compliance)
 
 
-def deflection(P_1: float, P_2: float, x: float, A: float, K_S: float, A_FR: float, C_FR: float) -> float:
+def deflection(P_1: float, P_2: float, x: float, A: float, K_S: float, x_C: float, A_FR: float, C_FR: float) -> float:
     """Force on the bristles of a rod at rest [N], at most breakaway friction; z is this force times the compliance."""
     breakaway = A_FR + C_FR
-    return min(max(A * (P_1 - P_2) - K_S * x, -breakaway), breakaway)
+    return min(max(A * (P_1 - P_2) - K_S * load.deflection(x, x_C), -breakaway), breakaway)
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:

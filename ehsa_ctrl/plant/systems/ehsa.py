@@ -5,6 +5,8 @@ With viscous friction and constant volumes, the same equations are (6); see `str
 
 from __future__ import annotations
 
+from math import inf
+
 from ...physics import chambers, load, motor, pump, residuals, rod, tank
 from ..system import Balance, Contact, Entry, ParameterKind, ScalarFunction, ScoredSignal, State, System
 
@@ -102,8 +104,12 @@ system = System(
         ("motor_friction", "rod_friction", "chamber_volume_variation"),
     ),
     contacts=(SHAFT, ROD),
+    # Contact with a load behind a gap; resolved to 1e-9 of this length [m] at the default tolerance.
+    kinks={"x_into": 0.02},
     equations=(
         *SHAFT_TO_PISTON,
+        ("x_into", load.penetration),
+        ("s", load.deflection),
         ("F_EXT", load.force),
         ("F_net", rod.net_force),
         ("v_dot", rod.acceleration),
@@ -123,11 +129,14 @@ system = System(
         ParameterKind("M", "kg", "mass of rod and piston", 0.0, lower_open=True, prior=0.1),
         ParameterKind("P_0", "Pa", "pressure at rest, gauge", -1.01325e5),
         ParameterKind("x_0", "m", "rod position at rest"),
-        ParameterKind("K_S", "N/m", "spring of the load (load.stiffness)", 0.0, prior=0.1),
-        ParameterKind("F_pre", "N", "preload of that spring (load.preload)"),
-        ParameterKind("k_3", "N/m3", "hardening of that spring (load.hardening)"),
-        ParameterKind("F_0", "N", "constant force of the load (load.force)"),
-        ParameterKind("m_L", "kg", "mass of the load, behind the load cell (load.mass)", 0.0),
+        ParameterKind("K_S", "N/m", "spring of the load (load.stiffness)", 0.0, prior=0.1, default=0.0),
+        ParameterKind("F_pre", "N", "preload of that spring (load.preload)", default=0.0),
+        ParameterKind("k_3", "N/m3", "hardening of that spring (load.hardening)", default=0.0),
+        ParameterKind("F_0", "N", "constant force of the load (load.force)", default=0.0),
+        ParameterKind("m_L", "kg", "mass of the load, behind the load cell (load.mass)", 0.0, default=0.0),
+        ParameterKind(
+            "x_C", "m", "position at which the rod meets the load (load.gap); -inf: attached", -inf, default=-inf
+        ),
     ),
     balances=(
         FLOW,
