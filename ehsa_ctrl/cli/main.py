@@ -32,6 +32,7 @@ from . import (
     new,
     report,
     run,
+    serve,
     simulate,
 )
 from .options import expand_groups
@@ -82,7 +83,7 @@ app = typer.Typer(
 COMMANDS = {
     "run": run, "montecarlo": montecarlo, "simulate": simulate, "analyse": analyse, "design": design, "excite": excite,
     "compare": compare, "frf": frf, "identify": identify, "diagnose": diagnose, "export": export, "fmu": fmu,
-    "report": report, "list": listing, "check": check,
+    "serve": serve, "report": report, "list": listing, "check": check,
 }  # fmt: skip
 for name, module in COMMANDS.items():
     app.command(name)(expand_groups(module.command))

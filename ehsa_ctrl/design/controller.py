@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.controller_interface import REFERENCE_FORCE
 from ..core.result import Result
+from ..core.watchdog import Watchdog
 from .python_law import PythonLaw
 from .stages.compiled import compiled_pipeline
 from .stages.feedforward import Feedforward, feedforward_settings
@@ -85,6 +86,7 @@ class SampledController(Result):
     law: the feedback law.
     trajectory, feedforward, rest, dither: the other stages; None switches one off.
     supervision: plausibility limits of the readings.
+    watchdog: safe output when the plant's side of a link is silent.
     note: what the design left out of the given model; empty if nothing.
     """
 
@@ -98,6 +100,7 @@ class SampledController(Result):
     rest: Rest | None = None
     dither: Dither | None = None
     supervision: Supervision = field(default_factory=Supervision)
+    watchdog: Watchdog = field(default_factory=Watchdog)
     note: str = ""
 
     @property

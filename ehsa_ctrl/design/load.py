@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import control
 
 #: Keys of a definition that become fields of the controller.
-SHARED = ("sample_time", "current_limit", "trajectory", "feedforward", "rest", "dither")
+SHARED = ("sample_time", "current_limit", "trajectory", "feedforward", "rest", "dither", "watchdog")
 
 
 def read_controller(path: Path, sample_time: float | None = None) -> tuple[ControllerKind, ControllerFile]:

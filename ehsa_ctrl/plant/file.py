@@ -186,6 +186,19 @@ class SamplingFile(Definition):
     period: Quantity = Field(description="sample time")
 
 
+class WatchdogFile(Definition):
+    """[watchdog]: safe output of `serve` when the controller is silent."""
+
+    timeout: Quantity | None = Field(
+        default=None,
+        description="time without an answer after which the safe output acts, until the end of the run; 40 ms if left "
+        "out",
+    )
+    safe_current: Quantity | None = Field(
+        default=None, description="safe output, in the unit of the plant's drive; zero if left out"
+    )
+
+
 class PlantFile(Definition):
     """A plant's TOML."""
 
@@ -206,6 +219,9 @@ class PlantFile(Definition):
     )
     limits: dict[str, Quantity] = Field(default={}, description="limits that every run checks; exceeding one is a trip")
     sampling: SamplingFile = Field(description="sampling of the bench")
+    watchdog: WatchdogFile = Field(
+        default=WatchdogFile(), description="safe output of `serve` when the controller is silent"
+    )
     sensors: dict[str, SensorFile] = Field(
         default={},
         description="sensors of the bench, by channel; one that is left out is ideal",

@@ -15,6 +15,7 @@ from ..core.log import CHANNELS, Column
 from ..core.parameter import Parameter, check_range
 from ..core.registry import add_project
 from ..core.unit import read_value
+from ..core.watchdog import Watchdog
 from .file import (
     LIMIT_STATES,
     LIMIT_UNITS,
@@ -73,6 +74,7 @@ def load_plant(
         estimation=part.estimation,
         log=_log_columns(path, file),
         log_controller=file.log_controller,
+        watchdog=_watchdog(path, file, structure),
         sample_time=file.sampling.period.parameter("period", "s", f"{path}: [sampling] period").value,
         path=path,
     )
@@ -196,6 +198,20 @@ def _limits(path: Path, file: PlantFile, structure: Structure) -> dict[str, Para
         limits[name] = quantity.parameter(name, unit, where)
         check_range(where, limits[name].value, unit, LEAST.get(name, 0.0), MOST, lower_open=name not in LEAST)
     return limits
+
+
+def _watchdog(path: Path, file: PlantFile, structure: Structure) -> Watchdog:
+    """The watchdog of a plant; its defaults where the file has none."""
+    words = {"timeout": "s", "safe_current": structure.system.drive_unit}
+    given = {word: getattr(file.watchdog, word) for word in words}
+    values = {
+        word: quantity.parameter(word, words[word], f"{path}: [watchdog] {word}").value
+        for word, quantity in given.items()
+        if quantity is not None
+    }
+    if "timeout" in values:
+        check_range(f"{path}: [watchdog] timeout", values["timeout"], "s", 0.0, MOST, lower_open=True)
+    return Watchdog.model_validate(values, context={"si": True})
 
 
 def _log_columns(path: Path, file: PlantFile) -> dict[str, Column]:

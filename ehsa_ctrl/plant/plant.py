@@ -15,6 +15,7 @@ from ..core.log import Column
 from ..core.parameter import Parameter, check_range
 from ..core.result import Result, as_table
 from ..core.unit import read_value
+from ..core.watchdog import Watchdog
 from ..physics.effects import EFFECTS, with_extended
 from .file import EstimationFile, key_of, label
 from .structure import Structure
@@ -80,6 +81,7 @@ class Plant(Result):
     estimation: method of `identify`.
     log: channel -> column of this rig's logs, for channels whose name or unit differs.
     log_controller: [log.controller] of the file, the controller under which the logs are recorded; None without one.
+    watchdog: safe output when the controller's side of a link is silent.
     path: the file.
     """
 
@@ -95,6 +97,7 @@ class Plant(Result):
     estimation: EstimationFile = field(default_factory=EstimationFile)
     log: Mapping[str, Column] = field(default_factory=dict)
     log_controller: Mapping[str, Any] | None = None
+    watchdog: Watchdog = field(default_factory=Watchdog, repr=False)
     path: Path | None = field(default=None, compare=False)
 
     def __getitem__(self, symbol: str) -> float:

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from ...core.definition import Definition, Drive, Schema, Second
 from ...core.errors import InputError
+from ...core.watchdog import Watchdog
 from ..analysis.closed_loop import close_loop, spectral_radius
 from ..stages.feedforward import Feedforward
 from ..stages.rest import Dither, Rest
@@ -36,11 +37,21 @@ class ControllerFile(Definition):
     feedforward: Feedforward | None = Field(default=None, description="model-based feedforward; off if left out")
     rest: Rest | None = Field(default=None, description="deadband at rest; off if left out")
     dither: Dither | None = Field(default=None, description="sine added to the current; off if left out")
+    watchdog: Watchdog = Field(default=Watchdog(), description="safe output of `serve` when the plant is silent")
 
     @model_validator(mode="after")
     def _check_dither(self) -> ControllerFile:
         if self.dither is not None and self.dither.frequency * self.sample_time >= 0.5:
             raise ValueError(f"[dither] frequency must be below half the sample rate {0.5 / self.sample_time:g} Hz")
+        return self
+
+    @model_validator(mode="after")
+    def _check_safe_current(self) -> ControllerFile:
+        if abs(self.watchdog.safe_current) > self.current_limit:
+            raise ValueError(
+                f"[watchdog] safe_current = {self.watchdog.safe_current:g} A exceeds current_limit = "
+                f"{self.current_limit:g} A"
+            )
         return self
 
 
