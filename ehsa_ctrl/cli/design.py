@@ -86,6 +86,14 @@ def command(
     freeze: Annotated[
         bool, typer.Option("--freeze", help="Write a pid's gains instead of their specification.")
     ] = False,
+    tune: Annotated[
+        bool,
+        typer.Option(
+            "--tune",
+            help="Choose the kind's main keys for the least ITAE of a load step within --Ms, --Mt, --disk-margin and "
+            "--noise-gain or their defaults; keys that are given stay.",
+        ),
+    ] = False,
     settings: Settings = [],
 ) -> None:
     """Design a controller on the plant's linear model and write its TOML, with its margins as comments.
@@ -94,12 +102,21 @@ def command(
 
     Examples: ehsa-ctrl design ehsa --kind pid --Ms 1.5 --noise-gain '8000 A/m' -o mine.toml --out results/mine ·
     ehsa-ctrl design ehsa --kind pid --bandwidth '35 rad/s' --phase-margin '60 deg' -o classic.toml ·
-    ehsa-ctrl design ehsa --kind lqr --bandwidth '40 rad/s' --Ms 1.6 --weight current='2 A' -o lqr.toml
+    ehsa-ctrl design ehsa --kind lqr --bandwidth '40 rad/s' --Ms 1.6 --weight current='2 A' -o lqr.toml ·
+    ehsa-ctrl design ehsa --kind adrc --tune --Ms 1.4 -o adrc.toml
     """
     from ..core.catalogue import is_shipped
+    from ..core.definition import validate
     from ..core.files import read_toml, refuse_existing, write_text
     from ..design.analysis.closed_loop import step_response
-    from ..design.specification import definition_keys, design, split_figures, starting_definition, with_values
+    from ..design.specification import (
+        definition_keys,
+        design,
+        parse_value,
+        split_figures,
+        starting_definition,
+        with_values,
+    )
     from ..design.tuning.constraints import Tuning
     from ..plant.conditions import linear_model
     from ..scenario.rescaling import rescaling_to
@@ -138,8 +155,15 @@ def command(
         if tuning and "noise_gain" not in tuning and rescaling.scale("tuning.noise_gain", usual) != usual:
             own["tuning.noise_gain"] = defaults["tuning.noise_gain"] = rescaling.scale("tuning.noise_gain", usual)
     name = file.stem if file is not None else f"{kind}_designed"
-    found = design(name, chosen, content, system, figures=figures, values=defaults | asked)
+    bounds = None
+    if tune:
+        usual = rescaling_to(plant, pairs).scale("tuning.noise_gain", f"{Tuning().noise_gain:g} A/m")
+        names = ("Ms", "Mt", "disk_margin", "noise_gain")
+        given = {"noise_gain": usual} | {word: figures[word] for word in names if word in figures}
+        bounds = validate({key: parse_value(text) for key, text in given.items()}, Tuning, "--tune")
+    found = design(name, chosen, content, system, figures=figures, values=defaults | asked, tuning=bounds)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
+    words += ["tuned"] * tune
     words += [f"{key} = {text}" for key, text in pairs.items()]
     comments = [f"Designed by ehsa-ctrl for {plant}: {', '.join(words) or 'default specification'}."]
     if own:

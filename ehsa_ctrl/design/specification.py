@@ -6,7 +6,7 @@ import copy
 import difflib
 import textwrap
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from math import exp, log
 from pathlib import Path
@@ -25,6 +25,8 @@ from .analysis.loop import LoopAnalysis, analyse_loop
 from .controller import SampledController
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 from .load import build_controller
+from .tuning.constraints import Tuning
+from .tuning.keys import tune_keys
 
 if TYPE_CHECKING:
     import control
@@ -182,10 +184,15 @@ class ControllerDesign:
         return toml_text(self.content, [*comments, *result])
 
 
-def split_figures(kind: ControllerKind, figures: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
-    """Split required figures into those that are keys of this kind's definition, and those to check on the loop."""
+def split_figures(
+    kind: ControllerKind, figures: Mapping[str, str], *, tuned: bool = False
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Split required figures into those that are keys of this kind's definition, and those to check on the loop.
+
+    tuned: whether `tune_keys` chooses the gains, so that a PID's own [tuning] plays no part.
+    """
     known = set(definition_keys(kind.file))
-    classic = "phase_margin" in figures and "design.phase_margin" in known
+    classic = tuned or ("phase_margin" in figures and "design.phase_margin" in known)
     table = "design" if classic else "tuning"
     places = {"bandwidth": (f"{table}.crossover", "position.crossover", f"{kind.name}.bandwidth")}
     keys: dict[str, str] = {}
@@ -205,6 +212,7 @@ def design(
     *,
     figures: Mapping[str, str] | None = None,
     values: Mapping[str, str] | None = None,
+    tuning: Tuning | None = None,
 ) -> ControllerDesign:
     """Design a controller to a specification.
 
@@ -214,12 +222,16 @@ def design(
     figures: key of FIGURES -> text with a unit. A figure that is a key of the definition sets that key. Otherwise the
         position weight is chosen for a bandwidth (see `bandwidth_of`), and other figures are only checked on the loop.
     values: key of the definition -> text, see `with_values`.
+    tuning: criterion and bounds for which the keys of `kind.tunes` are chosen, but for those in `values` and `figures`.
 
     Raises InputError for unknown keys, an infeasible design, and a required figure that the loop does not reach.
     """
-    keys, checked = split_figures(kind, figures or {})
+    keys, checked = split_figures(kind, figures or {}, tuned=tuning is not None)
     required = {word: parse(text, FIGURES[word][0]) for word, text in checked.items()}
     specified = with_values(dict(content), kind, {**keys, **(values or {})})
+    if tuning is not None:
+        given = {full_key(key, kind.file) for key in {**keys, **(values or {})}}
+        specified = _with_tuned_keys(name, kind, specified, system, tuning, given)
     if "bandwidth" in required and "weights.position" in definition_keys(kind.file):
         specified = _with_bandwidth(name, kind, specified, system, required["bandwidth"])
     result = _build(name, kind, specified, system)
@@ -257,6 +269,36 @@ def _build(name: str, kind: ControllerKind, content: dict[str, Any], system: con
     assert isinstance(definition, ControllerFile)
     controller = build_controller(name, kind, definition, system)
     return ControllerDesign(content, controller, analyse_loop(system, controller))
+
+
+def _with_tuned_keys(
+    name: str,
+    kind: ControllerKind,
+    content: dict[str, Any],
+    system: control.StateSpace,
+    tuning: Tuning,
+    given: Collection[str],
+) -> dict[str, Any]:
+    """The definition with the kind's free keys chosen by `tune_keys`; keys in `given` stay."""
+    free = {key: span for key, span in kind.tunes.items() if key not in given}
+    if not kind.tunes:
+        tuned = ", ".join(word for word, one in CONTROLLER_KINDS.items() if one.tunes)
+        raise InputError(f"--tune: a {kind.name} has no keys that are tuned; kinds with some: {tuned}")
+
+    def changed(values: Mapping[str, float]) -> dict[str, Any]:
+        texts = {key: f'"{values[key]:.5g} {unit}"' if unit != "1" else f"{values[key]:.5g}" for key, unit in units}
+        # A whole number is no float in TOML.
+        texts = {key: text if '"' in text or {*text} & {*".en"} else f"{text}.0" for key, text in texts.items()}
+        return with_values(content, kind, texts)
+
+    def build(values: Mapping[str, float]) -> SampledController:
+        definition = validate(changed(values), kind.file, name)
+        return build_controller(name, kind, definition, system)
+
+    units = [(key, unit) for key, (unit, _, _) in free.items()]
+    period = validate(content, kind.file, name).sample_time
+    limits = {key: (low, high) for key, (_, low, high) in free.items()}
+    return changed(tune_keys(build, limits, system, tuning, sample_time=period).values)
 
 
 def _with_bandwidth(

@@ -65,14 +65,14 @@ class ControllerKind:
     summary: one line for lists.
     file: the definition's form, a ControllerFile.
     design: (controller's name, definition, linear model with an output x) -> a design.controller.Law.
-    tunes: dotted keys that `tuning.tune_keys` chooses -> least and largest value in the key's SI unit.
+    tunes: dotted keys that `design --tune` chooses -> SI unit, least and largest value.
     """
 
     name: str
     summary: str
     file: type[ControllerFile]
     design: Callable[[str, Any, Any], Any]
-    tunes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    tunes: Mapping[str, tuple[str, float, float]] = field(default_factory=dict)
 
 
 def require_stable(system: control.StateSpace, controller: Any, fix: str) -> None:

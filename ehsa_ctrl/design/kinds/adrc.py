@@ -193,5 +193,5 @@ kind = ControllerKind(
     "active disturbance rejection with a linear extended state observer",
     AdrcFile,
     design_adrc,
-    tunes={"adrc.bandwidth": (5.0, 150.0), "adrc.observer_ratio": (1.2, 30.0)},
+    tunes={"adrc.bandwidth": ("rad/s", 5.0, 150.0), "adrc.observer_ratio": ("1", 1.2, 30.0)},
 )

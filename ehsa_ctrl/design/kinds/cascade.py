@@ -199,5 +199,13 @@ def _speed_gains(specified: SpeedLoop, plant: control.StateSpace, sample_time: f
 
 
 kind = ControllerKind(
-    "cascade", "position over speed: PI on the shaft under P or PI on the rod", CascadeFile, design_cascade
+    "cascade",
+    "position over speed: PI on the shaft under P or PI on the rod",
+    CascadeFile,
+    design_cascade,
+    tunes={
+        "speed.crossover": ("rad/s", 20.0, 400.0),
+        "speed.phase_margin": ("rad", 0.5, 1.5),
+        "position.crossover": ("rad/s", 5.0, 150.0),
+    },
 )

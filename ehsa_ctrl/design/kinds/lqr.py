@@ -99,6 +99,18 @@ def design_state_feedback(name: str, file: StateFeedbackFile, system: control.St
     )
 
 
+#: Weight of the position, and noise levels that decide how fast the disturbances are estimated.
+TUNED_KEYS = {
+    "weights.position": ("m", 1e-5, 1e-2),
+    "observer.current": ("A", 0.01, 3.0),
+    "observer.friction": ("A", 0.03, 10.0),
+    "observer.load": ("N", 30.0, 3e4),
+}
+
 kind = ControllerKind(
-    "lqr", "state feedback from a Kalman filter, LQR or LQI, offset-free", LqrFile, design_state_feedback
+    "lqr",
+    "state feedback from a Kalman filter, LQR or LQI, offset-free",
+    LqrFile,
+    design_state_feedback,
+    tunes=TUNED_KEYS,
 )

@@ -13,7 +13,7 @@ from ..state_space.mpc import Mpc
 from ..state_space.mpc_problem import Limits, MpcProblem
 from ..state_space.state_feedback import StateFeedback
 from ._kind import ControllerKind
-from .lqr import StateFeedbackFile, cost_of, design_state_feedback
+from .lqr import TUNED_KEYS, StateFeedbackFile, cost_of, design_state_feedback
 
 if TYPE_CHECKING:
     import control
@@ -102,4 +102,4 @@ def _require_feasible_speed(feedback: StateFeedback, limits: Limits, current_lim
         )
 
 
-kind = ControllerKind("mpc", "model predictive control with limits, offset-free", MpcFile, design_mpc)
+kind = ControllerKind("mpc", "model predictive control with limits, offset-free", MpcFile, design_mpc, tunes=TUNED_KEYS)

@@ -350,4 +350,15 @@ def design_pid(name: str, file: PidFile, system: control.StateSpace) -> Pid:
     return file.law(file.gains.parallel() if file.gains is not None else designed_gains(file, system))
 
 
-kind = ControllerKind("pid", "position PID with filtered derivative and anti-windup", PidFile, design_pid)
+kind = ControllerKind(
+    "pid",
+    "position PID with filtered derivative and anti-windup",
+    PidFile,
+    design_pid,
+    tunes={
+        "design.crossover": ("rad/s", 5.0, 150.0),
+        "design.phase_margin": ("rad", 0.5, 1.4),
+        "design.integral_ratio": ("1", 0.01, 0.5),
+        "design.filter_ratio": ("1", 1.5, 50.0),
+    },
+)

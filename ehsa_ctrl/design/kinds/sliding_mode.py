@@ -220,5 +220,5 @@ kind = ControllerKind(
     "sliding mode with a boundary layer and an integral within it",
     SlidingModeFile,
     design_sliding_mode,
-    tunes={"sliding_mode.bandwidth": (5.0, 150.0), "sliding_mode.layer_ratio": (0.1, 10.0)},
+    tunes={"sliding_mode.bandwidth": ("rad/s", 5.0, 150.0), "sliding_mode.layer_ratio": ("1", 0.1, 10.0)},
 )

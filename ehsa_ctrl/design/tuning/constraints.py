@@ -172,8 +172,7 @@ class LoopConstraints:
 
     @cached_property
     def grid(self) -> np.ndarray:
-        """Frequencies (m,) [rad/s] up to the Nyquist frequency."""
-        return np.pi / self.plant.sample_time * np.logspace(-DECADES, 0.0, POINTS)
+        return frequency_points(self.plant.sample_time)
 
     @cached_property
     def z(self) -> np.ndarray:
@@ -190,29 +189,50 @@ class LoopConstraints:
 
     def slack(self, gains: Gains) -> np.ndarray:
         """log(allowed / actual) of all bounds, for the peaks one per band, and last the distance to instability."""
-        b = self.bounds
         C = gains.response(self.z, self.plant.sample_time)
-        S = 1.0 / (1.0 + C * self.G)
-        sizes, allowed = [], []
-        if "Ms" in b:
-            sizes.append(np.abs(S))
-            allowed.append(b["Ms"])
-        if "Mt" in b:
-            sizes.append(np.abs(1.0 - S))
-            allowed.append(b["Mt"])
-        if "disk_margin" in b:
-            sizes.append(np.abs(2.0 * S - 1.0))
-            allowed.append(2.0 / b["disk_margin"])
-        peaks = band_peaks(np.log(np.array(sizes) + 1e-9))
-        rows = [(np.log(allowed)[:, None] - peaks).ravel()]
-        if "noise_gain" in b:
-            mean = np.trapezoid(np.abs(C * S) ** 2, self.grid * self.plant.sample_time) / np.pi
-            rows.append(np.array([np.log(b["noise_gain"]) - 0.5 * np.log(max(mean, 1e-300))]))
-        if "crossover" in b:
+        crossover = 0.0
+        if "crossover" in self.bounds:
             z, G = self.at_crossover
-            rows.append(np.log(np.abs(gains.response(z, self.plant.sample_time) * G)))
-        rows.append(np.array([10.0 * (1.0 - PidLoop(self.plant, gains).radius())]))
-        return np.concatenate(rows)
+            crossover = float(np.abs(gains.response(z, self.plant.sample_time) * G)[0])
+        return bound_slack(self.bounds, self.grid, C * self.G, C, crossover, PidLoop(self.plant, gains).radius())
+
+
+def frequency_points(sample_time: float) -> np.ndarray:
+    """Frequencies (m,) [rad/s] on which the bounds are evaluated, up to the Nyquist frequency."""
+    return np.asarray(np.pi / sample_time * np.logspace(-DECADES, 0.0, POINTS))
+
+
+def bound_slack(
+    bounds: Mapping[str, float], grid: np.ndarray, L: np.ndarray, C: np.ndarray, crossover: float, radius: float
+) -> np.ndarray:
+    """log(allowed / actual) of all bounds, for the peaks one per band, and last the distance to instability.
+
+    Parameters
+    ----------
+    grid: (m,) of `frequency_points`. L, C: (m,) open loop, and law from the position to the current [A/m].
+    crossover: |L| at the frequency of that bound. radius: largest |pole| of the closed loop.
+    """
+    S = 1.0 / (1.0 + L)
+    sizes, allowed = [], []
+    if "Ms" in bounds:
+        sizes.append(np.abs(S))
+        allowed.append(bounds["Ms"])
+    if "Mt" in bounds:
+        sizes.append(np.abs(1.0 - S))
+        allowed.append(bounds["Mt"])
+    if "disk_margin" in bounds:
+        sizes.append(np.abs(2.0 * S - 1.0))
+        allowed.append(2.0 / bounds["disk_margin"])
+    peaks = band_peaks(np.log(np.array(sizes) + 1e-9))
+    rows = [(np.log(allowed)[:, None] - peaks).ravel()]
+    if "noise_gain" in bounds:
+        # The grid ends at the Nyquist frequency, where grid times sample time is pi.
+        mean = np.trapezoid(np.abs(C * S) ** 2, grid) / grid[-1]
+        rows.append(np.array([np.log(bounds["noise_gain"]) - 0.5 * np.log(max(mean, 1e-300))]))
+    if "crossover" in bounds:
+        rows.append(np.array([np.log(max(crossover, 1e-300))]))
+    rows.append(np.array([10.0 * (1.0 - radius)]))
+    return np.concatenate(rows)
 
 
 def band_peaks(values: np.ndarray) -> np.ndarray:

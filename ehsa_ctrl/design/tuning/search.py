@@ -123,7 +123,7 @@ class GainSearch:
     def search(self, start: Gains) -> Gains:
         """The local optimum from a start."""
         theta = self.theta(start)
-        found = _minimise(
+        found = minimise(
             lambda t: self.objective(self.gains(t)), theta, self.limits(theta), lambda t: self.slack(self.gains(t))
         )
         return self.gains(found)
@@ -131,7 +131,7 @@ class GainSearch:
     def nearest_to_feasible(self, start: Gains) -> Gains:
         """Gains with the smallest largest violation near a start."""
         theta, slack = self.theta(start), -float(np.min(self.slack(start)))
-        found = _minimise(
+        found = minimise(
             lambda t: t[-1],
             np.append(theta, slack),
             [*self.limits(theta), (-0.02, None)],
@@ -140,19 +140,21 @@ class GainSearch:
         return max((start, self.gains(found[:-1])), key=lambda gains: float(np.min(self.slack(gains))))
 
 
-def _minimise(
+def minimise(
     objective: Callable[[np.ndarray], float],
     start: np.ndarray,
     limits: Sequence[tuple[float, float | None]],
     slack: Callable[[np.ndarray], np.ndarray],
+    *,
+    step: float = 1.5e-8,
 ) -> np.ndarray:
-    """Minimise subject to slack >= 0 by sequential quadratic programming."""
+    """Minimise subject to slack >= 0 by sequential quadratic programming; `step` of the differences."""
     from scipy.optimize import minimize
 
     with np.errstate(all="ignore"):
         result = minimize(
             objective, start, method="SLSQP", bounds=limits, constraints={"type": "ineq", "fun": slack},
-            options={"maxiter": 100, "ftol": 1e-9},
+            options={"maxiter": 100, "ftol": 1e-9, "eps": step},
         )  # fmt: skip
     return np.asarray(result.x)
 
