@@ -9,10 +9,11 @@ import ehsa_ctrl
 from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.design.analysis.loop import analyse_loop
+from ehsa_ctrl.design.analysis.operating_point import operating_point
 from ehsa_ctrl.design.controller import SampledController
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.kinds.pid import Gains, Pid, PidFile, PidGains
-from ehsa_ctrl.design.kinds.scheduled import ScheduledFile, operating_point
+from ehsa_ctrl.design.kinds.scheduled_pid import ScheduledFile
 from ehsa_ctrl.design.load import build_controller
 
 T_S = 0.004

@@ -5,8 +5,8 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.design.analysis.operating_point import operating_point
 from ehsa_ctrl.design.kinds.pid import Gains
-from ehsa_ctrl.design.kinds.scheduled import operating_point
 from ehsa_ctrl.design.tuning.constraints import BANDS, POINTS, PidLoop, SampledPlant, Tuning, band_peaks, position_plant
 from ehsa_ctrl.design.tuning.tune import tune
 
