@@ -109,6 +109,7 @@ def command(
     from ..core.definition import validate
     from ..core.files import read_toml, refuse_existing, write_text
     from ..design.analysis.closed_loop import step_response
+    from ..design.load import read_content
     from ..design.specification import (
         definition_keys,
         design,
@@ -119,6 +120,7 @@ def command(
     )
     from ..design.tuning.constraints import Tuning
     from ..plant.conditions import linear_model
+    from ..scenario.plant_data import check_controller_limits
     from ..scenario.rescaling import rescaling_to
     from .inputs import load_model
 
@@ -162,6 +164,7 @@ def command(
         given = {"noise_gain": usual} | {word: figures[word] for word in names if word in figures}
         bounds = validate({key: parse_value(text) for key, text in given.items()}, Tuning, "--tune")
     found = design(name, chosen, content, system, figures=figures, values=defaults | asked, tuning=bounds)
+    check_controller_limits(name, read_content(found.content, name, loaded.sample_time)[1], loaded)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
     words += ["tuned"] * tune
     words += [f"{key} = {text}" for key, text in pairs.items()]

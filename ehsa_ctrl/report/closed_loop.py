@@ -20,6 +20,7 @@ from .text import NOTHING, percent, unit, value_text
 #: Metrics shown if a run has them.
 CLOSED_LOOP = (
     "RiseTime", "SettlingTime", "SettlingRatio", "Overshoot", "SteadyStateError", "MaxError", "RMSError",
+    "ForceOvershoot", "ForceSettlingTime", "ForceSteadyStateError", "ForceRMSError", "ContactImpact", "LostContacts",
     "HuntingAmplitude", "Slips", "SaturationShare", "CurrentRMS", "Energy", "StopTime", "TravelAfterStop",
 )  # fmt: skip
 

@@ -87,6 +87,8 @@ class ScenarioFile(Definition):
         starts = [start for start, _ in self.reference.holds()]
         starts += [change.end for change in self.reference.force_changes()]
         starts += [event.start for event in (*self.disturbance, *self.fault)]
+        if self.reference.force is not None and self.reference.force.sine is not None:
+            starts.append(self.reference.force.sine.start)
         late = [start for start in starts if start >= self.duration]
         if late:
             raise ValueError(

@@ -1,4 +1,4 @@
-"""Force targets of a scenario: levels, reached by a step or at a constant rate."""
+"""Force targets of a scenario: levels, reached by a step or at a constant rate, and a sine around them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from ..core.definition import Definition, In, Newton, Second
+from ..core.definition import Definition, Hertz, In, Newton, Second
 
 
 class ForceChange(NamedTuple):
@@ -17,6 +17,20 @@ class ForceChange(NamedTuple):
     end: float  # s, when the target has reached its new level
     before: float  # N
     after: float  # N
+    until: float = np.inf  # s, end of the hold: the next change, or the sine
+
+
+class ForceSine(Definition):
+    """amplitude sin(2 pi frequency (t - start)) [N] from `start` on."""
+
+    amplitude: Newton = Field(gt=0, description="amplitude")
+    frequency: Hertz = Field(gt=0, description="frequency")
+    start: Second = Field(ge=0, description="start time")
+
+    def signal(self, time: np.ndarray) -> np.ndarray:
+        """Target (N,) [N] at the times (N,) [s]."""
+        since = np.maximum(time - self.start, 0.0)
+        return np.asarray(self.amplitude * np.sin(2.0 * np.pi * self.frequency * since))
 
 
 class ForceLevels(Definition):
@@ -29,6 +43,7 @@ class ForceLevels(Definition):
     rate: Annotated[float, In("N/s")] | None = Field(
         default=None, gt=0, description="rate of every change; steps if left out"
     )
+    sine: ForceSine | None = Field(default=None, description="sine that is added to the levels; none if left out")
 
     @model_validator(mode="after")
     def _check_levels(self) -> ForceLevels:
@@ -46,20 +61,27 @@ class ForceLevels(Definition):
                 )
         return self
 
+    @property
+    def largest(self) -> float:
+        """Largest magnitude of the target [N]."""
+        return max(map(abs, self.forces)) + (0.0 if self.sine is None else self.sine.amplitude)
+
     def changes(self) -> list[ForceChange]:
         """All changes of the target in order; a repeated level is not one."""
-        found, before = [], 0.0
+        found: list[ForceChange] = []
+        before, vibrates = 0.0, np.inf if self.sine is None else self.sine.start
         for start, after in zip(self.times, self.forces, strict=True):
             lasts = 0.0 if self.rate is None else abs(after - before) / self.rate
             if after != before:
-                found.append(ForceChange(start, start + lasts, before, after))
+                found = [*found[:-1], *(one._replace(until=min(one.until, start)) for one in found[-1:])]
+                found.append(ForceChange(start, start + lasts, before, after, vibrates))
             before = after
         return found
 
     def signal(self, time: np.ndarray) -> np.ndarray:
         """Target (N,) [N] at the times (N,) [s]."""
         values = np.zeros(time.size)
-        for start, end, before, after in self.changes():
+        for start, end, before, after, _ in self.changes():
             share = np.ones(time.size) if end == start else np.clip((time - start) / (end - start), 0.0, 1.0)
             values = np.where(time >= start - 1e-9, before + (after - before) * share, values)
-        return values
+        return values if self.sine is None else values + self.sine.signal(time)

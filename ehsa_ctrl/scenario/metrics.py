@@ -122,11 +122,17 @@ METRICS = {
     "Slips": Metric("1", "1", "number of breakaways while the last target is held", "hold"),
     "ForceOvershoot": Metric("1", "%", "overshoot of the force target, % of its change, worst change", "force"),
     "ForceSettlingTime": Metric(
-        "s", "ms", "until the force stays within 2 % of the change of its target, worst change", "force"
+        "s",
+        "ms",
+        "until the force stays within 2 % of its change (at least 100 N) of the target, worst change",
+        "force",
     ),
     "ForceSteadyStateError": Metric(
         "N", "N", "mean error of the force over the last tenth of a hold, worst hold", "force"
     ),
+    "ForceRMSError": Metric("N", "N", "root mean square of the force error from the first contact on", "force"),
+    "ContactImpact": Metric("N", "N", "excess of the force over its target in the first 50 ms of contact", "force"),
+    "LostContacts": Metric("1", "1", "how often the rod leaves a load behind a gap while a force is asked", "force"),
     "StickShare": Metric("1", "%", "share of the run in which the rod sticks"),
     "SaturationShare": Metric("1", "%", "share of the run with the current at the limit of the controller or drive"),
     "CurrentRMS": Metric("A", "A", "root mean square of the current"),

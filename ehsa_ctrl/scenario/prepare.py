@@ -195,10 +195,10 @@ def _given_plant(word: str, plant: str | Path | Plant | None, model: Model) -> P
 def _check_force(scenario: Scenario, controller: Controller) -> None:
     """Raise InputError for a force target beyond the controller's limit."""
     limit = getattr(getattr(controller, "law", None), "limit", np.inf)
-    beyond = [change.after for change in scenario.definition.reference.force_changes() if abs(change.after) > limit]
-    if beyond:
+    force = scenario.definition.reference.force
+    if force is not None and force.largest > limit:
         raise InputError(
-            f"{scenario.path or scenario.name}: [reference] a force of {beyond[0]:g} N is beyond the limit of "
+            f"{scenario.path or scenario.name}: [reference] a force of {force.largest:g} N is beyond the limit of "
             f"{controller.name}, {limit:g} N; lower it, or raise [force] limit as far as current and pressures allow"
         )
 

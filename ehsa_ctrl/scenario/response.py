@@ -16,13 +16,16 @@ from ..core.errors import InputError
 BAND, BAND_ABSOLUTE = 0.02, 100e-6
 
 
-def step_metrics(time: np.ndarray, y: np.ndarray, before: float, target: float) -> dict[str, float]:
+def step_metrics(
+    time: np.ndarray, y: np.ndarray, before: float, target: float, absolute: float = BAND_ABSOLUTE
+) -> dict[str, float]:
     """Step metrics of one response; nan for an event that does not happen.
 
     Parameters
     ----------
     time, y: (N,) times [s] and response [m]; the first sample is at the step.
     before, target: old and new target [m].
+    absolute: least half width of the settling band [m].
 
     Returns
     -------
@@ -49,8 +52,8 @@ def step_metrics(time: np.ndarray, y: np.ndarray, before: float, target: float) 
     risen = y[time >= high] if np.isfinite(high) else np.array([np.nan])
     return common | {
         "RiseTime": float(high - low),
-        "SettlingTime": _settling(time, share, settling_band(size)),
-        "SettlingTimeAbs": _settling(time, share, BAND_ABSOLUTE / abs(size)),
+        "SettlingTime": _settling(time, share, settling_band(size, absolute)),
+        "SettlingTimeAbs": _settling(time, share, absolute / abs(size)),
         "SettlingMin": float(np.min(risen)),
         "SettlingMax": float(np.max(risen)),
         "Overshoot": float(max(np.max(share) - 1.0, 0.0)),
@@ -58,9 +61,9 @@ def step_metrics(time: np.ndarray, y: np.ndarray, before: float, target: float) 
     }
 
 
-def settling_band(size: float) -> float:
-    """Half width of the settling band of a step of `size` [m], as a share of the step."""
-    return max(BAND, BAND_ABSOLUTE / abs(size))
+def settling_band(size: float, absolute: float = BAND_ABSOLUTE) -> float:
+    """Half width of the settling band of a step of `size` [m], as a share of the step; `absolute` [m] at least."""
+    return max(BAND, absolute / abs(size))
 
 
 def hunting(time: np.ndarray, x: np.ndarray) -> dict[str, float]:

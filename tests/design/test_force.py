@@ -126,7 +126,7 @@ def pressing(controller, forces, currents_of=None):
         reference = np.array([0.02 * 0.004 * k, 0.02, 0.0, 3000.0 if k < 60 else 0.0])
         measured = np.array([50.0, 2e6, 2e6, 0.02 * 0.004 * k - 1e-4, force])
         found.append(controller.step(reference, measured, memory))
-        modes.append(memory[-5])
+        modes.append(memory[-8])
     return np.array(found), np.array(modes)
 
 
@@ -139,6 +139,38 @@ def test_the_switch_is_without_a_bump(shipped):
     assert switches.tolist() == [30, 60]
     assert np.abs(current).max() > 0.1
     np.testing.assert_allclose(current[switches], current[switches - 1], rtol=0, atol=1e-12)
+
+
+def test_the_avoided_step_decays_and_the_rod_is_braked(shipped):
+    """At e^(-crossover T) a sample, 80 rad/s; the damping of the arriving rod then acts in full."""
+    memory = shipped.initial_memory()
+    reference, free, touched = (
+        np.array([0.021, 0.02, 0.0, 3e3]),
+        *(np.array([50.0, 2e6, 2e6, 0.02, force]) for force in (0.0, 400.0)),
+    )
+    for measured in (free, free, touched):
+        shipped.step(reference, measured, memory)
+    first = memory[-3]
+    for _ in range(5):
+        shipped.step(reference, touched, memory)
+
+    assert abs(first) > 0.3
+    assert memory[-3] / first == pytest.approx(np.exp(-80.0 * 5 * 0.004), rel=1e-9)
+
+
+def test_friction_is_built_up_against_a_lasting_error(model):
+    """At a constant target the current grows by I_C in friction_time, beside the integral; a new motion drops it."""
+    content = e.core.files.read_toml(e.controllers[NAME])
+    del content["position"]
+    controller = e.load_controller(content, model, force={"rate": 1e9, "friction_time": 0.3}, label="pressing")
+    memory, T_s, gains = controller.initial_memory(), controller.sample_time, controller.law.force
+    measured = np.array([0.0, 2e6, 2e6, 0.0, 1800.0])
+    currents = [controller.step(np.array([0.0, 0.0, 0.0, 2e3]), measured, memory) for _ in range(60)]
+    rate = (currents[50] - currents[20]) / (30 * T_s)
+    again = controller.step(np.array([0.0, 0.0, 0.0, 2.1e3]), measured, memory)
+
+    assert rate == pytest.approx(gains.k_i * 200.0 + 0.941 / 0.3, rel=1e-9)
+    assert again == pytest.approx(currents[0] + T_s * gains.k_i * 200.0 + 100.0 * (1 / controller.law.G_0 + gains.k))
 
 
 def test_below_contact_the_position_is_controlled(shipped):

@@ -9,7 +9,7 @@ import ehsa_ctrl as e
 from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.scenario.definition import ScenarioFile
-from ehsa_ctrl.scenario.force_metrics import force_metrics
+from ehsa_ctrl.scenario.force_metrics import force_metrics, tracking_metrics
 from ehsa_ctrl.scenario.force_reference import ForceChange, ForceLevels
 
 STIFFNESS = 1e6
@@ -44,7 +44,7 @@ def test_levels_are_reached_at_the_rate():
     signal = levels.signal(np.array([0.0, 1.0, 1.5, 2.0, 2.9, 3.5, 9.0]))
 
     np.testing.assert_allclose(signal, [0, 0, 2e3, 4e3, 4e3, 2e3, 0], atol=1e-9)
-    assert levels.changes() == [ForceChange(1.0, 2.0, 0.0, 4e3), ForceChange(3.0, 4.0, 4e3, 0.0)]
+    assert levels.changes() == [ForceChange(1.0, 2.0, 0.0, 4e3, 3.0), ForceChange(3.0, 4.0, 4e3, 0.0)]
 
 
 def test_steps_act_at_their_sample():
@@ -52,6 +52,31 @@ def test_steps_act_at_their_sample():
     signal = ForceLevels(times=["0.5 s"], forces=["-1 kN"]).signal(np.array([0.4, 0.5, 0.6]))
 
     assert signal.tolist() == [0.0, -1e3, -1e3]
+
+
+def test_a_sine_is_added_to_the_levels():
+    """From its start on; the level is held until then, and the largest target counts it."""
+    sine = {"amplitude": "1 kN", "frequency": "2 Hz", "start": "3 s"}
+    levels = ForceLevels(times=["1 s"], forces=["2 kN"], sine=sine)
+
+    np.testing.assert_allclose(levels.signal(np.array([2.9, 3.125, 3.375])), [2e3, 3e3, 1e3], rtol=1e-9)
+    assert levels.changes() == [ForceChange(1.0, 1.0, 0.0, 2e3, 3.0)]
+    assert levels.largest == 3e3
+
+
+def test_impact_and_lost_contacts_are_counted():
+    """A rod that hits with 900 N against a target of 500 N, rebounds twice and then presses."""
+    time = 0.01 * np.arange(20)
+    target = np.full(20, 500.0)
+    force = np.array([0, 0, 900, 0, 700, 0, *[500] * 14], dtype=float)
+    asked = np.ones(20, dtype=bool)
+    found = tracking_metrics(time, force, target, asked, gap=True)
+
+    assert found["ContactImpact"] == 400.0 and found["LostContacts"] == 2.0
+    error = np.array([400, 500, 200, 500, *[0] * 14])
+    assert found["ForceRMSError"] == pytest.approx(np.sqrt(np.mean(error**2)))
+    assert tracking_metrics(time, 0.0 * force, target, asked, gap=True) == {"LostContacts": 0.0}
+    assert "ContactImpact" not in tracking_metrics(time, force, target, asked, gap=False)
 
 
 @pytest.fixture(scope="module")
@@ -78,20 +103,20 @@ def test_integral_action_reaches_the_force(pressed):
 
 
 def test_force_metrics_are_those_of_the_signal(pressed):
-    """A first-order lag of 50 ms settles after T ln 50, without overshoot; 100 N short is an error of 100 N."""
+    """A first-order lag of 50 ms settles after T ln 50, without overshoot; 300 N short is an error of 300 N."""
     run = pressed.linear.trajectory
-    lag = 2e3 * (1 - np.exp(-np.maximum(run.time - 0.1, 0.0) / 0.05))
-    short = np.where(run.time < 0.1, 0.0, 1.9e3)
+    lag = 6e3 * (1 - np.exp(-np.maximum(run.time - 0.1, 0.0) / 0.05))
+    short = np.where(run.time < 0.1, 0.0, 5.7e3)
     first, second = (
         force_metrics(
-            replace(pressed.linear, trajectory=replace(run, cell_force=force)), [ForceChange(0.1, 0.1, 0, 2e3)]
+            replace(pressed.linear, trajectory=replace(run, cell_force=force)), [ForceChange(0.1, 0.1, 0, 6e3)]
         )
         for force in (lag, short)
     )
 
     assert first["ForceSettlingTime"] == pytest.approx(0.05 * np.log(50), abs=2e-3)
     assert first["ForceOvershoot"] == 0.0
-    assert second["ForceSteadyStateError"] == pytest.approx(100.0) and np.isnan(second["ForceSettlingTime"])
+    assert second["ForceSteadyStateError"] == pytest.approx(300.0) and np.isnan(second["ForceSettlingTime"])
 
 
 def test_a_release_has_no_metrics(pressed):

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...core.controller_interface import MEASURED
-from ...core.definition import Definition, In, Newton, RadianPerSecond
+from ...core.definition import Definition, In, Newton, RadianPerSecond, Second
 from ...core.errors import InputError
 from ..analysis.closed_loop import discrete_response
 from ..analysis.contact import in_contact
@@ -69,6 +69,12 @@ class ForceLoop(_Loop):
     deadband: Newton = Field(
         default=0.0, ge=0, description="error within which the integral pauses at a constant target"
     )
+    friction_time: Second = Field(
+        default=0.3,
+        gt=0,
+        description="time in which the current of [feedforward] coulomb is built up against an error beyond the "
+        "deadband at a constant target",
+    )
 
 
 class Approach(_Loop):
@@ -122,7 +128,7 @@ def loop_gains(specified: _Loop, response: complex, speed: complex, sample_time:
             "with damping by the shaft speed; "
             + ("lower the margin" if k <= 0 else "lower the crossover or raise the margin")
         )
-    return LoopGains(float(k), float(ratio * k), float(k_w))
+    return LoopGains(float(k), float(ratio * k), float(k_w), w)
 
 
 def design_force(name: str, file: ForceFile, system: control.StateSpace) -> ForceLaw:
@@ -176,6 +182,7 @@ def design_force(name: str, file: ForceFile, system: control.StateSpace) -> Forc
         rate=specified.rate,
         deadband=specified.deadband,
         friction=friction,
+        friction_time=specified.friction_time,
         current_limit=file.current_limit,
         sample_time=T_s,
     )

@@ -122,9 +122,10 @@ def _(result: ScenarioResult, view: str = "run") -> Figure:
 def scenario_figure(result: ScenarioResult) -> Figure:
     """Position [mm] with reference, error [mm], speed [rpm], pressure difference [bar] and current [A] over time [s].
 
-    Each for the linear prediction and the nonlinear plant; the two chamber pressures [bar] are those of the nonlinear
-    plant. Strips show when its rod sticks and when an external force acts, which also tints the panels. Limits of the
-    plant that the nonlinear run exceeded are lines, with a cross at the first sample beyond.
+    With a force target also the force between rod and load [kN] with its target. Each for the linear prediction and the
+    nonlinear plant; the two chamber pressures [bar] are those of the nonlinear plant. Strips show when its rod sticks
+    and when an external force acts, which also tints the panels. Limits of the plant that the nonlinear run exceeded
+    are lines, with a cross at the first sample beyond.
     """
     run = result.nonlinear.trajectory
     forces = panel.levels(run.time, run.outer_force)
@@ -134,6 +135,9 @@ def scenario_figure(result: ScenarioResult) -> Figure:
     heights = {"x": 1.4 * panel.PANEL, "strip": panel.ROW * len(rows)}
     hydraulic = bool(run.plant.structure.system.pressures)
     others = ("omega", "dP") if hydraulic else ("v",)
+    target_force = result.nonlinear.force_reference
+    if target_force is not None:
+        heights["force"] = 1.4 * panel.PANEL
     heights |= dict.fromkeys(("error", *others, *(("pressures",) if hydraulic else ()), "current"), panel.PANEL)
     verdict = {"pass": "passed", "fail": "FAILED", "untested": "untested"}[result.verdict]
     title = f"{result.scenario.title}\n{result.scenario.name} with {result.controller.name}: {verdict}"
@@ -141,7 +145,12 @@ def scenario_figure(result: ScenarioResult) -> Figure:
         places = {name: axes[name] for name in heights if name != "strip"}
         target = SIGNALS["x"].read(result.nonlinear.reference[:, 0])
         lines = [panel.draw(places["x"], run.time, target, ROLES["reference"] | HELD)]
+        if target_force is not None:
+            panel.draw(places["force"], run.time, SIGNALS["force"].read(target_force), ROLES["reference"])
         for role, loop in (("linear", result.linear), ("nonlinear", result.nonlinear)):
+            if target_force is not None:
+                shown = SIGNALS["force"].read(loop.trajectory.cell_force)
+                panel.draw(places["force"], run.time, shown, ROLES[role])
             lines.append(_loop(places, loop, ROLES[role] | {"label": LABELS[role]}, others))
         axes["strip"].set_xlim(run.time[0], run.time[-1])
         _finish(places, run, _pressures(places["pressures"], run) if hydraulic else [])
