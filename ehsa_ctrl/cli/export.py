@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .complete import controllers, plants
-from .options import Force, Json, Settings, read_pairs
-from .output import to_json, warn_implausible
+from ..core.errors import InputError
+from .complete import controllers, numbers, plants
+from .options import Force, Json, Settings, check_word, read_pairs
+from .output import note, to_json, warn_implausible
+
+#: File of --check.
+CHECK = "check.json"
 
 
 def command(
@@ -20,6 +25,14 @@ def command(
     plant: Annotated[
         str, typer.Option(help="Name of a plant, or the path of its TOML.", autocompletion=plants)
     ] = "ehsa",
+    number: Annotated[str, typer.Option(help="Numbers in the C: double or float.", autocompletion=numbers)] = "double",
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check",
+            help="Compile the code here, and report its error over all scenarios, its flops and stack (check.json).",
+        ),
+    ] = False,
     settings: Settings = [],
     seed: Annotated[int, typer.Option(help="Seed of the test vector's sensor noise.", min=0)] = 0,
     as_json: Json = False,
@@ -31,25 +44,39 @@ def command(
     a force pulse and lost readings. `make -C DIR test` compiles the code and replays it.
 
     Examples: ehsa-ctrl export pid_position --out deploy/pid · ehsa-ctrl export mpc_position --plant my/rig.toml
-    --set K_T=1.1 --out deploy/mpc
+    --set K_T=1.1 --out deploy/mpc · ehsa-ctrl export lqr_position --number float --check --out deploy/lqr
     """
     from ..core.result_folder import ResultFolder
-    from ..design.export import FILES, export_controller
+    from ..design.export import FILES, NUMBERS, check_code, export_controller
     from ..design.load import load_controller
     from ..plant.conditions import linear_model
     from ..plant.load import load_plant
     from ..simulation.exercise import exercise_controller
     from .progress import compiling
 
+    check_word("--number", number, *NUMBERS)
     pairs = read_pairs(settings)
     system = linear_model(load_plant(plant, model="linear", settings=pairs))
     checked = load_plant(plant, model="nonlinear", settings=pairs)
     warn_implausible([checked])
     chosen = load_controller(controller, system, sample_time=checked.sample_time)
-    ResultFolder(out, "export", force).check("controller.c", *FILES)
+    ResultFolder(out, "export", force).check("controller.c", *FILES, *([CHECK] if check else []))
+    if check and chosen.compiled is None:
+        raise InputError("--check is for laws without a solver; make test measures the error of this one")
     with compiling():
         reference, measured, limited = exercise_controller(checked, chosen, chosen.current_limit, seed)
-    deployment = export_controller(chosen, reference, measured)
+    deployment = export_controller(chosen, reference, measured, number=NUMBERS[number])
+    report = None
+    if check:
+        from ..core.catalogue import scenarios
+        from ..scenario.recorded_runs import recorded_runs
+
+        with compiling():
+            runs, others = recorded_runs(scenarios.values(), chosen, checked)
+        for name, why in others.items():
+            note(f"not checked over {name}: {why}")
+        report = check_code(deployment, chosen, NUMBERS[number], runs)
+        deployment = replace(deployment, files={**deployment.files, CHECK: to_json(report) + "\n"})
     deployment.write(out, force=force)
     if as_json:
         lost = int((measured != measured).any(axis=1).sum())
@@ -64,9 +91,13 @@ def command(
             "step_size": deployment.rho,
             "distance_from_exact": deployment.vector.distance,
             "samples_unsolved": deployment.vector.fallbacks,
+            "number": number,
+            "check": report,
             "files": sorted(str(out / name) for name in deployment.files),
         }
         print(to_json(result))
         return
     print(deployment)
+    if report is not None:
+        print(report)
     print(f"written to {out}; then\n  make -C {out} test")

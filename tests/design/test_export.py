@@ -14,7 +14,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ehsa_ctrl import InputError, load_controller, three_state
-from ehsa_ctrl.design.export import Program, export_controller, replay
+from ehsa_ctrl.design.export import NUMBERS, Program, check_code, export_controller, replay
+from ehsa_ctrl.design.export.compiled_code import deepest_stack
+from ehsa_ctrl.design.export.operations import CountedFloat
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.specification import starting_definition
 from ehsa_ctrl.design.stages.feedforward import Feedforward
@@ -23,7 +25,8 @@ from ehsa_ctrl.design.stages.trajectory import TrajectoryLimits
 
 CC = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(CC is None, reason="there is no C compiler here")
-STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off"]
+STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-pedantic"]
+STRICT += ["-ffp-contract=off"]
 HEAD = "#include <math.h>\n#include <stdbool.h>\n#include <string.h>\n\n"
 POINTER = ctypes.POINTER(ctypes.c_double)
 #: A controller of every kind but an MPC, whose solver OSQP generates, and two more forms of state feedback.
@@ -374,6 +377,63 @@ def test_the_written_test_passes_and_can_fail(system, tmp_path):
     for spoiled in ([*rows[:40], f"{first},{float(last) + 1e-8!r}", *rows[41:]], rows[:-1], [*rows[:9], "1,2,three"]):
         (tmp_path / "test_vector.csv").write_text("\n".join(spoiled) + "\n")
         assert subprocess.run(call, capture_output=True).returncode != 0
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    "name",
+    ["pid_friction", *(pytest.param(law, marks=pytest.mark.slow) for law in LAWS)],
+)
+def test_floats_are_near_doubles(name, system):
+    """A run of motions, ramps and losses: no decision depends on rounding, and the report says what the code costs."""
+    controller = load_controller(name, system)
+    reference, measured = loop_readings(controller)
+    runs = [("again", reference, measured)]
+    reports = {}
+    for word, number in NUMBERS.items():
+        deployment = export_controller(controller, reference, measured, number=number)
+        reports[word] = check_code(deployment, controller, number, runs)
+    exact, rounded = reports["double"], reports["float"]
+
+    assert exact.errors == {"test vector": 0.0, "again": 0.0}
+    assert 0.0 < rounded.errors["test vector"] == rounded.errors["again"] < 1e-3 * controller.current_limit
+    assert exact.operations == rounded.operations and rounded.operations["flops"] > 20
+    assert exact.stack is None or 0 < exact.stack < 4096
+
+
+def loop_readings(controller):
+    """Reference and readings of a loop on the nonlinear plant, with steps, ramps and lost readings."""
+    from ehsa_ctrl import load_plant
+    from ehsa_ctrl.simulation.exercise import exercise_controller
+
+    return exercise_controller(load_plant("ehsa"), controller, controller.current_limit, 0)[:2]
+
+
+def test_operations_are_counted():
+    """By kind; a constant on either side is an operation too, and a comparison gives a truth value."""
+    CountedFloat.counts.clear()
+    a, b = CountedFloat(3.0), CountedFloat(2.0)
+    result = 1.0 - (a * b + 4.0) / b + max(a, b) * 2
+
+    assert result == 2.0 and (a < b) is False
+    assert CountedFloat.counts == {"additions": 3, "multiplications": 2, "divisions": 1, "comparisons": 3}
+
+
+def test_the_deepest_chain_of_calls_is_the_stack():
+    """Of two ways down the deeper one counts; recursion and a stack without a bound are sentences."""
+    node, edge = (
+        'node: {{ title: "{0}" label: "{0}\\nf.c:1:1\\n{1} bytes ({2})" }}',
+        'edge: {{ sourcename: "{}" targetname: "{}" }}',
+    )
+    nodes = [node.format(*each) for each in (("top", 16, "static"), ("a", 100, "static"), ("b", 8, "static"))]
+    nodes += [node.format("c", 120, "static"), 'node: { title: "exp" label: "__builtin_exp" shape : ellipse }']
+    edges = [edge.format(*each) for each in (("top", "a"), ("top", "b"), ("b", "c"), ("a", "exp"))]
+
+    assert deepest_stack("\n".join([*nodes, *edges]), "top") == 16 + 8 + 120
+    with pytest.raises(InputError, match="calls itself"):
+        deepest_stack("\n".join([*nodes, *edges, edge.format("c", "top")]), "top")
+    with pytest.raises(InputError, match="a stack of variable size"):
+        deepest_stack(node.format("top", 16, "dynamic"), "top")
 
 
 @needs_compiler

@@ -107,3 +107,25 @@ def test_limits_must_be_possible():
     """Zero speed is no limit."""
     with pytest.raises(InputError, match=r"rig\.toml: speed = 0.0; expected a value greater than 0"):
         validate({"speed": "0 m/s", "acceleration": "1 m/s2"}, TrajectoryLimits, "rig.toml")
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_rounding_decides_nothing(kind):
+    """A ramp that begins on the grid of samples is caught at the same sample in floats and doubles; after a step the
+    planned speed is exactly zero, which friction compensation takes for standstill."""
+    limits = trajectory_settings(TrajectoryLimits(speed="0.15 m/s", acceleration="2 m/s2"), T).astype(kind)
+    reference = np.zeros((700, 3))
+    reference[50:300, 0] = 0.02
+    ramp = np.arange(450, 551)
+    reference[ramp, 0], reference[ramp, 1], reference[551:, 0] = 0.02 * T * (ramp - 450), 0.02, 0.008
+    memory, rows = np.zeros(MEMORY, dtype=kind), []
+    for row in reference.astype(kind):
+        plan(row, kind(0.0), memory, limits)
+        rows.append(memory[:3].copy())
+    exact = planned(reference, acceleration=2.0)
+    speed = exact[:, 1]
+
+    assert rows[0].dtype == kind
+    np.testing.assert_allclose(rows, exact, atol=2e-4)
+    np.testing.assert_array_equal(np.array(rows)[:, 1] == 0.0, speed == 0.0)
+    assert np.max(np.abs(speed)) > 0.1 and np.min(np.abs(speed[speed != 0.0])) > 1e-5

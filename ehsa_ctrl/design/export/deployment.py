@@ -31,12 +31,15 @@ from ..stages.trajectory import plan
 from ..state_space.mpc import Mpc, solve_qp
 from .embedded import EmbeddedMpc, EmbeddedOsqp, exact_solver, replay_with_exact, tuned_solver
 from .expressions import CSignature
+from .number import DOUBLES, NumberType
 from .program import Program, setting_names
-from .source import ARRAY, DOUBLE, literal
+from .source import ARRAY, DOUBLE
 
 #: Largest difference of C and Python that the test accepts [A]. With the same libm only an MPC differs at all: OSQP
 #: writes numbers with 20 decimals, which cuts digits off small ones.
 TOLERANCE, TOLERANCE_MPC = 1e-9, 1e-6
+#: The same for floats, as a part of the current limit: 2^-10 is the step of an 11-bit converter over both directions.
+TOLERANCE_FLOAT = 2.0**-10
 TEMPLATES = Path(__file__).parent / "templates"
 VECTOR = "test_vector.csv"
 #: Files of every controller; an MPC also has the folder osqp/.
@@ -147,13 +150,16 @@ class Deployment:
         return "\n".join(lines)
 
 
-def export_controller(controller: SampledController, reference: np.ndarray, measured: np.ndarray) -> Deployment:
+def export_controller(
+    controller: SampledController, reference: np.ndarray, measured: np.ndarray, *, number: NumberType = DOUBLES
+) -> Deployment:
     """Translate a controller to C99.
 
     Parameters
     ----------
     reference (N, 3), measured (N, 5): of a run, for the test vector; may contain lost readings (nan). A controller that
         follows a force needs its target as fourth column of the reference.
+    number: type of the numbers in C.
 
     Raises InputError for a law outside the translator's subset of Python, for an MPC that OSQP does not solve, and for
     wrong shapes.
@@ -170,7 +176,10 @@ def export_controller(controller: SampledController, reference: np.ndarray, meas
         raise InputError(f"{controller.name} is Python code; expected a designed controller or a linear law")
     if not isinstance(law, Mpc):
         vector = TestVector(reference, measured, replay(controller, reference, measured))
-        return Deployment(controller.name, _files(controller, vector, TOLERANCE), vector, TOLERANCE)
+        tolerance = TOLERANCE if number == DOUBLES else TOLERANCE_FLOAT * controller.current_limit
+        return Deployment(controller.name, _files(controller, vector, tolerance, number), vector, tolerance)
+    if number != DOUBLES:
+        raise InputError(f"{controller.name}: the solver of an MPC is exported in doubles; leave out --number")
     if not is_strictly_convex(law.condensed.H):
         raise InputError(
             f"{controller.name}: has unknowns without a quadratic cost, for which there is no C solver; expected "
@@ -181,11 +190,11 @@ def export_controller(controller: SampledController, reference: np.ndarray, meas
     solver, rho = tuned_solver(exact, reference, measured)
     embedded = replace(controller, law=replace(law, deadline=None, external=solver))
     vector = TestVector(reference, measured, *replay_with_exact(embedded, exact, reference, measured))
-    files = _files(replace(controller, law=EmbeddedMpc(law)), vector, TOLERANCE_MPC)
+    files = _files(replace(controller, law=EmbeddedMpc(law)), vector, TOLERANCE_MPC, number)
     return Deployment(controller.name, files, vector, TOLERANCE_MPC, solver, rho)
 
 
-def _files(controller: SampledController, vector: TestVector, tolerance: float) -> dict[str, str]:
+def _files(controller: SampledController, vector: TestVector, tolerance: float, number: NumberType) -> dict[str, str]:
     law, memory = controller.law, controller.initial_memory()
     condensed = law.mpc.condensed if isinstance(law, EmbeddedMpc) else None
     qp = CSignature("solve_qp", (ARRAY,) * 6, DOUBLE, (False, False, False, True, True, True))
@@ -193,26 +202,29 @@ def _files(controller: SampledController, vector: TestVector, tolerance: float) 
         (*STAGES, pipeline, *law.uses, law.function),
         external={} if condensed is None else {solve_qp: qp},
         substitutes={"law": law.function},
+        number=number,
     )
     context: dict[str, Any] = {
         "name": controller.name,
         "law": str(law),
-        "sample_time": literal(controller.sample_time),
-        "current_limit": literal(controller.current_limit),
+        "real": number.word,
+        "zero": number.literal(0.0),
+        "sample_time": number.literal(controller.sample_time),
+        "current_limit": number.literal(controller.current_limit),
         "traces": dict(controller.traces),
         "samples": len(vector.current),
         "columns": len(vector.columns),
         "references": vector.reference.shape[1],
         "follows_force": controller.follows_force,
         "memory": memory.size,
-        "initial": [(k, literal(value)) for k, value in enumerate(memory.tolist()) if value != 0.0],
-        "settings": _settings_lines(controller),
+        "initial": [(k, number.literal(value)) for k, value in enumerate(memory.tolist()) if value != 0.0],
+        "settings": _settings_lines(controller, number),
         "size": controller.settings().size,
         "program": program.text(pipeline),
         "solver": condensed is not None,
         "unknowns": 0 if condensed is None else len(condensed.F),
         "bounds": 0 if condensed is None else condensed.lower.size,
-        "tolerance": literal(tolerance),
+        "tolerance": repr(tolerance),
         "distance": vector.distance,
         "unsolved": vector.fallbacks,
     }
@@ -227,19 +239,21 @@ def _files(controller: SampledController, vector: TestVector, tolerance: float) 
     return {**files, VECTOR: vector.to_csv()}
 
 
-def _settings_lines(controller: SampledController) -> list[str]:
+def _settings_lines(controller: SampledController, number: NumberType) -> list[str]:
     """Lines of the settings' initialiser, by stage, with the variables' names from the code as comments."""
     values, law = controller.settings(), controller.law
     lines = []
     for title, function, start, stop in STAGE_SETTINGS:
-        lines += [f"/* {title} */", *_table(values[start:stop], setting_names(function, STAGES), {})]
+        lines += [f"/* {title} */", *_table(values[start:stop], setting_names(function, STAGES), {}, number)]
     # Matrices come last, in the order of their names.
     matrices: Mapping[str, np.ndarray] = getattr(law, "matrices", {})
     names = setting_names(law.function, law.uses)
-    return [*lines, f"/* {law.function.__name__} */", *_table(values[S_LAW:], names, matrices)]
+    return [*lines, f"/* {law.function.__name__} */", *_table(values[S_LAW:], names, matrices, number)]
 
 
-def _table(values: np.ndarray, names: Mapping[int, str], matrices: Mapping[str, np.ndarray]) -> list[str]:
+def _table(
+    values: np.ndarray, names: Mapping[int, str], matrices: Mapping[str, np.ndarray], number: NumberType
+) -> list[str]:
     titles, place = {}, values.size - sum(matrix.size for matrix in matrices.values())
     for name, matrix in matrices.items():
         titles[place] = f"{name} ({', '.join(map(str, matrix.shape))})"
@@ -253,7 +267,7 @@ def _table(values: np.ndarray, names: Mapping[int, str], matrices: Mapping[str, 
         if k in titles:
             lines.append(f"/* {titles[k]} */")
         if k in names:
-            lines.append(f"{literal(value)}, /* {names[k]} */")
+            lines.append(f"{number.literal(value)}, /* {names[k]} */")
         else:
-            row.append(f"{literal(value)},")
+            row.append(f"{number.literal(value)},")
     return [*lines, " ".join(row)] if row else lines

@@ -10,7 +10,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from .source import ARRAY, BOOL, DOUBLE, INT, FunctionSource, c_name, common_type, literal
+from .number import DOUBLES, NumberType
+from .source import ARRAY, BOOL, DOUBLE, INT, FunctionSource, c_name, common_type
 
 #: Precedence in C; an operand of lower precedence gets parentheses.
 CHOICE, OR, AND, COMPARE, SUM, PRODUCT, SIGN, ATOM = range(8)
@@ -68,10 +69,16 @@ class Expressions:
     source: the function. functions: those that it may call.
     types: name -> type of arguments and of variables assigned so far.
     constants, helpers: those used so far.
+    number: type of a double in C.
     """
 
-    def __init__(self, source: FunctionSource, functions: Mapping[Callable[..., Any], CSignature]) -> None:
-        self.source, self.functions = source, functions
+    def __init__(
+        self,
+        source: FunctionSource,
+        functions: Mapping[Callable[..., Any], CSignature],
+        number: NumberType = DOUBLES,
+    ) -> None:
+        self.source, self.functions, self.number = source, functions, number
         self.types = dict(source.arguments)
         self.constants: dict[str, float] = {}
         self.helpers: set[str] = set()
@@ -88,17 +95,17 @@ class Expressions:
             case ast.Constant(value=int() | float() as value):
                 if isinstance(value, int) and abs(value) > 2**31 - 1:
                     self.source.fail(node, f"{value}", "a whole number below 2^31")
-                return _number(value)
+                return self._literal(value)
             case ast.Name():
                 return self._name(node)
             case ast.Attribute() if isinstance(value := self.source.meaning(node), float | int):
-                return _number(value)
+                return self._literal(value)
             case ast.Subscript(value=ast.Name(id=name)) if self.types.get(name) == ARRAY:
                 return self._part(node, c_name(name))
             case ast.UnaryOp(op=ast.Not()):
                 return CExpression(f"!{self.truth(node.operand).within(ATOM)}", BOOL, SIGN)
             case ast.UnaryOp(op=ast.USub()):
-                operand = self.number(node.operand)
+                operand = self._number(node.operand)
                 return CExpression(f"-{operand.within(ATOM)}", operand.type, SIGN)
             case ast.BinOp():
                 return self._binary(node)
@@ -114,12 +121,14 @@ class Expressions:
                 both = common_type(yes.type, no.type)
                 if both is None or both == ARRAY:
                     self.fail(node, "the same kind of number on both sides")
+                if both == DOUBLE:
+                    yes, no = self._as_double(yes), self._as_double(no)
                 return CExpression(f"{test.within(OR)} ? {yes.within(OR)} : {no.within(OR)}", str(both), CHOICE)
             case ast.Call():
                 return self._call(node)
         return self.fail(node, "numbers, vectors' entries and slices, arithmetic, comparisons and calls")
 
-    def number(self, node: ast.expr) -> CExpression:
+    def _number(self, node: ast.expr) -> CExpression:
         return self._typed(node, (INT, DOUBLE), "a number", "a float or an int there")
 
     def whole(self, node: ast.expr) -> CExpression:
@@ -138,9 +147,24 @@ class Expressions:
             self.source.fail(node, f"`{ast.unparse(node)}` as {use}", expected)
         return text
 
+    def _real(self, node: ast.expr) -> CExpression:
+        return self._as_double(self._number(node))
+
     def _double(self, node: ast.expr) -> str:
-        text = self.number(node)
-        return text.code if text.type == DOUBLE else f"(double){text.within(ATOM)}"
+        return self._real(node).code
+
+    def _as_double(self, text: CExpression) -> CExpression:
+        """A number as a double; C would convert a whole one to float without asking."""
+        if text.type == DOUBLE:
+            return text
+        if text.code.lstrip("-").isdigit():
+            return self._literal(float(text.code))
+        return CExpression(f"({self.number.word}){text.within(ATOM)}", DOUBLE, SIGN)
+
+    def _literal(self, value: float) -> CExpression:
+        """A literal; a negative one has the precedence of its sign."""
+        code = self.number.literal(value)
+        return CExpression(code, INT if isinstance(value, int) else DOUBLE, SIGN if code.startswith("-") else ATOM)
 
     def require_order(self, node: ast.expr) -> None:
         """Raise InputError if the value depends on an order of evaluation that C leaves open."""
@@ -165,7 +189,7 @@ class Expressions:
         before = self.constants.setdefault(node.id, value)
         if type(before) is not type(value) or before != value:
             # Two modules use the same name for different numbers.
-            return _number(value)
+            return self._literal(value)
         return CExpression(c_name(node.id), INT if isinstance(value, int) else DOUBLE)
 
     def _part(self, node: ast.Subscript, name: str) -> CExpression:
@@ -186,17 +210,17 @@ class Expressions:
         return text
 
     def _binary(self, node: ast.BinOp) -> CExpression:
-        left, right = self.number(node.left), self.number(node.right)
+        left, right = self._number(node.left), self._number(node.right)
         whole = left.type == right.type == INT
         if isinstance(node.op, ast.Mod) and not whole:
             self.helpers.add("remainder_of")
-            return CExpression(f"remainder_of({left.code}, {right.code})", DOUBLE)
+            return CExpression(f"remainder_of({self._as_double(left).code}, {self._as_double(right).code})", DOUBLE)
         if type(node.op) not in OPERATORS:
             self.fail(node, "+, -, *, / or % of floats")
         sign, precedence = OPERATORS[type(node.op)]
+        if sign == "/" or not whole:
+            left, right = self._as_double(left), self._as_double(right)
         first, second = left.within(precedence), right.within(precedence + 1)
-        if sign == "/" and whole:
-            first, second = f"(double){left.within(ATOM)}", f"(double){right.within(ATOM)}"
         return CExpression(f"{first} {sign} {second}", INT if whole and sign != "/" else DOUBLE, precedence)
 
     def _compare(self, node: ast.Compare) -> CExpression:
@@ -208,7 +232,10 @@ class Expressions:
             if type(operator) not in COMPARISONS:
                 self.fail(node, "==, !=, <, <=, > or >=")
             sign = COMPARISONS[type(operator)]
-            pairs.append(f"{self.number(left).within(SUM)} {sign} {self.number(right).within(SUM)}")
+            one, other = self._number(left), self._number(right)
+            if DOUBLE in (one.type, other.type):
+                one, other = self._as_double(one), self._as_double(other)
+            pairs.append(f"{one.within(SUM)} {sign} {other.within(SUM)}")
         return CExpression(" && ".join(pairs), BOOL, COMPARE if len(pairs) == 1 else AND)
 
     def _call(self, node: ast.Call) -> CExpression:
@@ -219,40 +246,39 @@ class Expressions:
             signature = self.functions[function]
             if len(given) != len(signature.arguments):
                 self.fail(node, f"{len(signature.arguments)} arguments")
-            made = {ARRAY: self.vector, INT: self.whole, DOUBLE: self.number, BOOL: self.truth}
+            made = {ARRAY: self.vector, INT: self.whole, DOUBLE: self._real, BOOL: self.truth}
             codes = [made[word](argument).code for word, argument in zip(signature.arguments, given, strict=True)]
             return CExpression(f"{signature.name}({', '.join(codes)})", signature.result or "nothing")
         if function in (min, max) and len(given) > 1:
             return self._extreme(node, "smaller" if function is min else "larger")
         if len(given) == 1 and function in (abs, int, float):
-            value = self.number(given[0])
+            value = self._number(given[0])
             if function is abs and value.type == DOUBLE:
-                return CExpression(f"fabs({value.code})", DOUBLE)
-            if function is not abs:
-                target = INT if function is int else DOUBLE
-                return CExpression(f"({target}){value.within(ATOM)}", target, SIGN)
+                return CExpression(f"{self.number.function('fabs')}({value.code})", DOUBLE)
+            if function is float:
+                return self._as_double(value)
+            if function is int:
+                return CExpression(f"({INT}){value.within(ATOM)}", INT, SIGN)
         if function in PREDICATES and len(given) == 1:
             return CExpression(f"{PREDICATES[function]}({self._double(given[0])}) != 0", BOOL, COMPARE)
         if function in MATH and len(given) == MATH[function][1]:
-            return CExpression(f"{MATH[function][0]}({', '.join(map(self._double, given))})", DOUBLE)
+            return CExpression(
+                f"{self.number.function(MATH[function][0])}({', '.join(map(self._double, given))})", DOUBLE
+            )
         known = "".join(f", {name}" for name in sorted(signature.name for signature in self.functions.values()))
         return self.source.fail(
             node, f"the call `{ast.unparse(node)}`", f"min, max, abs of a float, int, float, a function of math{known}"
         )
 
     def _extreme(self, node: ast.Call, helper: str) -> CExpression:
-        values = [self.number(argument) for argument in node.args]
+        values = [self._number(argument) for argument in node.args]
         both = INT if all(value.type == INT for value in values) else DOUBLE
         if both == INT:
             helper += "_int"
+        else:
+            values = [self._as_double(value) for value in values]
         self.helpers.add(helper)
         code = values[0].code
         for value in values[1:]:
             code = f"{helper}({code}, {value.code})"
         return CExpression(code, both)
-
-
-def _number(value: float) -> CExpression:
-    """A literal; a negative one has the precedence of its sign."""
-    code = literal(value)
-    return CExpression(code, INT if isinstance(value, int) else DOUBLE, SIGN if code.startswith("-") else ATOM)

@@ -7,24 +7,25 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from .expressions import CSignature
-from .source import FunctionSource, c_name, literal, read_source
+from .number import DOUBLES, NumberType
+from .source import FunctionSource, c_name, read_source
 from .statements import CFunction, write_function
 
 #: Python's min and max, which return the first of equal values, and %, which has the sign of the divisor.
 HELPERS = {
-    "smaller": "static double smaller(double a, double b)\n{\n    return b < a ? b : a;\n}",
-    "larger": "static double larger(double a, double b)\n{\n    return b > a ? b : a;\n}",
-    "smaller_int": "static int smaller_int(int a, int b)\n{\n    return b < a ? b : a;\n}",
-    "larger_int": "static int larger_int(int a, int b)\n{\n    return b > a ? b : a;\n}",
+    "smaller": "static {word} smaller({word} a, {word} b)\n{{\n    return b < a ? b : a;\n}}",
+    "larger": "static {word} larger({word} a, {word} b)\n{{\n    return b > a ? b : a;\n}}",
+    "smaller_int": "static int smaller_int(int a, int b)\n{{\n    return b < a ? b : a;\n}}",
+    "larger_int": "static int larger_int(int a, int b)\n{{\n    return b > a ? b : a;\n}}",
     "remainder_of": """\
-static double remainder_of(double a, double b)
-{
-    const double rest = fmod(a, b);
-    if (rest == 0.0) {
-        return copysign(0.0, b);
-    }
-    return (b < 0.0) != (rest < 0.0) ? rest + b : rest;
-}""",
+static {word} remainder_of({word} a, {word} b)
+{{
+    const {word} rest = {fmod}(a, b);
+    if (rest == {zero}) {{
+        return {copysign}({zero}, b);
+    }}
+    return (b < {zero}) != (rest < {zero}) ? rest + b : rest;
+}}""",
 }
 
 
@@ -40,8 +41,11 @@ class Program(Mapping[Callable[..., Any], CSignature]):
         *,
         external: Mapping[Callable[..., Any], CSignature] | None = None,
         substitutes: Mapping[str, Callable[..., Any]] | None = None,
+        number: NumberType = DOUBLES,
     ) -> None:
-        """allowed: functions that may appear. external: those with C elsewhere. substitutes: see FunctionSource."""
+        """allowed: functions that may appear. external: those with C elsewhere. substitutes: see FunctionSource.
+        number: type of doubles in C."""
+        self._number = number
         self._allowed = {*allowed, *(external or {})}
         self._external = dict(external or {})
         self._substitutes = dict(substitutes or {})
@@ -58,7 +62,7 @@ class Program(Mapping[Callable[..., Any], CSignature]):
             if function in self._open:
                 source.fail(source.tree, "a function that calls itself", "a loop")
             self._open.append(function)
-            self._done[function] = write_function(source, self)
+            self._done[function] = write_function(source, self, self._number)
             self._open.pop()
             names = [done.signature.name for done in self._done.values()]
             if names.count(c_name(source.name)) > 1:
@@ -83,12 +87,18 @@ class Program(Mapping[Callable[..., Any], CSignature]):
         numbers = [
             f"enum {{ {c_name(name)} = {value} }};"
             if isinstance(value, int)
-            else f"static const double {c_name(name)} = {literal(value)};"
+            else f"static const {self._number.word} {c_name(name)} = {self._number.literal(value)};"
             for name, value in sorted(constants.items())
         ]
         helpers = sorted({name for function in functions for name in function.helpers})
         parts = ["\n".join(numbers)] if numbers else []
-        return "\n\n".join([*parts, *(HELPERS[name] for name in helpers), *(function.text for function in functions)])
+        words = {
+            "word": self._number.word,
+            "zero": self._number.literal(0.0),
+            **{name: self._number.function(name) for name in ("fmod", "copysign")},
+        }
+        texts = [HELPERS[name].format(**words) for name in helpers]
+        return "\n\n".join([*parts, *texts, *(function.text for function in functions)])
 
 
 def setting_names(function: Callable[..., Any], allowed: tuple[Callable[..., Any], ...]) -> dict[int, str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import inspect
-import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -27,7 +26,7 @@ RESERVED_NAMES = """
     hypot isfinite isinf isnan larger larger_int log log10 main memcpy memmove pow remainder_of round sin
     settings_of_all sinh smaller smaller_int solve_qp sqrt tan tanh true trunc INFINITY NAN NULL
 """
-RESERVED = frozenset(RESERVED_NAMES.split())
+RESERVED = frozenset(RESERVED_NAMES.split()) | {f"{name}f" for name in RESERVED_NAMES.split()}
 BUILTINS: dict[str, Callable[..., Any]] = {
     "abs": abs,
     "min": min,
@@ -48,17 +47,6 @@ def common_type(a: str, b: str) -> str | None:
 def c_name(name: str) -> str:
     """A Python name in C, where the compiler reserves leading underscores."""
     return f"{name.lstrip('_')}_" if name in RESERVED or name.startswith("_") else name
-
-
-def literal(value: float) -> str:
-    """A C literal with every bit of the number."""
-    if isinstance(value, int):
-        return str(value)
-    if math.isnan(value):
-        return "NAN"
-    if math.isinf(value):
-        return "INFINITY" if value > 0 else "-INFINITY"
-    return repr(float(value))
 
 
 def comment_lines(text: str) -> list[str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .expressions import SUM, CExpression, CSignature, Expressions
+from .number import DOUBLES, NumberType
 from .source import (
     ARRAY,
     DOUBLE,
@@ -34,8 +35,10 @@ class CFunction:
     helpers: frozenset[str]
 
 
-def write_function(source: FunctionSource, functions: Mapping[Callable[..., Any], CSignature]) -> CFunction:
-    """Write a function of the subset as C.
+def write_function(
+    source: FunctionSource, functions: Mapping[Callable[..., Any], CSignature], number: NumberType = DOUBLES
+) -> CFunction:
+    """Write a function of the subset as C, with its doubles as `number`.
 
     Raises InputError with file, line and function for anything outside the subset.
     """
@@ -48,23 +51,25 @@ def write_function(source: FunctionSource, functions: Mapping[Callable[..., Any]
     while True:
         # A later statement may widen a type or write to a vector: repeat until both are known from the first line on.
         before = dict(final), set(written)
-        statements = Statements(source, functions, variables, final, written)
+        statements = Statements(source, functions, variables, final, written, number)
         body = statements.block(source.tree.body, 1)
         if (final, written) == before:
             break
     writes = tuple(word == ARRAY and name in written for name, word in arguments.items())
     name = c_name(source.name)
     declared = ", ".join(
-        f"{'' if into else 'const '}double {c_name(argument)}[]" if word == ARRAY else f"{word} {c_name(argument)}"
+        f"{'' if into else 'const '}{number.word} {c_name(argument)}[]"
+        if word == ARRAY
+        else f"{number.of(word)} {c_name(argument)}"
         for (argument, word), into in zip(arguments.items(), writes, strict=True)
     )
     used = {node.id for node in ast.walk(source.tree) if isinstance(node, ast.Name)}
     top = [f"    (void){c_name(argument)};" for argument in arguments if argument not in used]
     for word in sorted(set(variables) - set(arguments)):
         if not variables[word].loops and variables[word].declared_by is None:
-            zero = {"double": "0.0", "bool": "false"}.get(final[word], "0")
-            top.append(f"    {final[word]} {c_name(word)} = {zero};")
-    text = [*comment_lines(source.documentation), f"static {result or 'void'} {name}({declared or 'void'})"]
+            zero = {DOUBLE: number.literal(0.0), "bool": "false"}.get(final[word], "0")
+            top.append(f"    {number.of(final[word])} {c_name(word)} = {zero};")
+    text = [*comment_lines(source.documentation), f"static {number.of(result or 'void')} {name}({declared or 'void'})"]
     return CFunction(
         "\n".join([*text, "{", *top, *body, "}"]),
         CSignature(name, tuple(arguments.values()), result, writes),
@@ -97,8 +102,9 @@ class Statements(Expressions):
         variables: Mapping[str, LocalVariable],
         final: dict[str, str],
         written: set[str],
+        number: NumberType,
     ) -> None:
-        super().__init__(source, functions)
+        super().__init__(source, functions, number)
         self.variables, self.final, self.written = variables, final, written
         self.temporaries = 0
 
@@ -168,7 +174,7 @@ class Statements(Expressions):
     def _temporary(self, word: str, code: str, lines: list[str]) -> str:
         """The name of a new constant with this value, whose declaration is added to `lines`."""
         self.temporaries += 1
-        lines.append(f"const {word} value_{self.temporaries} = {code};")
+        lines.append(f"const {self.number.of(word)} value_{self.temporaries} = {code};")
         return f"value_{self.temporaries}"
 
     def _assign_all(self, node: ast.Assign, targets: list[ast.expr]) -> list[str]:
@@ -198,7 +204,7 @@ class Statements(Expressions):
             if value.type not in (INT, DOUBLE):
                 self.fail(node, "a number in a vector's entry")
             self._mark_written(target)
-            return [f"{self.write(target).code} = {value.code};"]
+            return [f"{self.write(target).code} = {self._as_double(value).code};"]
         if not isinstance(target, ast.Name):
             self.fail(node, "a variable or a vector's entry on the left")
         assert isinstance(target, ast.Name)
@@ -211,10 +217,12 @@ class Statements(Expressions):
         declares = variable.declared_by is node and not argument
         if word == ARRAY:
             return self._alias(node, target.id, value, declares)
+        if word == DOUBLE:
+            value = self._as_double(value)
         if not declares:
             return [f"{name} = {value.code};"]
         fixed = "const " if variable.assigned == 1 else ""
-        return [f"{fixed}{word} {name} = {value.code};", *([] if variable.read else [f"(void){name};"])]
+        return [f"{fixed}{self.number.of(word)} {name} = {value.code};", *([] if variable.read else [f"(void){name};"])]
 
     def _alias(self, node: ast.Assign, name: str, value: CExpression, declares: bool) -> list[str]:
         """A name for a vector or part of one, as a pointer."""
@@ -223,7 +231,7 @@ class Statements(Expressions):
         if name in self.written:
             self._mark_written(node.value)
         fixed = "" if name in self.written else "const "
-        return [f"{fixed}double *{c_name(name)} = {value.code};"]
+        return [f"{fixed}{self.number.word} *{c_name(name)} = {value.code};"]
 
     def _record_type(self, node: ast.stmt, name: str, word: str) -> None:
         """Record the type of a variable after an assignment."""
@@ -245,7 +253,7 @@ class Statements(Expressions):
             start = self.whole(part.lower)
             plain = size.isdigit() and start.code.isdigit()
             size = str(int(size) - int(start.code)) if plain else f"({size} - {start.within(SUM + 1)})"
-        return [f"memmove({to.code}, {self.vector(value).code}, {size} * sizeof(double));"]
+        return [f"memmove({to.code}, {self.vector(value).code}, {size} * sizeof({self.number.word}));"]
 
     def _augmented(self, node: ast.AugAssign) -> list[str]:
         value, target = self._value(node.value), node.target
@@ -266,9 +274,11 @@ class Statements(Expressions):
             self._record_type(node, target.id, str(common_type(before, DOUBLE if divides else value.type)))
         if isinstance(node.op, ast.Mod):
             self.helpers.add("remainder_of")
-            return [f"{place} = remainder_of({place}, {value.code});"]
+            return [f"{place} = remainder_of({place}, {self._as_double(value).code});"]
         if type(node.op) not in AUGMENTED:
             self.fail(node, "+=, -=, *=, /= or %=")
+        if not (isinstance(target, ast.Name) and self.final[target.id] == INT):
+            value = self._as_double(value)
         return [f"{place} {AUGMENTED[type(node.op)]} {value.code};"]
 
     def _if(self, node: ast.If, indent: int) -> list[str]:
@@ -313,7 +323,7 @@ class Statements(Expressions):
         text = self._value(node.value)
         if common_type(text.type, wanted) != wanted:
             self.fail(node, f"a {wanted}, as in the function's annotation")
-        return [f"return {text.code};"]
+        return [f"return {self._as_double(text).code if wanted == DOUBLE else text.code};"]
 
 
 def _touches(target: ast.expr, value: ast.expr) -> bool:

@@ -16,6 +16,9 @@ from pydantic import Field
 
 from ...core.definition import Definition, In, Second
 
+#: Part of a sample's change of speed or position within which two of them count as equal. Motions begin and end on the
+#: grid of samples, where rounding would decide otherwise, and differently for floats and doubles.
+ROUNDING = 0.01
 #: Sizes of memory and settings of `plan`.
 MEMORY, SETTINGS = 6, 5
 
@@ -48,7 +51,8 @@ def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: n
     a_max = memory[4]
     # Remaining distance if this sample brought the speed to that of the target.
     gap = r - x - 0.5 * T_s * (v + r_v)
-    if abs(gap) <= 0.25 * a_max * T_s * T_s and abs(r_v - v) <= a_max * T_s:
+    near = 1.0 + ROUNDING
+    if abs(gap) <= 0.25 * near * a_max * T_s * T_s and abs(r_v - v) <= near * a_max * T_s:
         memory[4] = a_top
         memory[0], memory[1], memory[2] = r, r_v, reference[2]
         return
@@ -57,6 +61,8 @@ def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: n
     wanted = r_v + (relative if gap > 0.0 else -relative)
     wanted = min(max(wanted, -v_max), v_max)
     w = v + min(max(wanted - v, -a_max * T_s), a_max * T_s)
+    if abs(w - r_v) <= ROUNDING * a_max * T_s:
+        w = r_v
     memory[0] = x + 0.5 * T_s * (v + w)
     memory[1] = w
     memory[2] = (w - v) / T_s
