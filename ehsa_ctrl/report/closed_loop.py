@@ -21,7 +21,8 @@ from .text import NOTHING, percent, unit, value_text
 CLOSED_LOOP = (
     "RiseTime", "SettlingTime", "SettlingRatio", "Overshoot", "SteadyStateError", "MaxError", "RMSError",
     "ForceOvershoot", "ForceSettlingTime", "ForceSteadyStateError", "ForceRMSError", "ContactImpact", "LostContacts",
-    "HuntingAmplitude", "Slips", "SaturationShare", "CurrentRMS", "Energy", "StopTime", "TravelAfterStop",
+    "FirstCycleError", "LastCycleError", "HuntingAmplitude", "Slips", "SaturationShare", "CurrentRMS", "Energy",
+    "StopTime", "TravelAfterStop",
 )  # fmt: skip
 
 

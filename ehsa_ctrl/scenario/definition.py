@@ -166,6 +166,15 @@ class ScenarioFile(Definition):
                     raise ValueError(f"{name}.{key}{error}") from None
         return read
 
+    def cycles(self) -> list[tuple[float, float]]:
+        """Start and end of each full period of the reference [s]; empty for one that is not repeated."""
+        period = getattr(self.reference, "period", None)
+        if period is None:
+            return []
+        start = float(getattr(self.reference, "start", 0.0))
+        count = int((self.duration - start) / period + 1e-9)
+        return [(start + k * period, start + (k + 1) * period) for k in range(count)]
+
     def holds(self) -> list[tuple[float, float]]:
         """Intervals (start, end) [s] in which target and external force are both constant."""
         edges = sorted({edge for step in self.disturbance for edge in (step.start, step.start + step.duration)})
@@ -182,6 +191,8 @@ class ScenarioFile(Definition):
                 return "the reference has no force target"
             case "step" if not self.reference.jumps():
                 return f"the target of [reference] kind = {self.reference.kind!r} does not jump"
+            case "cycle" if not self.cycles():
+                return "the reference is not repeated: it has no period, or the run is shorter"
             case "hold" if not self.reference.holds():
                 return f"the target of [reference] kind = {self.reference.kind!r} is never held"
         return ""

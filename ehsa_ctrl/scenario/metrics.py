@@ -39,13 +39,13 @@ class Metric:
     ----------
     unit: SI unit. display_unit: unit in tables and messages. meaning: one line.
     requires: what the reference must contain for the metric to be defined: a "step" or a "hold" of the
-        position, a "force" target, or nothing ("run").
+        position, a "force" target, a period ("cycle"), or nothing ("run").
     """
 
     unit: str
     display_unit: str
     meaning: str
-    requires: Literal["run", "step", "hold", "force"] = "run"
+    requires: Literal["run", "step", "hold", "force", "cycle"] = "run"
 
     @property
     def scale(self) -> float:
@@ -113,6 +113,8 @@ METRICS = {
     "SteadyStateErrorMax": Metric("m", "mm", "largest error over the last tenth of a hold, worst hold", "hold"),
     "MaxError": Metric("m", "mm", "largest error after the first change of target"),
     "RMSError": Metric("m", "mm", "root mean square of the error over the whole run"),
+    "FirstCycleError": Metric("m", "mm", "root mean square of the error in the first period", "cycle"),
+    "LastCycleError": Metric("m", "mm", "root mean square of the error in the last full period", "cycle"),
     "IAE": Metric("m s", "mm s", "integral of |e|"),
     "ISE": Metric("m2 s", "mm2 s", "integral of e^2"),
     "ITAE": Metric("m s2", "mm s2", "integral of t |e|, t from the first change of target"),
@@ -153,6 +155,7 @@ def loop_metrics(
     lag: int = 0,
     shortest: bool = True,
     force_changes: Sequence[ForceChange] = (),
+    cycles: Sequence[tuple[float, float]] = (),
 ) -> dict[str, float]:
     """All of METRICS for a run, SI units; nan for an event that did not happen.
 
@@ -165,7 +168,7 @@ def loop_metrics(
     first_fault: start of the first fault [s]; None for a run without faults.
     lag: samples of delay between measurement and current.
     shortest: False omits ShortestTime and SettlingRatio, which take as long to compute as all other metrics.
-    force_changes: of the force target.
+    force_changes: of the force target. cycles: start and end of each full period [s].
     """
     run = loop.trajectory
     time, x, error, target = run.time, run["x"], loop.error, loop.reference[:, 0]
@@ -183,6 +186,10 @@ def loop_metrics(
         if steps and metric.requires == "step":
             # A step that never settles is worse than any that does: np.max propagates nan.
             result[name] = float(np.max(np.array([step.get(name, np.nan) for step in steps])))
+    cycle_samples = _samples_within(time, cycles)
+    if cycle_samples:
+        for name, part in (("FirstCycleError", cycle_samples[0]), ("LastCycleError", cycle_samples[-1])):
+            result[name] = float(np.sqrt(np.mean(error[part] ** 2)))
     hold_samples = _samples_within(time, holds)
     if hold_samples:
         tails = [error[part[-max(part.size // 10, 1) :]] for part in hold_samples]

@@ -105,6 +105,7 @@ class PreparedScenario:
             first_fault=definition.first_fault,
             lag=definition.sensors.lag,
             force_changes=[one for one in definition.reference.force_changes() if one.start < definition.duration],
+            cycles=definition.cycles(),
             shortest=wanted is None or bool({"ShortestTime", "SettlingRatio"} & {*wanted}),
         )
 

@@ -246,6 +246,9 @@ class TrajectoryFile(_ReferenceBase):
     kind: Literal["file"] = Field(description="type of reference")
     file: str = Field(description="path of the CSV file, relative to the scenario's folder")
     start: Second = Field(default=0.0, description="time in the run at which the file's t = 0 lies")
+    period: Second | None = Field(
+        default=None, description="time after which the trajectory begins anew; left out, it runs once"
+    )
     _table: dict[str, np.ndarray] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
@@ -260,6 +263,15 @@ class TrajectoryFile(_ReferenceBase):
             self._table.update(read_trajectory(path))
         except InputError as error:
             raise ValueError(str(error)) from None
+        if self.period is not None:
+            end, position = self._table["t"][-1], self._table["position"]
+            if self.period < end or self.period <= 0:
+                raise ValueError(f"period = {self.period:g} s ends before the file, whose last t is {end:g} s")
+            if abs(position[-1] - position[0]) > 1e-9:
+                raise ValueError(
+                    f"a file that is repeated must end where it begins; {path} goes from {position[0]:g} m to "
+                    f"{position[-1]:g} m"
+                )
         return self
 
     def __eq__(self, other: object) -> bool:
@@ -269,6 +281,9 @@ class TrajectoryFile(_ReferenceBase):
 
     def signal(self, time: np.ndarray) -> np.ndarray:
         table, t = self._table, time - self.start
+        if self.period is not None:
+            # A tenth of a nanosecond: a sample at the end of a period is the first of the next one.
+            t = np.where(t > 0.0, np.mod(t + 1e-10, self.period), t)
         values = np.zeros((time.size, 3))
         values[:, 0] = np.interp(t, table["t"], table["position"])
         within = (t >= table["t"][0] - 1e-9) & (t < table["t"][-1] - 1e-9)
@@ -283,7 +298,7 @@ class TrajectoryFile(_ReferenceBase):
         return values
 
     def holds(self) -> list[Hold]:
-        return [(self.start + float(self._table["t"][-1]), np.inf)]
+        return [(self.start + float(self._table["t"][-1]), np.inf)] if self.period is None else []
 
 
 def read_trajectory(path: Path) -> dict[str, np.ndarray]:

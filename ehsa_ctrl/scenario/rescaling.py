@@ -44,12 +44,12 @@ SCALES_WITH = {
     "level": ("schedule.nominal",),
     "reach": (
         "limits.stroke", "weights.position", "weights.integral", "reference.positions", "reference.position",
-        "reference.amplitude", "supervision.position",
+        "reference.amplitude", "supervision.position", "cycle.limit",
     ),
     # The cost compares the penalty of a soft limit with the squared position error.
     "reach2": ("limits.penalty",),
     "force": ("observer.load",),
-    "slip": ("rest.band", "rest.release"),
+    "slip": ("rest.band", "rest.release", "cycle.deadband"),
     "gain": ("gains.k_p", "gains.k_i", "gains.k_d"),
     "noise_gain": ("tuning.noise_gain",),
     **{f"noise_{word}": (f"observer.{word}",) for word in ("speed", "pressure", "position")},

@@ -151,3 +151,30 @@ def test_a_mistake_is_a_sentence_with_its_key(change, says):
         validate(SCENARIO | change, ScenarioFile, "my.toml")
 
     assert str(caught.value).startswith("my.toml: ") and "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_repeated_begins_anew(tmp_path):
+    """Each period is the first one, and the errors of the first and last full period are metrics."""
+    (tmp_path / "there_and_back.csv").write_text("t,position\n0,0\n0.5,0.01\n1,0\n")
+    given = {"kind": "file", "file": "there_and_back.csv", "period": "1.2 s", "start": "0.1 s"}
+    reference = TypeAdapter(Reference).validate_python(given, context={"folder": tmp_path})
+    time = 0.004 * np.arange(1000)
+    signal = reference.signal(time)
+
+    assert np.all(signal[time < 0.1] == 0.0)
+    assert np.allclose(signal[25:325], signal[325:625], atol=1e-11)
+    assert np.max(signal[:, 0]) == pytest.approx(0.01, abs=1e-4)
+    assert reference.holds() == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "period", "sentence"),
+    [("0,0\n1,0\n", "0.5 s", "ends before the file, whose last t is 1 s"),
+     ("0,0\n1,0.01\n", "2 s", "must end where it begins; .* goes from 0 m to 0.01 m")],
+)  # fmt: skip
+def test_a_period_that_does_not_fit_is_one_sentence(tmp_path, rows, period, sentence):
+    (tmp_path / "one.csv").write_text(f"t,position\n{rows}")
+    with pytest.raises(ValueError, match=sentence):
+        TypeAdapter(Reference).validate_python(
+            {"kind": "file", "file": "one.csv", "period": period}, context={"folder": tmp_path}
+        )
