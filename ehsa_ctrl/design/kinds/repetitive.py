@@ -75,6 +75,10 @@ class RepetitiveFile(ControllerFile):
         word = self.base.get("kind")
         if word not in BASES:
             raise ValueError(f"[base] kind = {shown(word)}; {choices(str(word), BASES)}")
+        if word not in ("pid", "cascade") and self.feedforward is not None and self.feedforward.inertia != 0.0:
+            raise ValueError(
+                f"[feedforward] inertia: a {word} feeds the planned acceleration forward itself; leave it out"
+            )
         foreign = [key for key in self.base if key in ControllerFile.model_fields and key != "kind"]
         if foreign:
             raise ValueError(f"[base] {foreign[0]}: belongs to the controller itself, above its tables")
