@@ -285,7 +285,7 @@ def _or_name(kind: ArgumentKind) -> ArgumentKind:
 #: ArgumentKind -> names of the arguments of this kind. Those with the default None accept None too.
 _NAMES = {
     NUMBER: "amplitude band current_limit delay distance duration excess from_ margin period position pressure_level "
-    "resample rtol sample_time segment settle speed_limit spread stop threshold to tolerance unknown velocity "
+    "rate resample rtol sample_time segment settle speed_limit spread stop threshold to tolerance unknown velocity "
     "width window within",
     WHOLE: "direction draws jobs lag n order points rehearsals runs shortest starts",
     SEED: "seed",
@@ -295,7 +295,7 @@ _NAMES = {
     TEXT | PATH: "file folder identification path",
     ARRAY: "current drive force measured reference simulated start time x",
     NUMBERS: "betas masses positions stiffnesses velocities",
-    NAMES: "fix free initial_states names required wanted without",
+    NAMES: "fix free held initial_states names required wanted without",
     FUNCTION: "keep problem watch",
     TUPLE: "align effects missing notes zero",
     PAIR: "rest",
@@ -321,6 +321,7 @@ _NAMES = {
     instance("Diagnosis", "what diagnose(plant, log) gives"): "diagnosis",
     instance("Identification", "what identify(plant, log) gives"): "found",
     instance("Known", "what known_of(plant) gives"): "known",
+    instance("RateChange"): "rates",
     instance("RobustMargins", "what robust_margins(systems, controller) gives"): "robust",
     instance("Sensors"): "sensors",
     one_of("linear", "nonlinear"): "model",

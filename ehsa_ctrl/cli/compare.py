@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    log: Annotated[Path, typer.Argument(help="Measured log: CSV, Parquet or MAT.")],
+    log: Annotated[Path, typer.Argument(help="Measured log: CSV, TDMS, MDF, MCAP, MAT ...")],
     plant: PlantOption,
     preparation: LogOptions,
     output: OutputOptions,

@@ -123,7 +123,7 @@ class DiagnosisOutcome:
 
 
 def command(
-    logs: Annotated[list[Path], typer.Argument(help="Measured logs: CSV, Parquet or MAT.")],
+    logs: Annotated[list[Path], typer.Argument(help="Measured logs: CSV, TDMS, MDF, MCAP, MAT ...")],
     plant: PlantOption,
     single: SingleLogOptions,
     preparation: LogOptions,

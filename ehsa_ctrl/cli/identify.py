@@ -86,7 +86,7 @@ class FitOptions:
 
 
 def command(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Measured logs: CSV, Parquet or MAT.")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Measured logs: CSV, TDMS, MDF, MCAP, MAT ...")],
     plant: Annotated[
         str,
         typer.Option(

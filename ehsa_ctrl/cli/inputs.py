@@ -79,7 +79,8 @@ class LogWithSteps:
         rates = [step.figures["rate"] / step.figures["rate_before"] for step in self.steps if step.kind == "resample"]
         steps = np.diff(self.raw.time)
         uneven = float(np.ptp(steps)) > UNEVEN * float(np.median(steps))
-        if not rates or (abs(rates[0] - 1.0) < 1e-6 and not uneven):
+        merged = any(step.kind == "rates" for step in self.steps)
+        if not merged and (not rates or (abs(rates[0] - 1.0) < 1e-6 and not uneven)):
             return ""
         size = "3 to 10 % where the drive changes at every sample" if uneven else "1 to 5 %"
         return (
@@ -103,13 +104,13 @@ def read_raw(path: Path, plant: Plant, how: Preparation) -> Log:
 
     Raises InputError as `read_plant_log` does.
     """
-    uniform = how.resample is None
+    uniform, step, rate = how.resample is None, how.sample_time, how.resample
     try:
-        return read_plant_log(path, plant, uniform=uniform)
+        return read_plant_log(path, plant, uniform=uniform, sample_time=step, rate=rate)
     except InputError:
         if how.from_ is None and how.to is None:
             raise
-        return read_plant_log(path, plant, uniform=uniform, span=(how.from_, how.to))
+        return read_plant_log(path, plant, uniform=uniform, span=(how.from_, how.to), sample_time=step, rate=rate)
 
 
 def prepare(raw: Log, plant: Plant, how: Preparation, *, notes: bool = True) -> LogWithSteps:

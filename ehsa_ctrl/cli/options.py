@@ -69,13 +69,18 @@ class LogOptions:
     ] = ""
     resample: Annotated[float | None, typer.Option(metavar="HZ", help="Resample the logs to this rate.")] = None
     align: Annotated[str, typer.Option(metavar="CHANNELS", help="Correct the delay of these drives and outputs.")] = ""
+    sample_time: Annotated[
+        float | None, typer.Option(metavar="S", help="Sample time of the rows, instead of the time in the file.")
+    ] = None
 
     def preparation(self) -> Preparation:
         """Raises InputError for a rest that is not two times, and for text that is not a list of channels."""
         from ..identification.preparation import Preparation
 
         channels = _channels(self.zero, "--zero", ZEROED), _channels(self.align, "--align", ALIGNED)
-        return Preparation(self.start, self.stop, channels[0], _read_rest(self.rest), self.resample, channels[1])
+        return Preparation(
+            self.start, self.stop, channels[0], _read_rest(self.rest), self.resample, channels[1], self.sample_time
+        )
 
 
 @dataclass(frozen=True)

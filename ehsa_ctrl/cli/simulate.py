@@ -51,6 +51,7 @@ def command(
     """
     from ..core.log import CHANNELS
     from ..core.log_reader import read_log
+    from ..identification.plant_log import held_channels
     from ..identification.preparation import resample as to_rate
     from ..simulation.bench import record
     from ..simulation.excitation import excitation as make
@@ -63,7 +64,10 @@ def command(
     loaded = load_model(plant, model, pairs)
     system, second = loaded.structure.system, None
     if input_file is not None:
-        given = read_log(input_file, [system.drive], columns=loaded.log, uniform=resample is None)
+        given = read_log(
+            input_file, [system.drive], columns=loaded.log, uniform=resample is None,
+            rate=resample or 1.0 / loaded.sample_time, held=held_channels(loaded),
+        )  # fmt: skip
         print_notes(given)
         if resample is not None:
             given, _ = to_rate(given, loaded, resample)

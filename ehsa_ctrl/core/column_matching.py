@@ -1,6 +1,6 @@
 """Match the columns of a log to channels.
 
-The plant's [log] table and the file's row of units decide. For columns that are left over, [log] lines are suggested
+The plant's [log] table and the units in the file decide. For columns that are left over, [log] lines are suggested
 from their names; a suggestion is only shown to the user, never applied.
 """
 
@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -45,23 +47,42 @@ NAMES = {
 }  # fmt: skip
 
 
-def find_channels(table: LogTable, mapped: Mapping[str, Column]) -> dict[str, Column]:
-    """Channel -> column of this file, for the channels that it has. Raises InputError for an unknown channel."""
+def find_channels(
+    path: Path | str, tables: Sequence[LogTable], mapped: Mapping[str, Column]
+) -> list[tuple[LogTable, dict[str, Column]]]:
+    """The tables with channels, each with channel -> column; of several tables only those with more than a time.
+
+    Raises InputError for an unknown channel, and for a column that several tables have.
+    """
     for channel in mapped:
         if channel not in CHANNELS:
             raise InputError(f"[log] {channel}: is not a channel; {choices(channel, CHANNELS)}")
-    names = table.names
-    own_format = not any(at.column in names for at in mapped.values())
-    places = {}
+    own_format = not any(table.find(at.column) for table in tables for at in mapped.values())
+    places: list[dict[str, Column]] = [{} for _ in tables]
     for channel in CHANNELS:
         at = Column(channel) if own_format else mapped.get(channel, Column(channel))
-        if at.column in names:
-            places[channel] = at
-    return places
+        having = [(place, table.group, column) for place, table in zip(places, tables, strict=True)
+                  if (column := table.find(at.column))]  # fmt: skip
+        if channel != "t" and len(having) > 1:
+            options = " or ".join(repr(f"{group}/{column}") for _, group, column in having[:5])
+            raise InputError(
+                f"{path}: has {len(having)} columns {at.column!r}; name one of them in the plant's [log], as in "
+                f"{channel} = {{ column = ... }} with {options}"
+            )
+        for place, _, column in having:
+            place[channel] = replace(at, column=column)
+    found = list(zip(tables, places, strict=True))
+    return found if len(found) == 1 else [(table, place) for table, place in found if set(place) - {"t"}]
+
+
+def column_names(tables: Sequence[LogTable]) -> list[str]:
+    """All columns of a file, with their group where several tables have the name."""
+    times = Counter(name for table in tables for name in table.names)
+    return [name if times[name] == 1 else f"{table.group}/{name}" for table in tables for name in table.names]
 
 
 def channel_scale(path: Path | str, channel: str, at: Column, table: LogTable) -> float:
-    """SI units per unit of the column: from the mapping, or else from the file's row of units.
+    """SI units per unit of the column: from the mapping, or else from the unit in the file.
 
     Raises InputError for a unit that does not fit the channel, and for a mapping that contradicts the unit.
     """
@@ -70,12 +91,14 @@ def channel_scale(path: Path | str, channel: str, at: Column, table: LogTable) -
         return at.scale
     si = CHANNELS[channel].unit
     own = unit_scale(unit, si)
-    where = f"{path}: row {table.units_row} gives column {at.column!r} the unit {unit!r}"
-    if own is None and at.scale == 1.0:
+    source = f"row {table.units_row} gives" if table.units_row else "gives"
+    where = f"{path}: {source} column {at.column!r} the unit {unit!r}"
+    comment = ", or begin the row with #" if table.units_row else ""
+    if own is None and at.scale == 1.0 and not at.scale_given:
         raise InputError(
             f"{where}, which is not a known unit of {channel}; write "
             f'{channel} = {{ column = "{at.column}", scale = ... '
-            f"}} ({si} per unit of the column) under [log] in the plant's TOML, or begin the row with #"
+            f"}} ({si} per unit of the column) under [log] in the plant's TOML{comment}"
         )
     if own is None:
         return at.scale
@@ -84,20 +107,24 @@ def channel_scale(path: Path | str, channel: str, at: Column, table: LogTable) -
     if not 1.0 / AGREES < abs(at.scale) / own < AGREES:
         raise InputError(
             f"{where}, which is {own:.7g} {si}, but the plant's [log] scales {channel} by {at.scale:.7g}; write "
-            f"scale = {math.copysign(own, at.scale):.7g} there, or begin the row with # if the unit is wrong"
+            f"scale = {math.copysign(own, at.scale):.7g} there{comment and f'{comment} if the unit is wrong'}"
         )
     return at.scale
 
 
-def suggest_mapping(table: LogTable, places: Mapping[str, Column], wanted: Sequence[str]) -> str:
+def suggest_mapping(
+    tables: Sequence[LogTable], places: Sequence[tuple[LogTable, Mapping[str, Column]]], wanted: Sequence[str]
+) -> str:
     """Suggested [log] lines that map unused columns to missing wanted channels; empty for none."""
-    missing = {channel: CHANNELS[channel].unit for channel in wanted if channel not in places and channel in CHANNELS}
-    used = {at.column for at in places.values()}
-    free = [name for name in table.names if name and name not in used]
+    found = {channel for table, at in places for channel in (*at, *(("t",) if table.time else ()))}
+    missing = {channel: CHANNELS[channel].unit for channel in wanted if channel not in found and channel in CHANNELS}
+    used = {at.column for _, place in places for at in place.values()}
+    names = Counter(name for table in tables for name in table.names)
+    free = [name for name, times in names.items() if name and times == 1 and name not in used]
     if not missing or not free:
         return ""
-    found = match_columns(free, missing)
-    return ", ".join(found[channel].line(channel) for channel in missing if channel in found)
+    matches = match_columns(free, missing)
+    return ", ".join(matches[channel].line(channel) for channel in missing if channel in matches)
 
 
 class ColumnMatch(NamedTuple):

@@ -58,5 +58,10 @@ def shown(value: object) -> str:
     return f"{'an' if word[0] in 'AEIOaeio' else 'a'} {word}"
 
 
+def reason(error: Exception) -> str:
+    """A library's message on one line, shortened if it is long."""
+    return " ".join(str(error).split())[:160] or type(error).__name__
+
+
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 50

@@ -1,4 +1,4 @@
-"""Measured logs: channels in SI units by name, read from CSV, Parquet or MAT files and written to them."""
+"""Measured logs: channels in SI units by name, as commands use them, and writing them to files."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from .text import unique_names
 
 if TYPE_CHECKING:
     import pandas
+
+    from .resampling import RateChange
 
 
 class Channel(NamedTuple):
@@ -54,6 +56,9 @@ REFERENCES = ("reference", "reference_velocity", "reference_acceleration")
 #: 0.1 ms for instance.
 TIME_TOLERANCE = 0.05
 
+#: Share of repeated stamps above which they are taken for too coarse instead of wrong. Engineering judgement.
+COARSE = 0.3
+
 #: Longest step of an uneven log that is interpolated, in median steps; a longer one is a gap. Engineering judgement.
 LONGEST_STEP = 5.0
 
@@ -65,6 +70,8 @@ class Column:
     column: str
     scale: float = 1.0
     offset: float = 0.0
+    #: Whether the scale, which may be 1, was given: then it holds whatever the file says of the unit.
+    scale_given: bool = field(default=False, compare=False)
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.scale) or self.scale == 0.0:
@@ -87,6 +94,7 @@ class Log(Result):
     before: the samples before this segment of a longer log, if any.
     label: name that distinguishes it from other logs, see `named`; empty for the file's name.
     settings: symbol -> value of a parameter that was set for this log alone, SI units, such as a gain of the firmware.
+    rates: how its channels were brought to one rate, if the file has several.
     """
 
     time: np.ndarray
@@ -97,6 +105,7 @@ class Log(Result):
     notes: tuple[str, ...] = field(default=(), compare=False)
     label: str = field(default="", compare=False, repr=False)
     settings: Mapping[str, float] = field(default_factory=dict)
+    rates: RateChange | None = field(default=None, compare=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -126,7 +135,8 @@ class Log(Result):
             unit = CHANNELS[name].unit if name in CHANNELS else ""
             lines.append(f"  {name:<16} {values.min():>12.5g} to {values.max():>12.5g} {unit}".rstrip())
         missing = [f"  missing: {', '.join(self.missing)}"] if self.missing else []
-        return "\n".join([*lines, *missing, *(f"  {note}" for note in self.notes)])
+        notes = [*self.notes, *([str(self.rates)] if self.rates else [])]
+        return "\n".join([*lines, *missing, *(f"  {note}" for note in notes)])
 
     def segment(self, start: float | None = None, stop: float | None = None, *, shortest: int = 2) -> Log:
         """The samples from `start` to `stop` [s, the log's own time], both included; None is the end of the log.
@@ -166,11 +176,11 @@ class Log(Result):
 
         Arguments and errors as in `read_log`; the first row of data is row 1.
         """
-        from .log_reader import log_from_table
+        from .log_reader import log_from_tables
         from .table import table_from_pandas
 
         table = table_from_pandas(frame, time="t" if columns is None else "")
-        return log_from_table("the table", table, required, columns)
+        return log_from_tables("the table", [table], required, columns)
 
     def write(self, path: str | Path) -> None:
         """Write the log to .parquet, .mat (version 5) or otherwise CSV, with as many decimals as sensors resolve.
@@ -217,42 +227,51 @@ def check_time(
     uniform: bool = True,
     first_row: int = 2,
     lines: np.ndarray | None = None,
+    what: str = "column 't'",
 ) -> None:
     """Raise InputError, naming the row, unless time advances in equal steps.
 
     uniform: False also accepts jitter, but no gaps. lines: row numbers for messages, by default from first_row on.
+    what: the name of the time in messages.
     """
     numbers = first_row + np.arange(time.size) if lines is None else lines
     step = np.diff(time)
     usual = float(np.median(step))
+    repeated = int(np.sum(step == 0.0))
+    if repeated > COARSE * step.size and np.all(step >= 0.0) and time[-1] > time[0]:
+        mean = (time[-1] - time[0]) / step.size
+        raise InputError(
+            f"{path}: {what} repeats {repeated} of {step.size} stamps: it is coarser than the sampling; give the "
+            f"sample time of the rows (--sample-time {mean:.4g}, the mean over the log, if no row is lost)"
+        )
     if usual <= 0:
-        raise InputError(f"{path}: column 't' does not advance; expected seconds that increase in equal steps")
+        raise InputError(f"{path}: {what} does not advance; expected seconds that increase in equal steps")
     back = np.flatnonzero(step <= 0.0)
     if back.size:
         row = int(back[0])
         raise InputError(
-            f"{path}: column 't', row {numbers[row + 1]}: {time[row + 1]:g} s comes after {time[row]:g} s; time "
+            f"{path}: {what}, row {numbers[row + 1]}: {time[row + 1]:g} s comes after {time[row]:g} s; time "
             "must increase from row to row"
         )
     longest = 1.0 + 2 * TIME_TOLERANCE if uniform else LONGEST_STEP
     off = np.flatnonzero((step > longest * usual) | ((step < (1 - 2 * TIME_TOLERANCE) * usual) & uniform))
     if uniform and off.size > 0.02 * step.size and np.max(step) <= LONGEST_STEP * usual and off.size > 2:
         raise InputError(
-            f"{path}: column 't' jitters: {off.size} of {step.size} steps differ by more than "
+            f"{path}: {what} jitters: {off.size} of {step.size} steps differ by more than "
             f"{200 * TIME_TOLERANCE:.0f} % from {usual:g} s, the first in row {numbers[off[0] + 1]}; resample "
             f"it to a rate, for instance {1 / usual:.4g} Hz"
         )
     if off.size:
         row = int(off[0])
-        what = "a gap" if step[row] > 1.5 * usual else "a step"
+        jump = "a gap" if step[row] > 1.5 * usual else "a step"
         raise InputError(
-            f"{path}: column 't', row {numbers[row + 1]}: {what} of {step[row]:g} s after {time[row]:g} s, but the "
+            f"{path}: {what}, row {numbers[row + 1]}: {jump} of {step[row]:g} s after {time[row]:g} s, but the "
             f"other rows are {usual:g} s apart; expected uniform sampling: select a part of the log that has it"
         )
     grid = time[0] + (time[-1] - time[0]) * np.arange(time.size) / (time.size - 1)
     drift = np.flatnonzero(np.abs(time - grid) > 0.5 * usual)
     if uniform and drift.size:
         raise InputError(
-            f"{path}: column 't', row {numbers[drift[0]]}: the sample time changes within the log; resample it "
+            f"{path}: {what}, row {numbers[drift[0]]}: the sample time changes within the log; resample it "
             f"to one rate, for instance {1 / usual:.4g} Hz"
         )

@@ -1,11 +1,8 @@
-"""Read tables from CSV, Parquet and MAT files; each error is one sentence with file, column and row."""
+"""Tables of a log: columns with the names, units and times of the file; errors name file, column and row."""
 
 from __future__ import annotations
 
-import csv
-import io
 import re
-from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,18 +11,33 @@ from typing import Any
 import numpy as np
 import pandas
 
-from .dialect import read_dialect
 from .errors import InputError
 
 
 @dataclass(frozen=True)
+class FileTime:
+    """Time that a file gives the rows of a table beside its columns.
+
+    values: (N,) s. source: what gave it, as in "wf_increment". step: the sample time that the file states [s], 0 if it
+    has a stamp for each row. start: the date of value 0 [s since 1970, UTC], None if the file does not give it.
+    """
+
+    values: np.ndarray
+    source: str
+    step: float = 0.0
+    start: float | None = None
+
+
+@dataclass(frozen=True)
 class LogTable:
-    """The columns of a file, before they are matched to channels.
+    """Columns of a file that were sampled together, before they are matched to channels.
 
     lines: number of each row for messages (in a CSV that of the line, from 1).
     text: (column, row number) -> text of the cell. decimal: decimal mark.
-    units: column -> unit, from a row of units. units_row: number of that row, 0 without one.
+    units: column -> unit. units_row: number of the row of units in a text file, else 0.
     notes: sentences on what was assumed in reading.
+    group: name of the table in its file (a group, topic or dataset); empty for a file that is one table.
+    time: as the file gives it; None if time is a column.
     """
 
     path: Path
@@ -36,17 +48,32 @@ class LogTable:
     units: Mapping[str, str] = field(default_factory=dict)
     units_row: int = 0
     notes: tuple[str, ...] = ()
+    group: str = ""
+    time: FileTime | None = None
 
     @property
     def names(self) -> list[str]:
         return [str(name) for name in self.frame.columns]
 
-    def within(self, column: str, scale: float, offset: float, span: tuple[float | None, float | None]) -> LogTable:
-        """The rows whose scale * column + offset lies in the span; rows without a number there are dropped."""
-        values = pandas.to_numeric(self.frame[column], errors="coerce").to_numpy(dtype=float, na_value=np.nan)
-        first, last = -np.inf if span[0] is None else span[0], np.inf if span[1] is None else span[1]
-        kept = (scale * values + offset >= first) & (scale * values + offset <= last)
-        return replace(self, frame=self.frame[kept].reset_index(drop=True), lines=self.lines[kept])
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def find(self, column: str) -> str:
+        """The name of this column in this table, also for group/column; empty if the table lacks it."""
+        if column in self.names:
+            return column
+        inside = column.removeprefix(f"{self.group}/") if self.group else column
+        return inside if inside != column and inside in self.names else ""
+
+    def rows(self, kept: np.ndarray) -> LogTable:
+        """The rows where `kept` (N,) is true."""
+        time = None if self.time is None else replace(self.time, values=self.time.values[kept])
+        return replace(self, frame=self.frame[kept].reset_index(drop=True), lines=self.lines[kept], time=time)
+
+    def numbered(self, first: int) -> LogTable:
+        """The same table, with rows that messages count from `first`."""
+        text, shift = self.text, first - 1
+        return replace(self, lines=self.lines + shift, text=lambda column, row: text(column, row - shift))
 
     def numbers(self, column: str) -> np.ndarray:
         """A column (N,) of finite numbers. Raises InputError with column and row of the first cell that is not one."""
@@ -56,46 +83,20 @@ class LogTable:
         values = pandas.to_numeric(series, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            row = int(self.lines[bad[0]])
-            text = self.text(column, row)
-            if not text:
-                raise InputError(
-                    f"{self.path}: column {column!r}, row {row}: the cell is empty; every row needs a number"
-                )
-            comma = self.decimal == "." and re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text)
-            remedy = "correct it, or use a part of the log without it"
-            if comma:
-                remedy = f"write decimals with a point, {text.strip().replace(',', '.')}"
-            raise InputError(f"{self.path}: column {column!r}, row {row}: {text!r} is not a finite number; {remedy}")
+            raise self.no_number(column, int(bad[0]))
         return values
 
-
-def read_table(path: Path) -> LogTable:
-    """Read .csv, .parquet (.pq) or .mat; any other ending counts as CSV.
-
-    A MAT file contains one vector per channel, or one structure with such fields.
-
-    Raises
-    ------
-    InputError: no such file, a folder, or not a table of this kind.
-    """
-    try:
-        folder = path.is_dir()
-        path.stat()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror})") from None
-    except ValueError:
-        raise InputError(f"{str(path)!r}: is not a file name") from None
-    if folder:
-        raise InputError(f"{path}: is a folder; give the file of one log")
-    readers = {".parquet": _parquet, ".pq": _parquet, ".mat": _mat}
-    table = readers.get(path.suffix.lower(), _csv)(path)
-    twice = [name for name, times in Counter(table.names).items() if times > 1]
-    if twice:
-        raise InputError(f"{path}: has more than one column {min(twice)!r}; rename all but one")
-    return table
+    def no_number(self, column: str, index: int) -> InputError:
+        """The error for a cell that is not a finite number; `index` counts the rows from 0."""
+        row = int(self.lines[index])
+        text = self.text(column, row)
+        if not text:
+            return InputError(f"{self.path}: column {column!r}, row {row}: the cell is empty; every row needs a number")
+        comma = self.decimal == "." and re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text)
+        remedy = "correct it, or use a part of the log without it"
+        if comma:
+            remedy = f"write decimals with a point, {text.strip().replace(',', '.')}"
+        return InputError(f"{self.path}: column {column!r}, row {row}: {text!r} is not a finite number; {remedy}")
 
 
 def table_from_pandas(frame: pandas.DataFrame, *, time: str = "") -> LogTable:
@@ -105,130 +106,38 @@ def table_from_pandas(frame: pandas.DataFrame, *, time: str = "") -> LogTable:
         frame = frame.reset_index()
     elif time and time not in frame.columns and not isinstance(frame.index, pandas.RangeIndex):
         frame = frame.rename_axis(time).reset_index()
-    return _from_frame(Path("the table"), frame)
+    return table_of(Path("the table"), frame)
 
 
-def _csv(path: Path) -> LogTable:
-    try:
-        dialect = read_dialect(path)
-        header = list(dialect.names)
-        if dialect.rows and len(dialect.cells(0)) != len(header):
-            raise _ragged(path, dialect.numbers[0], len(dialect.cells(0)), len(header), dialect.separator)
-        # Blank lines are kept, so that row numbers are line numbers. Columns get numbers as names, because pandas would
-        # take an extra cell in each row for an index.
-        mark = " " if dialect.separator == r"\s+" else dialect.separator
-        text = "\n".join([mark.join(map(str, range(len(header)))), *dialect.rows])
-        frame = pandas.read_csv(
-            io.StringIO(text), sep=dialect.separator, decimal=dialect.decimal, skipinitialspace=True, low_memory=False,
-            skip_blank_lines=False,
-        )  # fmt: skip
-    except pandas.errors.ParserError as error:
-        found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
-        if found:
-            raise _ragged(
-                path, dialect.numbers[int(found[2]) - 2], int(found[3]), int(found[1]), dialect.separator
-            ) from None
-        raise InputError(f"{path}: is not a CSV table with a header row ({_reason(error)})") from None
-    except csv.Error as error:
-        raise InputError(f"{path}: is not a CSV table with a header row ({_reason(error)})") from None
-    filled = np.flatnonzero(frame.notna().any(axis=1))
-    frame = frame.iloc[: filled[-1] + 1 if filled.size else 0]
-    lines = np.array(dialect.numbers[: len(frame)], dtype=int)
-    # A separator at the end of each row makes a column without name and numbers; drop it.
-    kept = [i for i, name in enumerate(header) if name or frame[str(i)].notna().any()]
-    frame, names = frame[[str(i) for i in kept]], [header[i] for i in kept]
-    twice = [name for name, times in Counter(names).items() if times > 1]
-    if twice:
-        raise InputError(
-            f"{path}: row {dialect.header_row} names the column {twice[0]!r} more than once; rename all but one"
-        )
-    frame.columns = pandas.Index(names)
-    if dialect.decimal == ",":
-        # pandas keeps a column as text, with commas, if one of its cells is not a number.
-        frame = frame.apply(lambda c: c if c.dtype.kind in "iufb" else c.str.replace(",", ".", regex=False))
+def table_of(
+    path: Path,
+    columns: pandas.DataFrame | Mapping[str, np.ndarray],
+    *,
+    units: Mapping[str, str] | None = None,
+    group: str = "",
+    time: FileTime | None = None,
+) -> LogTable:
+    """A table of columns (N,) by name; rows count from 1 in messages. Arguments as the attributes of LogTable."""
+    frame = columns if isinstance(columns, pandas.DataFrame) else pandas.DataFrame(dict(columns))
 
-    def cell_text(column: str, row: int) -> str:
-        cells = dialect.cells(dialect.numbers.index(row))
-        if not cells or cells == [""]:
-            raise InputError(f"{path}: row {row} is empty; every row needs {len(header)} numbers")
-        if len(cells) != len(header):
-            raise _ragged(path, row, len(cells), len(header), dialect.separator)
-        return cells[header.index(column)]
-
-    notes = (dialect.note,) if dialect.note else ()
-    return LogTable(path, frame, lines, cell_text, dialect.decimal, dialect.units, dialect.units_row, notes)
-
-
-def _ragged(path: Path, row: int, got: int, expected: int, separator: str) -> InputError:
-    """Error for a row whose length differs from the header's, with the usual cause."""
-    reason = "a cell is missing"
-    if got > expected:
-        reason = "there is a cell too many"
-        if separator == ",":
-            reason += ", or numbers have decimal commas: save it with points, or with ';' between columns"
-    return InputError(f"{path}: row {row} has {got} cells, but the header has {expected}: {reason}")
-
-
-def _parquet(path: Path) -> LogTable:
-    try:
-        frame = pandas.read_parquet(path)
-    except ImportError:
-        raise InputError(
-            f'{path}: reading Parquet needs pyarrow; install it with pip install "ehsa_ctrl[parquet]"'
-        ) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: is not a Parquet table ({_reason(error)})") from None
-    if frame.index.name is not None:
-        frame = frame.reset_index()
-    return _from_frame(path, frame)
-
-
-def _mat(path: Path) -> LogTable:
-    from scipy.io import loadmat
-
-    try:
-        content: dict[str, Any] = loadmat(path, simplify_cells=True)
-    except NotImplementedError:
-        raise InputError(f"{path}: is a MAT file of version 7.3; save it with -v7") from None
-    except Exception as error:  # scipy raises whatever its parsing of a broken file runs into
-        raise InputError(f"{path}: is not a MAT file ({_reason(error)})") from None
-    content = {name: value for name, value in content.items() if not name.startswith("__")}
-    vectors = _vectors(content)
-    structures = {name: _vectors(value) for name, value in content.items() if isinstance(value, Mapping)}
-    structures = {name: fields for name, fields in structures.items() if fields}
-    if not vectors:
-        if len(structures) != 1:
-            what = f"the structures {', '.join(sorted(structures))}" if structures else "neither"
-            raise InputError(
-                f"{path}: expected one vector per channel, or one structure of vectors, but it contains {what}"
-            )
-        (vectors,) = structures.values()
-    longest = max(vectors.values(), key=len)
-    for name, vector in vectors.items():
-        if len(vector) != len(longest):
-            raise InputError(
-                f"{path}: {name!r} has {len(vector)} values, but others have {len(longest)}; all need the same length"
-            )
-    return _from_frame(path, pandas.DataFrame(vectors))
-
-
-def _vectors(content: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Name -> vector, for the numeric vectors in a MAT file's content."""
-    return {
-        name: value
-        for name, value in content.items()
-        if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiub" and value.size > 1
-    }
-
-
-def _from_frame(path: Path, frame: pandas.DataFrame) -> LogTable:
     def cell_text(column: str, row: int) -> str:
         value = frame[column].iloc[row - 1]
         return "" if value is None else str(value)
 
-    return LogTable(path, frame, np.arange(1, len(frame) + 1), cell_text)
+    known = {name: unit.strip() for name, unit in (units or {}).items() if unit.strip() not in ("", "-", "--")}
+    return LogTable(path, frame, np.arange(1, len(frame) + 1), cell_text, units=known, group=group, time=time)
 
 
-def _reason(error: Exception) -> str:
-    """The library's message on one line, shortened if it is long."""
-    return " ".join(str(error).split())[:160] or type(error).__name__
+def number_columns(name: str, values: Any) -> dict[str, np.ndarray]:
+    """Columns by name from numbers or dates of one quantity: (N,), (N, 1) or (1, N); name[0], ... for (N, k).
+
+    Empty for anything else, such as text, a single number or an array of more axes.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiubM" or array.ndim not in (1, 2) or array.size < 2:
+        return {}
+    if array.ndim == 2 and 1 in array.shape:
+        array = array.ravel()
+    if array.ndim == 1:
+        return {name: array}
+    return {f"{name}[{k}]": array[:, k] for k in range(array.shape[1])} if array.shape[1] < array.shape[0] else {}

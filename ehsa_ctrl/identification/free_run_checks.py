@@ -200,7 +200,8 @@ def wrong_sample_time(plant: Plant, log: Log) -> str:
     return (
         f"column {column_of(plant, 't')!r} has steps of {1e3 * log.sample_time:.3g} ms, but {plant.name} moves as in "
         f"this log if they are {1e3 * best * log.sample_time:.3g} ms: {probably}; write "
-        f"{log_table_entry(plant, 't', best, digits=4)} in the plant's [log] table"
+        f"{log_table_entry(plant, 't', best, digits=4)} in the plant's [log] table, or give --sample-time "
+        f"{best * log.sample_time:.4g}"
     )
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from ..core.errors import InputError
 from ..core.log import Log
@@ -25,6 +28,8 @@ MISSING_FORCE = "the force on the rod: the load can't be separated from the rod'
 #: Sample times, as multiples of the plant's, that are plausible in s. Between milliseconds and seconds lies a factor of
 #: 1000, so that neither is mistaken for the other. Engineering judgement.
 FASTEST, SLOWEST = 1.0 / 300.0, 100.0
+#: Units in which time may be counted, in s.
+COUNTS = {"ms": 1e-3, "us": 1e-6, "units of 100 ns": 1e-7, "ns": 1e-9}
 
 
 def read_plant_log(
@@ -34,11 +39,16 @@ def read_plant_log(
     shortest: int = SHORTEST,
     uniform: bool = True,
     span: tuple[float | None, float | None] = (None, None),
+    sample_time: float | None = None,
+    rate: float | None = None,
 ) -> Log:
     """Read a log of this plant through the plant's [log] table.
 
     The channels of the plant's inputs and at least one of its outputs are required; the `missing` of the log lists the
-    outputs that it lacks. span: rows outside these times [s] are ignored, with any gaps and bad values there.
+    outputs that it lacks. A log of several rates is resampled, see `core/resampling.py`.
+
+    span: rows outside these times [s] are ignored, with any gaps and bad values there. sample_time: of the rows [s],
+    instead of the file's time. rate: of the channels of a log of several rates [Hz], by default the plant's.
 
     Raises
     ------
@@ -47,7 +57,12 @@ def read_plant_log(
     system = plant.structure.system
     wanted = [*system.outputs, *([system.cell_channel] if system.cell else [])]
     drives = list(system.drives.values())
-    log = read_log(path, drives, columns=plant.log, shortest=shortest, uniform=uniform, wanted=wanted, span=span)
+    if sample_time is not None and not (np.isfinite(sample_time) and sample_time > 0.0):
+        raise InputError(f"sample time of {sample_time:g} s: must be a number greater than 0")
+    log = read_log(
+        path, drives, columns=plant.log, shortest=shortest, uniform=uniform, wanted=wanted, span=span,
+        sample_time=sample_time, rate=rate or 1.0 / plant.sample_time, held=held_channels(plant),
+    )  # fmt: skip
     missing = tuple(channel for channel in wanted if channel not in log.channels)
     if not any(channel in log.channels for channel in system.outputs):
         unread = "".join(f"; {note.partition(': ')[2]}" for note in log.notes if "[log]" in note)
@@ -59,6 +74,12 @@ def read_plant_log(
     if wrong:
         raise InputError(wrong)
     return replace(log, missing=missing)
+
+
+def held_channels(plant: Plant) -> set[str]:
+    """The channels that are constant between their samples: drives behind a zero-order hold."""
+    system = plant.structure.system
+    return set(system.drives.values()) if system.hold == "zero_order" else set()
 
 
 def plant_of_log(plant: Plant, log: Log) -> Plant:
@@ -98,10 +119,19 @@ def wrong_time_unit(log: Log, plant: Plant) -> str:
         steps = f"{log.sample_time:.3g} s, 1/{1 / ratio:.3g} of"
         unit, scale = ("s already", 1.0 / mapped) if mapped < 1.0 else ("h", 3600.0)
     else:
-        unit, scale = ("ms", 1e-3) if ratio < 1e5 else ("us", 1e-6)
+        unit, scale = min(COUNTS.items(), key=lambda item: abs(math.log(ratio * item[1])))
+    given = f"--sample-time {plant.sample_time:g}"
+    column = column_of(plant, "t")
+    where = f"{log.path or 'the log'}: column {column!r} has steps of {steps} the sample time of {plant.name}"
+    if mapped == 1.0 and abs(log.sample_time - 1.0) < 1e-9:
+        return (
+            f"{where}; steps of exactly 1 are row numbers, or what an exporter writes that does not know the rate: "
+            f"give the sample time of the rows, as in {given}, or, if they are ms, write "
+            f"{log_table_entry(plant, 't', 1e-3)} in the plant's [log] table"
+        )
     return (
-        f"{log.path or 'the log'}: column {column_of(plant, 't')!r} has steps of {steps} the sample time of "
-        f"{plant.name}; it is probably in {unit}: write {log_table_entry(plant, 't', scale)} in the plant's [log] table"
+        f"{where}; it is probably in {unit}: write {log_table_entry(plant, 't', scale)} in the plant's [log] table, or "
+        f"give the sample time of the rows, as in {given}"
     )
 
 

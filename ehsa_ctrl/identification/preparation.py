@@ -7,16 +7,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
 
 from ..core.errors import InputError, choices
 from ..core.log import CHANNELS, Log
+from ..core.resampling import Sampled, resample_signal
 from ..plant.plant import Plant
 from ..simulation.engine import simulate
 from .alignment import align_channels
 from .initial_state import sensor_sd
-from .plant_log import SHORTEST
+from .plant_log import SHORTEST, held_channels
 
 #: A channel is at rest while it stays within this many standard deviations of its first samples' median.
 REST_BAND = 5.0
@@ -52,6 +51,7 @@ class Preparation:
     rest: (from, to) of that rest, s; by default the rest before the first motion.
     resample: new sampling rate of all channels, Hz.
     align: drives and outputs that are shifted in time by their delay against the other channels.
+    sample_time: of the rows, s, instead of the time in the file.
     """
 
     from_: float | None = None
@@ -60,9 +60,10 @@ class Preparation:
     rest: tuple[float, float] | None = None
     resample: float | None = None
     align: tuple[str, ...] = ()
+    sample_time: float | None = None
 
     def apply(self, log: Log, plant: Plant) -> tuple[Log, tuple[Step, ...]]:
-        """The prepared log and its steps: notes of reading it, then resample, zero, align, segment in this order.
+        """The prepared log and its steps: notes of reading it, then sample time, resample, zero, align, segment.
 
         The rest that gives the zeros may lie before the segment; delays are those of the segment.
 
@@ -71,6 +72,12 @@ class Preparation:
         InputError: a missing or unsuitable channel, no rest, a segment that is too short.
         """
         steps = [Step("read", note) for note in log.notes]
+        if log.rates is not None:
+            steps.append(Step("rates", str(log.rates), log.rates.to_dict()))
+        if self.sample_time is not None:
+            log = replace(log, time=self.sample_time * np.arange(len(log)), before=None)
+            words = f"the rows are {self.sample_time:g} s apart, as given"
+            steps.append(Step("sample_time", words, {"sample_time": self.sample_time}))
         if self.resample is not None:
             log, step = resample(log, plant, self.resample)
             steps.append(step)
@@ -92,8 +99,8 @@ class Preparation:
 def resample(log: Log, plant: Plant, rate: float) -> tuple[Log, Step]:
     """Resample all channels to a uniform `rate` [Hz]; this also removes jitter of the time column.
 
-    A zero-order-held input is averaged over the new samples, which preserves its integral. Other channels are
-    interpolated by cubics, downwards after a zero-phase anti-aliasing filter.
+    A zero-order-held input is averaged over the new samples, which preserves its integral. Other channels pass an
+    anti-aliasing filter without delay, see `core/resampling.py`.
 
     Raises InputError for a rate that is not positive or leaves fewer than SHORTEST samples.
     """
@@ -104,37 +111,15 @@ def resample(log: Log, plant: Plant, rate: float) -> tuple[Log, Step]:
     if not SHORTEST <= count <= MAX_SAMPLES:
         raise InputError(f"resample to {rate:g} Hz: leaves {count} samples; expected {SHORTEST} to {MAX_SAMPLES}")
     time = log.time[0] + np.arange(count) / rate
-    system = plant.structure.system
-    held = set(system.drives.values()) if system.hold == "zero_order" else set()
+    held = held_channels(plant)
     channels = {
-        name: _averaged(log.time, values, time, usual)
-        if name in held
-        else _interpolated(log.time, values, time, usual, rate)
+        name: resample_signal(Sampled(log.time, values), time, rate, held=name in held)
         for name, values in log.channels.items()
     }
     before = None if log.before is None else resample(log.before, plant, rate)[0]
     words = f"resampled from {1 / usual:.4g} to {rate:g} Hz, {count} samples"
     figures = {"rate": rate, "rate_before": 1 / usual, "samples": count}
     return replace(log, time=time, channels=channels, before=before), Step("resample", words, figures)
-
-
-def _averaged(time: np.ndarray, held: np.ndarray, new: np.ndarray, usual: float) -> np.ndarray:
-    """Means of a zero-order-held signal over the new samples."""
-    edges = np.append(time, time[-1] + usual)
-    integral = np.concatenate([[0.0], np.cumsum(held * np.diff(edges))])
-    ends = np.minimum(np.append(new, new[-1] + new[1] - new[0]), edges[-1])
-    return np.diff(np.interp(ends, edges, integral)) / np.diff(ends)
-
-
-def _interpolated(time: np.ndarray, values: np.ndarray, new: np.ndarray, usual: float, rate: float) -> np.ndarray:
-    if rate * usual < 0.95:
-        even = time[0] + usual * np.arange(int(np.floor((time[-1] - time[0]) / usual * (1 + 1e-9))) + 1)
-        if even.size != time.size or not np.allclose(time, even, atol=1e-3 * usual):
-            values = np.interp(even, time, values)
-        # Four fifths of the new Nyquist frequency; forward and backward filtering doubles the order.
-        low_pass = butter(4, 0.8 * rate * usual, output="sos")
-        values, time = sosfiltfilt(low_pass, values, padlen=min(len(values) - 1, int(10 / (rate * usual)))), even
-    return CubicSpline(time, values)(np.minimum(new, time[-1]))
 
 
 def zero(

@@ -220,7 +220,7 @@ def _log_columns(path: Path, file: PlantFile) -> dict[str, Column]:
         if channel not in CHANNELS:
             raise InputError(f"{path}: [log] {channel}: unknown channel; {choices(channel, CHANNELS)}")
         try:
-            columns[channel] = Column(at.column, at.scale, at.offset)
+            columns[channel] = Column(at.column, at.scale, at.offset, "scale" in at.model_fields_set)
         except InputError as error:
             raise InputError(f"{path}: [log] {channel}: {error}") from None
     return columns

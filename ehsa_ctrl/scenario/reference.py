@@ -306,7 +306,7 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
 
     Raises InputError with file, column and row for a missing or malformed file.
     """
-    from ..core.table import read_table
+    from ..core.formats import read_table
 
     table = read_table(path)
     for name in ("t", "position"):
