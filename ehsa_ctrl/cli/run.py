@@ -274,6 +274,7 @@ def _summary(results: list[ScenarioResult]) -> Table:
 def _metrics(results: list[ScenarioResult]) -> Table:
     """Table of metrics. One controller: linear prediction, nonlinear result, gap. Several: their nonlinear results."""
     from ..report.closed_loop import CLOSED_LOOP
+    from ..scenario.metrics import METRICS
 
     frames = [result.table() for result in results]
     if len(results) == 1:
@@ -283,7 +284,8 @@ def _metrics(results: list[ScenarioResult]) -> Table:
     table = _table("", *headings, "unit", right=len(headings))
     for name in CLOSED_LOOP:
         cells = [frame.loc[name, column] for frame in frames for column in columns]
-        if set(cells) != {"-"}:
+        # The position's metrics are shown as undefined; a run without a force target does not mention forces.
+        if set(cells) != {"-"} and not (METRICS[name].requires == "force" and set(cells) == {"not defined"}):
             unit = frames[0].loc[name, "unit"]
             table.add_row(name, *cells, "" if unit == "1" else unit)
     return table

@@ -22,7 +22,7 @@ CLOSED_LOOP = (
     "RiseTime", "SettlingTime", "SettlingRatio", "Overshoot", "SteadyStateError", "MaxError", "RMSError",
     "ForceOvershoot", "ForceSettlingTime", "ForceSteadyStateError", "ForceRMSError", "ContactImpact", "LostContacts",
     "FirstCycleError", "LastCycleError", "HuntingAmplitude", "Slips", "SaturationShare", "CurrentRMS", "Energy",
-    "StopTime", "TravelAfterStop",
+    "ImpedanceError", "StopTime", "TravelAfterStop",
 )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from ..simulation.closed_loop import ClosedLoop
 from ..simulation.minimum_time import shortest_time
 from .force_metrics import force_metrics
 from .force_reference import ForceChange
+from .impedance_metrics import TargetImpedance, impedance_metrics
 from .response import hunting, settling_band, step_metrics
 
 #: Hunting is evaluated over this final share of the last hold, after the transient (engineering judgement).
@@ -135,6 +136,9 @@ METRICS = {
     "ForceRMSError": Metric("N", "N", "root mean square of the force error from the first contact on", "force"),
     "ContactImpact": Metric("N", "N", "excess of the force over its target in the first 50 ms of contact", "force"),
     "LostContacts": Metric("1", "1", "how often the rod leaves a load behind a gap while a force is asked", "force"),
+    "ImpedanceError": Metric(
+        "1", "%", "distance from the motion of the controller's mass, damper and spring, % of that motion (rms)"
+    ),
     "StickShare": Metric("1", "%", "share of the run in which the rod sticks"),
     "SaturationShare": Metric("1", "%", "share of the run with the current at the limit of the controller or drive"),
     "CurrentRMS": Metric("A", "A", "root mean square of the current"),
@@ -156,6 +160,7 @@ def loop_metrics(
     shortest: bool = True,
     force_changes: Sequence[ForceChange] = (),
     cycles: Sequence[tuple[float, float]] = (),
+    impedance: TargetImpedance | None = None,
 ) -> dict[str, float]:
     """All of METRICS for a run, SI units; nan for an event that did not happen.
 
@@ -169,6 +174,7 @@ def loop_metrics(
     lag: samples of delay between measurement and current.
     shortest: False omits ShortestTime and SettlingRatio, which take as long to compute as all other metrics.
     force_changes: of the force target. cycles: start and end of each full period [s].
+    impedance: that the controller gives the rod; None for another controller.
     """
     run = loop.trajectory
     time, x, error, target = run.time, run["x"], loop.error, loop.reference[:, 0]
@@ -224,6 +230,7 @@ def loop_metrics(
         }
         | _stop_metrics(loop, first_fault)
         | force_metrics(loop, force_changes)
+        | impedance_metrics(loop, impedance)
     )
 
 

@@ -106,6 +106,7 @@ class PreparedScenario:
             lag=definition.sensors.lag,
             force_changes=[one for one in definition.reference.force_changes() if one.start < definition.duration],
             cycles=definition.cycles(),
+            impedance=getattr(getattr(self.controller, "law", None), "impedance", None),
             shortest=wanted is None or bool({"ShortestTime", "SettlingRatio"} & {*wanted}),
         )
 

@@ -7,7 +7,7 @@ noisy, and its share of the loop hardly depends on the stiffness of the environm
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -46,8 +46,8 @@ class Environment(Definition):
         return self
 
 
-class _Loop(Definition):
-    """Keys of both loops, broken at the current."""
+class LoopSpecification(Definition):
+    """Keys of a loop, broken at the current."""
 
     crossover: RadianPerSecond = Field(description="gain crossover frequency")
     phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
@@ -55,8 +55,17 @@ class _Loop(Definition):
         default=0.1, description="corner frequency of the integral action over the crossover"
     )
 
+    def check(self, table: str, sample_time: float) -> None:
+        """Raise ValueError for a crossover beyond the Nyquist frequency."""
+        nyquist = np.pi / sample_time
+        if not 0 < self.crossover < nyquist:
+            raise ValueError(
+                f"[{table}] crossover = {self.crossover:g} rad/s: expected more than 0 and less than "
+                f"{nyquist:.4g} rad/s, the Nyquist frequency"
+            )
 
-class ForceLoop(_Loop):
+
+class ForceLoop(LoopSpecification):
     """[force]: the loop in contact."""
 
     limit: Newton = Field(gt=0, description="largest magnitude of the force target")
@@ -77,7 +86,7 @@ class ForceLoop(_Loop):
     )
 
 
-class Approach(_Loop):
+class Approach(LoopSpecification):
     """[position]: the loop before contact."""
 
     contact: Newton = Field(gt=0, description="measured force from which on the force is controlled")
@@ -95,13 +104,9 @@ class ForceFile(ControllerFile):
 
     @model_validator(mode="after")
     def _check_loops(self) -> ForceFile:
-        nyquist = np.pi / self.sample_time
         for name, loop in (("force", self.force), ("position", self.position)):
-            if loop is not None and not 0 < loop.crossover < nyquist:
-                raise ValueError(
-                    f"[{name}] crossover = {loop.crossover:g} rad/s: expected more than 0 and less than "
-                    f"{nyquist:.4g} rad/s, the Nyquist frequency"
-                )
+            if loop is not None:
+                loop.check(name, self.sample_time)
         if self.position is not None and self.position.contact >= self.force.limit:
             raise ValueError(
                 f"[position] contact = {self.position.contact:g} N must be less than [force] limit = "
@@ -110,7 +115,9 @@ class ForceFile(ControllerFile):
         return self
 
 
-def loop_gains(specified: _Loop, response: complex, speed: complex, sample_time: float, name: str) -> LoopGains:
+def loop_gains(
+    specified: LoopSpecification, response: complex, speed: complex, sample_time: float, name: str
+) -> LoopGains:
     """Solve (k + k_i / s) response + k_w speed = -exp(i margin) at the crossover; k_i is integral_ratio crossover k.
 
     response, speed: of the sampled plant from the current to the controlled variable and to the shaft speed.
@@ -129,6 +136,11 @@ def loop_gains(specified: _Loop, response: complex, speed: complex, sample_time:
             + ("lower the margin" if k <= 0 else "lower the crossover or raise the margin")
         )
     return LoopGains(float(k), float(ratio * k), float(k_w), w)
+
+
+def travel_per_radian(position: complex, speed: complex, omega: float, sample_time: float) -> float:
+    """Travel of the rod per radian of the shaft [m], from the responses of both at a frequency [rad/s]."""
+    return float(abs((np.exp(1j * omega * sample_time) - 1.0) / sample_time * position / speed))
 
 
 def design_force(name: str, file: ForceFile, system: control.StateSpace) -> ForceLaw:
@@ -168,7 +180,7 @@ def design_force(name: str, file: ForceFile, system: control.StateSpace) -> Forc
         w = file.position.crossover
         free = discrete_response(sampled_plant(system, T_s), w)[0, :, 0]
         x, omega = free[MEASURED.index("position")], free[MEASURED.index("speed")]
-        n = float(abs((np.exp(1j * w * T_s) - 1.0) / T_s * x / omega))
+        n = travel_per_radian(x, omega, w, T_s)
         position = loop_gains(file.position, x, omega, T_s, "position")
     law = ForceLaw(
         force=force,
@@ -186,20 +198,26 @@ def design_force(name: str, file: ForceFile, system: control.StateSpace) -> Forc
         current_limit=file.current_limit,
         sample_time=T_s,
     )
-    return replace(law, margins=margins_over_stiffness(name, law, system, file.environment))
+    advice = "lower [force] crossover, design it for a stiffer environment"
+    return replace(law, margins=margins_over_stiffness(name, "force", law, system, file.environment, advice))
 
 
 def margins_over_stiffness(
-    name: str, law: ForceLaw, system: control.StateSpace, environment: Environment
+    name: str, kind: str, law: Any, system: control.StateSpace, environment: Environment, advice: str
 ) -> RobustMargins:
-    """Margins of the force loop from the softest to the stiffest environment. Raises InputError if one is unstable."""
+    """Margins of a law from the softest to the stiffest environment, broken at the current.
+
+    advice: what makes the loop stable, for the message.
+
+    Raises InputError if a loop is unstable.
+    """
     stiffnesses = np.geomspace(environment.softest, environment.stiffest, STIFFNESSES)
     models = {f"{1e-3 * K:.5g} kN/m": in_contact(system, K) for K in stiffnesses}
-    found = robust_margins(models, SampledController(name, "force", law.sample_time, law.current_limit, law))
+    found = robust_margins(models, SampledController(name, kind, law.sample_time, law.current_limit, law))
     if not found.stable:
         raise InputError(
-            f"the force loop is unstable against {', '.join(found.unstable)}; lower [force] crossover, design it for a "
-            "stiffer environment, or narrow the range from softest to stiffest"
+            f"the {kind} loop is unstable against {', '.join(found.unstable)}; {advice}, or narrow the range from "
+            "softest to stiffest"
         )
     return found
 
