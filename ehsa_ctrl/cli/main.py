@@ -27,6 +27,7 @@ from . import (
     fmu,
     frf,
     identify,
+    learn,
     listing,
     montecarlo,
     new,
@@ -81,7 +82,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 COMMANDS = {
-    "run": run, "montecarlo": montecarlo, "simulate": simulate, "analyse": analyse, "design": design, "excite": excite,
+    "run": run, "montecarlo": montecarlo, "learn": learn, "simulate": simulate, "analyse": analyse, "design": design,
+    "excite": excite,
     "compare": compare, "frf": frf, "identify": identify, "diagnose": diagnose, "export": export, "fmu": fmu,
     "serve": serve, "report": report, "list": listing, "check": check,
 }  # fmt: skip

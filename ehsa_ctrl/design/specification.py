@@ -26,7 +26,7 @@ from .controller import SampledController
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 from .load import build_controller
 from .tuning.constraints import Tuning
-from .tuning.keys import tune_keys
+from .tuning.keys import BUDGET, tune_keys
 
 if TYPE_CHECKING:
     import control
@@ -213,6 +213,7 @@ def design(
     figures: Mapping[str, str] | None = None,
     values: Mapping[str, str] | None = None,
     tuning: Tuning | None = None,
+    budget: int = BUDGET,
 ) -> ControllerDesign:
     """Design a controller to a specification.
 
@@ -223,6 +224,7 @@ def design(
         position weight is chosen for a bandwidth (see `bandwidth_of`), and other figures are only checked on the loop.
     values: key of the definition -> text, see `with_values`.
     tuning: criterion and bounds for which the keys of `kind.tunes` are chosen, but for those in `values` and `figures`.
+    budget: number of evaluations of the tuning.
 
     Raises InputError for unknown keys, an infeasible design, and a required figure that the loop does not reach.
     """
@@ -231,7 +233,7 @@ def design(
     specified = with_values(dict(content), kind, {**keys, **(values or {})})
     if tuning is not None:
         given = {full_key(key, kind.file) for key in {**keys, **(values or {})}}
-        specified = _with_tuned_keys(name, kind, specified, system, tuning, given)
+        specified = _with_tuned_keys(name, kind, specified, system, tuning, given, budget)
     if "bandwidth" in required and "weights.position" in definition_keys(kind.file):
         specified = _with_bandwidth(name, kind, specified, system, required["bandwidth"])
     result = _build(name, kind, specified, system)
@@ -278,6 +280,7 @@ def _with_tuned_keys(
     system: control.StateSpace,
     tuning: Tuning,
     given: Collection[str],
+    budget: int,
 ) -> dict[str, Any]:
     """The definition with the kind's free keys chosen by `tune_keys`; keys in `given` stay."""
     free = {key: span for key, span in kind.tunes.items() if key not in given}
@@ -298,7 +301,7 @@ def _with_tuned_keys(
     units = [(key, unit) for key, (unit, _, _) in free.items()]
     period = validate(content, kind.file, name).sample_time
     limits = {key: (low, high) for key, (_, low, high) in free.items()}
-    return changed(tune_keys(build, limits, system, tuning, sample_time=period).values)
+    return changed(tune_keys(build, limits, system, tuning, sample_time=period, budget=budget).values)
 
 
 def _with_bandwidth(

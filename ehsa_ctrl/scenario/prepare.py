@@ -66,8 +66,11 @@ class PreparedScenario:
     files: tuple[Path, ...] = ()
     settings: Mapping[str, str | float] = field(default_factory=dict)
 
-    def simulate(self, plant: Plant, seed: int | None = None) -> ClosedLoop:
-        """Simulate the scenario on a plant; `seed` replaces the scenario's seed of the sensor noise.
+    def simulate(self, plant: Plant, seed: int | None = None, correction: np.ndarray | None = None) -> ClosedLoop:
+        """Simulate the scenario on a plant.
+
+        seed: instead of the scenario's seed of the sensor noise. correction: (N,) m, added to the reference's position;
+        empty for none.
 
         Raises SimulationError for a run that stops although no plant limit was exceeded.
         """
@@ -77,6 +80,9 @@ class PreparedScenario:
         force = np.zeros(time.size)
         for step in definition.disturbance:
             force[(time >= step.start - 1e-9) & (time < step.start + step.duration - 1e-9)] += step.force
+        rows = definition.reference.rows(time)
+        if correction is not None and correction.size:
+            rows[:, 0] += correction
         settings = definition.sensors
         there = [channel for channel in MEASURED if channel in plant.sensors]
         changed = {channel: replace(plant.sensors[channel], **settings.changes(channel)) for channel in there}
@@ -84,7 +90,7 @@ class PreparedScenario:
         loop = run_closed_loop(
             plant,
             self.controller,
-            definition.reference.rows(time),
+            rows,
             force=force,
             sensors=Sensors.of(measured, seed=settings.seed if seed is None else seed, noise=settings.noise),
             lag=settings.lag,

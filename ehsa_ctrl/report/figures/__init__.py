@@ -9,6 +9,7 @@ from .estimates import correlation_figure, parameters_figure, residuals_figure
 from .free_runs import diagnosis_figure, identification_figure, overlay_figure, replay_figure
 from .frequency import bode_figure, loop_figure
 from .law import law_figure
+from .learning import learning_figure
 from .loop_replays import loop_replay_figure
 from .loops import nyquist_figure, robustness_figure, step_figure
 from .responses import response_figure
@@ -25,6 +26,7 @@ __all__ = [
     "experiment_figure",
     "identification_figure",
     "law_figure",
+    "learning_figure",
     "loop_figure",
     "loop_replay_figure",
     "montecarlo_figure",
