@@ -7,7 +7,8 @@ noise gain, on the linear model with the nominal payload. Then, on the nonlinear
 
 - steps of 1, 5 and 20 mm there and back: settling time over the shortest one that the current limit allows, error while
   holding, RMS current; the worst of both directions and of all noise seeds;
-- a sine of 1 Hz and 10 mm: RMS error;
+- the same without friction feed-forward and deadband at rest;
+- a sine of 1 Hz and 10 mm: RMS error, with the feed-forward and without;
 - the step of 20 mm with friction, torque constant and payload each 20 % off, and with all eight combinations.
 
 The friction feed-forward keeps its nominal numbers throughout. Prints the tables of docs/choose.md and writes JSON.
@@ -18,7 +19,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -118,6 +119,20 @@ def step(law: SampledController, real: e.Plant, size: float, seed: int) -> Outco
     return worst_of(found)
 
 
+def without_friction(law: SampledController) -> SampledController:
+    """The controller without friction feed-forward and deadband at rest."""
+    assert law.feedforward is not None
+    given = law.feedforward.model_copy(update={"coulomb": 0.0, "static": None})
+    return replace(law, feedforward=given, rest=None)
+
+
+def steps(law: SampledController, real: e.Plant, seeds: int) -> dict[str, dict[str, float]]:
+    """Size of the step -> worst outcome over the noise seeds."""
+    return {
+        f"{1e3 * size:g} mm": asdict(worst_of([step(law, real, size, seed) for seed in range(seeds)])) for size in SIZES
+    }
+
+
 def worst_of(found: list[Outcome]) -> Outcome:
     # np.max propagates nan: a step that never settles is the worst.
     return Outcome(*(float(np.max([asdict(one)[key] for one in found])) for key in asdict(found[0])))
@@ -146,17 +161,16 @@ def measure(kind: str, seeds: int, budget: int) -> dict[str, Any]:
     """All figures of a kind, SI units."""
     made = tuned(kind, budget)
     law, real = made.controller, nonlinear()
-    nominal = {
-        f"{1e3 * size:g} mm": asdict(worst_of([step(law, real, size, seed) for seed in range(seeds)])) for size in SIZES
-    }
     single, corners = ({k: asdict(step(law, nonlinear(**f), SIZES[-1], 0)) for k, f in d.items()} for d in deviations())
     keys = list(CONTROLLER_KINDS[kind].tunes)
     return {
         "keys": {key: _at(made.content, key) for key in keys if _at(made.content, key) is not None},
         "law": str(law.law),
         "loop": {name: made.loop.figure(name) for name in ("Ms", "Mt", "disk_margin", "delay_margin", "noise_gain")},
-        "nominal": nominal,
+        "nominal": steps(law, real, seeds),
+        "bare": steps(without_friction(law), real, seeds),
         "sine": sine(law, real),
+        "sine_bare": sine(without_friction(law), real),
         "single": single,
         "corners": corners,
     }
@@ -174,15 +188,17 @@ def _worst(cases: Mapping[str, Mapping[str, float]], key: str) -> tuple[float, s
 
 def print_tables(everything: Mapping[str, Mapping[str, Any]]) -> None:
     heads = " | ".join(f"{1e3 * size:g} mm" for size in SIZES)
-    print(f"\n| kind | {heads} | current | sine | Ms, disk margin, delay margin |")
-    print("|---|" + "---|" * (len(SIZES) + 3))
-    for kind, found in everything.items():
-        cells = [f"{one['ratio']:.2f}x, {1e6 * one['standing']:.0f} um" for one in found["nominal"].values()]
-        loop, last = found["loop"], list(found["nominal"].values())[-1]
-        print(
-            f"| `{kind}` | {' | '.join(cells)} | {last['current']:.2f} A | {1e6 * found['sine']:.0f} um | "
-            f"{loop['Ms']:.2f}, {loop['disk_margin']:.2f}, {1e3 * loop['delay_margin']:.1f} ms |"
-        )
+    for group, tracking in (("nominal", "sine"), ("bare", "sine_bare")):
+        print("\nwith friction feed-forward and deadband" if group == "nominal" else "\nwithout them")
+        print(f"\n| kind | {heads} | current | sine | Ms, disk margin, delay margin |")
+        print("|---|" + "---|" * (len(SIZES) + 3))
+        for kind, found in everything.items():
+            cells = [f"{one['ratio']:.2f}x, {1e6 * one['standing']:.0f} um" for one in found[group].values()]
+            loop, last = found["loop"], list(found[group].values())[-1]
+            print(
+                f"| `{kind}` | {' | '.join(cells)} | {last['current']:.2f} A | {1e6 * found[tracking]:.0f} um | "
+                f"{loop['Ms']:.2f}, {loop['disk_margin']:.2f}, {1e3 * loop['delay_margin']:.1f} ms |"
+            )
     print("\n| kind | one 20 % off: settling | error | all 20 % off: settling | at | error |")
     print("|---|---|---|---|---|---|")
     for kind, found in everything.items():
