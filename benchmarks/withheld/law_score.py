@@ -18,31 +18,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-#: Most forms of a set that counts as right, and the share of the closable gap that a law should close.
-SET, CLOSED = 3, 0.9
-FLOWS = ("pump_flow", "flow_1", "flow_2")
+from law_truth import OUTSIDE_TRUTHS, SET
 
-
-@dataclass(frozen=True)
-class Truth:
-    """A law of the bench as the tool would write it: places, words of its variables, and pieces of a right form."""
-
-    places: tuple[str, ...]
-    variables: tuple[str, ...]
-    forms: tuple[str, ...]
-
-
-#: Law of the bench -> what would be right. The others have no expression.
-TRUTHS = {
-    "flow_ripple": Truth(FLOWS, ("omega", "angle"), ("sin(",)),
-    "leak_growth": Truth(FLOWS, ("P_", "time"), ("* c_m_",)),
-    "one_way_leak": Truth(FLOWS, ("(P_1 - P_2)",), ("max((P_1 - P_2)", "abs((P_1 - P_2))")),
-    "heat_droop": Truth(("torque",), ("current", "time"), ("current * (1 - exp(", "current * c_m_")),
-    "memory": Truth(("force",), ("reversal",), ("(d_R - c_m_",)),
-    "jam": Truth(("force",), ("time",), ("d_R * 0.5 * (1 + tanh(",)),
-    "brake": Truth(("torque",), ("current",), ("d_M * 0.5 * (1 + tanh(", "d_M * exp(-", "d_M * max(1 - ")),
-    "drive_step": Truth(("torque", "drive"), ("current",), ("sin(current",)),
-}
+#: Share of the closable gap that a law should close.
+CLOSED = 0.9
 
 
 @dataclass(frozen=True)
@@ -67,18 +46,20 @@ class LawScore:
 def score_law(name: str, key: Mapping[str, Any], answer: Mapping[str, Any]) -> LawScore:
     """The score of a diagnosis.json beside the key of its case."""
     laws = [effect["law"] for effect in key["effects"] if effect["id"] == "outside_catalogue"]
-    law, truth = (laws[0], TRUTHS.get(laws[0])) if laws else ("", None)
-    gap = key.get("held_out", {}).get("gap", {})
-    closable = 1.0 - gap["truth"]["total"] / gap["nominal"]["total"] if laws and gap else 0.0
+    law, truth = (laws[0], OUTSIDE_TRUTHS.get(laws[0])) if laws else ("", None)
+    closable = closable_of(key) if laws else 0.0
     found = answer.get("law")
     variable = form = None
     if truth is not None:
-        forms = [one["expression"] for one in found["forms"][:SET]] if found else []
-        shown = " ".join(found["variables"]) if found else ""
-        variable = bool(found) and found["place"] in truth.places and all(word in shown for word in truth.variables)
-        form = variable and any(piece in text for text in forms for piece in truth.forms)
+        variable, form = truth.variable_in(found), truth.form_in(found)
     closed = found["forms"][0]["gap_closed"] if found else None
     return LawScore(name, law, bool(found), variable, form, closed, closable, answer["seconds"])
+
+
+def closable_of(key: Mapping[str, Any]) -> float:
+    """Share of the nominal gap that the true structure closes on held-out data."""
+    gap = key.get("held_out", {}).get("gap", {})
+    return 1.0 - gap["truth"]["total"] / gap["nominal"]["total"] if gap else 0.0
 
 
 def table(rows: Sequence[LawScore]) -> str:

@@ -40,15 +40,20 @@ def command(tool: Sequence[str], model_settings: dict[str, Any], out: Path) -> l
     return [*line, "--out", str(out)]
 
 
-def diagnose(tool: Sequence[str], cases: Path, name: str, answers: Path, timeout: float) -> None:
-    """Write one answer to answers/NAME/, or failed.txt with the reason. The tool sees only copies of the logs."""
+def diagnose(
+    tool: Sequence[str], cases: Path, name: str, answers: Path, timeout: float, more: Sequence[str] = ()
+) -> None:
+    """Write one answer to answers/NAME/, or failed.txt with the reason. The tool sees only copies of the logs.
+
+    more: further options.
+    """
     target = answers / name
     model_settings = json.loads((cases / f"{name}.json").read_text())
     with tempfile.TemporaryDirectory() as folder:
         shutil.copyfile(cases / model_settings["log"], Path(folder, "log.csv"))
         if model_settings.get("validate"):
             shutil.copyfile(cases / model_settings["validate"], Path(folder, "validate.csv"))
-        line = command(tool, model_settings, Path(folder, "out"))
+        line = [*command(tool, model_settings, Path(folder, "out")), *more]
         try:
             done = subprocess.run(line, cwd=folder, capture_output=True, text=True, timeout=timeout)
             why = "" if done.returncode == 0 else f"exit status {done.returncode}\n{done.stdout}\n{done.stderr}"

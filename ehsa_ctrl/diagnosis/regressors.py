@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..identification.logged_inputs import lag_current
-from ..plant.arrays import array_evaluator
+from ..plant.arrays import array_evaluator, needs
 from ..plant.plant import Plant
 from ..plant.system import Contact
 from .unknown_inputs import BalanceSignals, fill_nan
@@ -63,6 +63,15 @@ def balance_contact(plant: Plant, balance: str) -> Contact:
     system = plant.structure.system
     names = {name for one in system.balances if balance in one.unknown_inputs for name in one.contacts}
     return next(contact for contact in system.all_contacts if contact.name in names)
+
+
+def contact_efforts(plant: Plant, s: BalanceSignals, contact: Contact) -> dict[str, np.ndarray]:
+    """Effort on a contact -> (N,) along a log, by the plant's equations; absent where it needs a signal that is."""
+    equations = plant.structure.equations
+    known = {**plant.values, **s.values}
+    shown = [name for name in contact.efforts if needs(equations, name) <= known.keys()]
+    size = s["time"].size
+    return {name: values * np.ones(size) for name, values in array_evaluator(equations, shown)(known).items()}
 
 
 def _sure_sign(s: BalanceSignals, contact: Contact) -> np.ndarray:

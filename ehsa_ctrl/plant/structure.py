@@ -92,7 +92,10 @@ class Structure:
 
     @property
     def units(self) -> dict[str, str]:
-        """State, input, direction or parameter -> SI unit, also under the names that the catalogue of effects uses."""
+        """State, input, direction, effort on a contact or parameter -> SI unit.
+
+        Also under the names that the catalogue of effects uses.
+        """
         system = self.system
         units = {state.name: state.unit for state in system.states}
         units |= {name: system.units.get(c) or CHANNELS[c].unit for name, c in system.drives.items()}
@@ -101,6 +104,7 @@ class Structure:
         units |= {kind.name: kind.unit for kind in system.parameters}
         for contact in system.all_contacts:
             units |= {contact.direction: "1", contact.velocity: f"{contact.length_unit}/s"}
+            units |= dict.fromkeys(contact.efforts, contact.effort_unit)
             for symbol, part in self.law(contact).symbols.items():
                 units[contact.symbol(symbol)] = part.unit_at(contact.effort_unit, contact.length_unit)
         catalogue = [*system.symbols, *(f"{s}_{c.suffix}" for c in system.all_contacts for s in c.symbols)]

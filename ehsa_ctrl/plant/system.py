@@ -63,6 +63,8 @@ class Contact:
     stribeck_speed: tau for plants whose law has none, in case a diagnosis adds static friction.
     constant: symbol that the effects use for a constant effort on the contact; empty without one.
     position: state that is the integral of the velocity, or its name if the motion is prescribed; empty without one.
+    efforts: signals or inputs in `effort_unit` on which the friction of this contact may depend, such as the torque
+        that a gear transmits; those that a variable of the system is proportional to are left out.
     position_channel, acceleration_channel: channels of the log that measure a prescribed position, an acceleration.
     symbols: friction symbol -> its name in this system, if that differs, e.g. {"A": "Fc"}.
     """
@@ -83,6 +85,7 @@ class Contact:
     position: str = ""
     position_channel: str = ""
     acceleration_channel: str = ""
+    efforts: tuple[str, ...] = ()
 
     def symbol(self, symbol: str) -> str:
         """Name of a friction symbol at this contact: A_FM for A."""

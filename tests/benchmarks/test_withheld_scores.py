@@ -15,6 +15,7 @@ import answer_score  # noqa: E402
 import calibration  # noqa: E402
 import failures  # noqa: E402
 import law_score  # noqa: E402
+import leave_one_out  # noqa: E402
 import score_statistics  # noqa: E402
 from effects import IDS  # noqa: E402
 from effects_outside import OUTSIDE  # noqa: E402
@@ -252,6 +253,44 @@ def test_ids_beyond_the_benchs_own_count_in_the_calibration():
 
     assert drag.top_1 and calibration.listed(drag).tolist() == [[0.9, 1.0]]
     assert strange.wrong == ("swirl",) and calibration.listed(strange).tolist() == [[0.7, 0.0]]
+
+
+LEFT_OUT_KEY = {
+    "effects": [{"id": "relief_valve", "law": "to the tank"}],
+    "held_out": {"gap": {"nominal": {"total": 0.2}, "truth": {"total": 0.01}}},
+}
+
+
+def left_out_answer(law, left, *named):
+    gaps = {"nominal": {"p1": 0.2, "total": 0.2}, "with_effects": {"p1": left, "total": left}}
+    effects = [{"id": id} for id in named]
+    return {"law": law, "effects": effects, "seconds": 9.0, "gap": {**gaps, "with_law": {"p1": 0.02, "total": 0.02}}}
+
+
+def test_an_effect_that_is_left_out_is_scored_by_its_law():
+    """Right; a law of another form; nothing; and a case that the rest of the catalogue explains."""
+    valve = law_answer("flow_1", ["P_1"], "c_1 * max(P_1 - c_at_1, 0)")["law"]
+    other = law_answer("flow_1", ["P_1"], "c_1 * P_1 * abs(P_1)")["law"]
+    answers = [left_out_answer(valve, 0.1), left_out_answer(other, 0.1), left_out_answer(None, 0.1)]
+    answers.append(left_out_answer(None, 0.02, "external_leakage"))
+    rows = [leave_one_out.score_answer("relief_valve", LEFT_OUT_KEY, one) for one in answers]
+    shown = leave_one_out.table(rows)
+
+    assert [row.right_form for row in rows] == [True, False, False, False]
+    assert [row.needs_none for row in rows] == [False, False, False, True]
+    assert rows[0].enough and rows[0].closable == pytest.approx(0.95)
+    assert "form right or in a set of 3: 1 of 3" in shown and "leaves less than 3 %: 1 of 4" in shown
+    assert leave_one_out.options_of("relief_valve")[1::2] == ["relief_valve", "relief_hysteresis"]
+
+
+def test_every_effect_that_is_left_out_is_drawn_and_its_form_can_be_read():
+    """Ids of the bench, and regular expressions that the tool's own wording of a constant fits."""
+    assert set(leave_one_out.REMOVED) <= set(IDS)
+    constant = leave_one_out.REMOVED["constant_force"].truth
+    found = law_answer("force", [], "c_1 + c_2 * d_R")["law"]
+
+    assert constant.form_in(found)
+    assert not constant.form_in(law_answer("force", ["x"], "c_1 * x + c_2 * d_R")["law"])
 
 
 def test_a_small_change_of_one_sensor_excuses_no_other_channel():

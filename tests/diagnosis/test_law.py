@@ -5,6 +5,7 @@ import pickle
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +14,14 @@ from typer.testing import CliRunner
 import ehsa_ctrl as e
 from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
+from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
-from ehsa_ctrl.diagnosis.law.free_run import definition_of
-from ehsa_ctrl.diagnosis.law.grammar import Grammar, LawVariable
+from ehsa_ctrl.diagnosis.law.begin import Begin
+from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
+from ehsa_ctrl.diagnosis.law.grammar import Grammar, LawVariable, Term
+from ehsa_ctrl.diagnosis.law.held import held_laws
 from ehsa_ctrl.diagnosis.law.memory import clock, lag, over_time, resonance, slip
-from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums, placebo
+from ehsa_ctrl.diagnosis.law.regression import LawFit, evidence, find_sums, placebo
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, segment_candidates
 from ehsa_ctrl.diagnosis.records import Segment
@@ -72,6 +76,12 @@ def test_a_closed_form_comes_back(unknown, terms, factors):
             -0.005,
             0.01,
         ),
+        (
+            lambda x, v, d: 2e4 * np.sign(x) * np.maximum(np.abs(x) - 0.01, 0.0),
+            "sign(x) * max(abs(x) - at, 0)",
+            0.01,
+            None,
+        ),
     ],
 )
 def test_location_and_width_come_back(unknown, text, at, width):
@@ -81,6 +91,30 @@ def test_location_and_width_come_back(unknown, text, at, width):
     assert best.terms[0].text == text
     assert best.terms[0].shapes["at"] == pytest.approx(at, abs=1e-3)
     assert width is None or best.terms[0].shapes["width"] == pytest.approx(width, rel=0.1)
+
+
+def test_a_small_constant_beside_friction_comes_back():
+    """18 N beside 200 N of friction: less than the smallest gain of a term, but most of what friction leaves."""
+    best = find_sums(*case(lambda x, v, d: 200.0 * d + 18.0))[0]
+
+    assert [term.text for term in best.terms] == ["d_R", "1"]
+    assert best.factors == pytest.approx((200.0, 18.0), rel=0.1)
+
+
+def test_the_balance_tells_forms_apart():
+    """Coulomb and viscous friction against the same with the square of the speed, and against a hysteresis, which has
+    a further number and fits as well."""
+    grammar, windows, nuisance = case(lambda x, v, d: 20.0 * d + 200.0 * v)
+    width = replace(slip("v", "m", 1e-5))
+    d, v, square = (Term(text, frozenset({"v"} if "v" in text else ())) for text in ("d_R", "v", "v * abs(v)"))
+    late = Term("memory", frozenset({"x"}), {"width": 1e-5}, {"width": "m"}, width)
+    right, other, longer = (
+        evidence(LawFit(grammar, terms, (1.0, 1.0), (0.0, 0.0), 0.0), windows, nuisance)
+        for terms in ((d, v), (d, square), (late, v))
+    )
+
+    assert right > other + 3.0
+    assert longer + 1.0 < right < longer + 5.0
 
 
 def test_a_wave_over_the_position_comes_back():
@@ -110,6 +144,19 @@ def test_the_course_of_a_memory_has_its_closed_form():
     assert late == pytest.approx(1.0 - np.exp(-t / 0.3), abs=1e-9)
     assert swing == pytest.approx(1.0 - ring, abs=1e-9)
     assert held == pytest.approx(2e-3 * (1.0 - np.exp(-0.01 * t / 2e-3)), abs=1e-12)
+
+
+def test_the_mean_of_a_memory_over_a_sample():
+    """A fast lag and a resonance, driven by steps: the mean of a run with 200 times shorter samples."""
+    steps = np.repeat(np.random.default_rng(0).standard_normal(20), 4)
+    for memory, shapes in (
+        (lag("u", "1", 1.0), {"tau": 0.003}),
+        (resonance("u", "1", 1.0), {"frequency": 100.0, "damping": 0.2}),
+    ):
+        mean = memory.course({"u": steps}, shapes, 0.004, [0], mean=True)["memory"]
+        fine = memory.course({"u": np.repeat(steps, 200)}, shapes, 2e-5, [0])["memory"]
+
+        assert mean[:-1] == pytest.approx(fine.reshape(-1, 200).mean(axis=1)[:-1], abs=0.01)
 
 
 def test_memories_start_anew_with_each_log():
@@ -246,6 +293,102 @@ def test_a_rig_with_a_law_of_its_own(plant, tmp_path, monkeypatch):
     runs = (e.simulate(one, log["current"]) for one in (plant, improved))
     before, after = (np.std(log["p1"] - run["P_1"]) for run in runs)
     assert after < 0.1 * before
+
+
+@pytest.fixture(scope="module")
+def servo():
+    """Grammar of a servo's log, whose gear has friction of 0.3 times the torque that it transmits, and its signals."""
+    believed = e.load_plant("xl330_pendulum", settings={"kp": 100.0})
+    time = 0.005 * np.arange(1201)
+    goal = 1.2 * np.sin(1.1 * time) + 0.5 * np.sin(2.9 * time)
+    gear = believed.with_effects("load_dependent_friction", kappa=0.3)
+    run = e.simulate(gear, goal, sample_time=0.005)
+    log = Log(time, {"goal": goal, "released": np.zeros(time.size), "angle": run["theta"]})
+    signals = InjectionCase.of(believed, log, {"angle": 4e-4}).signals
+    return believed, gear, log, signals, Grammar.of(believed, signals, "torque")
+
+
+def test_the_torque_of_a_gear_is_a_variable(servo):
+    """By the equations of the plant, and its difference from a lag is an acceleration."""
+    believed, _, log, signals, grammar = servo
+    arm = believed["m"] * 9.80665 * believed["l"] * np.sin(log["angle"] + believed["offset"])
+    late = next(term for term in grammar.terms() if "acceleration" in term.variables)
+
+    assert {"T_G", "T_M", "T_L"} <= {one.text for one in grammar.variables}
+    assert grammar.known["T_L"] == pytest.approx(arm[:-1])
+    assert np.corrcoef(grammar.values(late)[5:], signals["omega_rate"][:-1][5:])[0, 1] > 0.95
+    assert grammar.shown(late).unit == "rad/s2"
+
+
+def test_a_standstill_shows_its_friction(servo):
+    """Where the nominal servo would move and this one does not: the torque of the gear explains it best."""
+    believed, gear, log, signals, grammar = servo
+    fitted = np.ones(len(log) - 1, dtype=bool)
+    found = held_laws(believed, signals, grammar, fitted)
+    best = found[0]
+    own = InjectionCase.of(gear, log, {"angle": 4e-4}).signals
+
+    assert best.terms[0].text in ("d_M * abs(T_G)", "d_M * abs(T_M)", "d_M * abs(T_L)")
+    assert "d_M * abs(T_G)" in [one.terms[0].text for one in found]
+    assert -0.4 < best.factors[0] < -0.1
+    assert held_laws(gear, own, Grammar.of(gear, own, "torque"), fitted) == []
+
+
+def test_a_term_that_a_refit_gives_up_is_left_out(servo):
+    """Two of three terms change sign: the third is left, with the values of the refit."""
+    grammar = servo[-1]
+    shape = Term("d_M * max(abs(T_M) - at, 0)", frozenset({"T_M"}), {"at": 0.02}, {"at": "N m"})
+    terms = (Term("theta", frozenset({"theta"})), shape, Term("T_L", frozenset({"T_L"})))
+    law = LawFit(grammar, terms, (0.2, -0.5, 0.3), (0.01, 0.01, 0.01), 0.7)
+    definition = definition_of(law, [])
+    values = {"c_1": -0.1, "c_2": -0.4, "c_at_2": 0.03, "c_3": 0.001}
+    own = {n: one.model_copy(update={"value": values[n]}) for n, one in definition.parameters.items()}
+    refitted = FreeRunLaw(law, definition.model_copy(update={"parameters": own}), Begin(), None, {})
+
+    assert not refitted.stable
+    assert refitted.reduced.terms == (replace(shape, shapes={"at": 0.03}),)
+    assert refitted.reduced.factors == (-0.4,)
+
+
+BAM = Path(__file__).parents[3] / "shared" / "data" / "bam"
+EMPS = Path(__file__).parents[3] / "shared" / "data" / "emps" / "train.csv"
+#: Effects of friction beyond the believed one.
+FRICTION = (
+    "asymmetric_friction", "load_dependent_friction", "maxwell_slip", "position_dependent_friction", "presliding",
+    "rod_drag", "windage", "viscosity_warmup",
+)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not BAM.is_dir(), reason="the measured records are not here")
+def test_a_measured_servo_shows_its_loaded_gear_without_the_catalogue():
+    """Believed with Coulomb and viscous friction: dry friction with the gear's torque closes most of the gap of another
+    record."""
+    plant = e.load_plant("xl330_pendulum", settings={"kp": 100.0})
+    logs = [
+        e.Preparation(resample=200.0).apply(e.read_plant_log(BAM / f"kp100_{name}.csv", plant, uniform=False), plant)[0]
+        for name in ("sin_time_square", "sin_sin")
+    ]
+    found = e.diagnose(plant, logs[0], validate=logs[1], without=FRICTION, jobs=2)
+
+    assert found.law.place == "torque"
+    assert {form.file.expression for form in found.law.forms} & {"c_1 * d_M * abs(T_G)", "c_1 * d_M * abs(T_M)"}
+    assert found.gap["with_law"]["total"] < 0.5 * found.gap["nominal"]["total"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not EMPS.is_file(), reason="the measured record is not here")
+def test_a_measured_carriage_has_coulomb_and_viscous_friction():
+    """Believed without any friction, and without its effects: the published law comes first, within its spread."""
+    plant = e.load_plant("emps").set(Fc=0.0, Fv=0.0)
+    log = e.Preparation(resample=250.0).apply(e.read_plant_log(EMPS, plant), plant)[0]
+    found = e.diagnose(plant, log, without=(*FRICTION, "rod_friction", "rod_viscous_friction"), jobs=2)
+    best = found.law.forms[0].file
+    factors = {term.partition(" * ")[2]: term[:3] for term in best.expression.split(" + ")}
+    values = {factor: best.parameters[name].value for factor, name in factors.items()}
+
+    assert values == pytest.approx({"d_R": 20.4, "v": 203.5}, rel=0.1)
+    assert found.gap["with_law"]["total"] < 0.01 * found.gap["nominal"]["total"]
 
 
 def test_an_effect_that_is_left_out_is_no_candidate(plant):

@@ -29,6 +29,7 @@ from ..pool import Watch
 from ..prepared_logs import PreparedLogs, Segments, prepare_logs, split_logs
 from ..records import Segment
 from ..refit import HypothesisFit, refit_until_converged
+from ..regressors import contact_efforts
 from ..signals import largest
 from ..sizes import fit_sizes, uncertain
 from .confirmation import Confirmation, RefittedNumber, SeenRange
@@ -221,9 +222,15 @@ def _fit(
 def _ranges(prepared: PreparedLogs, law: LawFile) -> dict[str, SeenRange]:
     """Range of each variable of the law: where it was found, and in these logs."""
     cases = [InjectionCase.of(one.plant, one.log, one.noise) for one in prepared.logs]
+    contacts = prepared.plant.structure.system.all_contacts
+    known = [
+        {k: v for c in contacts for k, v in contact_efforts(case.plant, case.signals, c).items()}
+        | dict(case.signals.values)
+        for case in cases
+    ]
     found = {}
     for name in law.variables:
-        values = [case.signals[name] for case in cases if name in case.signals]
+        values = [one[name] for one in known if name in one]
         if values:
             low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
             found[name] = SeenRange(law.range.get(name), (low, high))

@@ -14,15 +14,16 @@ from ..model_selection import Reference, relative_weights
 from ..objective import STEP, NominalParameters
 from ..place_sets import InjectionCase
 from ..pool import Pool
-from ..refit import HypothesisFit
+from ..refit import HypothesisFit, refit
 from ..regimes import MIN_WINDOWS, Windows
 from ..scoring import ScoredHypothesis, Scoring
 from ..unknown_inputs import BalanceSignals, unknown_inputs
 from .begin import Begin
-from .free_run import FreeRunLaw, kept_effect, refit_laws, screen_laws
+from .free_run import RENEW, STEPS, FreeRunLaw, kept_effect, refit_laws, screen_laws
 from .grammar import Grammar, variables_of
+from .held import held_laws
 from .proposed import LawForm, ProposedLaw
-from .regression import LawFit, find_sums, placebo
+from .regression import LawFit, evidence, explained_by, find_sums, placebo
 
 # The numbers below are engineering judgement.
 
@@ -39,12 +40,13 @@ FLOWS, SLOW = ("flow_1", "flow_2", "pump_flow"), 8
 
 @dataclass(frozen=True)
 class _Input:
-    """An unknown input (N - 1,) on the joined logs. nuisance: (windows, p), see `find_sums`."""
+    """An unknown input (N - 1,) on the joined logs. nuisance: (windows, p), see `find_sums`. held: see `held_laws`."""
 
     grammar: Grammar
     windows: Windows
     nuisance: np.ndarray
     values: np.ndarray
+    held: tuple[LawFit, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -57,12 +59,29 @@ class LawBase:
 
 @dataclass(frozen=True)
 class _Tried:
-    """A law in free run, with what it was found from."""
+    """A law in free run, with what it was found from. input: of the shorter windows, if there are two."""
 
     law: FreeRunLaw
     base: LawBase
-    measured: np.ndarray
+    input: _Input
     placebo: float
+
+    @property
+    def measured(self) -> np.ndarray:
+        """The unknown input (N - 1,) of the plant with the nominal parameters of the law's refit."""
+        fit = self.law.scored.fit
+        names = {one.name for one in fit.free[fit.n_effect :]} & self.base.logs[0].plant.parameters.keys()
+        refitted = {name: fit.values[name] for name in names}
+        logs = [replace(one, plant=one.plant.set(**refitted)) for one in self.base.logs]
+        cases = [InjectionCase.of(one.plant, one.log, one.noise) for one in logs]
+        name = self.law.law.grammar.name
+        _, values, _ = joined(cases, logs)
+        return values[name] if name in values else pumped(values)
+
+    @property
+    def evidence(self) -> float:
+        """What the balance says of its terms, see `regression.evidence`."""
+        return evidence(self.law.law, self.input.windows, self.input.nuisance)
 
 
 @dataclass(frozen=True)
@@ -95,9 +114,24 @@ def find_law(bases: Sequence[LawBase], scoring: Scoring, reference: Reference, p
 
     Where effects are named beside the unknown one, they may be its image: the plant without them is tried too.
     """
-    without = scoring.score(bases[-1].fit)
+    scoring = _with_typical_priors(scoring)
+    without = _without_law(bases[-1].fit, scoring)
     tried = [one for base in bases for one in _try(base, scoring, MOST // len(bases), pool)]
     return _select(tried, without, reference)
+
+
+def _with_typical_priors(scoring: Scoring) -> Scoring:
+    """Nominal parameters as uncertain as on a typical rig: with narrow priors a law makes up for a wrong one."""
+    objective = scoring.objective
+    nominal = replace(objective.nominal, sd=objective.nominal.typical)
+    return replace(scoring, objective=replace(objective, nominal=nominal))
+
+
+def _without_law(fit: HypothesisFit, scoring: Scoring) -> ScoredHypothesis:
+    """The hypothesis without a law, as it is or with all nominal parameters refitted: what leaves less."""
+    refitted = refit(scoring.objective, fit.candidates, fit.values, {}, steps=STEPS, renew_after=RENEW)
+    scored = [scoring.score(one) for one in (fit, refitted) if one is not None]
+    return min(scored, key=lambda one: one.held_out_gap["total"])
 
 
 def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]:
@@ -108,12 +142,22 @@ def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]
     found = pool.map("laws", _sums, inputs)
     placebos = {one.grammar.name: share for one, (_, share) in zip(inputs, found, strict=True)}
     sums = [one for fits, share in found for one in fits if one.explained > share + MORE]
-    chosen = _varied(screen_laws(sums, scoring, base.fit, pool))[:most]
-    measured = {one.grammar.name: one.values for one in inputs}
+    held = [replace(law, explained=_explained(law, inputs)) for one in inputs for law in one.held]
+    chosen = [*held, *_varied(screen_laws(sums, scoring, base.fit, pool))[:most]]
+    by_name = {one.grammar.name: one for one in reversed(inputs)}
+    refitted = refit_laws(chosen, scoring, base.fit, pool)
+    rest = [one.reduced for one in refitted if not one.stable]
+    smaller = _varied([replace(one, explained=_explained(one, inputs)) for one in rest if one is not None])
     return [
-        _Tried(one, base, measured[one.law.grammar.name], placebos[one.law.grammar.name])
-        for one in refit_laws(chosen, scoring, base.fit, pool)
+        _Tried(one, base, by_name[one.law.grammar.name], placebos[one.law.grammar.name])
+        for one in [*refitted, *refit_laws(smaller, scoring, base.fit, pool)]
     ]
+
+
+def _explained(law: LawFit, inputs: Sequence[_Input]) -> float:
+    """What it explains of its unknown input, over the windows in which that is most."""
+    of = [one for one in inputs if one.grammar.name == law.grammar.name]
+    return max(explained_by(law, one.windows, one.nuisance) for one in of)
 
 
 def _varied(laws: Sequence[LawFit]) -> list[LawFit]:
@@ -146,15 +190,21 @@ def _inputs(
     acting = ADDENDS.keys() & plant.structure.system.entries.keys()
     everything = {name: (value, changes[name]) for name, value in values.items() if name in acting}
     if {"flow_1", "flow_2"} <= set(everything):
-        (one, d_one), (two, d_two) = everything["flow_1"], everything["flow_2"]
-        everything["pump_flow"] = 0.5 * (one - two), 0.5 * (d_one - d_two)
+        everything["pump_flow"] = pumped(values), pumped(changes)
     found = []
     for name, (value, change) in everything.items():
         for longer in (1, SLOW) if name in FLOWS else (1,):
             windows = Windows(value, signals.sample_time, fitted, longer=longer)
             if windows.values.size >= MIN_WINDOWS and float(windows.values @ windows.values) > 0.0:
-                found.append(_Input(Grammar.of(plant, signals, name), windows, windows.of(change), value))
+                grammar = Grammar.of(plant, signals, name)
+                held = held_laws(plant, signals, grammar, fitted) if longer == 1 else []
+                found.append(_Input(grammar, windows, windows.of(change), value, tuple(held)))
     return found
+
+
+def pumped(values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The flow of the pump from those into the chambers."""
+    return 0.5 * (values["flow_1"] - values["flow_2"])
 
 
 def _changes(cases: Sequence[InjectionCase], nominal: NominalParameters) -> dict[str, np.ndarray]:
@@ -190,7 +240,14 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
     for one in alike:
         by_form.setdefault(one.law.file.form, one)
     same = list(by_form.values())
+    # Forms that a free run hardly tells apart may differ in the balance: there the acceleration is measured.
+    balance = np.array([one.evidence for one in same])
     weights = relative_weights([one.law.scored for one in same], best.law.scored, reference)
+    weights = weights * np.exp(np.clip(balance - balance.max(), -500.0, 0.0))
+    weights /= weights.sum()
+    order = np.argsort(-weights, kind="stable")
+    same, weights = [same[int(i)] for i in order], weights[order]
+    best = same[0]
     nominal = reference.nominal_gaps[1]
     forms = [
         LawForm(one.law.file, float(w), 1.0 - one.law.scored.held_out_gap["total"] / max(nominal, 1e-12))
@@ -210,7 +267,7 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
         variable=shown.values,
         measured=best.measured,
         fitted=law.values,
-        explained=law.explained,
+        explained=max(law.explained, 0.0),
         placebo=max(best.placebo, 0.0),
         beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),
     )

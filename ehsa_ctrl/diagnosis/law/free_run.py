@@ -43,11 +43,30 @@ class FreeRunLaw:
     sd: Mapping[str, float]
 
     @property
-    def stable(self) -> bool:
-        """Whether every factor keeps the sign of the regression, and is beyond its scatter there."""
+    def _kept(self) -> list[bool]:
+        """Of each term, whether its factor keeps the sign of the regression, and is beyond its scatter there."""
         found = [one.value for one in self.file.parameters.values() if one.neutral is not None]
         pairs = zip(found, self.law.factors, self.law.sd, strict=True)
-        return all(value * before > 0.0 and abs(value) > STABLE * sd for value, before, sd in pairs)
+        return [value * before > 0.0 and abs(value) > STABLE * sd for value, before, sd in pairs]
+
+    @property
+    def stable(self) -> bool:
+        """Whether the refit keeps every term."""
+        return all(self._kept)
+
+    @property
+    def reduced(self) -> LawFit | None:
+        """The terms that the refit keeps, from its values; None without one.
+
+        What made up in the regression for a wrong nominal parameter vanishes where that parameter is refitted.
+        """
+        given = iter(one.value for one in self.file.parameters.values())
+        found = [(next(given), replace(t, shapes={n: next(given) for n in t.shapes})) for t in self.law.terms]
+        rows = [(f, t, sd) for (f, t), sd, kept in zip(found, self.law.sd, self._kept, strict=True) if kept]
+        if not rows:
+            return None
+        factors, terms, sd = zip(*rows, strict=True)
+        return replace(self.law, terms=terms, factors=factors, sd=sd)
 
 
 def definition_of(law: LawFit, taken: Sequence[str]) -> LawFile:

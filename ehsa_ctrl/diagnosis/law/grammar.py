@@ -16,9 +16,9 @@ from ...core.expression import Expression, dimension_of, words
 from ...physics.effects import ADDENDS
 from ...plant.arrays import array_evaluator
 from ...plant.plant import Plant
-from ..regressors import balance_contact, torque_drive
+from ..regressors import balance_contact, contact_efforts, torque_drive
 from ..unknown_inputs import BalanceSignals
-from .memory import STATE, Memory, MemoryTerm
+from .memory import ACCELERATION, STATE, Memory, MemoryTerm
 from .memory_terms import memory_terms
 
 #: Quantiles of a variable that are tried as locations, and shares of its range as widths. Engineering judgement.
@@ -34,6 +34,7 @@ SMOOTH = ("z", "z**2", "z**3", "abs(z)", "z * abs(z)", "sqrt(abs(z))", "sign(z) 
 SHAPED = (
     "max(z - at, 0)",
     "max(at - z, 0)",
+    "sign(z) * max(abs(z) - at, 0)",
     "exp(-((z - at) / width)**2)",
     "max(1 - ((z - at) / width)**2, 0)",
     "tanh(z / width)",
@@ -57,6 +58,8 @@ class LawVariable:
     """A variable.
 
     text: expression in the names of the equations. values: (N - 1,). speed, position: whether it is the contact's own.
+    effort: whether it is an effort on the contact, on which friction alone depends: in steady motion any effort equals
+    the friction, so that another law of it would explain every unknown input.
     """
 
     text: str
@@ -64,6 +67,7 @@ class LawVariable:
     values: np.ndarray = field(repr=False)
     speed: bool = False
     position: bool = False
+    effort: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,8 @@ class Grammar:
         contact = balance_contact(plant, place) if place in ("torque", "force") else None
         units = structure.units
         known = {n: np.asarray(signals[n][:-1]) for n in units if n in signals}
+        efforts = {} if contact is None else contact_efforts(plant, signals, contact)
+        known |= {n: values[:-1] for n, values in efforts.items()}
         if contact is not None:
             sign = known[contact.direction]
             known[contact.direction] = np.where(sign == 0.0, 1.0, sign)
@@ -139,6 +145,7 @@ class Grammar:
         if pressures:
             first, second = pressures
             found.insert(1, LawVariable(f"({first} - {second})", units[first], known[first] - known[second]))
+        found += [LawVariable(n, units[n], known[n], effort=True) for n in efforts]
         moving = tuple(v for v in found if np.ptp(v.values) > 0.0)
         time = signals["time"][:-1]
         begins = (0, *(np.flatnonzero(np.diff(time) <= 0.0) + 1).tolist())
@@ -161,8 +168,8 @@ class Grammar:
         return np.asarray(expression.values({**self.known, **term.shapes, **states}), dtype=float)
 
     def course(self, memory: Memory, shapes: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """State -> (N - 1,) along the logs."""
-        return memory.course(self.known, shapes, self.sample_time, self.begins)
+        """State -> (N - 1,) mean over each sample along the logs."""
+        return memory.course(self.known, shapes, self.sample_time, self.begins, mean=True)
 
     def shown(self, term: Term) -> LawVariable:
         """The variable along which a term is drawn: a variable of the balance, else its memory."""
@@ -171,6 +178,9 @@ class Grammar:
                 return variable
         if term.memory is None:
             return self.variables[0]
+        if ACCELERATION in term.variables:
+            unit = next(v.unit for v in self.variables if v.speed)
+            return LawVariable(ACCELERATION, f"{unit}2", self.values(term))
         values = self.course(term.memory, term.shapes)[STATE]
         unit = term.memory.units[STATE]
         return (
@@ -189,8 +199,9 @@ class Grammar:
             yield Term(self.direction, frozenset())
         for variable in self.variables:
             yield from self._of_one(variable)
-        for i, one in enumerate(self.variables):
-            for other in self.variables[i + 1 :]:
+        plain = [v for v in self.variables if not v.effort]
+        for i, one in enumerate(plain):
+            for other in plain[i + 1 :]:
                 both = frozenset({one.text, other.text})
                 for text in PRODUCTS:
                     yield Term(put(text, z=one.text, y=other.text), both)
@@ -199,7 +210,8 @@ class Grammar:
 
     def _of_one(self, variable: LawVariable) -> Iterator[Term]:
         used, z = frozenset({variable.text}), variable.text
-        plain = OF_SPEED if variable.speed else (*SMOOTH, *(DRY if self.direction else ()))
+        dry, dry_shaped = (DRY, DRY_SHAPED) if self.direction else ((), ())
+        plain = OF_SPEED if variable.speed else dry if variable.effort else (*SMOOTH, *dry)
         for text in plain:
             yield Term(put(text, z=z, d=self.direction), used)
         low, high = np.quantile(variable.values, [0.005, 0.995]).tolist()
@@ -208,7 +220,7 @@ class Grammar:
                 units = {"width": variable.unit}
                 yield Term(put("d * exp(-abs(z) / width)", z=z, d=self.direction), used, {"width": share * high}, units)
             return
-        for text in (*SHAPED, *(DRY_SHAPED if self.direction else ())):
+        for text in dry_shaped if variable.effort else (*SHAPED, *dry_shaped):
             of = np.abs(variable.values) if "abs(z) - at" in text or "at - abs(z)" in text else variable.values
             for quantile in LOCATIONS if "at" in text.replace("tanh", "") else (0.5,):
                 for share in WIDTHS if "width" in text else (0.0,):

@@ -20,7 +20,9 @@ from ...core.expression import Expression
 
 #: Time constants that are tried: for what follows within a motion [s], and for what takes a log, as shares of its
 #: length. Engineering judgement, as are the other grids.
-LAGS, SLOW_SHARES = (0.03, 0.1, 0.3, 1.0), (0.06, 0.15, 0.4, 1.0)
+LAGS, SLOW_SHARES = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0), (0.06, 0.15, 0.4, 1.0)
+#: Time constants of an acceleration [s], and what it is called in results.
+QUICK, ACCELERATION = (0.01, 0.03), "acceleration"
 #: Distances of a hysteresis, as shares of the range of the position.
 SLIPS = (0.005, 0.02, 0.08)
 #: Natural frequencies [rad/s] and damping ratio of a resonance.
@@ -41,11 +43,18 @@ class Memory:
     scales: Mapping[str, float] = field(hash=False)
 
     def course(
-        self, known: Mapping[str, np.ndarray], shapes: Mapping[str, float], sample_time: float, begins: Sequence[int]
+        self,
+        known: Mapping[str, np.ndarray],
+        shapes: Mapping[str, float],
+        sample_time: float,
+        begins: Sequence[int],
+        *,
+        mean: bool = False,
     ) -> dict[str, np.ndarray]:
         """State -> (N - 1,) along the logs, from zero at the sample where each begins.
 
-        known: name in the equations -> (N - 1,). shapes: values of the term's shapes.
+        known: name in the equations -> (N - 1,). shapes: values of the term's shapes. mean: over each sample, as an
+        unknown input is, instead of the value at its begin: a fast lag is over within a sample or two.
         """
         names = list(self.rates)
         size = next(iter(known.values())).size
@@ -61,7 +70,8 @@ class Memory:
         ends = [*begins[1:], size]
         for first, end in zip(begins, ends, strict=True):
             part = slice(first, end)
-            out[part] = _linear(slopes[part], rest[part], sample_time)
+            course = _linear(slopes[part], rest[part], sample_time)
+            out[part] = _means(course, slopes[part], rest[part], sample_time) if mean else course
         return dict(zip(names, out.T, strict=True))
 
 
@@ -88,6 +98,19 @@ def _linear(slopes: np.ndarray, rest: np.ndarray, dt: float) -> np.ndarray:
         course[k] = state
         state = keep @ state + gain @ rest[k]
     return course
+
+
+def _means(course: np.ndarray, slopes: np.ndarray, rest: np.ndarray, dt: float) -> np.ndarray:
+    """Mean over each sample (N, n) of a course by `_linear`: dy/dt = slopes y + rest gives it from both ends."""
+    ends = np.vstack([course[1:], course[-1:]])
+    if course.shape[1] == 1:
+        slope = slopes[:, :, 0]
+        steep = np.abs(slope) * dt > 1e-6
+        exact = ((ends - course) / dt - rest) / np.where(steep, slope, 1.0)
+        return np.where(steep, exact, 0.5 * (course + ends))
+    if np.linalg.cond(slopes[0]) < 1e12:
+        return np.asarray(np.linalg.solve(slopes[0], ((ends - course) / dt - rest).T).T)
+    return 0.5 * (course + ends)
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,10 @@ from ...plant.plant import Plant
 from ...plant.system import Contact
 from ..regressors import balance_contact
 from .memory import (
+    ACCELERATION,
     DAMPING,
     LAGS,
+    QUICK,
     RESONANCES,
     SLIPS,
     SLOW_SHARES,
@@ -48,6 +50,11 @@ def _of_motion(plant: Plant, place: str, known: Known, seconds: float) -> Iterat
     bases = {"1": (), direction: (), speed: (speed,)} | ({drive: (drive,)} if driven else {})
     yield from over_time(bases, seconds)
     yield from _friction(contact, known)
+    if speed in known:
+        # The difference from a lag: a law of the rate itself would be a loop, because the rate depends on the law.
+        size = float(np.std(known[speed]))
+        text = f"({speed} - {STATE}) / tau"
+        yield from following(text, speed, units[speed], size, QUICK, (ACCELERATION,))
     if position in known:
         unit, reach = units[position], float(np.ptp(known[position]))
         for share in SLIPS:

@@ -38,8 +38,8 @@ class ProposedLaw:
     place: what its expression adds to, see ADDENDS. variables: on which it depends. forms: those that the log can't
     tell apart, the most probable first. range: variable -> lowest and highest value in the logs. variable,
     unit: (N - 1,) the first of `variables` along the logs; measured, fitted: (N - 1,) unknown input and the best form.
-    explained: share of the unknown input that it explains by cross-validation; placebo: the same of a term for the
-    input reversed in time. beside: effects that act beside it.
+    explained: share of the unknown input that it explains by cross-validation, which may be none where a standstill
+    shows the friction; placebo: the same of a term for the input reversed in time. beside: effects that act beside it.
     """
 
     place: str

@@ -27,6 +27,9 @@ MOST_TERMS, MOST_VARIABLES = 3, 2
 BEAM, KEPT = 6, 8
 #: Penalty on each number of a law, and smallest gain of a further term, as shares of the unknown input's square.
 PENALTY, GAIN = 0.002, 0.01
+#: A term with a smaller gain is tried if it explains this share of what the others leave: a constant that is small
+#: beside the unknown input moves a free run on and on.
+OF_REST = 0.25
 #: Variance that is left to chance, as a share of the unknown input's square, when it is weighed against the priors of
 #: the nominal parameters. Windows overlap, so that only one in OVERLAP counts.
 CHANCE, OVERLAP = 0.05, 4.0
@@ -164,10 +167,11 @@ def find_sums(
                     continue
                 share = problem.explained((*chosen, i))
                 key = frozenset({*families, term.family})
-                if share > before + GAIN and (key not in rows or share > rows[key][0]):
+                enough = min(GAIN, OF_REST * (1.0 - before))
+                if share > before + enough and (key not in rows or share > rows[key][0]):
                     rows[key] = (share, (*chosen, i))
         beam = sorted(rows.values(), reverse=True)[:BEAM]
-        if not beam or beam[0][0] < best + GAIN:
+        if not beam or beam[0][0] < best + min(GAIN, OF_REST * (1.0 - best)):
             break
         best = beam[0][0]
         found += beam
@@ -204,6 +208,24 @@ def placebo(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> float:
     """Share that a single term explains of the unknown input reversed in time: what the selection finds in chance."""
     problem = _SumProblem(grammar, windows.reversed(), list(grammar.terms()), nuisance)
     return max((problem.explained((i,)) for i in range(len(problem.terms))), default=0.0)
+
+
+def explained_by(fit: LawFit, windows: Windows, nuisance: np.ndarray) -> float:
+    """Share of an unknown input that a sum's terms explain, see `LawFit`."""
+    problem = _SumProblem(fit.grammar, windows, fit.terms, nuisance)
+    return problem.explained(range(len(problem.terms)))
+
+
+def evidence(fit: LawFit, windows: Windows, nuisance: np.ndarray) -> float:
+    """Logarithm of the probability of a sum's terms, given an unknown input, up to a constant: the likelihood by
+    cross-validation, and a penalty on each number as in the Bayesian information criterion.
+
+    One block of the bootstrap counts as one sample, because errors of the balances are correlated within it.
+    """
+    problem = _SumProblem(fit.grammar, windows, fit.terms, nuisance)
+    left = problem.left(range(len(problem.terms))) / max(problem.total, 1e-300)
+    blocks = np.unique((windows.centres // BLOCK).astype(int)).size
+    return -0.5 * float(blocks * np.log(max(left, 1e-12)) + fit.numbers * np.log(max(blocks, 2)))
 
 
 def _fit(problem: _SumProblem, chosen: tuple[int, ...], share: float) -> LawFit:

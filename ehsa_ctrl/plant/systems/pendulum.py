@@ -111,6 +111,7 @@ GEAR = Contact(
     # Engineering judgement: the published fits of small servos have 0.1 to 1 rad/s.
     stribeck_speed=0.3,
     position="theta",
+    efforts=("T_G", "T_M", "T_L"),
 )
 
 BALANCE = Balance("torque", "N m", (torque_residual,), ("T_M",), contacts=("shaft",), entries=(Entry("omega", ("J",)),))

@@ -27,6 +27,7 @@ CARRIAGE = Contact(
     constant="F_0",
     position="x",
     acceleration_channel="acceleration",
+    efforts=("F_M",),
 )
 
 system = System(
