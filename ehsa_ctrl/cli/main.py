@@ -19,6 +19,7 @@ from . import (
     analyse,
     check,
     compare,
+    convert,
     design,
     diagnose,
     effects,
@@ -83,9 +84,8 @@ app = typer.Typer(
 )
 COMMANDS = {
     "run": run, "montecarlo": montecarlo, "learn": learn, "simulate": simulate, "analyse": analyse, "design": design,
-    "excite": excite,
-    "compare": compare, "frf": frf, "identify": identify, "diagnose": diagnose, "export": export, "fmu": fmu,
-    "serve": serve, "report": report, "list": listing, "check": check,
+    "excite": excite, "convert": convert, "compare": compare, "frf": frf, "identify": identify, "diagnose": diagnose,
+    "export": export, "fmu": fmu, "serve": serve, "report": report, "list": listing, "check": check,
 }  # fmt: skip
 for name, module in COMMANDS.items():
     app.command(name)(expand_groups(module.command))

@@ -70,7 +70,7 @@ def command(
         )  # fmt: skip
         print_notes(given)
         if resample is not None:
-            given, _ = to_rate(given, loaded, resample)
+            given, _ = to_rate(given, resample, held_channels(loaded))
         time, current = given.time, given[system.drive]
         second = given.channels.get(system.drives.get(system.inputs[1], ""))
     else:

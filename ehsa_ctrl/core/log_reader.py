@@ -11,9 +11,9 @@ import numpy as np
 
 from .clock import row_time
 from .column_matching import channel_scale, column_names, find_channels, suggest_mapping
-from .errors import InputError, choices
+from .errors import MOST, InputError, choices
 from .formats import read_tables
-from .log import TIME_TOLERANCE, Column, Log, check_time
+from .log import CHANNELS, TIME_TOLERANCE, Column, Log, check_time
 from .table import LogTable
 from .text import join_words
 
@@ -116,6 +116,12 @@ def log_from_tables(
             if channel == "t" and "t = " not in lines:
                 hint += "; or give the sample time of the rows (--sample-time)"
             raise InputError(f"{path}: has no column {column!r}{why}; {choices(column, names)}{hint}")
+    if not found - {"t"}:
+        hint = f"; {write}" if write else ""
+        raise InputError(
+            f"{path}: has none of the channels {', '.join(c for c in CHANNELS if c != 't')}; map its columns in the "
+            f"plant's [log] table: {', '.join(names[:MOST])}{hint}"
+        )
     parts = [_part(path, table, at, how, len(places) > 1) for table, at in places]
     notes = list(dict.fromkeys(note for part in parts for note in part.notes))
     converted = [f"{channel} from {unit}" for part in parts for channel, unit in part.converted.items()]
@@ -171,6 +177,12 @@ def _joined(path: Path | str, parts: Sequence[Part], how: ReadingOptions) -> Log
     """The log of all parts: as it is for one, on the common samples for equal times, else resampled."""
     if len(parts) == 1:
         return Log(parts[0].time, parts[0].channels)
+    if how.sample_time is not None and len({part.time.size for part in parts}) > 1:
+        sizes = ", ".join(f"{join_words(part.channels)} {part.time.size}" for part in parts)
+        raise InputError(
+            f"{path}: its groups have different numbers of samples ({sizes}), so that one sample time can't hold for "
+            "all; leave it out, or map channels of one group only"
+        )
     starts = [part.start for part in parts]
     known = [start for start in starts if start is not None]
     notes = []
@@ -210,8 +222,6 @@ def _resampled(
 ) -> Log:
     from .resampling import Sampled, merge
 
-    if how.sample_time is not None:
-        raise InputError(f"{path}: has groups of different lengths, so one sample time can't be given for all of them")
     rates = ", ".join(
         f"{join_words(part.channels)} at {1.0 / np.median(np.diff(time)):.5g} Hz"
         for part, time in zip(parts, times, strict=True)

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import firwin, kaiserord, upfirdn
 
+from .errors import InputError
 from .text import join_words
 
 #: Band of the anti-aliasing filter, as shares of the lower of both Nyquist frequencies: flat up to the first, blocked
@@ -20,6 +21,8 @@ ATTENUATION = 60.0
 #: The filter's output has at least this many samples per sample of the slower side, so that a cubic spline between them
 #: is exact to 1e-4 within the pass band.
 OVERSAMPLING = 6
+#: Largest number of samples after resampling.
+MAX_SAMPLES = 10_000_000
 #: Sample times that differ by less than this share are equal.
 EQUAL = 1e-6
 
@@ -84,20 +87,31 @@ class Merged(NamedTuple):
     change: RateChange
 
 
+def sample_count(duration: float, rate: float, shortest: int = 2) -> int:
+    """Number of samples at `rate` [Hz] of a log of this duration [s].
+
+    Raises InputError for a rate that is not positive, and for a number below `shortest` or above MAX_SAMPLES.
+    """
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise InputError(f"resample to {rate:g} Hz: the rate must be a number greater than 0")
+    count = int(np.floor(duration * rate * (1 + 1e-9))) + 1
+    if not shortest <= count <= MAX_SAMPLES:
+        raise InputError(f"resample to {rate:g} Hz: leaves {count} samples; expected {shortest} to {MAX_SAMPLES}")
+    return count
+
+
 def merge(signals: Mapping[str, Sampled], rate: float, held: Collection[str] = ()) -> Merged:
     """The signals on one time grid of `rate` [Hz], over the time that all of them cover.
 
     held: signals that are constant between their samples, such as the command of a drive, see `resample_signal`.
-    Jitter of the times is removed. The grid may be empty if the signals do not overlap.
+    Jitter of the times is removed.
+
+    Raises InputError for a rate that is not positive or leaves too few or too many samples.
     """
     first = max(float(signal.time[0]) for signal in signals.values())
     last = min(float(signal.time[-1]) for signal in signals.values())
-    count = max(int(np.floor((last - first) * rate * (1 + 1e-9))) + 1, 0)
-    time = first + np.arange(count) / rate
-    channels = {
-        name: resample_signal(signal, time, rate, held=name in held) if count > 1 else np.empty(0)
-        for name, signal in signals.items()
-    }
+    time = first + np.arange(sample_count(last - first, rate)) / rate
+    channels = {name: resample_signal(signal, time, rate, held=name in held) for name, signal in signals.items()}
     rates = {name: 1.0 / signal.step for name, signal in signals.items()}
     delay = {name: filter_delay(signal.step, rate) for name, signal in signals.items() if name not in held}
     averaged = tuple(name for name in signals if name in held)

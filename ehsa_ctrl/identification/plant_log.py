@@ -57,8 +57,8 @@ def read_plant_log(
     system = plant.structure.system
     wanted = [*system.outputs, *([system.cell_channel] if system.cell else [])]
     drives = list(system.drives.values())
-    if sample_time is not None and not (np.isfinite(sample_time) and sample_time > 0.0):
-        raise InputError(f"sample time of {sample_time:g} s: must be a number greater than 0")
+    if sample_time is not None:
+        check_sample_time(sample_time)
     log = read_log(
         path, drives, columns=plant.log, shortest=shortest, uniform=uniform, wanted=wanted, span=span,
         sample_time=sample_time, rate=rate or 1.0 / plant.sample_time, held=held_channels(plant),
@@ -74,6 +74,12 @@ def read_plant_log(
     if wrong:
         raise InputError(wrong)
     return replace(log, missing=missing)
+
+
+def check_sample_time(sample_time: float) -> None:
+    """Raise InputError for a sample time [s] that is not a number above 0."""
+    if not (np.isfinite(sample_time) and sample_time > 0.0):
+        raise InputError(f"sample time of {sample_time:g} s: must be a number greater than 0")
 
 
 def held_channels(plant: Plant) -> set[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 from ..core.log import CHANNELS, Log
-from ..core.resampling import Sampled, resample_signal
+from ..core.resampling import Sampled, resample_signal, sample_count
 from ..plant.plant import Plant
 from ..simulation.engine import simulate
 from .alignment import align_channels
@@ -21,8 +21,6 @@ from .plant_log import SHORTEST, held_channels
 REST_BAND = 5.0
 #: Shortest rest from which a zero is taken [s].
 SHORTEST_REST = 0.1
-#: Largest number of samples after resampling.
-MAX_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -71,52 +69,61 @@ class Preparation:
         ------
         InputError: a missing or unsuitable channel, no rest, a segment that is too short.
         """
-        steps = [Step("read", note) for note in log.notes]
-        if log.rates is not None:
-            steps.append(Step("rates", str(log.rates), log.rates.to_dict()))
-        if self.sample_time is not None:
-            log = replace(log, time=self.sample_time * np.arange(len(log)), before=None)
-            words = f"the rows are {self.sample_time:g} s apart, as given"
-            steps.append(Step("sample_time", words, {"sample_time": self.sample_time}))
-        if self.resample is not None:
-            log, step = resample(log, plant, self.resample)
-            steps.append(step)
+        log, steps = self._retimed(log, held_channels(plant))
         if self.zero:
             log, found = zero(log, plant, self.zero, self.rest)
             steps += found
         if self.align:
             log, told = align_channels(log, plant, self.align, self.from_, self.to)
             steps += [Step("align", words, figures) for words, figures in told]
+        return self._cut(log, steps)
+
+    def apply_to_time(self, log: Log, held: Collection[str] = ()) -> tuple[Log, tuple[Step, ...]]:
+        """As `apply`, but only what needs no plant: sample time, resampling and segment.
+
+        held: channels that are constant between their samples.
+        """
+        return self._cut(*self._retimed(log, held))
+
+    def _retimed(self, log: Log, held: Collection[str]) -> tuple[Log, list[Step]]:
+        steps = [Step("read", note) for note in log.notes]
+        if log.rates is not None:
+            steps.append(Step("rates", str(log.rates), log.rates.to_dict()))
+        if self.sample_time is not None:
+            if not np.isclose(log.sample_time, self.sample_time, rtol=1e-9):
+                log = replace(log, time=self.sample_time * np.arange(len(log)), before=None)
+            words = f"the rows are {self.sample_time:g} s apart, as given"
+            steps.append(Step("sample_time", words, {"sample_time": self.sample_time}))
+        if self.resample is not None and (log.rates is None or log.rates.rate != self.resample):
+            log, step = resample(log, self.resample, held)
+            steps.append(step)
+        return log, steps
+
+    def _cut(self, log: Log, steps: list[Step]) -> tuple[Log, tuple[Step, ...]]:
         if self.from_ is not None or self.to is not None:
             log = log.segment(self.from_, self.to, shortest=SHORTEST)
             ends = {"from": float(log.time[0]), "to": float(log.time[-1]), "samples": len(log)}
-            steps.append(
-                Step("segment", f"segment from {log.time[0]:g} to {log.time[-1]:g} s, {len(log)} samples", ends)
-            )
+            words = f"segment from {log.time[0]:g} to {log.time[-1]:g} s, {len(log)} samples"
+            steps = [*steps, Step("segment", words, ends)]
         return log, tuple(steps)
 
 
-def resample(log: Log, plant: Plant, rate: float) -> tuple[Log, Step]:
+def resample(log: Log, rate: float, held: Collection[str]) -> tuple[Log, Step]:
     """Resample all channels to a uniform `rate` [Hz]; this also removes jitter of the time column.
 
-    A zero-order-held input is averaged over the new samples, which preserves its integral. Other channels pass an
-    anti-aliasing filter without delay, see `core/resampling.py`.
+    The `held` channels, zero-order-held inputs, are averaged over the new samples, which preserves their integral.
+    Others pass an anti-aliasing filter without delay, see `core/resampling.py`.
 
     Raises InputError for a rate that is not positive or leaves fewer than SHORTEST samples.
     """
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise InputError(f"resample to {rate:g} Hz: the rate must be a number greater than 0")
     usual = float(np.median(np.diff(log.time)))
-    count = int(np.floor((log.time[-1] - log.time[0]) * rate * (1 + 1e-9))) + 1
-    if not SHORTEST <= count <= MAX_SAMPLES:
-        raise InputError(f"resample to {rate:g} Hz: leaves {count} samples; expected {SHORTEST} to {MAX_SAMPLES}")
+    count = sample_count(float(log.time[-1] - log.time[0]), rate, SHORTEST)
     time = log.time[0] + np.arange(count) / rate
-    held = held_channels(plant)
     channels = {
         name: resample_signal(Sampled(log.time, values), time, rate, held=name in held)
         for name, values in log.channels.items()
     }
-    before = None if log.before is None else resample(log.before, plant, rate)[0]
+    before = None if log.before is None else resample(log.before, rate, held)[0]
     words = f"resampled from {1 / usual:.4g} to {rate:g} Hz, {count} samples"
     figures = {"rate": rate, "rate_before": 1 / usual, "samples": count}
     return replace(log, time=time, channels=channels, before=before), Step("resample", words, figures)

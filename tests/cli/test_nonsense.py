@@ -15,6 +15,7 @@ CALLS = {
     "analyse": ["no_such"],
     "design": ["no_such", "--kind", "pid"],
     "excite": ["no_such"],
+    "convert": ["no_such.csv", "there.csv"],
     "compare": ["no_such.csv", "--plant", "no_such"],
     "identify": ["no_such.csv", "--plant", "no_such"],
     "diagnose": ["no_such.csv", "--plant", "no_such"],

@@ -70,6 +70,8 @@ def test_three_rates_in_one_file_become_one_and_say_so(tmp_path):
 
     with pytest.raises(InputError, match=r"several rates \(current at 4800 Hz, position at 500 Hz, force at 100 Hz\)"):
         read_log(tmp_path / "u.tdms", ["current"])
+    with pytest.raises(InputError, match=r"different numbers of samples \(current 19200, position 2000, force 400\)"):
+        read_log(tmp_path / "u.tdms", ["current"], sample_time=0.004)
     log = read_log(tmp_path / "u.tdms", ["current", "position", "force"], rate=RATE)
 
     assert log.sample_time == pytest.approx(1 / RATE) and log.time[0] == pytest.approx(0.5)
