@@ -6,7 +6,11 @@ python benchmarks/withheld/law_score.py results/withheld/tuning
 A case of an effect that the catalogue lacks counts by its law: variable (place and variables of the first form),
 form (in a set of at most three), and what the law closes beside what the true structure closes. Effects that no
 expression of the tool's grammar describes, such as an unmeasured random force or an error of a sensor, should get no
-law at all; so should a log without a gap.
+law at all; so should a log without a gap, and one whose effects the catalogue has. False laws are counted with
+
+python benchmarks/withheld/cases.py --set reported --family none production --count 40 --out results/withheld/no_gap
+python benchmarks/withheld/score.py results/withheld/no_gap
+python benchmarks/withheld/law_score.py results/withheld/no_gap
 """
 
 from __future__ import annotations
@@ -26,7 +30,11 @@ CLOSED = 0.9
 
 @dataclass(frozen=True)
 class LawScore:
-    """Score of one answer. law: of the bench, empty without a gap. right_*: None where no expression is right."""
+    """Score of one answer.
+
+    law: of the bench, or the effects of the catalogue that act; empty without a gap. right_*: None where no expression
+    is right.
+    """
 
     name: str
     law: str
@@ -46,7 +54,8 @@ class LawScore:
 def score_law(name: str, key: Mapping[str, Any], answer: Mapping[str, Any]) -> LawScore:
     """The score of a diagnosis.json beside the key of its case."""
     laws = [effect["law"] for effect in key["effects"] if effect["id"] == "outside_catalogue"]
-    law, truth = (laws[0], OUTSIDE_TRUTHS.get(laws[0])) if laws else ("", None)
+    known = " + ".join(effect["id"] for effect in key["effects"])
+    law, truth = (laws[0], OUTSIDE_TRUTHS.get(laws[0])) if laws else (known, None)
     closable = closable_of(key) if laws else 0.0
     found = answer.get("law")
     variable = form = None
@@ -76,12 +85,14 @@ def table(rows: Sequence[LawScore]) -> str:
             f"{word(row.right_form)} | {closed} | {row.closable:.2f} | {row.seconds:.0f} |"
         )
     told = [row for row in rows if row.right_form is not None]
-    untold = [row for row in rows if row.right_form is None]
+    nothing = [row for row in rows if not row.law]
+    untold = [row for row in rows if row.right_form is None and row.law]
     for words, values in {
         "variable right": [row.right_variable for row in told],
         f"form right or in a set of {SET}": [row.right_form for row in told],
         f"closes {100 * CLOSED:.0f} % of what the truth closes": [row.enough for row in told],
         "nothing proposed where no expression is right": [not row.proposed for row in untold],
+        "nothing proposed without a gap": [not row.proposed for row in nothing],
     }.items():
         lines.append(f"\n{words}: {sum(map(bool, values))} of {len(values)}")
     return "\n".join(lines)

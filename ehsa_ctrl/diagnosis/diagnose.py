@@ -32,6 +32,7 @@ from .hypothesis_model import (
 )
 from .hypothesis_search import Hypotheses, search
 from .improved_plant import improved_plant
+from .law.experiment import form_experiment
 from .law.find import FoundLaw, LawBase, find_law
 from .law.free_run import with_effect
 from .model_selection import Reference, Selection, select_model
@@ -296,6 +297,8 @@ def _diagnose_selection(
             # Effects that are equivalent on any log make the verdict ambiguous too.
             verdict = "ambiguous"
     experiment = deciding_experiment(selection, hypotheses, prepared.noise)
+    if law is not None:
+        experiment = form_experiment(law, hypotheses.objective, prepared.noise)
     least = selection.ranked[0].deviance
     return _build_diagnosis(
         prepared,

@@ -327,4 +327,9 @@ def test_a_law_is_scored_by_variable_form_and_gap():
     assert right.right_variable and right.right_form and right.enough
     assert wrong.right_variable and not wrong.right_form and not wrong.enough
     assert made_up.right_form is None and made_up.proposed and not nothing.proposed
-    assert "nothing proposed where no expression is right: 1 of 2" in law_score.table([right, wrong, made_up, nothing])
+    valve = law_score.score_law(
+        "d", {"effects": [{"id": "relief_valve", "law": "to the tank"}]}, {**grown, "law": None}
+    )
+    shown = law_score.table([right, wrong, made_up, nothing, valve])
+    assert "nothing proposed where no expression is right: 1 of 2" in shown and "| d | relief_valve | no |" in shown
+    assert "nothing proposed without a gap: 1 of 1" in shown

@@ -89,8 +89,8 @@ class FoundLaw:
     """A proposed law and the model that has it.
 
     effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. candidates:
-    effects of the model.
-    values: its parameters that are not nominal. sd: of those of its effects.
+    effects of the model. values: its parameters that are not nominal. sd: of those of its effects. settings: values of
+    each form's model.
     """
 
     proposed: ProposedLaw
@@ -99,14 +99,16 @@ class FoundLaw:
     candidates: tuple[CandidateEffect, ...]
     values: Setting
     sd: Mapping[str, float]
+    settings: tuple[Setting, ...]
 
     @classmethod
-    def of(cls, proposed: ProposedLaw, best: FreeRunLaw) -> FoundLaw:
-        """From the best form, whose last candidate is the law."""
+    def of(cls, proposed: ProposedLaw, forms: Sequence[FreeRunLaw]) -> FoundLaw:
+        """From the laws in free run of all forms, the best first; the last candidate of each is the law."""
+        best, settings = forms[0], tuple(one.scored.fit.values for one in forms)
         fit = best.scored.fit
         effect = kept_effect(proposed.name, proposed.forms[0].file)
         candidates = (*fit.candidates[:-1], replace(fit.candidates[-1], effect=effect))
-        return cls(proposed, effect, best.begin, candidates, fit.values, best.sd)
+        return cls(proposed, effect, best.begin, candidates, fit.values, best.sd, settings)
 
 
 def find_law(bases: Sequence[LawBase], scoring: Scoring, reference: Reference, pool: Pool) -> FoundLaw | None:
@@ -249,10 +251,9 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
     same, weights = [same[int(i)] for i in order], weights[order]
     best = same[0]
     nominal = reference.nominal_gaps[1]
+    likely = [(one, float(w)) for one, w in zip(same, weights, strict=True) if w >= LIKELY]
     forms = [
-        LawForm(one.law.file, float(w), 1.0 - one.law.scored.held_out_gap["total"] / max(nominal, 1e-12))
-        for one, w in zip(same, weights, strict=True)
-        if w >= LIKELY
+        LawForm(one.law.file, w, 1.0 - one.law.scored.held_out_gap["total"] / max(nominal, 1e-12)) for one, w in likely
     ]
     law = best.law.law
     used = variables_of(law.terms)
@@ -266,12 +267,12 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
         unit=shown.unit,
         variable=shown.values,
         measured=best.measured,
-        fitted=law.values,
+        fitted=best.law.refitted.values,
         explained=max(law.explained, 0.0),
         placebo=max(best.placebo, 0.0),
         beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),
     )
-    return FoundLaw.of(proposed, best.law)
+    return FoundLaw.of(proposed, [one.law for one, _ in likely])
 
 
 def _better(one: ScoredHypothesis, without: ScoredHypothesis) -> bool:

@@ -55,18 +55,25 @@ class FreeRunLaw:
         return all(self._kept)
 
     @property
+    def refitted(self) -> LawFit:
+        """The law with the values of the refit."""
+        given = iter(one.value for one in self.file.parameters.values())
+        found = [(next(given), replace(t, shapes={n: next(given) for n in t.shapes})) for t in self.law.terms]
+        factors, terms = zip(*found, strict=True)
+        return replace(self.law, terms=terms, factors=factors)
+
+    @property
     def reduced(self) -> LawFit | None:
         """The terms that the refit keeps, from its values; None without one.
 
         What made up in the regression for a wrong nominal parameter vanishes where that parameter is refitted.
         """
-        given = iter(one.value for one in self.file.parameters.values())
-        found = [(next(given), replace(t, shapes={n: next(given) for n in t.shapes})) for t in self.law.terms]
-        rows = [(f, t, sd) for (f, t), sd, kept in zip(found, self.law.sd, self._kept, strict=True) if kept]
+        law = self.refitted
+        rows = [row for *row, kept in zip(law.factors, law.terms, law.sd, self._kept, strict=True) if kept]
         if not rows:
             return None
         factors, terms, sd = zip(*rows, strict=True)
-        return replace(self.law, terms=terms, factors=factors, sd=sd)
+        return replace(law, terms=terms, factors=factors, sd=sd)
 
 
 def definition_of(law: LawFit, taken: Sequence[str]) -> LawFile:
@@ -184,7 +191,7 @@ def _refitted(file: LawFile, fit: HypothesisFit, candidate: CandidateEffect, sd:
 
 def with_effect(segment: Segment, effect: Effect, begin: Begin) -> Segment:
     """The same segment with an effect, neutral, in every model. begin: of its states."""
-    records = tuple(replace(r, model=_model(r.model, effect)) for r in segment.records)
+    records = tuple(replace(r, model=model_with(r.model, effect)) for r in segment.records)
     return begin.on(replace(segment, records=records))
 
 
@@ -194,7 +201,8 @@ def _scoring_with(scoring: Scoring, effect: Effect, begin: Begin) -> Scoring:
     return replace(scoring, objective=objective, training=training, held_out=held_out)
 
 
-def _model(model: HypothesisModel, effect: Effect) -> HypothesisModel:
+def model_with(model: HypothesisModel, effect: Effect) -> HypothesisModel:
+    """The same model with an effect, neutral."""
     by_law = {law: _neutral(plant, effect) for law, plant in model.plants_by_law.items()}
     return replace(model, plant=_neutral(model.plant, effect), plants_by_law=by_law)
 
