@@ -13,9 +13,25 @@ import numpy as np
 from ...core.result import Result, as_dict
 from ..controller import SampledController
 from .compiled_code import CompiledCode
-from .deployment import Deployment, replay
+from .deployment import Deployment, embedded_controller, replay
 from .number import NumberType
 from .operations import worst_operations
+
+
+@dataclass(frozen=True)
+class CheckedRun:
+    """A run replayed by exported code.
+
+    Attributes
+    ----------
+    samples: of the run. error: largest difference of the currents from those of Python in doubles [A]. iterations:
+    most of the solver in a sample; None without a solver. unsolved: number of samples without a solution.
+    """
+
+    samples: int
+    error: float
+    iterations: int | None = None
+    unsolved: int = 0
 
 
 @dataclass(frozen=True, repr=False)
@@ -25,35 +41,35 @@ class CodeCheck(Result):
     Attributes
     ----------
     number: type of its numbers. operations: of the costliest sample of the test vector, by kind. stack: bytes of the
-    deepest chain of calls without libm; None if unknown. errors: run -> largest difference of its currents from
-    those of Python in doubles [A]. samples: run -> number of samples.
+    deepest chain of calls without libm; None if unknown. runs: name -> replayed run, the test vector first.
     """
 
     number: str
     operations: dict[str, int]
     stack: int | None
-    errors: dict[str, float]
-    samples: dict[str, int]
+    runs: dict[str, CheckedRun]
+
+    @property
+    def worst(self) -> str:
+        """Name of the run with the largest error."""
+        return max(self.runs, key=lambda name: self.runs[name].error)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, as in check.json."""
-        return as_dict(self, largest_error=max(self.errors.values()))
+        return as_dict(self, largest_error=self.runs[self.worst].error)
 
     def __str__(self) -> str:
         kinds = ", ".join(f"{count} {kind}" for kind, count in self.operations.items() if kind != "flops")
         stack = "unknown to this compiler" if self.stack is None else f"{self.stack} bytes, without libm's own"
-        worst = max(self.errors, key=lambda name: self.errors[name])
-        return "\n".join(
-            [
-                f"{self.number}: {self.operations['flops']} flops in the costliest sample ({kinds})",
-                f"  worst-case stack {stack}",
-                f"  largest difference from Python in doubles {self.errors[worst]:.3g} A, in {worst}:",
-                *(
-                    f"    {name:<24} {self.samples[name]:>7} samples {self.errors[name]:>10.3g} A"
-                    for name in self.errors
-                ),
-            ]
-        )
+        lines = [
+            f"{self.number}: {self.operations['flops']} flops in the costliest sample of the test vector ({kinds})",
+            f"  worst-case stack {stack}",
+            f"  largest difference from Python in doubles {self.runs[self.worst].error:.3g} A, in {self.worst}:",
+        ]
+        for name, run in self.runs.items():
+            solver = "" if run.iterations is None else f" {run.iterations:>6} iterations, {run.unsolved} unsolved"
+            lines.append(f"    {name:<24} {run.samples:>7} samples {run.error:>10.3g} A{solver}")
+        return "\n".join(lines)
 
 
 def check_code(
@@ -62,24 +78,28 @@ def check_code(
     number: NumberType,
     runs: Iterable[tuple[str, np.ndarray, np.ndarray]],
 ) -> CodeCheck:
-    """Compile an exported controller without a solver and replay its test vector and other runs.
+    """Compile an exported controller, and replay its test vector and other runs.
 
     runs: name, reference (N, 3 or 4) and readings (N, 5).
 
     Raises InputError without a C compiler.
     """
-    vector = deployment.vector
-    errors, samples = {}, {}
+    vector, embedded = deployment.vector, embedded_controller(controller)
+    solves = vector.iterations is not None
+    watched = [embedded.traces[name] for name in ("solver_iterations", "solver_reason")] if solves else []
+    checked = {}
     with TemporaryDirectory() as folder:
         for name in ("controller.c", "controller.h"):
             (Path(folder) / name).write_text(deployment.files[name], encoding="utf-8")
-        code = CompiledCode(Path(folder), number, controller.initial_memory().size)
+        code = CompiledCode(Path(folder), number, embedded.initial_memory().size)
         for name, reference, measured in [("test vector", vector.reference, vector.measured), *runs]:
-            difference = code.currents(reference, measured) - replay(controller, reference, measured)
+            currents, traced = code.run(reference, measured, watched)
+            difference = currents - replay(controller, reference, measured)
             # A current that is not a number is the largest error there is.
-            errors[name] = float(np.max(np.where(np.isfinite(difference), np.abs(difference), np.inf)))
-            samples[name] = len(reference)
+            error = float(np.max(np.where(np.isfinite(difference), np.abs(difference), np.inf)))
+            solver = (int(traced[:, 0].max()), int(np.count_nonzero(traced[:, 1]))) if solves else ()
+            checked[name] = CheckedRun(len(reference), error, *solver)
         stack = code.worst_stack
-    return CodeCheck(
-        number.word, worst_operations(controller, vector.reference, vector.measured), stack, errors, samples
-    )
+    only = None if vector.iterations is None else int(np.argmax(vector.iterations))
+    operations = worst_operations(embedded, vector.reference, vector.measured, only)
+    return CodeCheck(number.word, operations, stack, checked)

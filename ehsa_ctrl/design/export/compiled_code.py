@@ -6,6 +6,7 @@ import ctypes
 import re
 import shutil
 import subprocess
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -19,7 +20,7 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 
 
 class CompiledCode:
-    """The exported code of a controller without a solver, compiled as a library.
+    """The exported code of a controller, compiled as a library.
 
     Raises InputError without a C compiler, and if it refuses the code.
     """
@@ -46,14 +47,22 @@ class CompiledCode:
         library.ehsa_step.restype = self._type[0]
         return library
 
-    def currents(self, reference: np.ndarray, measured: np.ndarray) -> np.ndarray:
-        """Currents (N,) [A] for reference (N, 3 or 4) and readings (N, 5), from the initial memory."""
+    def run(
+        self, reference: np.ndarray, measured: np.ndarray, watched: Sequence[int] = ()
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Currents (N,) [A] for reference (N, 3 or 4) and readings (N, 5) from the initial memory, and the entries
+        `watched` (k,) of the memory after each sample (N, k)."""
         word, kind = self._type
         memory = (word * self._size)()
         self._library.ehsa_reset(memory)
         rows = [np.ascontiguousarray(table, dtype=kind) for table in (reference, measured)]
         pointers = [[row.ctypes.data_as(ctypes.POINTER(word)) for row in table] for table in rows]
-        return np.array([self._library.ehsa_step(r, y, memory) for r, y in zip(*pointers, strict=True)], dtype=float)
+        currents, traced = np.empty(len(reference)), np.empty((len(reference), len(watched)))
+        entries, places = np.ctypeslib.as_array(memory), list(watched)
+        for k, (r, y) in enumerate(zip(*pointers, strict=True)):
+            currents[k] = self._library.ehsa_step(r, y, memory)
+            traced[k] = entries[places]
+        return currents, traced
 
     @cached_property
     def worst_stack(self) -> int | None:

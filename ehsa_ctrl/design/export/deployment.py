@@ -1,7 +1,6 @@
 """A controller as C99 files: the functions that run in Python, with a test vector and its test.
 
-Every law is translated completely but that of an MPC: of it the estimate, the problem and the fallback are
-translated, and OSQP generates its solver.
+All laws are translated completely, an MPC with a dual active-set solver.
 """
 
 from __future__ import annotations
@@ -9,7 +8,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,21 +27,18 @@ from ..stages.pipeline import S_FEED, S_LAW, S_PLAN, S_REST, STAGES, pipeline
 from ..stages.rest import rest
 from ..stages.supervision import supervise
 from ..stages.trajectory import plan
-from ..state_space.mpc import Mpc, solve_qp
-from .embedded import EmbeddedMpc, EmbeddedOsqp, exact_solver, replay_with_exact, tuned_solver
-from .expressions import CSignature
+from ..state_space.mpc import Mpc
+from .embedded import EmbeddedMpc, exact_solver, replay_with_exact
 from .number import DOUBLES, NumberType
 from .program import Program, setting_names
-from .source import ARRAY, DOUBLE
 
-#: Largest difference of C and Python that the test accepts [A]. With the same libm only an MPC differs at all: OSQP
-#: writes numbers with 20 decimals, which cuts digits off small ones.
-TOLERANCE, TOLERANCE_MPC = 1e-9, 1e-6
+#: Largest difference of C and Python that the test accepts [A]; with the same libm there is none.
+TOLERANCE = 1e-9
 #: The same for floats, as a part of the current limit: 2^-10 is the step of an 11-bit converter over both directions.
 TOLERANCE_FLOAT = 2.0**-10
 TEMPLATES = Path(__file__).parent / "templates"
 VECTOR = "test_vector.csv"
-#: Files of every controller; an MPC also has the folder osqp/.
+#: Files of every controller.
 FILES = ("controller.h", "controller.c", "test.c", "Makefile", "README.md", VECTOR)
 #: Title, function, first index and end of the settings of each stage.
 STAGE_SETTINGS = (
@@ -65,7 +61,7 @@ class TestVector:
         reading.
     current: (N,) of the Python controller [A].
     exact: (N,) with an exact solver from the same memory [A]; None for a law without a solver.
-    unsolved: (N,) whether the sample took the fallback.
+    unsolved: (N,) whether the sample took the fallback. iterations: (N,) of the solver; None without one.
     """
 
     reference: np.ndarray
@@ -73,6 +69,7 @@ class TestVector:
     current: np.ndarray
     exact: np.ndarray | None = None
     unsolved: np.ndarray | None = None
+    iterations: np.ndarray | None = None
 
     @property
     def distance(self) -> float | None:
@@ -116,36 +113,29 @@ class Deployment:
     ----------
     name: of the controller. files: name -> text.
     vector: the test vector. tolerance: of the test [A].
-    solver: generates its own C code; None for a law without one. rho: its step size.
     """
 
     name: str
     files: Mapping[str, str]
     vector: TestVector
     tolerance: float
-    solver: EmbeddedOsqp | None = field(default=None, repr=False)
-    rho: float | None = None
 
     def write(self, folder: str | Path, *, force: bool = False) -> None:
-        """Write all files; those of the solver go to `osqp/`. force: replace an earlier export.
+        """Write all files. force: replace an earlier export.
 
         Raises InputError for an earlier export without `force`, and for files that are not of an export.
         """
         with ResultFolder(Path(folder), "export", force, how=FORCE_ARGUMENT).draft() as draft:
             for name, text in self.files.items():
                 (draft / name).write_text(text, encoding="utf-8")
-            if self.solver is not None:
-                self.solver.generate(draft / "osqp")
 
     def __str__(self) -> str:
-        lines = [
-            f"{self.name}: {len(self.vector.current)} samples of a run as test vector, tolerance {self.tolerance:g} A"
-        ]
-        if self.vector.distance is not None:
-            unsolved = self.vector.fallbacks
+        vector = self.vector
+        lines = [f"{self.name}: {len(vector.current)} samples of a run as test vector, tolerance {self.tolerance:g} A"]
+        if vector.distance is not None and vector.iterations is not None:
             lines.append(
-                f"OSQP with step size {self.rho:g}: at most {self.vector.distance:.3g} A from the exact solution"
-                + (f", {unsolved} unsolved samples took the fallback" if unsolved else "")
+                f"solver: {vector.fallbacks} of {len(vector.current)} samples unsolved, at most "
+                f"{int(vector.iterations.max())} iterations, at most {vector.distance:.3g} A from DAQP's solution"
             )
         return "\n".join(lines)
 
@@ -161,8 +151,8 @@ def export_controller(
         follows a force needs its target as fourth column of the reference.
     number: type of the numbers in C.
 
-    Raises InputError for a law outside the translator's subset of Python, for an MPC that OSQP does not solve, and for
-    wrong shapes.
+    Raises InputError for a law outside the translator's subset of Python, for an MPC without a unique solution or in
+    floats, and for wrong shapes.
     """
     reference, measured = np.array(reference, dtype=float), np.array(measured, dtype=float)
     n, width = len(reference), len(REFERENCE) + controller.follows_force
@@ -174,33 +164,42 @@ def export_controller(
     law: Law = controller.law
     if isinstance(law, PythonLaw):
         raise InputError(f"{controller.name} is Python code; expected a designed controller or a linear law")
-    if not isinstance(law, Mpc):
+    tolerance = TOLERANCE if number == DOUBLES else TOLERANCE_FLOAT * controller.current_limit
+    embedded = embedded_controller(controller)
+    if isinstance(law, Mpc):
+        if number != DOUBLES:
+            raise InputError(
+                f"{controller.name}: the solver of an MPC keeps its bounds to 1e-9, which takes doubles; leave out "
+                "--number"
+            )
+        # No deadline: its effect is not reproducible.
+        exact = replace(controller, law=replace(law, deadline=None, external=exact_solver(law)))
+        vector = TestVector(reference, measured, *replay_with_exact(embedded, exact, reference, measured))
+    else:
         vector = TestVector(reference, measured, replay(controller, reference, measured))
-        tolerance = TOLERANCE if number == DOUBLES else TOLERANCE_FLOAT * controller.current_limit
-        return Deployment(controller.name, _files(controller, vector, tolerance, number), vector, tolerance)
-    if number != DOUBLES:
-        raise InputError(f"{controller.name}: the solver of an MPC is exported in doubles; leave out --number")
+    return Deployment(controller.name, _files(embedded, vector, tolerance, number), vector, tolerance)
+
+
+def embedded_controller(controller: SampledController) -> SampledController:
+    """The controller whose functions are translated: an MPC with the solver of exported code, any other itself.
+
+    Raises InputError for an MPC with unknowns that have no quadratic cost.
+    """
+    law: Law = controller.law
+    if not isinstance(law, Mpc):
+        return controller
     if not is_strictly_convex(law.condensed.H):
         raise InputError(
             f"{controller.name}: has unknowns without a quadratic cost, for which there is no C solver; expected "
             "squares instead of absolute values in the cost"
         )
-    # No deadline: its effect is not reproducible.
-    exact = replace(controller, law=replace(law, deadline=None, external=exact_solver(law)))
-    solver, rho = tuned_solver(exact, reference, measured)
-    embedded = replace(controller, law=replace(law, deadline=None, external=solver))
-    vector = TestVector(reference, measured, *replay_with_exact(embedded, exact, reference, measured))
-    files = _files(replace(controller, law=EmbeddedMpc(law)), vector, TOLERANCE_MPC, number)
-    return Deployment(controller.name, files, vector, TOLERANCE_MPC, solver, rho)
+    return replace(controller, law=EmbeddedMpc(law))
 
 
 def _files(controller: SampledController, vector: TestVector, tolerance: float, number: NumberType) -> dict[str, str]:
     law, memory = controller.law, controller.initial_memory()
-    condensed = law.mpc.condensed if isinstance(law, EmbeddedMpc) else None
-    qp = CSignature("solve_qp", (ARRAY,) * 6, DOUBLE, (False, False, False, True, True, True))
     program = Program(
         (*STAGES, pipeline, *law.uses, law.function),
-        external={} if condensed is None else {solve_qp: qp},
         substitutes={"law": law.function},
         number=number,
     )
@@ -221,9 +220,8 @@ def _files(controller: SampledController, vector: TestVector, tolerance: float, 
         "settings": _settings_lines(controller, number),
         "size": controller.settings().size,
         "program": program.text(pipeline),
-        "solver": condensed is not None,
-        "unknowns": 0 if condensed is None else len(condensed.F),
-        "bounds": 0 if condensed is None else condensed.lower.size,
+        "solver": vector.exact is not None,
+        "iterations": 0 if vector.iterations is None else int(vector.iterations.max()),
         "tolerance": repr(tolerance),
         "distance": vector.distance,
         "unsolved": vector.fallbacks,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..controller import SampledController
+from ..stages.pipeline import pipeline
 
 #: Operations by name, and the methods of float that perform them.
 METHODS = {
@@ -41,25 +42,34 @@ for _kind, _methods in METHODS.items():
         setattr(CountedFloat, _method, _counting(_method, _kind))
 
 
-def worst_operations(controller: SampledController, reference: np.ndarray, measured: np.ndarray) -> dict[str, int]:
+def worst_operations(
+    controller: SampledController, reference: np.ndarray, measured: np.ndarray, only: int | None = None
+) -> dict[str, int]:
     """Floating-point operations of the costliest sample of a run, by kind and as `flops`, which omits comparisons.
 
-    reference (N, 3 or 4), measured (N, 5) with nan for lost readings: as for `export_controller`. For a law without a
-    solver.
+    controller: of `embedded_controller`. reference (N, 3 or 4), measured (N, 5) with nan for lost readings: as for
+    `export_controller`. only: the costliest sample where it is known; counting takes ten times as long as running.
     """
 
     def counted(values: np.ndarray) -> np.ndarray:
         return np.array([CountedFloat(value) for value in values], dtype=object)
 
-    memory, worst = counted(controller.initial_memory()), {"flops": -1}
+    memory, worst = controller.initial_memory(), {"flops": -1}
     settings = counted(controller.settings())
-    from ..stages.pipeline import pipeline
-
-    for r, y in zip(reference, measured, strict=True):
+    if only is None:
+        memory = counted(memory)
+    for k, (r, y) in enumerate(zip(reference, measured, strict=True)):
+        if only is not None and k < only:
+            controller.step(r, y, memory)
+            continue
+        if k == only:
+            memory = counted(memory)
         CountedFloat.counts.clear()
         pipeline(counted(r), counted(y), memory, settings, controller.law.function)
         counts = {kind: CountedFloat.counts[kind] for kind in METHODS}
         flops = sum(counts.values()) - counts["comparisons"]
         if flops > worst["flops"]:
             worst = {"flops": flops, **counts}
+        if k == only:
+            break
     return worst

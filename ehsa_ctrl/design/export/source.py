@@ -22,9 +22,9 @@ RESERVED_NAMES = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
 
-    abs acos asin atan atan2 bool ceil copysign cos cosh ehsa_reset ehsa_step ehsa_solver exp fabs false floor fmod
+    abs acos asin atan atan2 bool ceil copysign cos cosh ehsa_reset ehsa_step exp fabs false floor fmod
     hypot isfinite isinf isnan larger larger_int log log10 main memcpy memmove pow remainder_of round sin
-    settings_of_all sinh smaller smaller_int solve_qp sqrt tan tanh true trunc INFINITY NAN NULL
+    settings_of_all sinh smaller smaller_int sqrt tan tanh true trunc INFINITY NAN NULL
 """
 RESERVED = frozenset(RESERVED_NAMES.split()) | {f"{name}f" for name in RESERVED_NAMES.split()}
 BUILTINS: dict[str, Callable[..., Any]] = {

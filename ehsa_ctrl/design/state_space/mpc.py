@@ -20,6 +20,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ..qp import QP_SOLVERS, SOLVED, QpSolver
+from ..qp._dual_active_set import solve_qp
 from .mpc_problem import Condensed, MpcProblem, condense, motion_ahead
 from .state_feedback import StateFeedback, estimate, predict, regulator_current, target_current
 
@@ -299,7 +300,7 @@ class Mpc:
             own[_PLAN + v :][:bounds],
             own[_PLAN + 2 * v + bounds + parameters :],
         )
-        f, lower, upper = problem[:v], problem[v : v + bounds], problem[v + bounds :]
+        f, lower, upper = problem[:v], problem[v : v + bounds], problem[v + bounds : v + 2 * bounds]
         solution = self.qp.solve(f, lower, upper, plan, multipliers)
         seconds = perf_counter() - begin
         reason = float(solution.status)
@@ -328,26 +329,17 @@ class Mpc:
         return f"MPC over {horizon} by {self.solver}, {', '.join(limits)}; without them {self.feedback}"
 
 
-def solve_qp(
-    f: np.ndarray, lower: np.ndarray, upper: np.ndarray, x: np.ndarray, y: np.ndarray, iterations: np.ndarray
-) -> float:
-    """Stands for the generated solver, which exists in C only.
-
-    x, y: start and, if it returns 0, solution; any other result is a key of REASON. iterations[0]: their number.
-    """
-    raise NotImplementedError("this solver exists only as C code")
-
-
 def mpc_law(
     reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
 ) -> float:
-    """One sample of an MPC whose solver is written in C.
+    """One sample of an MPC with the solver of exported code.
 
-    settings: as in `pose_problem`, with root as one more matrix: the solver's unknowns are z with theta = root z, and
-    root' F replaces F.
+    settings: as in `pose_problem`, with the first indices of three more matrices: root (the solver's unknowns are z
+    with theta = root z, and root' F replaces F), the rows of (root, G root), and the limit of iterations. memory: as
+    there, with the solver's work space at its end.
     """
     own_start, unknowns, bounds, size = int(settings[1]), int(settings[5]), int(settings[6]), int(settings[8])
-    root = int(settings[15])
+    root, rows, limit = int(settings[15]), int(settings[16]), int(settings[17])
     own = memory[own_start:]
     plan = own[_PLAN:]
     multipliers = plan[unknowns:]
@@ -355,8 +347,12 @@ def mpc_law(
     f = z[unknowns + size :]
     lower = f[unknowns:]
     upper = lower[bounds:]
+    work = upper[bounds:]
     target = pose_problem(reference, measured, memory, settings, extra, hold)
-    own[_REASON] = solve_qp(f, lower, upper, z, multipliers, own[_ITERATIONS:])
+    own[_REASON] = solve_qp(
+        settings[rows:], f, lower, upper, z, multipliers, work, unknowns, bounds, int(settings[limit])
+    )
+    own[_ITERATIONS] = work[0]
     if own[_REASON] == 0.0:
         multiply(settings[root:], z, unknowns, unknowns, plan)
     return apply_plan(reference, memory, settings, extra, target)
