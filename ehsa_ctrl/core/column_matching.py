@@ -71,8 +71,22 @@ def find_channels(
             )
         for place, _, column in having:
             place[channel] = replace(at, column=column)
-    found = list(zip(tables, places, strict=True))
+    found = [_with_time(table, place, tables, places) for table, place in zip(tables, places, strict=True)]
     return found if len(found) == 1 else [(table, place) for table, place in found if set(place) - {"t"}]
+
+
+def _with_time(
+    table: LogTable, place: dict[str, Column], tables: Sequence[LogTable], places: Sequence[dict[str, Column]]
+) -> tuple[LogTable, dict[str, Column]]:
+    """A table and its channels, with the time column of the only other table of as many rows if it has none."""
+    if "t" in place or table.time is not None:
+        return table, place
+    others = [(other, at["t"]) for other, at in zip(tables, places, strict=True)
+              if "t" in at and len(other) == len(table)]  # fmt: skip
+    if len(others) != 1:
+        return table, place
+    other, at = others[0]
+    return table.joined(other, at.column), {**place, "t": at}
 
 
 def column_names(tables: Sequence[LogTable]) -> list[str]:

@@ -23,8 +23,10 @@ ATTENUATION = 60.0
 OVERSAMPLING = 6
 #: Largest number of samples after resampling.
 MAX_SAMPLES = 10_000_000
-#: Sample times that differ by less than this share are equal.
-EQUAL = 1e-6
+#: Times that differ by less than this share of a sample are equal. Loggers round stamps: to 1 us of 4 ms, for instance.
+EQUAL = 1e-3
+#: Rates that differ by less than this share are equal, if the times are.
+SAME_RATE = 1e-3
 
 
 class Sampled(NamedTuple):
@@ -103,6 +105,8 @@ def sample_count(duration: float, rate: float, shortest: int = 2) -> int:
 def merge(signals: Mapping[str, Sampled], rate: float, held: Collection[str] = ()) -> Merged:
     """The signals on one time grid of `rate` [Hz], over the time that all of them cover.
 
+    The samples of a signal that has this rate already are the grid, and stay as they are.
+
     held: signals that are constant between their samples, such as the command of a drive, see `resample_signal`.
     Jitter of the times is removed.
 
@@ -110,11 +114,15 @@ def merge(signals: Mapping[str, Sampled], rate: float, held: Collection[str] = (
     """
     first = max(float(signal.time[0]) for signal in signals.values())
     last = min(float(signal.time[-1]) for signal in signals.values())
+    first = next(
+        (begin for signal in signals.values() if (begin := _own_begin(signal, first, rate)) is not None), first
+    )
     time = first + np.arange(sample_count(last - first, rate)) / rate
     channels = {name: resample_signal(signal, time, rate, held=name in held) for name, signal in signals.items()}
     rates = {name: 1.0 / signal.step for name, signal in signals.items()}
-    delay = {name: filter_delay(signal.step, rate) for name, signal in signals.items() if name not in held}
-    averaged = tuple(name for name in signals if name in held)
+    changed = [name for name, signal in signals.items() if _own_samples(signal, time, rate) is None]
+    delay = {name: filter_delay(signals[name].step, rate) for name in changed if name not in held}
+    averaged = tuple(name for name in changed if name in held)
     return Merged(time, channels, RateChange(rate, rates, delay, averaged))
 
 
@@ -125,10 +133,29 @@ def resample_signal(signal: Sampled, new: np.ndarray, rate: float, *, held: bool
     low-pass with the pass and stop band above, whose delay is taken out, and is interpolated. Uneven times are brought
     to a uniform grid before. Beyond its ends a signal is continued by point reflection.
     """
-    time, values = signal
-    if time.size == new.size and np.allclose(time, new, rtol=0.0, atol=EQUAL / rate):
-        return values
+    own = _own_samples(signal, new, rate)
+    if own is not None:
+        return own
     return _averaged(signal, new) if held else _band_limited(signal, new, rate)
+
+
+def _own_begin(signal: Sampled, first: float, rate: float) -> float | None:
+    """The first sample from `first` on of a signal that is uniform at `rate`; None for any other signal."""
+    index = int(np.searchsorted(signal.time, first - EQUAL / rate))
+    begins = float(signal.time[min(index, signal.time.size - 1)])
+    grid = begins + np.arange(signal.time.size - index) / rate
+    return begins if grid.size > 1 and _own_samples(signal, grid, rate) is not None else None
+
+
+def _own_samples(signal: Sampled, new: np.ndarray, rate: float) -> np.ndarray | None:
+    """The values of a signal that has samples at all times `new` and this rate already; else None."""
+    time, values = signal
+    if abs(signal.step * rate - 1.0) > SAME_RATE:
+        return None
+    index = np.rint((new - time[0]) * rate).astype(int)
+    if index[0] < 0 or index[-1] >= time.size or not np.allclose(time[index], new, rtol=0.0, atol=EQUAL / rate):
+        return None
+    return values[index]
 
 
 def filter_delay(step: float, rate: float) -> float:

@@ -65,6 +65,12 @@ class LogTable:
         inside = column.removeprefix(f"{self.group}/") if self.group else column
         return inside if inside != column and inside in self.names else ""
 
+    def joined(self, other: LogTable, column: str) -> LogTable:
+        """This table with a column of another one that has as many rows."""
+        frame = self.frame.assign(**{column: other.frame[column].to_numpy()})
+        units = {**self.units, **({column: other.units[column]} if column in other.units else {})}
+        return replace(self, frame=frame, units=units)
+
     def rows(self, kept: np.ndarray) -> LogTable:
         """The rows where `kept` (N,) is true."""
         time = None if self.time is None else replace(self.time, values=self.time.values[kept])

@@ -1,10 +1,13 @@
 """Every file format: the same channels, times, units and sentences, whatever the file."""
 
+import json
 import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
-from written_formats import SI, STEP, TIME, WRITTEN
+from written_formats import EPOCH, SI, STEP, TIME, WRITTEN
 
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.formats import FORMATS, format_of, read_tables
@@ -123,9 +126,6 @@ def test_without_its_library_the_command_to_install_it_is_said(name, tmp_path, m
 
 def test_the_extras_of_the_formats_are_declared():
     """pyproject.toml names them, and one for all."""
-    import tomllib
-    from pathlib import Path
-
     extras = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"][
         "optional-dependencies"
     ]
@@ -204,3 +204,82 @@ def test_stamps_of_headers_go_before_times_of_recording(tmp_path):
 
     np.testing.assert_allclose(log.time, STEP * np.arange(50), atol=1e-9)
     np.testing.assert_array_equal(log["position"], np.arange(50.0))
+
+
+def test_topics_in_json_are_read_like_others(tmp_path):
+    """As Foxglove writes them; a topic of text or of another encoding is left out."""
+    mcap = pytest.importorskip("mcap.writer")
+    pytest.importorskip("mcap_ros2")
+    with (tmp_path / "u.mcap").open("wb") as stream:
+        file = mcap.Writer(stream)
+        file.start()
+        schema = file.register_schema("State", "jsonschema", b"{}")
+        topics = {t: file.register_channel(t, e, schema) for t, e in (("/rig", "json"), ("/other", "protobuf"))}
+        for k in range(50):
+            at = EPOCH + 4_000_000 * k
+            content = json.dumps({"current": k, "rod": {"position": [0.1 * k, 0.0]}, "note": "run 1"}).encode()
+            file.add_message(topics["/rig"], log_time=at, data=content, publish_time=at)
+            file.add_message(topics["/other"], log_time=at, data=b"?", publish_time=at)
+        file.finish()
+
+    log = read_log(tmp_path / "u.mcap", ["current"], columns={"position": Column("rod.position[0]")})
+
+    np.testing.assert_array_equal(log["current"], np.arange(50.0))
+    np.testing.assert_allclose(log["position"], 0.1 * np.arange(50))
+
+
+def test_groups_of_hdf5_share_a_time_of_their_length(tmp_path):
+    """/t for /sensors/p1; without it a stated rate is the time, and records are columns."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "u.h5", "w") as file:
+        file["t"], file["sensors/p1"] = TIME, SI["p1"]
+        file["drive/current"] = SI["current"]
+    with h5py.File(tmp_path / "v.h5", "w") as file:
+        file["log"] = np.rec.fromarrays([SI["current"], SI["p1"]], names=["current", "p1"])
+        file["log"].attrs["fs"] = 250
+
+    for name in ("u.h5", "v.h5"):
+        log = read_log(tmp_path / name, ["current", "p1"])
+        np.testing.assert_allclose(log.time, TIME)
+        np.testing.assert_array_equal(log["p1"], SI["p1"])
+
+
+def test_invalid_samples_of_mdf_are_no_numbers(tmp_path):
+    """Invalidation bits mark a value that the sensor did not give."""
+    asammdf = pytest.importorskip("asammdf")
+    invalid = np.zeros(TIME.size, dtype=bool)
+    invalid[7] = True
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(SI["p1"], TIME, name="p1", invalidation_bits=invalid)])
+        file.save(tmp_path / "u.mf4")
+
+    with pytest.raises(InputError, match="column 'p1', row 8: 'nan' is not a finite number"):
+        read_log(tmp_path / "u.mf4", ["p1"])
+
+
+def test_scope_channels_of_several_rates_keep_their_own_time(tmp_path):
+    """Groups of other lengths, one that begins earlier, decimal commas, full time stamps."""
+    steps = {"current": 0.2, "position": 4.0, "force": 10.0}
+    times = {name: np.arange(-3.0 if name == "force" else 0.0, 1000.0, step) for name, step in steps.items()}
+    rows = ["Name\tS", "File\tx", "Starttime of export\t1", "Endtime of export\t2", "",
+            *("".join(f"{key}\t{cell.format(name)}\t" for name in steps)
+              for key, cell in (("Name", "{}"), ("Data-Type", "REAL64"), ("SampleTime[ms]", "1")))]  # fmt: skip
+    for k in range(len(times["current"])):
+        cells = (f"{t[k]:.1f}\t{np.sin(t[k] / 50):.9f}" if k < len(t) else "\t" for t in times.values())
+        rows.append("\t".join(cells).replace(".", ","))
+    (tmp_path / "u.csv").write_text("\n".join(rows))
+
+    log = read_log(tmp_path / "u.csv", list(steps), rate=250.0)
+
+    assert log.rates.before == pytest.approx({"current": 5000.0, "position": 250.0, "force": 100.0})
+    np.testing.assert_allclose(log["position"], np.sin(log.time / 0.05), atol=1e-8)
+    np.testing.assert_allclose(log["force"][60:-60], np.sin(log.time / 0.05)[60:-60], atol=0.01)
+
+
+def test_the_page_lists_every_format():
+    """Its extra and its endings, too."""
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "own-log.md").read_text()
+    table = page[page.index("| format |") : page.index("What follows is the same")]
+    for form in FORMATS.values():
+        for word in (form.name.partition(" ")[0], form.extra, *form.suffixes[:2]):
+            assert word in table, form.name

@@ -83,6 +83,16 @@ def test_three_rates_in_one_file_become_one_and_say_so(tmp_path):
     assert figures["rates_before"] == pytest.approx({"current": 4800.0, "position": 500.0, "force": 100.0})
 
 
+def test_a_signal_at_the_new_rate_is_not_touched():
+    """Its samples are the grid, also where another begins in between and ends earlier."""
+    own = sine(20.0, RATE, start=0.001)
+    merged = merge({"fast": sine(10.0, 1000.0, seconds=3.0, start=0.2503), "own": own}, RATE)
+
+    first = int(np.flatnonzero(own.time > 0.2503)[0])
+    np.testing.assert_array_equal(merged.channels["own"], own.values[first : first + merged.time.size])
+    assert list(merged.change.delay) == ["fast"]
+
+
 def test_groups_that_do_not_overlap_are_a_sentence(tmp_path):
     """One was started after the other had ended."""
     nptdms = pytest.importorskip("nptdms")

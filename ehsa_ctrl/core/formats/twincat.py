@@ -42,9 +42,11 @@ def _read(path: Path) -> list[LogTable]:
     body = [line for line in lines[first:] if line.strip() and not line.startswith("EOF")]
     # Point or comma: the separator is neither, and Scope writes no thousands separators.
     decimal = "," if any("," in line for line in body) and separator != "," else "."
+    # Older versions end each row with a separator.
+    width = max(len(names), *(line.count(separator) + 1 for line in body))
     cells = pandas.read_csv(
         io.StringIO("\n".join(body)), sep=separator, decimal=decimal, header=None, low_memory=False,
-        names=range(len(names)), usecols=range(len(names)), index_col=False,
+        names=range(width), index_col=False,
     )  # fmt: skip
     clocks = [i for i, name in enumerate(names) if name == "Name"]
     tables = []
