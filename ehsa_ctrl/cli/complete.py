@@ -13,7 +13,7 @@ import typer
 
 Offer = list[tuple[str, str]]
 #: What `ehsa-ctrl list` lists; "kinds" are those of controllers.
-LISTED = ("plants", "controllers", "kinds", "scenarios", "effects", "friction")
+LISTED = ("plants", "controllers", "kinds", "scenarios", "effects", "friction", "formats")
 
 
 def _definitions(kind: str) -> Callable[[str], Offer]:

@@ -1,4 +1,4 @@
-"""`ehsa-ctrl list`: names and titles of definitions, controller kinds, effects and friction laws."""
+"""`ehsa-ctrl list`: names and titles of definitions, controller kinds, effects, friction laws and file formats."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def command(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List plants, controllers and their kinds, scenarios, effects and friction laws.
+    """List plants, controllers and their kinds, scenarios, effects, friction laws and formats of logs.
 
     Examples: ehsa-ctrl list · ehsa-ctrl list scenarios · ehsa-ctrl list kinds · ehsa-ctrl list effects --json
     """
@@ -70,6 +70,10 @@ def _entries(kind: str) -> dict[str, str]:
         from ..design.kinds import CONTROLLER_KINDS
 
         return {name: one.summary for name, one in CONTROLLER_KINDS.items()}
+    if kind == "formats":
+        from ..core.formats import FORMATS
+
+        return {name: one.summary() for name, one in FORMATS.items()}
     if kind == "friction":
         from ..physics.friction import LAWS
 

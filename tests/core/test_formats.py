@@ -278,8 +278,11 @@ def test_scope_channels_of_several_rates_keep_their_own_time(tmp_path):
 
 def test_the_page_lists_every_format():
     """Its extra and its endings, too."""
-    page = (Path(__file__).parents[2] / "docs" / "how-to" / "own-log.md").read_text()
+    docs = Path(__file__).parents[2] / "docs"
+    reference = (docs / "reference" / "files.md").read_text()
+    page = (docs / "how-to" / "own-log.md").read_text()
     table = page[page.index("| format |") : page.index("What follows is the same")]
     for form in FORMATS.values():
         for word in (form.name.partition(" ")[0], form.extra, *form.suffixes[:2]):
             assert word in table, form.name
+        assert form.name in reference[reference.index("## Formats of logs") :]

@@ -20,21 +20,21 @@ def sine(frequency, rate, seconds=4.0, start=0.0):
 @pytest.mark.parametrize("rate", [4800.0, 1000.0, 500.0, 333.0, 251.0, 250.0, 200.0])
 @pytest.mark.parametrize("frequency", [1.0, 20.0, 77.0])
 def test_a_sine_below_the_nyquist_frequency_keeps_amplitude_and_phase(rate, frequency):
-    """To 1 %: within 0.8 of the lower Nyquist frequency, from any rate, on a grid between the samples."""
+    """To 0.2 %: within 0.8 of the lower Nyquist frequency, from any rate, on a grid between the samples."""
     new = 0.0113 + np.arange(900) / RATE
     got = resample_signal(sine(frequency, rate), new, RATE)
 
-    np.testing.assert_allclose(got[INNER], np.sin(2 * np.pi * frequency * new)[INNER], atol=0.01)
+    np.testing.assert_allclose(got[INNER], np.sin(2 * np.pi * frequency * new)[INNER], atol=0.002)
 
 
 @pytest.mark.parametrize("rate", [4800.0, 1000.0, 500.0])
 @pytest.mark.parametrize("frequency", [127.0, 175.0, 240.0])
-def test_a_sine_above_the_nyquist_frequency_is_attenuated_by_40_db(rate, frequency):
+def test_a_sine_above_the_nyquist_frequency_is_attenuated_by_60_db(rate, frequency):
     """It would come back as another frequency."""
     new = np.arange(900) / RATE
     got = resample_signal(sine(frequency, rate), new, RATE)
 
-    assert np.std(got[INNER]) < 0.01 * np.sqrt(0.5)
+    assert np.std(got[INNER]) < 0.001 * np.sqrt(0.5)
 
 
 @pytest.mark.parametrize("rate", [4800.0, 300.0, 100.0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,13 @@ class Format:
     def fits(self, path: Path, head: bytes) -> bool:
         """Whether the content shows this format."""
         return any(head.startswith(magic) for magic in self.magic) or self.recognises(path, head)
+
+    def summary(self) -> str:
+        """Endings, extra (and whether its libraries are here) and contents, in words."""
+        endings = ", ".join(self.suffixes) or "recognised by its content"
+        missing = any(importlib.util.find_spec(module) is None for module in self.modules)
+        extra = f" (extra {self.extra}{', not installed' if missing else ''})" if self.extra else ""
+        return f"{endings}{extra}: {self.contents.replace('`', '')}"
 
     def require(self, path: Path) -> None:
         """Raise InputError, with the command to install it, if a library is missing."""
