@@ -290,3 +290,14 @@ def test_what_does_not_fit_is_refused_in_a_sentence(system, change, words):
 
     with pytest.raises(InputError, match=words):
         analyse_loop(model, controller)
+
+
+def test_names_of_the_states_play_no_part(linear):
+    """A model whose states lost their names, as python-control's slices do, has the same margins."""
+    model = three_state(linear)
+    unnamed = model[[model.output_labels.index("x"), model.output_labels.index("omega")], :]
+    named, lost = (analyse_loop(each, load_controller("cascade_position", model)) for each in (model, unnamed))
+
+    assert not set(unnamed.state_labels) & set(model.state_labels)
+    for figure in ("Ms", "Mt", "disk_margin", "delay_margin", "crossover"):
+        assert lost.figure(figure) == pytest.approx(named.figure(figure), rel=1e-6)

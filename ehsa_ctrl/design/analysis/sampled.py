@@ -51,11 +51,17 @@ def readings(system: control.StateSpace) -> np.ndarray:
 
 
 def state_scales(system: control.StateSpace) -> np.ndarray:
-    """Scale (n,) of each state by its name, see SCALES; 1 for other names.
+    """Scale (n,) of each state by its name, see SCALES; 1 for other names, and balanced where none is known.
 
-    Matrix balancing would fail: a linearised model has entries of 1e-10 instead of 0 from rounding, and balancing would
-    take them for real couplings of the position.
+    Matrix balancing of a known model would fail: a linearised one has entries of 1e-10 instead of 0 from rounding, and
+    balancing would take them for real couplings of the position.
     """
+    if not set(system.state_labels) & set(SCALES):
+        # A model of somebody else's, whose states may be of any size: in SI units they differ by ten decades.
+        from scipy.linalg import matrix_balance
+
+        _, (scale, _) = matrix_balance(np.asarray(system.A, dtype=float), permute=False, separate=True)
+        return np.asarray(scale)
     return np.array([SCALES.get(name, 1.0) for name in system.state_labels])
 
 

@@ -103,7 +103,7 @@ def design_kalman(model: DesignModel, noise: Observer) -> Kalman:
     R = np.diag([sd[name] ** 2 for name in model.signals])
     # Measurements in units of their standard deviation: variances in m2 and Pa2 in one equation lose digits.
     unit = np.sqrt(np.diag(R))
-    _, covariance, _ = control.dlqe(a, np.eye(n + d), c / unit[:, None], Q, np.eye(unit.size))
+    _, covariance, _ = control.dlqe(a, np.eye(n + d), c / unit[:, None], Q, np.eye(unit.size), method="scipy")
     covariance = 0.5 * (covariance + covariance.T)
     scaled = c / unit[:, None]
     gain = np.linalg.solve(scaled @ covariance @ scaled.T + np.eye(unit.size), scaled @ covariance).T / unit

@@ -122,7 +122,7 @@ def design_regulator(model: DesignModel, cost: Cost) -> Regulator:
         Q[n + 1, n + 1] = cost.Q_integral
     R = cost.R + cost.R_rate
     try:
-        gains, P, poles = control.dlqr(a, b[:, None], Q, np.array([[R]]), cross[:, None])
+        gains, P, poles = control.dlqr(a, b[:, None], Q, np.array([[R]]), cross[:, None], method="scipy")
     except (np.linalg.LinAlgError, control.ControlArgument) as error:
         raise InputError(
             f"these weights give no regulator ({error}): every mode that does not decay needs a weight; "
