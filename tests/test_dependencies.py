@@ -22,6 +22,7 @@ USED_OTHERWISE = {
     "pytest-cov": "plugin of pytest",
     "pytest-xdist": "plugin of pytest",
     "ruff": "a command",
+    "slycot": "backend of control.mixsyn, in a notebook",
 }
 #: Modules that tests write and then import.
 WRITTEN_BY_TESTS = {"family", "odd"}

@@ -22,6 +22,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small here: t
 import subprocess
 import sys
 import tempfile
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -666,7 +667,9 @@ A = model.A * scale / scale[:, None] - 0.01 * np.eye(4)
 G = control.ss(A, model.B[:, :1] / scale[:, None], 1e3 * model.C[[model.output_labels.index("x")]] * scale, 0.0)
 W_1 = control.tf([1 / 1.6, 30.0], [1.0, 0.3])  # |S| below 1.6, from 30 rad/s down as small as possible
 W_2 = control.tf([1.0, 30.0], [0.02, 60.0])  # 2 A per mm, less and less beyond 30 rad/s
-K, _, (gamma, _) = control.mixsyn(G, W_1, W_2)
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", FutureWarning)  # python-control's own
+    K, _, (gamma, _) = control.mixsyn(G, W_1, W_2)
 h_infinity = control.ss(K.A, K.B, 1e3 * K.C, 1e3 * K.D, name="h_infinity")
 h_loop = e.analyse_loop(model, e.load_controller(h_infinity, current_limit=6.0))
 assert h_loop.stable and h_loop.Ms < 1.6
