@@ -210,6 +210,29 @@ def test_chance_explains_nothing():
     assert placebo(*bump) < find_sums(*bump)[0].explained - 0.1
 
 
+def test_a_constant_is_not_taken_for_chance():
+    """It is the same in reversed time, and a law all the same; a placebo is what a term explains beyond it."""
+    grammar, windows, nuisance = case(lambda x, v, d: 280.0 + 3000.0 * np.abs(v) + 40.0 * np.sin(40.0 * TIME[:-1] ** 2))
+    best = find_sums(grammar, windows, nuisance)[0]
+
+    assert {"1", "abs(v)"} >= {term.text for term in best.terms} and best.explained > 0.9
+    assert placebo(grammar, windows, nuisance) < 0.1
+
+
+def test_a_variable_that_explains_everything_hides_no_other():
+    """The pressures balance the force on a rod: the law in the speed is found beside that of the pressure."""
+    grammar, windows, nuisance = case(lambda x, v, d: 280.0 * d + 3e4 * v * np.abs(v))
+    force = 280.0 * grammar.known["d_R"] + 3e4 * grammar.known["v"] * np.abs(grammar.known["v"])
+    pressure = LawVariable("P", "Pa", force / 2.5e-3)
+    grammar = replace(
+        grammar, variables=(*grammar.variables, pressure), known={**grammar.known, "P": pressure.values},
+        units={**grammar.units, "P": "Pa"},
+    )  # fmt: skip
+    found = [{term.text for term in one.terms} for one in find_sums(grammar, windows, nuisance)]
+
+    assert found[0] <= {"P", "d_R * abs(P)"} and {"d_R", "v * abs(v)"} in found
+
+
 def test_a_wrong_nominal_parameter_is_no_law():
     """What follows the change by a nominal parameter is explained by that parameter."""
     grammar, windows, _ = case(lambda x, v, d: 5e4 * x)

@@ -24,7 +24,7 @@ from .grammar import Grammar, Term, variables_of
 #: Most terms of a sum, and most variables.
 MOST_TERMS, MOST_VARIABLES = 3, 2
 #: Sums that are kept in each step of the selection, and in its result.
-BEAM, KEPT = 6, 8
+BEAM, KEPT = 6, 12
 #: Penalty on each number of a law, and smallest gain of a further term, as shares of the unknown input's square.
 PENALTY, GAIN = 0.002, 0.01
 #: A term with a smaller gain is tried if it explains this share of what the others leave: a constant that is small
@@ -153,15 +153,31 @@ def find_sums(
     """
     problem = _SumProblem(grammar, windows, list(grammar.terms()), nuisance)
     everything = range(len(problem.terms))
-    beam: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
-    found: list[tuple[float, tuple[int, ...]]] = []
+    found = _selected(problem, everything, most_terms)
+    if found:
+        # The pressures balance whatever acts on the rod, so that a law of them hides the others.
+        first = variables_of([problem.terms[i] for i in max(found)[1]])
+        found += _selected(problem, [i for i in everything if not problem.terms[i].variables & first], most_terms)
+    fits = [_fit(problem, chosen, share) for share, chosen in _varied(problem, found)]
+    stable = [one for one in (_stable(grammar, windows, nuisance, fit) for fit in fits) if one is not None]
+    distinct: list[LawFit] = []
+    for one in sorted(stable, key=lambda fit: -fit.explained):
+        if one.dissipates and not any(_alike(one, other) for other in distinct):
+            distinct.append(one)
+    return distinct
+
+
+def _selected(problem: _SumProblem, allowed: Sequence[int], most_terms: int) -> list[RankedSum]:
+    """The best sums of these terms, of each size."""
+    beam: list[RankedSum] = [(0.0, ())]
+    found: list[RankedSum] = []
     best = 0.0
     for _ in range(most_terms):
-        rows: dict[frozenset[str], tuple[float, tuple[int, ...]]] = {}
+        rows: dict[frozenset[str], RankedSum] = {}
         for before, chosen in beam:
             used = variables_of([problem.terms[i] for i in chosen])
             families = {problem.terms[i].family for i in chosen}
-            for i in everything:
+            for i in allowed:
                 term = problem.terms[i]
                 if term.family in families or len(used | term.variables) > MOST_VARIABLES:
                     continue
@@ -175,39 +191,37 @@ def find_sums(
             break
         best = beam[0][0]
         found += beam
-    fits = [_fit(problem, chosen, share) for share, chosen in _varied(problem, found)]
-    stable = [one for one in (_stable(grammar, windows, nuisance, fit) for fit in fits) if one is not None]
-    distinct: list[LawFit] = []
-    for one in sorted(stable, key=lambda fit: -fit.explained):
-        if one.dissipates and not any(_alike(one, other) for other in distinct):
-            distinct.append(one)
-    return distinct
+    return found
 
 
-def _varied(
-    problem: _SumProblem, found: Sequence[tuple[float, tuple[int, ...]]]
-) -> list[tuple[float, tuple[int, ...]]]:
+def _varied(problem: _SumProblem, found: Sequence[RankedSum]) -> list[RankedSum]:
     """The best sums, and the best one of each size for each set of variables.
 
     Small errors of the balances at high frequency are explained well, and hardly matter in free run.
     """
     ranked = sorted(found, reverse=True)
-    best: dict[tuple[int, frozenset[str]], tuple[float, tuple[int, ...]]] = {}
+    best: dict[tuple[int, frozenset[str]], RankedSum] = {}
     for share, chosen in ranked:
         best.setdefault((len(chosen), variables_of([problem.terms[i] for i in chosen])), (share, chosen))
     return list(dict.fromkeys([*ranked[:3], *sorted(best.values(), reverse=True)]))[:KEPT]
 
 
 def _alike(one: LawFit, other: LawFit) -> bool:
-    """Whether two sums are the same function along the logs."""
+    """Whether two sums of the same variables are the same function along the logs; others differ in a simulation."""
+    if variables_of(one.terms) != variables_of(other.terms):
+        return False
     a, b = one.values, other.values
     return float(np.sum((a - b) ** 2)) < ALIKE**2 * float(np.sum(a**2) + np.sum(b**2))
 
 
 def placebo(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> float:
-    """Share that a single term explains of the unknown input reversed in time: what the selection finds in chance."""
+    """Share that a single term explains of the unknown input reversed in time, beyond a constant, which reversal leaves
+    as it is: what the selection finds in chance."""
     problem = _SumProblem(grammar, windows.reversed(), list(grammar.terms()), nuisance)
-    return max((problem.explained((i,)) for i in range(len(problem.terms))), default=0.0)
+    constant = [i for i, term in enumerate(problem.terms) if not term.variables and term.text == "1"]
+    least = max(problem.explained(constant), 0.0)
+    beside = (problem.explained((*constant, i)) for i in range(len(problem.terms)) if i not in constant)
+    return max(beside, default=least) - least
 
 
 def explained_by(fit: LawFit, windows: Windows, nuisance: np.ndarray) -> float:
