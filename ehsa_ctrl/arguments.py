@@ -290,7 +290,7 @@ _NAMES = {
     WHOLE: "direction draws jobs lag n order points rehearsals runs shortest starts",
     SEED: "seed",
     FLAG: "anew assumed centre check compiled raise_on_failure sensor_noise subspace uniform",
-    TEXT: "criterion drive_unit estimator kind label method name system_name",
+    TEXT: "criterion drive_unit estimator kind label method name system_name time_source",
     TEXT | NONE: "chambers rod_friction shaft_friction",
     TEXT | PATH: "file folder identification path",
     ARRAY: "current drive force measured reference simulated start time x",

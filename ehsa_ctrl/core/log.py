@@ -95,6 +95,7 @@ class Log(Result):
     label: name that distinguishes it from other logs, see `named`; empty for the file's name.
     settings: symbol -> value of a parameter that was set for this log alone, SI units, such as a gain of the firmware.
     rates: how its channels were brought to one rate, if the file has several.
+    time_source: what gave the time, if not a column: wf_increment, for instance, or a given sample time.
     """
 
     time: np.ndarray
@@ -106,6 +107,7 @@ class Log(Result):
     label: str = field(default="", compare=False, repr=False)
     settings: Mapping[str, float] = field(default_factory=dict)
     rates: RateChange | None = field(default=None, compare=False, repr=False)
+    time_source: str = field(default="", compare=False, repr=False)
 
     @property
     def name(self) -> str:

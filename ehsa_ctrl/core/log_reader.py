@@ -84,13 +84,15 @@ def read_log(
 
 class Part(NamedTuple):
     """The channels that were sampled together: time (N,) s, channel -> values (N,), and the date of time 0 (s since
-    1970). notes: sentences on what was assumed. converted: channel -> the unit in the file, where it was converted."""
+    1970). notes: sentences on what was assumed. converted: channel -> the unit in the file, where it was converted.
+    source: what gave the time, empty for a column."""
 
     time: np.ndarray
     channels: dict[str, np.ndarray]
     start: float | None
     notes: tuple[str, ...]
     converted: dict[str, str]
+    source: str
 
 
 def log_from_tables(
@@ -170,13 +172,16 @@ def _part(path: Path | str, table: LogTable, at: Mapping[str, Column], how: Read
     )
     check_time(path, time, uniform=how.uniform and not several, lines=table.lines, what=what)
     converted = {c: table.units[place.column] for c, place in at.items() if scales[c] != place.scale}
-    return Part(time, values, clock.start, (*table.notes, *clock.notes), converted)
+    source = "the given sample time" if how.sample_time is not None else ""
+    if not source and "t" not in at and table.time is not None:
+        source = table.time.source
+    return Part(time, values, clock.start, (*table.notes, *clock.notes), converted, source)
 
 
 def _joined(path: Path | str, parts: Sequence[Part], how: ReadingOptions) -> Log:
     """The log of all parts: as it is for one, on the common samples for equal times, else resampled."""
     if len(parts) == 1:
-        return Log(parts[0].time, parts[0].channels)
+        return Log(parts[0].time, parts[0].channels, time_source=parts[0].source)
     if how.sample_time is not None and len({part.time.size for part in parts}) > 1:
         sizes = ", ".join(f"{join_words(part.channels)} {part.time.size}" for part in parts)
         raise InputError(
@@ -213,7 +218,7 @@ def _joined(path: Path | str, parts: Sequence[Part], how: ReadingOptions) -> Log
             name: values[inside] for part, inside in zip(parts, within, strict=True)
             for name, values in part.channels.items()
         }  # fmt: skip
-        return Log(common[0], channels, notes=tuple(notes))
+        return Log(common[0], channels, notes=tuple(notes), time_source=parts[0].source)
     return _resampled(path, parts, times, how, notes)
 
 

@@ -197,11 +197,13 @@ def wrong_sample_time(plant: Plant, log: Log) -> str:
     if agreements[best] < max(PLAUSIBLE, as_logged + (BETTER_BY_TRAVEL if travel else BETTER)):
         return ""
     probably = f"it is probably in {UNITS[best]}" if best in UNITS else "the logger probably had another sampling rate"
+    given = f"give --sample-time {best * log.sample_time:.4g}"
+    moves = f"but {plant.name} moves as in this log if they are {1e3 * best * log.sample_time:.3g} ms"
+    if log.time_source:
+        return f"by {log.time_source} the steps are {1e3 * log.sample_time:.3g} ms, {moves}: {probably}; {given}"
     return (
-        f"column {column_of(plant, 't')!r} has steps of {1e3 * log.sample_time:.3g} ms, but {plant.name} moves as in "
-        f"this log if they are {1e3 * best * log.sample_time:.3g} ms: {probably}; write "
-        f"{log_table_entry(plant, 't', best, digits=4)} in the plant's [log] table, or give --sample-time "
-        f"{best * log.sample_time:.4g}"
+        f"column {column_of(plant, 't')!r} has steps of {1e3 * log.sample_time:.3g} ms, {moves}: {probably}; write "
+        f"{log_table_entry(plant, 't', best, digits=4)} in the plant's [log] table, or {given}"
     )
 
 

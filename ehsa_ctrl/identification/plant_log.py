@@ -127,6 +127,11 @@ def wrong_time_unit(log: Log, plant: Plant) -> str:
     else:
         unit, scale = min(COUNTS.items(), key=lambda item: abs(math.log(ratio * item[1])))
     given = f"--sample-time {plant.sample_time:g}"
+    if log.time_source:
+        return (
+            f"{log.path or 'the log'}: by {log.time_source} the sample time is {steps} that of {plant.name}; give the "
+            f"sample time of the rows, as in {given}"
+        )
     column = column_of(plant, "t")
     where = f"{log.path or 'the log'}: column {column!r} has steps of {steps} the sample time of {plant.name}"
     if mapped == 1.0 and abs(log.sample_time - 1.0) < 1e-9:

@@ -58,6 +58,21 @@ def test_a_rate_may_be_given(rig):
     assert read_plant_log(path, plant, rate=125.0).sample_time == pytest.approx(0.008)
 
 
+def test_a_default_increment_asks_for_the_sample_time(rig, tmp_path):
+    """LabVIEW writes 1 where nobody set it: there is no column that a scale could correct."""
+    nptdms = pytest.importorskip("nptdms")
+    _, fast, _ = rig
+    with nptdms.TdmsWriter(tmp_path / "u.tdms") as file:
+        properties = {"wf_increment": 1.0, "wf_start_offset": 0.0}
+        channels = {name: fast[name][:500] for name in ("current", "speed")}
+        file.write_segment([nptdms.ChannelObject("g", name, v, properties) for name, v in channels.items()])
+
+    with pytest.raises(InputError, match=r"by wf_increment the sample time is 1 s, 250 times .*; give .*-time 0.004$"):
+        read_plant_log(tmp_path / "u.tdms", load_plant("ehsa"))
+    with pytest.raises(InputError, match=r"by the given sample time the sample time is 4 s, 1e\+03 times"):
+        read_plant_log(tmp_path / "u.tdms", load_plant("ehsa"), sample_time=4.0)
+
+
 def test_steps_of_one_ask_for_the_sample_time(rig, tmp_path):
     """Whichever format they come in; given, the log is read, and nonsense is refused."""
     plant, fast, _ = rig
