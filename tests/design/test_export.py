@@ -520,11 +520,11 @@ def test_an_mpc_is_solved_in_c_as_by_daqp(system, tmp_path):
     assert run.error < 1e-8 and (run.unsolved, vector.fallbacks) == (0, 0)
     assert vector.distance < 1e-9 and run.iterations == vector.iterations.max() > 5
     assert np.any(np.abs(vector.current) > 1.0) and report.operations["flops"] > 5000
-    hasty = replace(controller, law=replace(controller.law, iteration_limit=5))
+    hasty = replace(controller, law=replace(controller.law, iteration_limit=12))
     deployment = export_controller(hasty, reference, measured)
     deployment.write(tmp_path)
     step = step_of(tmp_path, embedded_controller(hasty))
 
-    assert 0 < deployment.vector.fallbacks < 20
+    assert 0 < deployment.vector.fallbacks < 30
     for r, y, current in zip(reference, measured, deployment.vector.current, strict=True):
         assert step(r, y)[0] == current
