@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl.design.qp import QP_SOLVERS
-from ehsa_ctrl.design.qp._dual_active_set import solve_qp, work_size
+from ehsa_ctrl.design.qp._dual_active_set import TOLERANCES, solve_qp, work_size
 
 
 def problem(seed):
@@ -27,7 +27,7 @@ def problem(seed):
 def solve(R, f, lower, upper, y, limit=200):
     n, y = R.shape[1], y.copy()
     z, work = np.zeros(n), np.zeros(work_size(n))
-    status = solve_qp(R.ravel(), f, lower, upper, z, y, work, n, len(R), limit)
+    status = solve_qp(R.ravel(), f, lower, upper, z, y, work, n, len(R), limit, *TOLERANCES)
     return status, z, y, work[0]
 
 

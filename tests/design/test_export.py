@@ -520,6 +520,10 @@ def test_an_mpc_is_solved_in_c_as_by_daqp(system, tmp_path):
     assert run.error < 1e-8 and (run.unsolved, vector.fallbacks) == (0, 0)
     assert vector.distance < 1e-9 and run.iterations == vector.iterations.max() > 5
     assert np.any(np.abs(vector.current) > 1.0) and report.operations["flops"] > 5000
+    floats = check_code(
+        export_controller(controller, reference, measured, number=NUMBERS["float"]), controller, NUMBERS["float"], []
+    )
+    assert floats.runs["test vector"].unsolved == 0 and floats.runs["test vector"].error < 0.03
     hasty = replace(controller, law=replace(controller.law, iteration_limit=12))
     deployment = export_controller(hasty, reference, measured)
     deployment.write(tmp_path)

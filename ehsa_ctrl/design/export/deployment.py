@@ -22,6 +22,7 @@ from ...core.result_folder import ResultFolder
 from ..controller import Law, SampledController
 from ..python_law import PythonLaw
 from ..qp import is_strictly_convex
+from ..qp._dual_active_set import TOLERANCES, TOLERANCES_FLOAT
 from ..stages.feedforward import feedforward
 from ..stages.pipeline import S_FEED, S_LAW, S_PLAN, S_REST, STAGES, pipeline
 from ..stages.rest import rest
@@ -34,8 +35,8 @@ from .program import Program, setting_names
 
 #: Largest difference of C and Python that the test accepts [A]; with the same libm there is none.
 TOLERANCE = 1e-9
-#: The same for floats, as a part of the current limit: 2^-10 is the step of an 11-bit converter over both directions.
-TOLERANCE_FLOAT = 2.0**-10
+#: The same for floats, as a part of the current limit: 2^-9 is the step of a 10-bit converter over both directions.
+TOLERANCE_FLOAT = 2.0**-9
 TEMPLATES = Path(__file__).parent / "templates"
 VECTOR = "test_vector.csv"
 #: Files of every controller.
@@ -151,8 +152,8 @@ def export_controller(
         follows a force needs its target as fourth column of the reference.
     number: type of the numbers in C.
 
-    Raises InputError for a law outside the translator's subset of Python, for an MPC without a unique solution or in
-    floats, and for wrong shapes.
+    Raises InputError for a law outside the translator's subset of Python, for an MPC without a unique solution, and
+    for wrong shapes.
     """
     reference, measured = np.array(reference, dtype=float), np.array(measured, dtype=float)
     n, width = len(reference), len(REFERENCE) + controller.follows_force
@@ -167,21 +168,18 @@ def export_controller(
     tolerance = TOLERANCE if number == DOUBLES else TOLERANCE_FLOAT * controller.current_limit
     embedded = embedded_controller(controller)
     if isinstance(law, Mpc):
-        if number != DOUBLES:
-            raise InputError(
-                f"{controller.name}: the solver of an MPC keeps its bounds to 1e-9, which takes doubles; leave out "
-                "--number"
-            )
         # No deadline: its effect is not reproducible.
         exact = replace(controller, law=replace(law, deadline=None, external=exact_solver(law)))
         vector = TestVector(reference, measured, *replay_with_exact(embedded, exact, reference, measured))
     else:
         vector = TestVector(reference, measured, replay(controller, reference, measured))
-    return Deployment(controller.name, _files(embedded, vector, tolerance, number), vector, tolerance)
+    written = embedded_controller(controller, number)
+    return Deployment(controller.name, _files(written, vector, tolerance, number), vector, tolerance)
 
 
-def embedded_controller(controller: SampledController) -> SampledController:
-    """The controller whose functions are translated: an MPC with the solver of exported code, any other itself.
+def embedded_controller(controller: SampledController, number: NumberType = DOUBLES) -> SampledController:
+    """The controller whose functions are translated: an MPC with the solver of exported code and its tolerances for
+    this type of numbers, any other itself.
 
     Raises InputError for an MPC with unknowns that have no quadratic cost.
     """
@@ -193,7 +191,7 @@ def embedded_controller(controller: SampledController) -> SampledController:
             f"{controller.name}: has unknowns without a quadratic cost, for which there is no C solver; expected "
             "squares instead of absolute values in the cost"
         )
-    return replace(controller, law=EmbeddedMpc(law))
+    return replace(controller, law=EmbeddedMpc(law, TOLERANCES if number == DOUBLES else TOLERANCES_FLOAT))
 
 
 def _files(controller: SampledController, vector: TestVector, tolerance: float, number: NumberType) -> dict[str, str]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..controller import SampledController
 from ..qp import QP_SOLVERS, QpSolver
-from ..qp._dual_active_set import SOLVER_FUNCTIONS, work_size
+from ..qp._dual_active_set import SOLVER_FUNCTIONS, TOLERANCES, work_size
 from ..state_space.mpc import SAMPLE_FUNCTIONS, Mpc, mpc_law
 
 #: Iterations of the exact solver, enough for it never to stop early.
@@ -50,9 +50,10 @@ def replay_with_exact(
 
 @dataclass(frozen=True)
 class EmbeddedMpc:
-    """An MPC for the export, a design.controller.Law whose `function` is translated to C."""
+    """An MPC for the export, a design.controller.Law whose `function` is translated to C. tolerances: of `solve_qp`."""
 
     mpc: Mpc
+    tolerances: tuple[float, float] = TOLERANCES
     function = staticmethod(mpc_law)
     uses: tuple[Callable[..., Any], ...] = (*SOLVER_FUNCTIONS, *SAMPLE_FUNCTIONS)
     compiles = False
@@ -72,7 +73,7 @@ class EmbeddedMpc:
         own = {
             "root": root,
             "rows": np.vstack([root, G @ root]).T,
-            "limit": np.array([float(self.mpc.iteration_limit)]),
+            "solver": np.array([float(self.mpc.iteration_limit), *self.tolerances]),
         }
         return {**self.mpc.matrices, "F": root.T @ self.mpc.condensed.F, **own}
 

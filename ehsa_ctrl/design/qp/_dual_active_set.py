@@ -15,10 +15,11 @@ from math import isfinite, sqrt
 
 import numpy as np
 
-#: Violation up to which a bound counts as kept, in the unit of its row; daqp's is 1e-6, and its iterates are no closer.
-KEPT = 1e-9
-#: A row is dependent on the active ones if this share of its squared length, or less, is perpendicular to them.
-DEPENDENT = 1e-10
+#: Violation up to which a bound counts as kept, in the unit of its row, and share of a row's squared length that must
+#: be perpendicular to the active rows, or else it counts as dependent on them: for doubles, and for floats. DAQP's
+#: tolerance of bounds is 1e-6.
+TOLERANCES = (1e-9, 1e-10)
+TOLERANCES_FLOAT = (3e-5, 1e-5)
 #: Vectors of length n (the unknowns) in the work space, before the factor: places of the active rows, their sides,
 #: multipliers, the next multipliers, and a scratch vector.
 VECTORS = 5
@@ -142,12 +143,14 @@ def solve_qp(
     n: int,
     bounds: int,
     limit: int,
+    kept: float,
+    dependent: float,
 ) -> float:
     """Solve the problem above; returns 0 if solved, 1 infeasible, 2 out of iterations, 3 not a number.
 
     rows: R (bounds, n), row by row. f (n,), lower and upper (bounds,). z (n,): gets the solution. y (bounds,):
     multipliers, positive at an upper bound, as warm start and result. work (work_size(n),): work[0] becomes the number
-    of iterations. limit: of iterations. z and y are valid only if it returns 0.
+    of iterations. limit: of iterations. kept, dependent: see TOLERANCES. z and y are valid only if it returns 0.
     """
     work[0] = 0.0
     for i in range(n):
@@ -160,9 +163,10 @@ def solve_qp(
     for i in range(bounds):
         if y[i] != 0.0 and active < n:
             left = project(rows, i, work, n, active)
-            if left > DEPENDENT * dot(rows[i * n :], rows[i * n :], n):
+            if left > dependent * dot(rows[i * n :], rows[i * n :], n):
                 enter(i, 1.0 if y[i] > 0.0 else -1.0, y[i], left, work, n, active)
                 active += 1
+                continue
         y[i] = 0.0
     iterations = 0
     while iterations < limit:
@@ -170,6 +174,7 @@ def solve_qp(
         least_on_active(rows, f, lower, upper, work, n, active)
         block = blocking_step(work, n, active)
         if block < active:
+            y[int(work[1 + block])] = 0.0
             leave(rows, block, work, n, active)
             active -= 1
             continue
@@ -180,8 +185,10 @@ def solve_qp(
             multiplier = work[1 + 2 * n + k]
             for i in range(n):
                 z[i] -= rows[row + i] * multiplier
-        worst, violated, side = KEPT, bounds, 1.0
+        worst, violated, side = kept, bounds, 1.0
         for i in range(bounds):
+            if y[i] != 0.0:
+                continue  # active: at its bound but for rounding
             value = dot(rows[i * n :], z, n)
             if value - upper[i] > worst:
                 worst, violated, side = value - upper[i], i, 1.0
@@ -194,16 +201,18 @@ def solve_qp(
             return 0.0
         multiplier = 0.0
         left = project(rows, violated, work, n, active)
-        while active == n or left <= DEPENDENT * dot(rows[violated * n :], rows[violated * n :], n):
+        while active == n or left <= dependent * dot(rows[violated * n :], rows[violated * n :], n):
             block = dependent_step(side, work, n, active)
             if block == active:
                 work[0] = float(iterations)
                 return 1.0
             multiplier += work[0]
+            y[int(work[1 + block])] = 0.0
             leave(rows, block, work, n, active)
             active -= 1
             left = project(rows, violated, work, n, active)
         enter(violated, side, multiplier, left, work, n, active)
+        y[violated] = side
         active += 1
     work[0] = float(iterations)
     return 2.0

@@ -335,8 +335,8 @@ def mpc_law(
     """One sample of an MPC with the solver of exported code.
 
     settings: as in `pose_problem`, with the first indices of three more matrices: root (the solver's unknowns are z
-    with theta = root z, and root' F replaces F), the rows of (root, G root), and the limit of iterations. memory: as
-    there, with the solver's work space at its end.
+    with theta = root z, and root' F replaces F), the rows of (root, G root), and (limit of iterations, two tolerances)
+    of `solve_qp`. memory: as there, with the solver's work space at its end.
     """
     own_start, unknowns, bounds, size = int(settings[1]), int(settings[5]), int(settings[6]), int(settings[8])
     root, rows, limit = int(settings[15]), int(settings[16]), int(settings[17])
@@ -350,8 +350,9 @@ def mpc_law(
     work = upper[bounds:]
     target = pose_problem(reference, measured, memory, settings, extra, hold)
     own[_REASON] = solve_qp(
-        settings[rows:], f, lower, upper, z, multipliers, work, unknowns, bounds, int(settings[limit])
-    )
+        settings[rows:], f, lower, upper, z, multipliers, work, unknowns, bounds,
+        int(settings[limit]), settings[limit + 1], settings[limit + 2],
+    )  # fmt: skip
     own[_ITERATIONS] = work[0]
     if own[_REASON] == 0.0:
         multiply(settings[root:], z, unknowns, unknowns, plan)
