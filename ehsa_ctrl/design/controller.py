@@ -13,9 +13,10 @@ from ..core.controller_interface import REFERENCE_FORCE
 from ..core.result import Result
 from ..core.watchdog import Watchdog
 from .python_law import PythonLaw
+from .stages.adaptation import TRACES as ADAPTED
 from .stages.compiled import compiled_pipeline
 from .stages.feedforward import Feedforward, feedforward_settings
-from .stages.pipeline import M_LAW, TRACES, pipeline
+from .stages.pipeline import M_CURRENT, M_LAW, TRACES, pipeline
 from .stages.rest import Dither, Rest, rest_settings
 from .stages.supervision import Supervision
 from .stages.trajectory import TrajectoryLimits, trajectory_settings
@@ -109,7 +110,9 @@ class SampledController(Result):
 
     @property
     def traces(self) -> Mapping[str, int]:
-        return {**TRACES, **{name: M_LAW + index for name, index in self.law.traces.items()}}
+        adapts = self.feedforward is not None and self.feedforward.adaptation is not None
+        own = {name: M_CURRENT + index for name, index in ADAPTED.items()} if adapts else {}
+        return {**TRACES, **own, **{name: M_LAW + index for name, index in self.law.traces.items()}}
 
     def settings(self) -> np.ndarray:
         return self._settings.copy()
@@ -121,7 +124,7 @@ class SampledController(Result):
             [
                 self.supervision.settings(self.sample_time, self.law.reads),
                 trajectory_settings(self.trajectory, self.sample_time, force=self.follows_force),
-                feedforward_settings(self.feedforward, self.sample_time),
+                feedforward_settings(self.feedforward, self.sample_time, self.current_limit),
                 rest_settings(self.rest, self.dither, self.sample_time),
                 self.law.settings(),
             ]

@@ -202,7 +202,8 @@ def _given_plant(word: str, plant: str | Path | Plant | None, model: Model) -> P
 
 def _check_force(scenario: Scenario, controller: Controller) -> None:
     """Raise InputError for a force target beyond the controller's limit."""
-    limit = getattr(getattr(controller, "law", None), "limit", np.inf)
+    law = getattr(controller, "law", None)
+    limit = getattr(law, "limit", np.inf) if getattr(law, "follows_force", False) else np.inf
     force = scenario.definition.reference.force
     if force is not None and force.largest > limit:
         raise InputError(

@@ -53,7 +53,8 @@ SCALES_WITH = {
     "gain": ("gains.k_p", "gains.k_i", "gains.k_d"),
     "noise_gain": ("tuning.noise_gain",),
     **{f"noise_{word}": (f"observer.{word}",) for word in ("speed", "pressure", "position")},
-    **{word: (f"feedforward.{word}",) for word in ("inertia", "viscous", "stiffness", "coulomb", "static", "load")},
+    **{word: (f"feedforward.{word}",) for word in ("stiffness", "coulomb", "static")},
+    **{word: (f"feedforward.{word}", f"feedforward.adaptation.{word}") for word in ("inertia", "viscous", "load")},
     "stribeck": ("feedforward.stribeck",),
 }  # fmt: skip
 #: Keys of [observer] that are sensor noise -> channel of the plant.

@@ -33,7 +33,7 @@ from ehsa_ctrl.core.pointers import VECTOR, move, pointer, shifted
 OFFSETS = "\n".join(
     f"{name} = {getattr(module, name)}"
     for module, names in (
-        (_pipeline, ("M_PLAN", "M_FEED", "M_REST", "M_LAW", "S_PLAN", "S_FEED", "S_REST", "S_LAW")),
+        (_pipeline, ("M_PLAN", "M_FEED", "M_REST", "M_LAW", "M_CURRENT", "S_PLAN", "S_FEED", "S_REST", "S_LAW")),
         (_trajectory, ("ROUNDING",)),
     )
     for name in names

@@ -15,7 +15,8 @@ from . import feedforward as _feedforward
 from . import rest as _rest
 from . import supervision as _supervision
 from . import trajectory as _trajectory
-from .feedforward import feedforward
+from .adaptation import adapt
+from .feedforward import M_ADAPT, feedforward
 from .rest import decide_hold, knock, rest
 from .supervision import supervise
 from .trajectory import plan
@@ -29,6 +30,8 @@ S_PLAN = _supervision.SETTINGS
 S_FEED = S_PLAN + _trajectory.SETTINGS
 S_REST = S_FEED + _feedforward.SETTINGS
 S_LAW = S_REST + _rest.SETTINGS
+#: Index of the last current, which the adaptation uses.
+M_CURRENT = M_FEED + M_ADAPT
 
 #: Traces of every controller, in addition to those of its law.
 TRACES = {
@@ -56,7 +59,7 @@ def run_stages(reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, 
 
 
 #: Functions of the stages, each after those that it calls, for compilation and the export to C.
-STAGES: tuple[Callable[..., Any], ...] = (supervise, plan, feedforward, knock, decide_hold, rest, run_stages)
+STAGES: tuple[Callable[..., Any], ...] = (supervise, plan, adapt, feedforward, knock, decide_hold, rest, run_stages)
 
 
 def pipeline(
@@ -67,4 +70,6 @@ def pipeline(
     if memory[0] == 2.0:
         return 0.0
     planned, readings = memory[M_PLAN : M_PLAN + 4], memory[M_REST + 9 : M_REST + 14]
-    return law(planned, readings, memory[M_LAW:], settings[S_LAW:], extra, memory[M_REST])
+    current = law(planned, readings, memory[M_LAW:], settings[S_LAW:], extra, memory[M_REST])
+    memory[M_CURRENT] = current
+    return current

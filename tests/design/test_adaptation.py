@@ -1,0 +1,147 @@
+"""Adaptive friction feedforward: the true factors, their bounds, frozen at rest, the same in every form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl as e
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.core.files import read_toml
+from ehsa_ctrl.design.stages.adaptation import MEMORY, Adaptation, adapt, adaptation_settings
+from ehsa_ctrl.design.stages.pipeline import M_CURRENT
+
+NAME = "pid_adaptive"
+T = 0.004
+VISCOUS, COULOMB, LIMIT = 6.0, 0.9, 6.0
+
+
+@pytest.fixture(scope="module")
+def model():
+    return e.three_state(e.load_plant("ehsa", model="linear"))
+
+
+@pytest.fixture(scope="module")
+def adaptive(model):
+    return e.load_controller(NAME, model)
+
+
+def settings(**keys):
+    return adaptation_settings(Adaptation(**keys), COULOMB, (0.0, VISCOUS, 0.0), T, LIMIT)
+
+
+def moved(memory, numbers, speed, factors):
+    """One sample after a motion at `speed` whose friction is the model's times `factors`."""
+    viscous, dry = VISCOUS * speed, COULOMB * np.sign(speed)
+    memory[:4] = factors[0] * viscous + factors[1] * dry + 0.2, 0.2, viscous, dry
+    memory[9] = float(speed != 0.0)
+    adapt(memory, numbers)
+
+
+def test_the_factors_converge_to_the_true_ones():
+    """Speeds of 0 to 0.2 m/s tell viscous from dry friction; a part of the current that is known drops out."""
+    memory, numbers = np.zeros(MEMORY), settings()
+    for k in range(40000):
+        moved(memory, numbers, 0.2 * np.sin(0.01 * k), (0.6, 1.5))
+
+    np.testing.assert_allclose(1.0 + memory[7:9], [0.6, 1.5], rtol=0.01)
+
+
+def test_at_one_speed_the_sum_converges_at_the_stated_time():
+    """Then only the total friction is told; its error falls as exp(-t / time) once the filter has settled."""
+    memory, numbers = np.zeros(MEMORY), settings(time="2 s", filter_time="0 s")
+    left = []
+    for _ in range(501):
+        moved(memory, numbers, 0.1, (1.5, 1.5))
+        friction = (1.0 + memory[7]) * VISCOUS * 0.1 + (1.0 + memory[8]) * COULOMB
+        left.append(1.5 * (VISCOUS * 0.1 + COULOMB) - friction)
+
+    assert left[-1] / left[0] == pytest.approx(np.exp(-500 * T / 2.0), rel=0.02)
+
+
+def test_the_factors_stay_within_their_bounds():
+    """Projection, for friction far beyond them; then they return."""
+    memory, numbers = np.zeros(MEMORY), settings(least=0.5, most=2.0)
+    for factors in ((3.5, 3.5), (-3.5, -3.5)):
+        for k in range(5000):
+            moved(memory, numbers, 0.2 * np.sin(0.01 * k), factors)
+            assert 0.5 <= 1.0 + memory[7] <= 2.0 and 0.5 <= 1.0 + memory[8] <= 2.0
+        assert 1.0 + memory[8] == (2.0 if factors[0] > 0.0 else 0.5)
+
+
+def test_frozen_at_rest_and_at_the_limit():
+    """Neither a current that winds up at rest nor a limited one changes a factor; the filter starts anew."""
+    memory, numbers = np.zeros(MEMORY), settings()
+    for _ in range(200):
+        moved(memory, numbers, 0.1, (1.2, 1.2))
+    before = memory[7:9].copy()
+    for _ in range(200):
+        memory[:4], memory[9] = (2.0, 0.0, 0.0, 0.0), 0.0
+        adapt(memory, numbers)
+    np.testing.assert_array_equal(memory[7:9], before)
+    assert not memory[4:7].any()
+    for _ in range(200):
+        memory[:4], memory[9] = (LIMIT, 0.0, 0.6, 0.9), 1.0
+        adapt(memory, numbers)
+    np.testing.assert_array_equal(memory[7:9], before)
+
+
+def test_compiled_and_plain_are_equal_to_the_bit(adaptive):
+    """Over noisy readings and planned motions in both directions; the last current is the one returned."""
+    rng = np.random.default_rng(3)
+    plain, compiled = adaptive.initial_memory(), adaptive.initial_memory()
+    numbers = adaptive.settings()
+    for k in range(600):
+        reference = np.array([0.02 * (k // 150 % 2), 0.0, 0.0])
+        measured = rng.standard_normal(5) * [1.0, 1e4, 1e4, 1e-4, 50.0] + [0, 2e6, 2e6, 0.01, 500.0]
+        current = adaptive.step(reference, measured, plain)
+
+        assert current == adaptive.compiled(reference, measured, compiled, numbers) == plain[M_CURRENT]
+    np.testing.assert_array_equal(plain, compiled)
+    assert plain[adaptive.traces["friction_factor"]] != 0.0
+
+
+def test_without_adaptation_the_current_is_that_of_fixed_numbers(adaptive, model):
+    """To the bit, over a run in closed loop."""
+    fixed = e.load_controller("pid_friction", model)
+    neutral = replace(adaptive, feedforward=adaptive.feedforward.model_copy(update={"adaptation": None}))
+    plant = e.load_plant("ehsa")
+    reference = np.repeat([0.0, 0.02, 0.0], 200)
+    runs = [e.run_closed_loop(plant, each, reference) for each in (fixed, neutral)]
+
+    np.testing.assert_array_equal(runs[0].asked, runs[1].asked)
+
+
+@pytest.mark.parametrize("scale", [0.6, 1.4])
+def test_wrong_numbers_are_found_in_a_sine(scale):
+    """Fixed numbers that are 40 % off more than double the error; the factors make up for them within 10 %."""
+    content = read_toml(e.controllers[NAME])
+    fed = content["feedforward"]
+    for key in ("viscous", "coulomb", "static"):
+        number, unit = fed[key].split(" ", 1)
+        fed[key] = f"{scale * float(number):.6g} {unit}"
+    without = {**content, "feedforward": {key: value for key, value in fed.items() if key != "adaptation"}}
+    fixed, adapted = (e.run("slow_sine", controller=each) for each in (without, content))
+
+    assert adapted.metrics["RMSError"][1] < 0.5 * fixed.metrics["RMSError"][1]
+    assert scale * (1.0 + adapted.nonlinear["friction_factor"][-1]) == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"time": 0.2}, "must be at least 10 times filter_time"),
+        ({"least": 1.2}, "least = 1.2"),
+        ({"most": 0.9}, "most = 0.9"),
+        ({"gain": 2.0}, "gain: unknown key"),
+    ],
+)
+def test_impossible_numbers_are_said(model, change, message):
+    """With the key and what is expected."""
+    with pytest.raises(InputError, match=message):
+        e.load_controller(NAME, model, feedforward={"adaptation": change})
+
+
+def test_adaptation_needs_friction_to_start_from(model):
+    with pytest.raises(InputError, match="adaptation needs a coulomb current to start from"):
+        e.load_controller(NAME, model, feedforward={"coulomb": 0.0, "static": 0.0})
