@@ -28,6 +28,7 @@ from . import (
     fmu,
     frf,
     identify,
+    init,
     learn,
     listing,
     montecarlo,
@@ -83,9 +84,10 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 COMMANDS = {
-    "run": run, "montecarlo": montecarlo, "learn": learn, "simulate": simulate, "analyse": analyse, "design": design,
-    "excite": excite, "convert": convert, "compare": compare, "frf": frf, "identify": identify, "diagnose": diagnose,
-    "export": export, "fmu": fmu, "serve": serve, "report": report, "list": listing, "check": check,
+    "init": init, "run": run, "montecarlo": montecarlo, "learn": learn, "simulate": simulate, "analyse": analyse,
+    "design": design, "excite": excite, "convert": convert, "compare": compare, "frf": frf, "identify": identify,
+    "diagnose": diagnose, "export": export, "fmu": fmu, "serve": serve, "report": report, "list": listing,
+    "check": check,
 }  # fmt: skip
 for name, module in COMMANDS.items():
     app.command(name)(expand_groups(module.command))
