@@ -1,6 +1,7 @@
 """`ehsa-ctrl design`: from a specification to a controller's TOML."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -232,3 +233,20 @@ def test_words_are_found_among_a_kinds_keys():
     assert parse_value("1.5") == 1.5
     assert parse_value("30 rad/s") == "30 rad/s"
     assert parse_value("'PI'") == "PI"
+
+
+def test_tune_keeps_what_is_given_and_the_bounds(run):
+    """The other key is chosen; the file says that it was tuned, and holds its numbers."""
+    status, out, _ = run("design", "ehsa", "--kind", "adrc", "--tune", "--Ms", "1.4", "--spec", "adrc.observer_ratio=3")
+
+    written = tomllib.loads(out)
+    assert status == 0 and written["adrc"]["observer_ratio"] == 3
+    assert "tuned" in out.partition("\n\n")[0]
+    assert float(re.search(r"# Ms ([\d.]+)", out)[1]) <= 1.401
+    assert 30 < float(written["adrc"]["bandwidth"].split()[0]) < 80
+
+
+def test_tune_of_a_kind_without_tuned_keys_is_one_sentence(run):
+    status, _, err = run("design", "ehsa", "--kind", "force", "--tune")
+
+    assert status == 2 and "a force has no keys that are tuned" in err

@@ -185,7 +185,7 @@ class Repetitive:
     Attributes
     ----------
     word, base: kind and law of the base. samples: N. learning: filter, gain and convergence.
-    deadband, limit: m.
+    deadband: m. largest: correction [m].
     """
 
     word: str
@@ -193,7 +193,7 @@ class Repetitive:
     samples: int
     learning: Learning
     deadband: float
-    limit: float
+    largest: float
     compiles = True
 
     @property
@@ -214,7 +214,7 @@ class Repetitive:
 
     def settings(self) -> np.ndarray:
         learning = self.learning
-        own = [self.samples, learning.lead, learning.taps.size // 2, learning.gain, self.deadband, self.limit]
+        own = [self.samples, learning.lead, learning.taps.size // 2, learning.gain, self.deadband, self.largest]
         head = [self.base.initial_memory().size, 2 + TAPS + learning.taps.size]
         return np.concatenate([np.array([*head, *own], dtype=float), learning.taps, self.base.settings()])
 
@@ -230,7 +230,7 @@ class Repetitive:
         """What a design review says of the learning."""
         yield ReviewFinding(
             "learning converges",
-            f"the correction contracts by {self.learning.contraction:.3g} per cycle or more, worst at "
+            f"a cycle leaves at most {self.learning.contraction:.3g} of what the correction lacks, most at "
             f"{self.learning.at:.3g} Hz; lead {self.learning.lead} samples",
             "good" if self.learning.contraction < 0.95 else "warning",
             "lower [cycle] cutoff: a plant that differs from the model may diverge",

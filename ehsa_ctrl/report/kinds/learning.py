@@ -20,8 +20,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
             None,
         ),
         (
-            f"On the linear loop the correction contracts by {value_text(content['contraction'], 1.0, 3)} per trial or "
-            f"more, slowest at {value_text(content['contraction_at'], 1.0, 3)} Hz.",
+            f"On the linear loop each trial leaves at most {value_text(content['contraction'], 1.0, 3)} of what the "
+            f"correction still lacks, most at {value_text(content['contraction_at'], 1.0, 3)} Hz.",
             None,
         ),
     ]
