@@ -9,6 +9,7 @@ from ehsa_ctrl.cli.main import app
 
 #: A call of each command that can't succeed, so that none of its options can make it work for long.
 CALLS = {
+    "init": ["there", "--from", "no_such"],
     "run": ["no_such"],
     "montecarlo": ["no_such"],
     "simulate": ["no_such", "--excitation", "steps", "--out", "there"],
@@ -21,6 +22,8 @@ CALLS = {
     "diagnose": ["no_such.csv", "--plant", "no_such"],
     "export": ["no_such", "--out", "there"],
     "fmu": ["no_such", "--out", "there"],
+    "serve": ["--plant", "no_such"],
+    "learn": ["no_such"],
     "new plant": ["no name"],
     "new controller": ["no name"],
     "new scenario": ["no name"],
