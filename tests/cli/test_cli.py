@@ -204,8 +204,9 @@ def test_analyse_gives_the_figures_of_the_model(run, tmp_path):
     assert (tmp_path / "analysis" / "bode.png").is_file()
 
 
-def test_list_has_every_kind_of_definition(run):
+def test_list_has_every_kind_of_definition(run, monkeypatch):
     """As JSON all of them; as a table the kinds of controllers too, each with its line."""
+    monkeypatch.setenv("COLUMNS", "150")
     assert set(json.loads(run("list", "--json")[1])) == set(LISTED)
     table = run("list", "kinds")[1]
     for name, kind in CONTROLLER_KINDS.items():
