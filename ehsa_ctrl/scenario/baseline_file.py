@@ -22,6 +22,9 @@ FOLDER = "baselines"
 #: Number of evenly spaced points of a recorded signal, to which events are added, and significant digits written
 #: (engineering judgement: files stay small, and rounding is far below the tolerances).
 POINTS, DIGITS = 500, 6
+#: Between the points, the recorded signal is linear. More points are added until it differs from the run by at most
+#: this share of the tube's half height (engineering judgement).
+LINEAR_ERROR = 0.25
 
 
 def baseline_path(result: ScenarioResult) -> Path | None:
@@ -130,7 +133,29 @@ def _sample_indices(result: ScenarioResult) -> np.ndarray:
     # Contacts may switch at every other sample.
     transitions = transitions[:: max(transitions.size // POINTS, 1)]
     events = np.concatenate([transitions, jumps[:POINTS], force_steps])
-    return np.unique(np.concatenate([even, events, events + 1, extremes]))
+    points = np.unique(np.concatenate([even, events, events + 1, extremes]))
+    tolerances = result.scenario.definition.baseline
+    for name in recorded_of(run):
+        points = _refined(run.time, run[name], points, LINEAR_ERROR * tolerances.of(name))
+    return points
+
+
+def _refined(time: np.ndarray, values: np.ndarray, points: np.ndarray, tolerance: float) -> np.ndarray:
+    """Indices with those added that keep a signal (N,) within `tolerance` of the lines between them.
+
+    The worst sample of each line is added until none is too far off (U. Ramer, "An iterative procedure for the
+    polygonal approximation of plane curves", Computer Graphics and Image Processing 1, 1972).
+    """
+    while True:
+        error = np.abs(values - np.interp(time, time[points], values[points]))
+        lines = np.searchsorted(points, np.arange(time.size), side="right")
+        # Per line its worst sample: sorted by line and error, the last of each line.
+        order = np.lexsort((error, lines))
+        worst = order[np.append(np.diff(lines[order]) != 0, True)]
+        added = worst[error[worst] > tolerance]
+        if not added.size:
+            return points
+        points = np.union1d(points, added)
 
 
 def _round(value: float) -> float:

@@ -39,6 +39,18 @@ def test_recorded_points_follow_the_run(recorded):
         assert np.max(np.abs(line - run[name])) < result.scenario.definition.baseline.of(name) / 4, name
 
 
+def test_few_points_of_a_long_run_are_refined(project, monkeypatch):
+    """However far apart the evenly spaced points are, the lines keep within a quarter of the tolerance."""
+    monkeypatch.setattr("ehsa_ctrl.scenario.baseline_file.POINTS", 5)
+    result = ehsa_ctrl.run(project())
+    kept = read_baseline(write_baseline(result, "sparse")).signals
+    run = result.nonlinear.trajectory
+    for name in SIGNALS:
+        line = np.interp(run.time, kept["time"], kept[name])
+        assert np.max(np.abs(line - run[name])) <= 0.251 * result.scenario.definition.baseline.of(name), name
+    assert kept["time"].size < run.time.size / 2
+
+
 def test_another_plant_leaves_it(recorded, project):
     """More friction: the position leaves its tube, metrics differ, and the plant is named as what has changed."""
     path = project(add='\n[settings]\nA_FR = "1300 N"\n')
