@@ -220,7 +220,9 @@ class Grammar:
                 units = {"width": variable.unit}
                 yield Term(put("d * exp(-abs(z) / width)", z=z, d=self.direction), used, {"width": share * high}, units)
             return
-        for text in dry_shaped if variable.effort else (*SHAPED, *dry_shaped):
+        # A dead zone of a variable with one sign is a hinge.
+        shaped = [text for text in SHAPED if low < 0.0 < high or "sign" not in text]
+        for text in dry_shaped if variable.effort else (*shaped, *dry_shaped):
             of = np.abs(variable.values) if "abs(z) - at" in text or "at - abs(z)" in text else variable.values
             for quantile in LOCATIONS if "at" in text.replace("tanh", "") else (0.5,):
                 for share in WIDTHS if "width" in text else (0.0,):
