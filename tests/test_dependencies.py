@@ -23,6 +23,7 @@ USED_OTHERWISE = {
     "pytest-xdist": "plugin of pytest",
     "ruff": "a command",
     "slycot": "backend of control.mixsyn, in a notebook",
+    "uplot-python": "its JavaScript and style are read as files",
 }
 #: Modules that tests write and then import.
 WRITTEN_BY_TESTS = {"family", "odd"}

@@ -12,9 +12,7 @@ from .options import LogOptions, Models, PlantOption, Settings, read_pairs
 from .output import OutputOptions, assumed_names, provenance, warn
 
 if TYPE_CHECKING:
-    import pandas
-
-    from ..identification.comparison import Comparison
+    pass
 
 
 def command(
@@ -70,8 +68,9 @@ def command(
 
     def write_files(draft: Path) -> None:
         from ..report.result_figures import comparison_figures, save_all
+        from ..report.result_tables import comparison_tables, save_tables
 
-        _time_series(replays).to_csv(draft / "compare.csv", index=False, float_format="%.9g")
+        save_tables(comparison_tables(replays), draft)
         save_all(comparison_figures(replays), draft)
 
     def print_result() -> None:
@@ -88,13 +87,3 @@ def command(
             print(missing["force"])
 
     output.deliver("compare", "comparison.json", result, print_result, files=write_files)
-
-
-def _time_series(replays: list[Comparison]) -> pandas.DataFrame:
-    """Measured channels, and one column per simulated channel and model, e.g. position_linear."""
-    first = replays[0].plant.model
-    frame = replays[0].to_pandas().rename(columns=lambda name: name.replace("_simulated", f"_{first}"))
-    for run in replays[1:]:
-        for channel, values in run.simulated.items():
-            frame[f"{channel}_{run.plant.model}"] = values
-    return frame

@@ -398,9 +398,10 @@ def _print_closed(closed: LoopComparison) -> None:
 def file_names(plant: Plant, *, before: bool = False, closed: bool = False, logs: int = 1) -> list[str]:
     """All files that a diagnosis of so many logs can have besides its figures, the main one first."""
     from ..diagnosis.next_experiment import FILE
+    from ..report.kinds._charts import REGIMES
     from ..report.kinds.diagnosis import KIND
 
-    names = ["diagnosis.json", KIND.page, f"{plant.name}_improved.toml", "causes.csv", FILE]
+    names = ["diagnosis.json", KIND.page, f"{plant.name}_improved.toml", "causes.csv", REGIMES, FILE]
     names += [f"{stem}.csv" for stem in stems("signals", logs)]
     names += ["before.json", f"{plant.name}_before.toml"] if before else []
     return [*names, "closed_loop.json"] if closed else names
@@ -424,8 +425,8 @@ def write_files(out: Path, outcome: DiagnosisOutcome) -> None:
     from ..diagnosis.next_experiment import FILE
     from ..identification.plant_toml import write_plant
     from ..report.figures import closed_figure, save
-    from ..report.figures.free_runs import signals_table
     from ..report.result_figures import diagnosis_figures, save_all
+    from ..report.result_tables import diagnosis_tables, save_tables
 
     found, change, closed = outcome.found, outcome.change, outcome.closed
     if found.experiment is not None:
@@ -440,8 +441,7 @@ def write_files(out: Path, outcome: DiagnosisOutcome) -> None:
     if found.law is not None:
         (out / found.law.proposal).parent.mkdir(exist_ok=True)
         (out / found.law.proposal).write_text(found.law.text([one.log for one in by_log]), encoding="utf-8")
-    for stem, one in zip(stems("signals", len(by_log)), by_log, strict=True):
-        signals_table(one).to_csv(out / f"{stem}.csv", index=False, float_format="%.7g")
+    save_tables(diagnosis_tables(found), out)
     if found.effects:
         found.to_pandas().to_csv(out / "causes.csv", index=False)
     save_all(diagnosis_figures(found), out)

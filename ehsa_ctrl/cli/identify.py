@@ -152,12 +152,11 @@ def command(
         raise InputError(f"{shared[0]}: is used for both estimation and validation; give --validate another log")
     plant_file = f"{models[-1].name}_identified.toml"
     ends = [f"-{each.model}" for each in models] if len(models) > 1 else [""]
+    fits = [fit_stem(end, k) for end in ends for k in range(min(len(validate or logs), DRAWN))]
     output.check(
         "identify", "identification.json", plant_file, "report.html", *(f"parameters{end}.csv" for end in ends),
-        figures=[
-            *(f"{word}{end}" for word in ("parameters", "correlation", "residuals") for end in ends),
-            *(fit_stem(end, k) for end in ends for k in range(min(len(validate or logs), DRAWN))),
-        ],
+        *(f"{stem}.csv" for stem in fits),
+        figures=[*(f"{word}{end}" for word in ("parameters", "correlation", "residuals") for end in ends), *fits],
     )  # fmt: skip
     how = preparation.preparation()
     own = settings_by_log(log_settings, [*logs, *validate])
@@ -189,12 +188,15 @@ def command(
     def write_files(draft: Path) -> None:
         from ..identification.plant_toml import sliding_linear, write_plant
         from ..report.result_figures import identification_figures, save_all
+        from ..report.result_tables import identification_tables, save_tables
 
         written = [each.plant for each in found]
         write_plant(draft / plant_file, *([sliding_linear(written[0])] if linear == "sliding" else []), *written)
         for each, end in zip(found, ends, strict=True):
             each.to_pandas().to_csv(draft / f"parameters{end}.csv")
-        save_all(identification_figures({each.plant.model: each for each in found}), draft)
+        by_model: dict[str, Identification] = {each.plant.model: each for each in found}
+        save_tables(identification_tables(by_model), draft)
+        save_all(identification_figures(by_model), draft)
 
     def print_result() -> None:
         for identification in found:

@@ -224,9 +224,9 @@ def _update(results: list[ScenarioResult], reason: str, out: Path, *, quiet: boo
 def _write_files(results: list[ScenarioResult], described: list[dict[str, Any]], folder: Path) -> list[str]:
     """Write time series and figures; return the names of all files. described: `to_dict` of the results."""
     from ..report.result_figures import run_figures, save_all
+    from ..report.result_tables import run_tables, save_tables
 
-    for result in results:
-        result.time_series().to_csv(folder / f"{_stem(result)}.csv", index=False, float_format="%.9g")
+    save_tables(run_tables(results, described), folder)
     save_all(run_figures(results, described), folder)
     return ["report.html", *sorted(path.name for path in folder.iterdir())]
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ..core.errors import InputError
+from ..core.result import as_dict
 from .complete import excitations
 from .options import Force, Json, Model, PlantArgument, Settings, read_pairs
 from .output import OutputOptions, assumed_names, provenance, warn
@@ -78,7 +79,7 @@ def command(
             str(excitation), amplitude=amplitude, duration=duration, sample_time=loaded.sample_time, seed=seed
         )
     output = OutputOptions(as_json, out, force)
-    output.check("simulate", "log.csv", "simulation.json", "report.html", figures=["simulation"])
+    output.check("simulate", "log.csv", "simulation.csv", "simulation.json", "report.html", figures=["simulation"])
     with compiling():
         log, run = record(loaded, time, current, seed=seed, sensor_noise=not no_noise, centre=centre, force=second)
     result = {
@@ -94,6 +95,7 @@ def command(
         "sample_time": log.sample_time,
         "stopped": run.stopped,
         "limits_passed": [str(exceedance) for exceedance in run.exceeded],
+        "exceeded": [as_dict(exceedance, sentence=str(exceedance)) for exceedance in run.exceeded],
         "pressure_level_drift": run.pressure_level_drift,
         "assumed": assumed_names(loaded),
         "provenance": run.provenance,
@@ -103,8 +105,10 @@ def command(
 
     def write_files(draft: Path) -> None:
         from ..report.figures import save
+        from ..report.result_tables import save_tables, simulation_tables
 
         log.write(draft / "log.csv")
+        save_tables(simulation_tables(run), draft)
         save(run.plot(), draft / "simulation")
 
     def print_result() -> None:

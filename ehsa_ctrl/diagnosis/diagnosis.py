@@ -134,7 +134,7 @@ class LogGap:
         """As under `logs` in diagnosis.json."""
         log = self.log
         return as_dict(
-            self, "gap held_out", path=log.path, samples=len(log), gap_whole_log=self.whole,
+            self, "gap held_out held_spans", path=log.path, samples=len(log), gap_whole_log=self.whole,
             settings={name: float(value) for name, value in log.settings.items()},
         )  # fmt: skip
 
@@ -245,8 +245,8 @@ class Diagnosis(Result):
         """Content of diagnosis.json."""
         plant, log = self.plant, self.log
         return as_dict(
-            self, "verdict sentence gap held_out noise_sd next_experiment threshold candidates location findings "
-            "seconds runs provenance explained floor nearest nearest_sentence rest",
+            self, "verdict sentence gap held_out held_spans noise_sd next_experiment threshold candidates location "
+            "findings seconds runs provenance explained floor nearest nearest_sentence rest",
             log=log.path, samples=len(log), sample_time=log.sample_time,
             plant=plant.name, plant_title=plant.title, model=plant.model,
             settings={p.name: p.written for p in plant.parameters.values() if p.source == "given"},

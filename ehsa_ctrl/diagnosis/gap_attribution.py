@@ -86,7 +86,8 @@ class Location:
 
     def to_dict(self) -> dict[str, Any]:
         """As under `location` in diagnosis.json."""
-        regimes = [as_dict(r, "balance words explained gap_closed") for r in self.regimes]
+        names = "balance against unit words explained gap_closed bins mean sd"
+        regimes = [as_dict(r, names) for r in self.regimes]
         of_log = {"log": self.log} if self.log else {}
         return as_dict(self, "by_signal sensor untold", shares=dict(self.shares), regimes=regimes, **of_log)
 

@@ -200,6 +200,7 @@ class Regime:
     explained: share of the unknown input's square that the curve explains on data that was not fitted.
     words: the dependence in one line.
     gap_closed: share of the squared gap that this curve alone closes; nan if it was not simulated.
+    which: (N - 1,) number of the bin that each sample lies in, 1 for the first; 0 where the input is not known.
     """
 
     balance: str
@@ -211,6 +212,7 @@ class Regime:
     explained: float
     words: str
     gap_closed: float = float("nan")
+    which: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int), repr=False)
 
     def __str__(self) -> str:
         return f"{self.balance}: {self.words}"
@@ -233,10 +235,12 @@ def regime_of(curve: Curve, values: np.ndarray, gap_closed: float = float("nan")
     middle = np.array([float(np.mean(z[row])) for row in rows])
     mean = np.array([float(np.mean(values[row])) for row in rows])
     sd = np.array([float(np.std(values[row])) for row in rows])
+    numbers = sum((k * row for k, row in enumerate(rows, 1)), np.zeros(z.size, dtype=int))
     explained = float(np.clip(curve.explained, 0.0, 1.0))
     return Regime(
-        curve.unknown_input, curve.against, curve.unit, middle, mean, sd, explained, describe_curve(curve), gap_closed
-    )
+        curve.unknown_input, curve.against, curve.unit, middle, mean, sd, explained, describe_curve(curve), gap_closed,
+        numbers,
+    )  # fmt: skip
 
 
 def describe_curve(curve: Curve) -> str:

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from .chart import Chart
+
 #: Start of a cell that counts as a number, with or without a unit; nothing, a dash and "n/a" count as numbers.
 NUMBER = re.compile(r"(● )?\(?[-−+]?(\d|∞)|–?$|n/a$")
 #: State of a sentence that the reader should check.
@@ -121,12 +123,16 @@ class Picture(NamedTuple):
 
 
 class Section(NamedTuple):
-    """A heading and its blocks, which may be sections. key: target of links, unique in a page."""
+    """A heading and its blocks, which may be sections. key: target of links, unique in a page.
+
+    folded: closed on the screen until a reader opens it; open in print and without scripts.
+    """
 
     heading: str
     blocks: Sequence[Any]
     key: str = ""
     state: State = None
+    folded: bool = False
 
 
 @dataclass(frozen=True)
@@ -183,7 +189,9 @@ def check(content: Any) -> None:
 
     Raises TypeError for anything that is neither text nor a state, ValueError for a ragged table.
     """
-    if isinstance(content, list | tuple):
+    if isinstance(content, Chart):
+        check([*content.texts, *content.pictures])
+    elif isinstance(content, list | tuple):
         if isinstance(content, Table) and any(len(row) != len(content.head) for row in content.rows):
             raise ValueError(f"the table {content.caption!r} is ragged")
         for item in content:
@@ -197,5 +205,16 @@ def pictures_in(blocks: Iterable[Any]) -> Iterator[Picture]:
     for block in blocks:
         if isinstance(block, Picture):
             yield block
+        elif isinstance(block, Chart):
+            yield from block.pictures
         elif isinstance(block, Section):
             yield from pictures_in(block.blocks)
+
+
+def charts_in(blocks: Iterable[Any]) -> Iterator[Chart]:
+    """All live charts of some blocks."""
+    for block in blocks:
+        if isinstance(block, Chart):
+            yield block
+        elif isinstance(block, Section):
+            yield from charts_in(block.blocks)

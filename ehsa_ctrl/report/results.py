@@ -19,14 +19,31 @@ from markupsafe import Markup
 from ..core.errors import InputError
 from ..core.files import read_json
 from ..plant.file import label
+from .chart import Chart
 from .document import image, write_document
 from .kinds import kinds
-from .page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Table, anchors, check, pictures_in
+from .live import payloads
+from .page import (
+    DOUBT,
+    Facts,
+    Kind,
+    Page,
+    Paragraph,
+    Picture,
+    Points,
+    Section,
+    Table,
+    anchors,
+    charts_in,
+    check,
+    pictures_in,
+)
 
 #: File of the overview.
 FILE = "overview.html"
-#: Browsers display larger SVG files slowly, so the PNG replaces them [bytes] (engineering judgement).
-MAX_SVG = 600_000
+#: The PNG replaces larger SVG files [bytes], which browsers display slowly and which make pages large to send
+#: (engineering judgement).
+MAX_SVG = 120_000
 #: Larger figures [bytes] are left out of the page; no figure of this package is that large.
 MAX_FIGURE = 8_000_000
 #: Suffix of a figure file -> its image/... media type.
@@ -75,7 +92,7 @@ class StoredResult:
             Facts(list(self.page.versions.items())),
             *([Paragraph("Command:"), Paragraph(command, code=True)] if command else []),
         ]
-        return Section("Provenance", blocks, "provenance")
+        return Section("Provenance", blocks, "provenance", folded=True)
 
     @cached_property
     def images(self) -> dict[str, Markup]:
@@ -88,7 +105,7 @@ class StoredResult:
                 found[picture.stem] = drawn
         return found
 
-    @property
+    @cached_property
     def sections(self) -> list[Section]:
         """The sections that have content; the provenance is last."""
         return list(_without_empty([*self.page.sections, self.provenance], self.images))
@@ -108,7 +125,7 @@ class StoredResult:
 def write_result_page(folder: Path, name: str) -> Path:
     """Write the page of one result beside its JSON `name` and its figures, and return its path."""
     result = _read(kinds()[name], Path(folder), "")
-    return write_document("page.html.j2", Path(folder) / result.kind.page, result=result)
+    return write_document("page.html.j2", Path(folder) / result.kind.page, charts_of([result]), result=result)
 
 
 def write_overview(results: Sequence[StoredResult], folder: Path, name: str) -> Path:
@@ -116,7 +133,13 @@ def write_overview(results: Sequence[StoredResult], folder: Path, name: str) -> 
 
     results: from `results_in`. name: of their folder, for the heading.
     """
-    return write_document("overview.html.j2", Path(folder) / FILE, results=results, name=name)
+    return write_document("overview.html.j2", Path(folder) / FILE, charts_of(results), results=results, name=name)
+
+
+def charts_of(results: Sequence[StoredResult]) -> dict[Chart, dict[str, Any] | str]:
+    """Each live chart of a page -> its numbers, or the sentence why it has none."""
+    charts = [(chart, result.folder) for result in results for chart in charts_in(result.sections)]
+    return dict(zip([chart for chart, _ in charts], payloads(charts), strict=True))
 
 
 def results_in(root: Path, page: Path | None = None) -> tuple[list[StoredResult], list[str]]:
@@ -183,6 +206,8 @@ def _without_empty(blocks: Iterable[Any], images: Mapping[str, Markup]) -> Itera
         elif isinstance(block, Picture):
             if block.stem in images:
                 yield block
+        elif isinstance(block, Chart):
+            yield replace(block, pictures=[picture for picture in block.pictures if picture.stem in images])
         elif block[-1] or isinstance(block, Paragraph):
             yield block
 

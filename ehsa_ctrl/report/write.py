@@ -17,26 +17,35 @@ from ..diagnosis.diagnosis import Diagnosis
 from ..identification.comparison import Comparison
 from ..identification.identification import Identification
 from ..scenario.result import ScenarioResult
-from .figures import to_svg
+from .figures import save
 from .kinds import kinds
 from .page import unique
 from .provenance import provenance
 from .result_figures import Figures, comparison_figures, diagnosis_figures, identification_figures, run_figures
+from .result_tables import (
+    Tables,
+    comparison_tables,
+    diagnosis_tables,
+    identification_tables,
+    run_tables,
+    save_tables,
+)
 from .results import write_result_page
 
 
 class Stored(NamedTuple):
-    """Content of a result's JSON, and its figures."""
+    """Content of a result's JSON, its figures, and its time series."""
 
     content: dict[str, Any]
     figures: Figures
+    tables: Tables
 
 
 def _runs(found: Sequence[ScenarioResult]) -> Stored:
     plants = [run.trajectory.plant for result in found for run in (result.nonlinear, result.linear)]
     runs = [result.to_dict() for result in found]
     rests_on = provenance(plants, [file for result in found for file in result.files])
-    return Stored({"scenarios": runs, "rests_on": rests_on}, run_figures(found, runs))
+    return Stored({"scenarios": runs, "rests_on": rests_on}, run_figures(found, runs), run_tables(found, runs))
 
 
 def _identifications(found: Sequence[Identification]) -> Stored:
@@ -45,12 +54,13 @@ def _identifications(found: Sequence[Identification]) -> Stored:
     runs = [run for each in found for run in (*each.train.after, *each.validation.after)]
     rests_on = provenance([each.plant for each in found], [run.log.path for run in runs])
     content = {**stated[next(iter(stated))], "plant": found[0].plant.name, "models": stated, "rests_on": rests_on}
-    return Stored(content, identification_figures(models))
+    return Stored(content, identification_figures(models), identification_tables(models))
 
 
 def _replays(found: Sequence[Comparison]) -> Stored:
     rests_on = provenance([run.plant for run in found], [found[0].log.path])
-    return Stored({**comparison_dict(found), "rests_on": rests_on}, comparison_figures(found))
+    content = {**comparison_dict(found), "rests_on": rests_on}
+    return Stored(content, comparison_figures(found), comparison_tables(found))
 
 
 def comparison_dict(replays: Sequence[Comparison]) -> dict[str, Any]:
@@ -71,13 +81,15 @@ def comparison_dict(replays: Sequence[Comparison]) -> dict[str, Any]:
 
 def _diagnosis(found: Sequence[Diagnosis]) -> Stored:
     rests_on = provenance([found[0].plant], [found[0].log.path])
-    return Stored({**found[0].to_dict(), "rests_on": rests_on}, diagnosis_figures(found[0]))
+    content = {**found[0].to_dict(), "rests_on": rests_on}
+    return Stored(content, diagnosis_figures(found[0]), diagnosis_tables(found[0]))
 
 
 def _change(found: Sequence[Change]) -> Stored:
     change = found[0]
     rests_on = provenance([change.before.plant], [change.before.log.path, change.after.log.path])
-    return Stored({**change.to_dict(), "rests_on": rests_on}, diagnosis_figures(change.after))
+    content = {**change.to_dict(), "rests_on": rests_on}
+    return Stored(content, diagnosis_figures(change.after), diagnosis_tables(change.after))
 
 
 #: Class of a result -> name of its JSON, function that prepares what is stored, and whether several can share a page.
@@ -126,7 +138,8 @@ def write_report(result: Any, folder: str | Path, *, force: bool = False) -> Pat
     with place.draft() as draft, tempfile.TemporaryDirectory() as temporary:
         stored, work = store(found), Path(temporary)
         (work / name).write_text(to_json(stored.content), encoding="utf-8", errors="backslashreplace")
+        save_tables(stored.tables, work)
         for stem, figure in stored.figures:
-            (work / f"{stem}.svg").write_text(to_svg(figure), encoding="utf-8")
+            save(figure, work / stem)
         shutil.copy(write_result_page(work, name), draft / page)
     return place.folder / page

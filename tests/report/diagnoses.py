@@ -43,7 +43,8 @@ def location(place="flow"):
     others = [name for name in ("torque", "drive", "flow", "force", "sensor") if name != place]
     regimes = (
         Regime("flow_1", "the pressure difference", "Pa", 1e4 * bins, 1e-8 * bins, np.full(9, 3e-7), 0.93,
-               "error of the flow into chamber 1 of 2e-06 m3/s along the pressure difference", 0.9),
+               "error of the flow into chamber 1 of 2e-06 m3/s along the pressure difference", 0.9,
+               1 + np.arange(SAMPLES - 1) // 20 % 9),
         Regime("flow_1", "the shaft's speed", "rad/s", bins, 1e-8 * bins, np.full(9, 1e-6), 0.41,
                "error of the flow into chamber 1 of 1e-06 m3/s along the shaft's speed"),
         Regime("force", "the sign of the rod's speed", "", np.array([-1.0, 1.0]), np.array([-90.0, 90.0]),

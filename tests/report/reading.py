@@ -16,6 +16,7 @@ TAGS = {
     "html", "head", "meta", "title", "style", "body", "main", "header", "section", "article", "h1", "h2", "h3", "h4",
     "h5", "p", "ul", "ol", "li", "dl", "dt", "dd", "a", "span", "small", "br", "wbr", "div", "table", "caption",
     "thead", "tbody", "tr", "th", "td", "figure", "figcaption", "img", "pre", "code", "strong",
+    "details", "summary", "script",
 }  # fmt: skip
 
 
@@ -51,7 +52,7 @@ class Page(HTMLParser):
             self.cell = None
 
     def handle_data(self, data):
-        if "style" not in self.open:
+        if not {"style", "script"} & set(self.open):
             self.words.append(data)
         if self.cell:
             self.tables[-1][-1][-1] += data
@@ -70,15 +71,18 @@ def loads_nothing(text):
     A figure is within the page, as an <img>; links lead within the page or to a file beside it.
     """
     page = Page(text)
-    style = re.search(r"<style>(.*?)</style>", text, flags=re.DOTALL)[1]
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    styles = re.findall(r"<style>(.*?)</style>", text, flags=re.DOTALL)
+    # A data block is not run; it needs no hash, and must not end early.
+    scripts = re.findall(r"<script>(.*?)</script>", text, flags=re.DOTALL)
+    assert page.with_tag("script").count({"type": "application/json"}) == len(page.with_tag("script")) - len(scripts)
+    runs, looks = (" ".join(map(_digest, found)) for found in (scripts, styles))
     policies = [meta["content"] for meta in page.with_tag("meta") if meta.get("http-equiv")]
 
     assert policies == [
-        f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; script-src {runs}; style-src {looks}; img-src data:; base-uri 'none'; form-action 'none'"
     ]
     assert text.index("Content-Security-Policy") < text.index("<style>")
-    assert "@import" not in style and "url(" not in style
+    assert not any(word in style for style in styles for word in ("@import", "url("))
     for tag, attributes in page.tags:
         assert tag in TAGS, tag
         assert not {name for name in attributes if name.startswith("on") or name == "style"}, (tag, attributes)
@@ -86,6 +90,10 @@ def loads_nothing(text):
             if name in LOADS:
                 wanted = r"data:image/(svg\+xml|png)(;base64)?,.*" if tag == "img" else r"#.*|[\w./%~-]+"
                 assert re.fullmatch(wanted, value), (tag, name, value[:80])
+
+
+def _digest(text):
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 def figures(text):

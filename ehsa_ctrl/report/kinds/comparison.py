@@ -9,6 +9,7 @@ from typing import Any
 from ...identification.comparison import GOOD, POOR, fit_words, quality
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence
 from ..text import value_text
+from ._charts import charted, comparison_chart
 from ._tables import FITS, finding_text, findings_section, fit_table, plant_name, settings_of, steps_of
 
 NOTE = (
@@ -25,6 +26,10 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     if "samples" in content:
         facts.append(("samples", f"{content['samples']}, {value_text(content['sample_time'], 1e-3)} ms apart"))
     facts += [(f"{name} model starts", model["start"]["words"]) for name, model in models.items() if "start" in model]
+    pictures = [
+        Picture("compare", "Whole log", "Free runs, driven by the logged input alone.", True),
+        Picture("compare-detail", "Detail", "The second in which the input varies most.", True),
+    ]
     steps, untold = steps_of(content), content.get("untold") or []
     return Page(
         title=f"Comparison of {Path(str(content['log'])).name} with {plant_name(content)}",
@@ -34,9 +39,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
             Section(
                 "Measured and simulated",
                 [
+                    *charted(comparison_chart(folder, list(models), pictures), pictures),
                     fit_table("Fit in free run, %", {name: model["fit_percent"] for name, model in models.items()}),
-                    Picture("compare", "Whole log", "Free runs, driven by the logged input alone.", True),
-                    Picture("compare-detail", "Detail", "The second in which the input varies most.", True),
                 ],
                 "runs",
             ),
@@ -50,6 +54,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
                     *([Paragraph("What this log cannot show:"), Points(untold)] if untold else []),
                 ],
                 "log",
+                folded=True,
             ),
         ],
         facts=settings_of({**content, "model": ""}),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,13 @@ from ...core.text import join_words, stems, unique_names
 from ...diagnosis.diagnosis import MODEL_WORDS
 from ...physics.effects import PLACES
 from ...plant.file import label
+from ..chart import RegimeCurve
 from ..closed_loop import closed_loop_section, closed_loop_sentences, replay_section
 from ..outcome import OUTCOMES, after_model, after_words, models_shown, outcome
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence, State, Table
 from ..signals import BALANCES, channel_display, signal_display
 from ..text import NOTHING, as_sentence, percent, quantity, unit, value_text
+from ._charts import REGIMES, charted, free_run_chart, regime_curves
 from ._diagnosis_causes import cause_name, cause_section, causes_are_named, parameter_rows
 from ._diagnosis_law import law_section
 from ._tables import settings_of, steps_of
@@ -33,38 +35,25 @@ VERDICTS: dict[str, tuple[State, str]] = {
     "outside_catalogue": (False, "no known effect explains the gap"),
     "underdetermined": (DOUBT, "the data do not show the cause"),
 }
-#: Order of the sections for each verdict: those that explain it come first.
-ORDER = {
-    "no_gap": ("signals", "gaps"),
-    "effect": ("signals", "where", "causes", "candidates", "gaps", "next"),
-    "ambiguous": ("signals", "causes", "candidates", "where", "gaps", "next"),
-    "parameters": ("signals", "causes", "candidates", "where", "gaps", "next"),
-    "partly": ("signals", "causes", "where", "gaps", "candidates", "next"),
-    "outside_catalogue": ("where", "signals", "causes", "gaps", "candidates", "next"),
-    "underdetermined": ("causes", "candidates", "next", "where", "signals", "gaps"),
-}
-
 #: The same where a law is proposed, whatever the verdict.
 LAW_VERDICT: tuple[State, str] = (DOUBT, "a law that the catalogue lacks explains the gap")
-LAW_ORDER = ("law", "signals", "gaps", "where", "causes", "candidates", "next")
 
 
 def _read(content: Content, folder: Path) -> Page:
-    parts: dict[str, Callable[[Content], Section]] = {
-        "signals": _signals, "where": _where, "causes": _causes, "candidates": _candidates, "gaps": _gaps,
-        "next": _next, "law": law_section,
-    }  # fmt: skip
     closed = read_json(folder / "closed_loop.json") if (folder / "closed_loop.json").is_file() else None
     state, heading = VERDICTS.get(content["verdict"], (False, str(content["verdict"])))
-    order = ORDER.get(content["verdict"], tuple(parts))
     if content.get("law"):
-        (state, heading), order = LAW_VERDICT, LAW_ORDER
+        state, heading = LAW_VERDICT
     sentences: list[Sentence] = [(content["change"], None)] if "change" in content else []
     sentences += [(content["sentence"], state), *_summary(content)]
     if closed is not None:
         sentences += list(closed_loop_sentences(closed))
     sentences += [(f"Data quality: {str(words).rstrip('.')}.", DOUBT) for words in content["findings"]]
-    ordered = [parts[name](content) for name in order]
+    # A picture, the numbers, why, where, what next; the same order whatever the verdict.
+    ordered = [_signals(content, folder), _gaps(content)]
+    if content["verdict"] != "no_gap":
+        law = [law_section(content)] if content.get("law") else []
+        ordered += [*law, _causes(content), _where(content), _next(content), _candidates(content)]
     model = f" ({content['model']})" if content.get("model") else ""
     return Page(
         title=f"Diagnosis of {_log(content)}: {heading}",
@@ -148,7 +137,7 @@ def _changed(content: Content) -> Section:
     return Section("What changed", [Paragraph(content["change"]), Facts(facts), table], "changed")
 
 
-def _signals(content: Content) -> Section:
+def _signals(content: Content, folder: Path) -> Section:
     caption = (
         "Free runs, driven by the logged input alone. A gap is the RMS of measured minus simulated on held-out data, "
         "with the sensor noise subtracted, over the standard deviation of the signal; 0 % is within the noise. A run "
@@ -159,7 +148,34 @@ def _signals(content: Content) -> Section:
         Picture(stem, f"Measured and simulated{f', {name}' if name else ''}", caption if stem == "signals" else "")
         for stem, name in zip(stems("signals", len(names)), names, strict=True)
     ]
-    return Section("Measured and simulated", [Paragraph(_remaining_gap(content)), *pictures], "signals")
+    rows = content.get("logs") or [content]
+    blocks: list[Any] = [Paragraph(_remaining_gap(content))]
+    for picture, name, row in zip(pictures, names, rows, strict=True):
+        chart = free_run_chart(
+            folder, f"{picture.stem}.csv", [picture],
+            after=after_words(content["verdict"], len(content["effects"]), content["gap"]),
+            effect=_switched(content),
+            shaded=[(float(start), float(end)) for start, end in row.get("held_spans", [])],
+            regimes=_regimes(content, folder, name),
+        )  # fmt: skip
+        blocks += charted(chart, [picture])
+    return Section("Measured and simulated", blocks, "signals")
+
+
+def _switched(content: Content) -> str:
+    """What the run "after" has and the run "before" lacks, for a button; empty if it is no cause."""
+    if content.get("law"):
+        return "the proposed law"
+    return join_words([cause_name(cause) for cause in content["effects"]]) if causes_are_named(content) else ""
+
+
+def _regimes(content: Content, folder: Path, log: str) -> list[RegimeCurve]:
+    """The curves of the regimes, at the log that they are of."""
+    location = content.get("location") or {}
+    of_log = Path(location["log"]).name if location.get("log") else ""
+    if of_log and log and of_log != Path(log).name:
+        return []
+    return regime_curves(location.get("regimes", []), folder, REGIMES)
 
 
 def _names(content: Content) -> list[str]:
@@ -277,7 +293,7 @@ def _candidates(content: Content) -> Section:
         "held-out data."
     )
     blocks = [Picture("candidates", "Hypotheses", caption), Table("Fitted hypotheses", head, rows)]
-    return Section("Hypotheses", blocks if rows else [], "candidates")
+    return Section("Hypotheses", blocks if rows else [], "candidates", folded=True)
 
 
 def _gaps(content: Content) -> Section:
@@ -342,7 +358,7 @@ def _recorded(content: Content) -> Section:
     )
     blocks += [Paragraph("Preparation:"), Points(steps)] if steps else []
     caption = "Noise estimated from the log, one standard deviation"
-    return Section("The log", [*blocks, Table(caption, ["channel", "noise", "unit"], rows)], "log")
+    return Section("The log", [*blocks, Table(caption, ["channel", "noise", "unit"], rows)], "log", folded=True)
 
 
 KIND = Kind("diagnosis.json", "diagnosis", _read, page="diagnosis.html")

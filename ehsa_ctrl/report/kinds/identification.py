@@ -12,6 +12,7 @@ from ...plant.file import label
 from ..page import Kind, Page, Paragraph, Picture, Points, Section, Table, mark
 from ..signals import channel_display
 from ..text import NOTHING, percent, uncertain, unit, value_text
+from ._charts import charted, free_run_chart
 from ._identification_verdict import determined, range_sentence, value_at_end, verdict, weights
 from ._tables import findings_section, fit_table, fit_text, plant_name, settings_of
 
@@ -63,7 +64,9 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
             Section(" and ".join(models).capitalize(), _side_by_side(models) if several else [], "models"),
             *(
                 Section(
-                    f"{name.capitalize()} model", list(_model(name, each, f"-{name}" if several else "")), f"model-{k}"
+                    f"{name.capitalize()} model",
+                    list(_model(name, each, f"-{name}" if several else "", folder)),
+                    f"model-{k}",
                 )
                 for k, (name, each) in enumerate(models.items())
             ),
@@ -89,14 +92,25 @@ def _side_by_side(models: Mapping[str, Model]) -> list[Any]:
     return [fit_table("Fit in free run after identification, %", columns)]
 
 
-def _model(name: str, each: Model, end: str) -> Iterator[Any]:
+def _model(name: str, each: Model, end: str, folder: Path) -> Iterator[Any]:
     """Parameters, fits, figures and residual tests of one model."""
+    fits = each["fit_percent"]
+    drawn = [run["log"] for run in each.get("runs", []) if run["use"] == ("validate" if fits["validate"] else "train")]
+    for index, log in enumerate(drawn[:DRAWN] or [""]):
+        stem = fit_stem(end, index)
+        picture = Picture(
+            stem,
+            f"Before and after{f' on {log}' if log else ''}",
+            "Free runs, driven by the logged input alone. Right: the second in which the input varies most. A run far "
+            "from the measurement leaves its panel.",
+            True,
+        )
+        yield from charted(free_run_chart(folder, f"{stem}.csv", [picture], after="after (identified)"), [picture])
     yield Table(
         "Parameters, with one standard deviation",
         ["name", "value", "unit", "relative", "verdict", "start", "95 % interval", "meaning"],
         [_parameter(parameter, p) for parameter, p in each["parameters"].items()],
     )
-    fits = each["fit_percent"]
     columns: dict[str, Model] = {}
     for use, words in (("train", "used"), ("validate", "held out")):
         if fits[use]:
@@ -105,15 +119,6 @@ def _model(name: str, each: Model, end: str) -> Iterator[Any]:
     runs = [_run(run) for run in each.get("runs", [])]
     yield Table("Free runs of the identified plant", ["log", "use", "worst fit", "run"], runs)
     beside = ", beside the balances" if each["method"] == "balances" else ""
-    drawn = [run["log"] for run in each.get("runs", []) if run["use"] == ("validate" if fits["validate"] else "train")]
-    for index, log in enumerate(drawn[:DRAWN] or [""]):
-        yield Picture(
-            fit_stem(end, index),
-            f"Before and after{f' on {log}' if log else ''}",
-            "Free runs, driven by the logged input alone. Right: the second in which the input varies most. A run far "
-            "from the measurement leaves its panel.",
-            True,
-        )
     yield Picture(
         f"parameters{end}",
         "Parameters",

@@ -28,6 +28,7 @@ from ..page import (
 )
 from ..provenance import merged_versions
 from ..text import quantity, unit, value_text
+from ._charts import charted, run_chart
 from ._metrics import (
     bounds_text,
     metric_exists,
@@ -93,16 +94,20 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     groups: dict[str, list[tuple[str, Run]]] = {}
     for stem, run in zip(stems, runs, strict=True):
         groups.setdefault(f"{run['scenario']} {run['title']} {run.get('definition')}", []).append((stem, run))
+    # A picture comes before the numbers; of several scenarios the table leads to their pictures.
+    single = next(iter(groups.values())) if len(groups) == 1 else []
+    picture = [Section("Runs over time", charted(run_chart(folder, single), ()), "runs")] if single else []
     return Page(
         title=f"{passed} of {len(runs)} scenarios passed: {join_words(names[:4])}"
         + (" and more" if len(names) > 4 else ""),
         sentences=list(_sentences(runs)),
         notes=[NOTE],
         sections=[
+            *picture,
             Section("All runs", [_summary(runs, [keys[stem] for stem in stems])], "summary"),
-            *(_scenario(group, keys, loop_keys) for group in groups.values()),
-            Section("Linear loops", list(_loops(loops, keys)), "loops"),
-            Section("Settings of the runs", [_settings(runs)], "settings"),
+            *(_scenario(group, keys, loop_keys, folder if len(groups) > 1 else None) for group in groups.values()),
+            Section("Linear loops", list(_loops(loops, keys)), "loops", folded=True),
+            Section("Settings of the runs", [_settings(runs)], "settings", folded=True),
         ],
         versions=merged_versions(run["provenance"] for run in runs),
     )
@@ -140,11 +145,17 @@ def _summary(runs: Sequence[Run], keys: Sequence[str]) -> Table:
     return Table("Nonlinear plant; –: did not happen, n/a: not defined for the reference", head, rows)
 
 
-def _scenario(group: Sequence[tuple[str, Run]], keys: Mapping[str, str], loops: Mapping[str, str]) -> Section:
-    """One scenario with all its controllers. keys, loops: section keys by figure stem and by linear loop."""
+def _scenario(
+    group: Sequence[tuple[str, Run]], keys: Mapping[str, str], loops: Mapping[str, str], folder: Path | None
+) -> Section:
+    """One scenario with all its controllers.
+
+    keys, loops: section keys by figure stem and by linear loop. folder: of the live chart; None if it stands elsewhere.
+    """
     runs = [run for _, run in group]
     first = runs[0]
-    blocks: list[Any] = [Paragraph(first["why"]), Facts(list(_conditions(first)))]
+    chart = charted(run_chart(folder, group), ()) if folder is not None else []
+    blocks: list[Any] = [Paragraph(first["why"]), *chart, Facts(list(_conditions(first)))]
     if len(runs) > 1:
         rows = [
             [name, *(metric_of(run, name) for run in runs), unit(METRICS[name].display_unit)]

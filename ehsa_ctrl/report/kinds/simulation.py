@@ -8,6 +8,7 @@ from typing import Any
 
 from ..page import DOUBT, Kind, Page, Picture, Section, Sentence
 from ..text import value_text
+from ._charts import charted, simulation_chart
 from ._tables import settings_of
 
 #: A drift of the mean pressure beyond this [Pa] is reported: 5 % of the EHSA's rest pressure (engineering judgement).
@@ -32,10 +33,11 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     if drift is not None and abs(drift) > DRIFT:
         words = f"The mean pressure drifted by {value_text(drift, 1e5, 2)} bar"
         sentences.append((f"{words}, because the model (12) conserves volume instead of oil mass.", None))
+    pictures = [Picture("simulation", "Simulated run", caption)]
     return Page(
         title=f"Simulation of {content['plant']}" + (f" with {content['input']}" if content.get("input") else ""),
         sentences=sentences,
-        sections=[Section("Simulated run", [Picture("simulation", "Simulated run", caption)], "run")],
+        sections=[Section("Simulated run", charted(simulation_chart(folder, content, pictures), pictures), "run")],
         facts=[
             *settings_of(content),
             ("samples", f"{content['samples']}, {value_text(content['sample_time'], 1e-3)} ms apart"),

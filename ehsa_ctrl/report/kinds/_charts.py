@@ -1,0 +1,236 @@
+"""Live charts of results: panels, switches and strips from the names of a CSV's columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from ...core.log import CHANNELS
+from ...diagnosis.unknown_inputs import UNITS
+from ..chart import LOOKS, PALETTE, Chart, ChartPanel, Line, Look, RegimeCurve, Span, Strip, Switch, columns_of
+from ..page import Picture
+from ..signals import BALANCES, SIGNALS, ChannelDisplay, channel_display, signal_display, unit_of_balance
+from ..style import GREY, PURPLE
+from ..text import unit
+
+Run = Mapping[str, Any]
+
+#: File of the bins that the samples lie in along the regimes of a diagnosis.
+REGIMES = "regimes.csv"
+
+#: How to use a chart, below each.
+USE = "Drag to enlarge, double-click or press 0 for the whole run; arrow keys move, + and - zoom."
+#: Limit of a plant -> columns of a run that it applies to, share of the limit at which they trip, and the sides.
+LIMITED = {
+    "pump_speed": (("omega",), 1.0, "both"),
+    "motor_speed": (("omega",), 1.0, "both"),
+    "pressure_max": (("P_1", "P_2"), 1.0, "high"),
+    "pressure_min": (("P_1", "P_2"), 1.0, "low"),
+    "stroke": (("x",), 0.5, "both"),
+}
+#: Signals of a closed loop and its columns, in the order of their panels.
+LOOP = (("x", "x"), ("omega", "omega"), ("P_1", "pressures"), ("P_2", "pressures"), ("v", "v"), ("F_cell", "force"))
+
+
+def free_run_chart(
+    folder: Path,
+    file: str,
+    pictures: Sequence[Picture],
+    *,
+    after: str = "after",
+    effect: str = "",
+    shaded: Sequence[Span] = (),
+    regimes: Sequence[RegimeCurve] = (),
+) -> Chart | None:
+    """Measured, before and after of each signal; None without the file.
+
+    file: columns t, the inputs, and NAME, NAME_before, NAME_after of each signal. after: name of that run. effect: name
+    of the causes that a button puts into the model and takes out of it.
+    """
+    columns = columns_of(folder / file)
+    roles = {"measured": "measured", "before": "before (nominal)", "after": after}
+    names = [c for c in columns[1:] if not c.endswith(("_before", "_after"))]
+    panels = []
+    for name in names:
+        runs = {"measured": name, "before": f"{name}_before", "after": f"{name}_after"}
+        present = {role: column for role, column in runs.items() if column in columns}
+        if len(present) == 1:
+            panels.append(ChartPanel(display(name), [Line(name, "input", LOOKS["drive"], stepped=True)]))
+            continue
+        lines = [
+            Line(column, roles[role], LOOKS[role], (role,), bounded=role == "before")
+            for role, column in present.items()
+        ]
+        panels.append(ChartPanel(display(name), lines))
+    shown = [role for role in roles if any(line.switches == (role,) for panel in panels for line in panel.lines)]
+    if not shown:
+        return None
+    return Chart(
+        "Measured and simulated", file, panels, pictures,
+        switches=[Switch(role, roles[role], LOOKS[role]) for role in shown],
+        shaded=shaded, regimes=regimes,
+        swap=(effect, "before", "after") if effect and {"before", "after"} <= set(shown) else None,
+        caption=("Grey: held-out data. " if shaded else "") + USE,
+    )  # fmt: skip
+
+
+def charted(chart: Chart | None, pictures: Sequence[Picture]) -> list[Any]:
+    """The chart, which holds the pictures; the pictures alone without one."""
+    return [chart] if chart is not None else list(pictures)
+
+
+def display(name: str) -> ChannelDisplay:
+    """Display of a channel or of a scored signal."""
+    return channel_display(name) if name in CHANNELS else signal_display(name)
+
+
+def comparison_chart(folder: Path, models: Sequence[str], pictures: Sequence[Picture]) -> Chart | None:
+    """Measured and simulated outputs of each model in compare.csv; None without the file."""
+    columns, panels = columns_of(folder / "compare.csv"), []
+    ends = ("_measured", *(f"_{model}" for model in models))
+    for name in dict.fromkeys(_base(column, ends) for column in columns[1:]):
+        if name not in CHANNELS:
+            continue
+        lines = [Line(name, "input", LOOKS["drive"], stepped=True)] if name in columns else []
+        for role in ("measured", *models):
+            if f"{name}_{role}" in columns:
+                lines.append(Line(f"{name}_{role}", _model_words(role), LOOKS[role], (role,)))
+        panels.append(ChartPanel(channel_display(name), lines))
+    if not panels:
+        return None
+    switches = [Switch(role, _model_words(role), LOOKS[role]) for role in ("measured", *models)]
+    return Chart("Measured and simulated", "compare.csv", panels, pictures, switches, caption=USE)
+
+
+def _base(column: str, ends: Sequence[str]) -> str:
+    return next((column.removesuffix(end) for end in ends if column.endswith(end)), column)
+
+
+def _model_words(role: str) -> str:
+    return role if role == "measured" else f"{role} model"
+
+
+def simulation_chart(folder: Path, content: Mapping[str, Any], pictures: Sequence[Picture]) -> Chart | None:
+    """Input and states of simulation.csv, with sticking and exceeded limits; None without the file."""
+    file, columns = "simulation.csv", columns_of(folder / "simulation.csv")
+    panels = []
+    for name in ("current", "omega", "P_1", "P_2", "x"):
+        if name in columns:
+            how = _shown("pressures" if name.startswith("P_") else name, name)
+            look = LOOKS["drive" if name == "current" else content.get("model", "nonlinear")]
+            panels.append(ChartPanel(how, [Line(name, "simulated", look, stepped=name == "current")]))
+    if not panels:
+        return None
+    still = [
+        Strip(f"{name} sticks", name, GREY, still=True)
+        for name in ("shaft", "rod")
+        if name in columns and content.get("model") != "linear"
+    ]
+    return Chart(
+        "Simulated run", file, panels, pictures, strips=[*still, *limit_strips(content.get("exceeded", []), columns)],
+        caption=USE,
+    )  # fmt: skip
+
+
+def _shown(signal: str, column: str) -> ChannelDisplay:
+    how = SIGNALS[signal]
+    words = {"P_1": "pressure P₁", "P_2": "pressure P₂"}.get(column, how.words)
+    return ChannelDisplay(words, how.display_unit, how.scale)
+
+
+def limit_strips(
+    exceeded: Sequence[Mapping[str, Any]], columns: Sequence[str], end: str = "", file: str = "", of: str = ""
+) -> list[Strip]:
+    """A strip for each exceeded limit whose quantity is a column.
+
+    end: of the columns' names. of: named in the label.
+    """
+    found = []
+    for trip in exceeded:
+        names, share, sides = LIMITED.get(str(trip["limit"]), ((), 1.0, ""))
+        bound = share * float(trip["allowed"])
+        low = {"low": bound, "both": -bound}.get(sides, float("-inf"))
+        high = bound if sides != "low" else float("inf")
+        for name in names:
+            if f"{name}{end}" in columns:
+                words = f"{name.replace('_', '')} beyond {str(trip['limit']).replace('_', ' ')}{of}"
+                found.append(Strip(words, f"{name}{end}", PURPLE, low=low, high=high, file=file))
+    return found
+
+
+def run_chart(folder: Path, group: Sequence[tuple[str, Run]]) -> Chart | None:
+    """A scenario with all its controllers, which are switched on and off; None without the files.
+
+    group: file stem and content of each run.
+    """
+    found = [(stem, run, columns_of(folder / f"{stem}.csv")) for stem, run in group]
+    found = [(stem, run, columns) for stem, run, columns in found if "reference" in columns]
+    if not found:
+        return None
+    several = len(found) > 1
+    names = [f"{run['controller']}" for _, run, _ in found]
+    lines: dict[str, list[Line]] = {}
+    hows: dict[str, ChannelDisplay] = {}
+    strips: list[Strip] = []
+    for k, ((stem, run, columns), model) in enumerate(product(found, ("nonlinear", "linear"))):
+        which = k // 2
+        file, name = f"{stem}.csv", names[which]
+        look = LOOKS[model] if not several else _of_controller(which, model)
+        for signal, shown in (("current", "current"), *LOOP):
+            column = f"{signal}_{model}"
+            if column in columns:
+                hows[signal] = _shown(shown, signal)
+                words = f"{name}, {model}" if several else f"{model} model"
+                keys = (f"controller {which}", model) if several else (model,)
+                line = Line(column, words, look, keys, stepped=signal == "current", file=file)
+                lines.setdefault(signal, []).append(line)
+        if model == "nonlinear":
+            of = f" ({name})" if several else ""
+            if f"rod_{model}" in columns:
+                strips.append(Strip(f"rod sticks{of}", f"rod_{model}", GREY, still=True, file=file))
+            strips += limit_strips(run["trips"], columns, f"_{model}", file, of)
+    first, columns = f"{found[0][0]}.csv", found[0][2]
+    for signal, column in (("x", "reference"), ("F_cell", "reference_force")):
+        if column in columns and signal in lines:
+            target = Line(column, "reference", LOOKS["reference"], ("reference",), stepped=True, file=first)
+            lines[signal].insert(0, target)
+    switches = [Switch("reference", "reference", LOOKS["reference"])]
+    if several:
+        switches += [Switch(f"controller {k}", name, _of_controller(k, "nonlinear")) for k, name in enumerate(names)]
+    switches += [
+        Switch(model, words, None if several else LOOKS[model], on=on)
+        for model, words, on in (
+            ("nonlinear", "nonlinear plant", True), ("linear", "linear prediction (dashed)", not several),
+        )
+    ]  # fmt: skip
+    order = [signal for signal in ("x", "F_cell", "omega", "P_1", "P_2", "v", "current") if signal in lines]
+    hydraulic = "P_1" in order
+    panels = [ChartPanel(hows[each], lines[each]) for each in order if not (hydraulic and each == "v")]
+    return Chart("Runs over time", first, panels, (), switches, strips, caption=USE)
+
+
+def _of_controller(index: int, model: str) -> Look:
+    colour = PALETTE[index % len(PALETTE)]
+    # The dashes of a second round of colours differ.
+    solid = () if index < len(PALETTE) else (10, 3)
+    return Look(colour, solid, 1.5) if model == "nonlinear" else Look(colour, (5, 3), 1.0)
+
+
+def regime_curves(regimes: Sequence[Mapping[str, Any]], folder: Path, file: str) -> list[RegimeCurve]:
+    """The curves of a diagnosis' regimes whose samples are in the file."""
+    columns = columns_of(folder / file)
+    found = []
+    for number, regime in enumerate(regimes, 1):
+        column = f"regime_{number}"
+        if column not in columns or "bins" not in regime:
+            continue
+        usual, scale = unit_of_balance(UNITS[regime["balance"]])
+        variable, by = unit_of_balance(regime["unit"])
+        rows = zip(regime["bins"], regime["mean"], regime["sd"], strict=True)
+        points = [(z / by, mean / scale, sd / scale) for z, mean, sd in rows]
+        name = BALANCES[regime["balance"]]
+        across = f"{regime['against']} ({unit(variable)})" if variable else str(regime["against"])
+        found.append(RegimeCurve(f"{name}: {regime['words']}", across, f"{name} ({unit(usual)})", points, column, file))
+    return found

@@ -1,0 +1,239 @@
+"""Charts that zoom: their numbers, and the pages in a browser."""
+
+import base64
+import json
+import re
+import shutil
+import time
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl as e
+from ehsa_ctrl.report import document
+from ehsa_ctrl.report.live import chart_library, pack, spans, thin
+
+from .diagnoses import diagnosis
+
+#: Largest page of a 24 s log of eight channels [bytes].
+LARGEST_PAGE = 1_000_000
+
+
+def test_thinning_keeps_the_extremes():
+    """A peak of a single sample stays, and the two values of a part come in the order of time."""
+    values = np.zeros(1000)
+    values[[502, 507]] = 5.0, -3.0
+
+    kept = thin(values, 50)
+
+    assert kept.size == 100
+    assert list(kept[50:52]) == [5.0, -3.0]
+    assert np.isnan(thin(np.full(10, np.nan), 2)).all()
+
+
+def test_packed_values_come_back_within_their_resolution():
+    """16 bits resolve a line to a 65000th of its span; missing values stay missing."""
+    values = np.array([-3.0, np.nan, 0.1234, 7.0, np.inf])
+    packed = pack(values)
+    codes = np.frombuffer(base64.b64decode(packed["codes"]), dtype="<i2").astype(float)
+    read = packed["low"] + (codes + 32767) / 65534 * (packed["high"] - packed["low"])
+
+    assert list(codes[[1, 4]]) == [-32768, -32768]
+    np.testing.assert_allclose(read[[0, 2, 3]], values[[0, 2, 3]], atol=10.0 / 65534)
+
+
+def test_spans_last_until_the_next_sample():
+    """Two parts, the second up to the end of the run."""
+    assert spans(np.arange(5.0), np.array([True, False, True, True, True])) == [[0.0, 1.0], [2.0, 4.0]]
+
+
+def test_without_the_library_the_page_says_how_to_get_it(tmp_path, monkeypatch, gentle):
+    """The printed figures are all there, and a sentence names the extra."""
+    monkeypatch.setattr(document, "chart_library", lambda: None)
+
+    page = e.write_report(gentle, tmp_path).read_text(encoding="utf-8")
+
+    assert 'pip install "ehsa_ctrl[live]"' in page
+    assert "application/json" not in page and "<img" in page
+
+
+def test_a_damaged_table_leaves_the_printed_figure(tmp_path, gentle):
+    """A user's edit of a CSV file is named in a sentence, and the rest of the page is as before."""
+    from ehsa_ctrl.core.result import to_json
+    from ehsa_ctrl.report.results import write_result_page
+    from ehsa_ctrl.report.write import RESULTS
+
+    _, store, _ = RESULTS[type(gentle)]
+    stored = store([gentle])
+    (tmp_path / "results.json").write_text(to_json(stored.content))
+    for name, table in stored.tables:
+        table.to_csv(tmp_path / name, index=False)
+        text = (tmp_path / name).read_text()
+        (tmp_path / name).write_text(text.replace("\n0.004,", "\nabc,", 1))
+
+    page = write_result_page(tmp_path, "results.json").read_text(encoding="utf-8")
+
+    assert "is not a table of numbers" in page
+    assert "application/json" not in page
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Headless Chromium of the system."""
+    binary, service = shutil.which("chromium"), shutil.which("chromedriver")
+    if binary is None or service is None:
+        pytest.skip("needs chromium and chromium-driver (Debian: apt-get install chromium chromium-driver)")
+    if chart_library() is None:
+        pytest.skip("needs the extra live")
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = binary
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(service))
+    try:
+        yield driver
+    finally:
+        driver.quit()
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory, gentle):
+    """A diagnosis and a scenario as pages."""
+    root = tmp_path_factory.mktemp("live")
+    return {
+        "diagnosis": e.write_report(diagnosis("effect"), root / "diagnosis"),
+        "run": e.write_report(gentle, root / "run"),
+    }
+
+
+def show(browser, path, width):
+    """Open a page in a window of this width [px] and wait for its charts."""
+    metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    browser.get(path.as_uri())
+    wait(browser, "return document.querySelectorAll('.live canvas').length > 0")
+
+
+def wait(browser, condition):
+    """Fail unless a script returns true within 5 s."""
+    end = time.monotonic() + 5.0
+    while not browser.execute_script(condition):
+        assert time.monotonic() < end, condition
+        time.sleep(0.05)
+
+
+def painted(browser, colour, panel):
+    """Pixels of a colour (r, g, b) in the canvas of a panel."""
+    script = """
+    const canvas = document.querySelectorAll('.live .uplot canvas')[arguments[3]];
+    const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+    let count = 0;
+    for (let k = 0; k < data.length; k += 4)
+      if (data[k + 3] > 200 && [0, 1, 2].every((j) => Math.abs(data[k + j] - arguments[j]) < 12)) count++;
+    return count;"""
+    time.sleep(0.2)
+    return browser.execute_script(script, *colour, panel)
+
+
+@pytest.mark.parametrize("kind", ["diagnosis", "run"])
+@pytest.mark.parametrize("width", [390, 1200])
+def test_a_page_fits_its_window_and_asks_for_nothing(browser, pages, kind, width):
+    """No sideways scrolling, no error in the console, no request but for the file itself."""
+    browser.get_log("performance"), browser.get_log("browser")
+
+    show(browser, pages[kind], width)
+    sent = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
+    urls = [each["params"]["request"]["url"] for each in sent if each["method"] == "Network.requestWillBeSent"]
+
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= width
+    assert browser.get_log("browser") == []
+    assert [url for url in urls if not url.startswith("data:")] == [pages[kind].as_uri()]
+
+
+def test_a_page_is_small_enough_to_send(pages):
+    """Below a megabyte, for a run of eight seconds too."""
+    assert all(path.stat().st_size < LARGEST_PAGE for path in pages.values())
+
+
+def test_dragging_zooms_all_panels(browser, pages):
+    """A drag over the middle of one panel shows the same part in all of them; 0 shows the whole run."""
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.by import By
+
+    show(browser, pages["run"], 1200)
+    panels = browser.find_elements(By.CSS_SELECTOR, ".live .u-over")
+    chart = browser.find_element(By.CSS_SELECTOR, ".live .chart")
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", panels[1])
+    ActionChains(browser).move_to_element_with_offset(panels[1], -100, 0).click_and_hold().move_by_offset(
+        200, 0
+    ).release().perform()
+
+    wait(browser, "return document.querySelector('.live .chart').dataset.from > 0")
+    start, end = (float(chart.get_attribute(f"data-{side}")) for side in ("from", "to"))
+    share = 200 / panels[1].size["width"]
+    assert end - start == pytest.approx(0.8 * share, rel=0.05)
+    chart.send_keys("0")
+    assert float(chart.get_attribute("data-to")) == pytest.approx(0.8, abs=0.005)
+
+
+def test_switches_take_lines_away(browser, pages):
+    """The measurement goes with its switch and comes back, by keyboard too; the effect's button swaps the two runs."""
+    from selenium.webdriver.common.by import By
+
+    sky, vermilion, panel = (0x56, 0xB4, 0xE9), (0xD5, 0x5E, 0x00), 1
+    show(browser, pages["diagnosis"], 1200)
+    boxes = browser.find_elements(By.CSS_SELECTOR, ".switches input")
+    assert painted(browser, sky, panel) > 0
+
+    boxes[0].send_keys(" ")
+    assert painted(browser, sky, panel) == 0
+    boxes[0].click()
+    assert painted(browser, sky, panel) > 0
+
+    button = browser.find_element(By.CSS_SELECTOR, ".switches button")
+    button.click()
+    assert button.get_attribute("aria-pressed") == "true"
+    assert [box.is_selected() for box in boxes] == [True, False, True]
+    assert painted(browser, vermilion, panel) > 0
+    button.click()
+    assert [box.is_selected() for box in boxes] == [True, True, False]
+    assert painted(browser, vermilion, panel) == 0
+
+
+def test_a_click_on_a_regime_marks_its_samples(browser, pages):
+    """A point of the curve marks bands in the panels; Escape takes them away."""
+    from selenium.webdriver.common.by import By
+
+    show(browser, pages["diagnosis"], 1200)
+    chart = browser.find_element(By.CSS_SELECTOR, ".live .chart")
+    curve = browser.find_element(By.CSS_SELECTOR, ".regime")
+    before = painted(browser, (242, 194, 0), 0)
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", curve)
+    browser.find_element(By.CSS_SELECTOR, ".regime .u-over").click()
+
+    wait(browser, "return document.querySelector('.live .chart').dataset.marked > 0")
+    assert re.search(r"Marked: .* s of the run", chart.text)
+    curve.send_keys("\ue00c")
+    wait(browser, "return document.querySelector('.live .chart').dataset.marked == 0")
+    assert before == 0
+
+
+def test_print_shows_every_section_and_the_printed_figures(browser, pages):
+    """In print the live chart is gone, its figure is there, and folded sections are open."""
+    show(browser, pages["diagnosis"], 1200)
+    assert browser.execute_script("return [...document.querySelectorAll('details')].every((each) => !each.open)")
+
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    browser.execute_script("dispatchEvent(new Event('beforeprint'))")
+    shown = browser.execute_script(
+        "return ['.live', '.replaced img', 'details'].map((s) => document.querySelector(s).getClientRects().length > 0)"
+    )
+    opened = browser.execute_script("return [...document.querySelectorAll('details')].every((each) => each.open)")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+
+    assert shown == [False, True, True]
+    assert opened
