@@ -252,6 +252,9 @@ def read_log(
     uniform: bool = True,
     wanted: str | Sequence[str] = (),
     span: tuple[float | None, float | None] = (None, None),
+    sample_time: float | None = None,
+    rate: float | None = None,
+    held: str | Collection[str] = (),
 ) -> Log: ...
 def read_plant_log(
     path: str | Path,
@@ -260,6 +263,8 @@ def read_plant_log(
     shortest: int = 25,
     uniform: bool = True,
     span: tuple[float | None, float | None] = (None, None),
+    sample_time: float | None = None,
+    rate: float | None = None,
 ) -> Log: ...
 def record(
     plant: _PlantLike,

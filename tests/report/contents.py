@@ -78,6 +78,12 @@ def contents(gentle, harsh, fitting):
             "variations": {"draws": 8, "spread": 0.3},
             "candidates": [{"input": "noise", "score": 0.02, "not_determined": 0}],
         },
+        "learning.json": {
+            "scenario": AWKWARD, "controller": AWKWARD, "gain": 0.5, "lead": 3, "cutoff": 10.0, "contraction": 0.6,
+            "contraction_at": 4.0, "words": AWKWARD, "provenance": PROVENANCE,
+            "trials": [{"number": k, "rms": 6e-4 / (k + 1), "largest": 1e-3, "current": 0.5, "correction": k * 1e-4}
+                       for k in range(2)],
+        },
         "simulation.json": {
             "plant": AWKWARD, "model": "nonlinear", "settings": {"K_T": "1.1"}, "samples": 501, "sample_time": 0.004,
             "stopped": "", "limits_passed": ["pump speed reached 5000 rpm"], "pressure_level_drift": 2e5, "seed": 0,

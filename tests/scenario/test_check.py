@@ -30,7 +30,7 @@ def edited(tmp_path, kind, name, old, new):
         ("plants", "ehsa", "value = 1.2,", 'value = "1.2",', r"\[parameters.K_T\] value = '1.2'; expected a number"),
         ("plants", "ehsa", "value = 1.2,", "value = 1e-300,", "K_T.* = 1e-300 N m/A"),
         ("plants", "ehsa", "bounds = [0.87, 1.60]", "bounds = [0.87]", r"\[parameters.K_T"),
-        ("controllers", "pid_position", 'kind = "pid"', 'kind = ["pid"]', "kind = a list; .*known: cascade"),
+        ("controllers", "pid_position", 'kind = "pid"', 'kind = ["pid"]', "kind = a list; .*known: .*cascade"),
         ("controllers", "pid_position", '"60 deg"', '"0 deg"', r"\[design\] phase_margin: 0 deg; expected .* 180 deg"),
         ("controllers", "pid_position", '"6 A"', '"60 A"', r"60 A exceeds the rating of the plant ehsa, 13\.42 A"),
         ("controllers", "pid_position", '"6 A"', "true", "current_limit: True is not a quantity"),
@@ -81,7 +81,7 @@ def test_a_lag_as_long_as_the_run_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"x = " + b"[" * 5000, "is not valid TOML: brackets are nested too deeply"),
+        (b"x = " + b"[" * 5000, "is not valid TOML: (brackets are nested too deeply|Invalid value)"),
         (b'kind = "pid"\nx = ' + b"9" * 5000, "is not valid TOML: it contains an integer of more than 64 bits"),
         (b'kind = "pid"\nx = ' + b"9" * 30, "is not valid TOML: it contains an integer of more than 64 bits"),
         (b'title = "\xff"', r"is not valid UTF-8 \(byte 10\)"),
