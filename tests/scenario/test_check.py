@@ -81,7 +81,7 @@ def test_a_lag_as_long_as_the_run_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"x = " + b"[" * 5000, "is not valid TOML: (brackets are nested too deeply|Invalid value)"),
+        (b"x = " + b"[" * 200_000, "is not valid TOML: brackets are nested too deeply"),
         (b'kind = "pid"\nx = ' + b"9" * 5000, "is not valid TOML: it contains an integer of more than 64 bits"),
         (b'kind = "pid"\nx = ' + b"9" * 30, "is not valid TOML: it contains an integer of more than 64 bits"),
         (b'title = "\xff"', r"is not valid UTF-8 \(byte 10\)"),

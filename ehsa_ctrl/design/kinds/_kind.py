@@ -54,6 +54,13 @@ class ControllerFile(Definition):
             )
         return self
 
+    def refuse_inertia(self, law: str, how: str = "") -> None:
+        """Raise ValueError for [feedforward] inertia beside a law that feeds the planned acceleration forward."""
+        if self.feedforward is not None and self.feedforward.inertia != 0.0:
+            raise ValueError(
+                f"[feedforward] inertia: {law} feeds the planned acceleration forward itself{how}; leave it out"
+            )
+
 
 @dataclass(frozen=True)
 class ControllerKind:

@@ -64,10 +64,7 @@ class AdrcFile(ControllerFile):
                 f"[adrc] bandwidth times observer_ratio is {w_o:.4g} rad/s; expected less than {nyquist:.4g} rad/s, "
                 "the Nyquist frequency"
             )
-        if self.feedforward is not None and self.feedforward.inertia != 0.0:
-            raise ValueError(
-                "[feedforward] inertia: an adrc feeds the planned acceleration forward itself, by 1 / b_0; leave it out"
-            )
+        self.refuse_inertia("an adrc", ", by 1 / b_0")
         return self
 
 

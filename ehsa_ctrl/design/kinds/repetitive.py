@@ -22,7 +22,7 @@ from ...core.errors import InputError, choices, shown
 from ..analysis.learning import Learning, design_learning
 from ..controller import Law, SampledController
 from ..review_checks import ReviewContext, ReviewFinding
-from ..state_space.state_feedback import estimate, predict, regulator_current, state_feedback, target_current
+from ..state_space.state_feedback import state_feedback
 from ._kind import ControllerFile, ControllerKind
 from .adrc import adrc_law
 from .cascade import cascade_law
@@ -75,10 +75,8 @@ class RepetitiveFile(ControllerFile):
         word = self.base.get("kind")
         if word not in BASES:
             raise ValueError(f"[base] kind = {shown(word)}; {choices(str(word), BASES)}")
-        if word not in ("pid", "cascade") and self.feedforward is not None and self.feedforward.inertia != 0.0:
-            raise ValueError(
-                f"[feedforward] inertia: a {word} feeds the planned acceleration forward itself; leave it out"
-            )
+        if word not in ("pid", "cascade"):
+            self.refuse_inertia(f"a {word}")
         foreign = [key for key in self.base if key in ControllerFile.model_fields and key != "kind"]
         if foreign:
             raise ValueError(f"[base] {foreign[0]}: belongs to the controller itself, above its tables")
@@ -168,14 +166,6 @@ BASES: dict[str, Callable[..., float]] = {
     "adrc": repetitive_adrc,
     "sliding_mode": repetitive_sliding_mode,
 }
-#: Kind of the base -> functions that its law needs.
-BASE_LAWS: dict[str, tuple[Callable[..., Any], ...]] = {
-    "pid": (pid_law,),
-    "cascade": (cascade_law,),
-    "lqr": (target_current, regulator_current, estimate, predict, state_feedback),
-    "adrc": (adrc_law,),
-    "sliding_mode": (sliding_mode_law,),
-}
 
 
 @dataclass(frozen=True)
@@ -202,7 +192,7 @@ class Repetitive:
 
     @property
     def uses(self) -> tuple[Callable[..., Any], ...]:
-        return (*BASE_LAWS[self.word], repeat)
+        return (*self.base.uses, self.base.function, repeat)
 
     @property
     def reads(self) -> tuple[str, ...]:

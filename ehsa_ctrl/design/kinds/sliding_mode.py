@@ -71,11 +71,7 @@ class SlidingModeFile(ControllerFile):
                 f"[sliding_mode] bandwidth with layer_ratio is {fastest:.4g} rad/s; expected less than "
                 f"{nyquist:.4g} rad/s, the Nyquist frequency"
             )
-        if self.feedforward is not None and self.feedforward.inertia != 0.0:
-            raise ValueError(
-                "[feedforward] inertia: a sliding mode feeds the planned acceleration forward itself, by 1 / b_0; "
-                "leave it out"
-            )
+        self.refuse_inertia("a sliding mode", ", by 1 / b_0")
         return self
 
 
