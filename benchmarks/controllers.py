@@ -11,7 +11,7 @@ noise gain, on the linear model with the nominal payload. Then, on the nonlinear
 - a sine of 1 Hz and 10 mm: RMS error, with the feed-forward and without;
 - the step of 20 mm with friction, torque constant and payload each 20 % off, and with all eight combinations.
 
-The friction feed-forward keeps its nominal numbers throughout. Prints the tables of docs/choose.md and writes JSON.
+The friction feed-forward keeps its nominal numbers throughout. Prints the tables of docs/controllers.md, writes JSON.
 """
 
 from __future__ import annotations
@@ -25,17 +25,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from step_and_sine import sine_error, step_and_back
 
 import ehsa_ctrl as e
 from ehsa_ctrl.design.controller import SampledController
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.specification import ControllerDesign, design
 from ehsa_ctrl.design.tuning.constraints import Tuning
-from ehsa_ctrl.scenario.response import settling_band, step_metrics
-from ehsa_ctrl.simulation.minimum_time import shortest_time
-from ehsa_ctrl.simulation.sensors import Sensors
 
-DT, HOLD, WAIT = 0.004, 3.0, 1.5
+HOLD = 3.0
 SIZES = (0.001, 0.005, 0.02)
 OFF = 0.2
 PAYLOAD, SPRING = 50.0, 50e3
@@ -101,22 +99,13 @@ def tuned(kind: str, budget: int) -> ControllerDesign:
 
 def step(law: SampledController, real: e.Plant, size: float, seed: int) -> Outcome:
     """A step to `size` and back, held for WAIT + HOLD each."""
-    part = round((WAIT + HOLD) / DT)
-    reference = np.zeros((50 + 2 * part, 3))
-    reference[50 : 50 + part, 0] = size
-    loop = e.run_closed_loop(real, law, reference, sensors=Sensors.of(real, seed=seed))
-    time, x = loop.trajectory.time, loop.trajectory["x"]
-    found = []
-    for first, before, target in ((50, 0.0, size), (50 + part, size, 0.0)):
-        moving = slice(first, first + part)
-        numbers = step_metrics(time[moving], x[moving], before, target)
-        least = shortest_time(real, target - before, law.current_limit, start=before, band=size * settling_band(size))
-        held = x[first + round(WAIT / DT) : first + part]
-        settling, current = numbers["SettlingTime"], float(np.sqrt(np.mean(loop.trajectory.current[moving] ** 2)))
-        found.append(
-            Outcome(settling, settling / least, numbers["Overshoot"], float(np.max(np.abs(held - target))), current)
-        )
-    return worst_of(found)
+    legs = step_and_back(law, real, size, seed=seed, hold=HOLD)
+    return worst_of(
+        [
+            Outcome(leg.metrics["SettlingTime"], leg.ratio, leg.metrics["Overshoot"], leg.standing, leg.current)
+            for leg in legs
+        ]
+    )
 
 
 def without_friction(law: SampledController) -> SampledController:
@@ -136,14 +125,6 @@ def steps(law: SampledController, real: e.Plant, seeds: int) -> dict[str, dict[s
 def worst_of(found: list[Outcome]) -> Outcome:
     # np.max propagates nan: a step that never settles is the worst.
     return Outcome(*(float(np.max([asdict(one)[key] for one in found])) for key in asdict(found[0])))
-
-
-def sine(law: SampledController, real: e.Plant) -> float:
-    """RMS error [m] from the second period on in a sine of 1 Hz and 10 mm."""
-    t, w = DT * np.arange(round(5 / DT)), 2 * np.pi
-    reference = 0.01 * np.column_stack([np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)])
-    loop = e.run_closed_loop(real, law, reference, sensors=Sensors.of(real, seed=0))
-    return float(np.sqrt(np.mean(loop.error[round(1 / DT) :] ** 2)))
 
 
 def deviations() -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
@@ -169,8 +150,8 @@ def measure(kind: str, seeds: int, budget: int) -> dict[str, Any]:
         "loop": {name: made.loop.figure(name) for name in ("Ms", "Mt", "disk_margin", "delay_margin", "noise_gain")},
         "nominal": steps(law, real, seeds),
         "bare": steps(without_friction(law), real, seeds),
-        "sine": sine(law, real),
-        "sine_bare": sine(without_friction(law), real),
+        "sine": sine_error(law, real),
+        "sine_bare": sine_error(without_friction(law), real),
         "single": single,
         "corners": corners,
     }

@@ -17,17 +17,16 @@ from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
+from step_and_sine import sine_error, step_and_back
 
 import ehsa_ctrl as e
 from ehsa_ctrl.design.analysis.robustness import robust_margins
 from ehsa_ctrl.design.controller import SampledController
 from ehsa_ctrl.plant.draws import draw
-from ehsa_ctrl.scenario.response import hunting, settling_band, step_metrics
-from ehsa_ctrl.simulation.minimum_time import shortest_time
-from ehsa_ctrl.simulation.sensors import Sensors
+from ehsa_ctrl.scenario.response import hunting
 from ehsa_ctrl.simulation.slip_quantum import slip_quantum
 
-DT, HOLD, WAIT = 0.004, 5.0, 1.5
+HOLD = 5.0
 #: Relative standard deviation of the values of Table 2.
 UNKNOWN = 0.05
 SIZES = (0.001, 0.005, 0.02)
@@ -55,27 +54,16 @@ def controller(name: str) -> SampledController:
 
 def step(name: str, size: float, seed: int) -> Step:
     """A step to `size` and back, held for WAIT + HOLD each."""
-    law, real = controller(name), plant()
-    part = round((WAIT + HOLD) / DT)
-    reference = np.zeros((50 + 2 * part, 3))
-    reference[50 : 50 + part, 0] = size
-    loop = e.run_closed_loop(real, law, reference, sensors=Sensors.of(real, seed=seed))
-    time, x = loop.trajectory.time, loop.trajectory["x"]
-    found = []
-    for first, before, target in ((50, 0.0, size), (50 + part, size, 0.0)):
-        moving = slice(first, first + part)
-        numbers = step_metrics(time[moving], x[moving], before, target)
-        least = shortest_time(real, target - before, law.current_limit, start=before, band=size * settling_band(size))
-        held = slice(first + round(WAIT / DT), first + part)
-        found.append(
-            Step(
-                numbers["SettlingTime"],
-                numbers["SettlingTime"] / least,
-                numbers["Overshoot"],
-                float(np.max(np.abs(x[held] - target))),
-                hunting(time[held], x[held])["Slips"],
-            )
+    found = [
+        Step(
+            leg.metrics["SettlingTime"],
+            leg.ratio,
+            leg.metrics["Overshoot"],
+            leg.standing,
+            hunting(leg.time, leg.x)["Slips"],
         )
+        for leg in step_and_back(controller(name), plant(), size, seed=seed, hold=HOLD)
+    ]
     # np.max propagates nan: a step that never settles is the worst.
     return Step(*(float(np.max([getattr(one, key) for one in found])) for key in Step.__dataclass_fields__))
 
@@ -85,10 +73,7 @@ def sine(name: str, *, compensated: bool, seed: int = 0) -> float:
     law, real = controller(name), plant()
     if not compensated and law.feedforward is not None:
         law = replace(law, feedforward=law.feedforward.model_copy(update={"coulomb": 0.0, "static": None}))
-    t, w = DT * np.arange(round(5 / DT)), 2 * np.pi
-    reference = 0.01 * np.column_stack([np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)])
-    loop = e.run_closed_loop(real, law, reference, sensors=Sensors.of(real, seed=seed))
-    return float(np.sqrt(np.mean(loop.error[round(1 / DT) :] ** 2)))
+    return sine_error(law, real, seed=seed)
 
 
 def margins(name: str, draws: int) -> tuple[float, float]:
