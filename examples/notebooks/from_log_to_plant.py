@@ -304,9 +304,9 @@ pd.DataFrame({name: plant.values for name, plant in models.items()}).T[["J_M", "
 # and also a leakage that the rig does not have. (Table 2 shows the same to a lesser degree: B_FM and B_FR of its linear
 # set are a third and a twentieth larger than those of its nonlinear one.)
 #
-# `pid_position` specifies a crossover of 35 rad/s and a phase margin of 60 degrees, and reaches both on every model. So
-# the margins on the design model don't show which design is good. The gains do, and so do the margins of the same
-# controller on the sliding model, which describes the moving rig.
+# `pid_position` specifies a crossover of 35 rad/s (5.6 Hz) and a phase margin of 60 degrees, and reaches both on every
+# model. So the margins on the design model don't show which design is good. The gains do, and so do the margins of the
+# same controller on the sliding model, which describes the moving rig.
 
 # %%
 slides = e.three_state(models["sliding"])
@@ -326,7 +326,7 @@ for name, plant in models.items():
         ("gains", "k_d [A s/m]"): round(pid.law.gains.k_d),
         ("on its own model", "phase margin [deg]"): round(own.phase_margin),
         ("on its own model", "gain margin"): round(own.gain_margin, 1),
-        ("on the sliding model", "crossover [rad/s]"): rounded(real.crossover),
+        ("on the sliding model", "crossover [Hz]"): rounded(real.crossover / (2 * np.pi), 1),
         ("on the sliding model", "phase margin [deg]"): rounded(real.phase_margin),
         ("on the sliding model", "gain margin"): rounded(real.gain_margin, 1),
         ("on the sliding model", "stable"): real.stable,
@@ -341,7 +341,7 @@ pd.DataFrame(rows).T
 
 # %% [markdown]
 # Designed on a fitted model, the controller is much too aggressive: on the sliding model its crossover is three times
-# the specified 35 rad/s with less than half the phase margin, or the loop is even unstable. This depends on the half of
+# the specified one with less than half the phase margin, or the loop is even unstable. This depends on the half of
 # the log and, because the minimum is flat, on details of the fit. Table 2 and the sliding model give nearly the same
 # controller.
 #

@@ -50,7 +50,7 @@ analysis = e.analyse(model)
 print(analysis)
 
 # %% [markdown]
-# The model has a slow pole at 9 rad/s (shaft and rod as one mass with viscous friction), a well damped pair at 70 Hz
+# The model has a slow pole at 1.4 Hz (shaft and rod as one mass with viscous friction), a well damped pair at 70 Hz
 # (the rod on the oil's stiffness), and the integrator from speed to position. From the current to the position there is
 # no zero, so the phase falls to -360 degrees; the pair at 70 Hz limits the gain.
 

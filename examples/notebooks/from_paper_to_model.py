@@ -170,14 +170,14 @@ def speed_gain(plant):
 
 figure, axes = plt.subplots(2, 3, figsize=(8, 5.0), sharex=True, sharey=True, layout="constrained")
 for ax, symbol in zip(axes.T.flat, changes, strict=True):
-    ax.loglog(omega, speed_gain(linear), color=e.style.BLACK, linewidth=1.0, label="as printed")
+    ax.loglog(omega / (2 * np.pi), speed_gain(linear), color=e.style.BLACK, linewidth=1.0, label="as printed")
     for factor, colour, dashes in ((0.5, e.style.BLUE, (0, (4, 1.5))), (2.0, e.style.VERMILION, "-")):
         changed = linear.set(**{symbol: factor * linear[symbol]})
-        ax.loglog(omega, speed_gain(changed), color=colour, linestyle=dashes, label=f"{factor:g} times")
+        ax.loglog(omega / (2 * np.pi), speed_gain(changed), color=colour, linestyle=dashes, label=f"{factor:g} times")
     ax.set_title(f"{symbol} ({changes[symbol]})", loc="left")
-    ax.set(xlim=(0.5, 2000), ylim=(0.05, 500))
+    ax.set(xlim=(0.1, 300), ylim=(0.05, 500))
 for ax in axes[1]:
-    ax.set_xlabel("frequency (rad/s)")
+    ax.set_xlabel("frequency (Hz)")
 for ax in axes[:, 0]:
     ax.set_ylabel("rod speed\n(mm/s per A)")
 figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
@@ -604,14 +604,14 @@ def results(**values):
         "way of a 0.25 s push (mm)": step["x"][-1] / MM,
         "dP overshoot (bar)": dP[peak] - dP[peak : peak + 80].min(),
         "least pressure (bar)": step.extremes[0, 1:3].min() / BAR,
-        "crossover (rad/s)": loop.crossover,
+        "crossover (Hz)": loop.crossover / (2 * np.pi),
         "phase margin (deg)": loop.phase_margin,
     }
 
 
 nominal = results()
 ends = {name: [results(**{name: value}) for value in (low, high)] for name, (low, high, _) in ranges.items()}
-DIGITS = (2, 2, 1, 2, 1, 1, 0)
+DIGITS = (2, 2, 1, 2, 1, 2, 0)
 rows = {"as assumed": [f"{value:.{digits}f}" for value, digits in zip(nominal.values(), DIGITS, strict=True)]}
 for name, (low, high) in ends.items():
     cells = [f"{low[k]:.{digits}f} … {high[k]:.{digits}f}" for k, digits in zip(nominal, DIGITS, strict=True)]
@@ -646,7 +646,7 @@ axes[1, 0].set(ylabel="rod speed\n(mm/s)", xlim=(500, 570), ylim=(-4, 125))
 plt.show()
 
 # %% [markdown]
-# The torque constant determines distance and speed; a PID designed for 35 rad/s crosses over between 29 and 41. The
+# The torque constant determines distance and speed; a PID designed for 5.6 Hz (35 rad/s) crosses over between 4.7 and 6.5 Hz. The
 # bulk modulus affects the first 20 ms and the phase margin; at its lower end the pressure overshoot of the paper nearly
 # vanishes, so a very soft oil is unlikely. The two Stribeck speeds shape breakaway and stop: a small effect here, but
 # the operating range of a position controller. The pressure at rest affects only the margin to cavitation.

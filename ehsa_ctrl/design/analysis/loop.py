@@ -128,7 +128,8 @@ class LoopAnalysis(Result, Margins):
         noise = f"; {source} from sensor noise {size} rms" if self.current_noise >= 0 else ""
         return (
             f"{head}\n"
-            f"  crossover {self.crossover:.4g} rad/s, phase margin {self.phase_margin:.3g} deg, "
+            f"  crossover {self.crossover / (2 * np.pi):.3g} Hz ({self.crossover:.4g} rad/s), "
+            f"phase margin {self.phase_margin:.3g} deg, "
             f"gain margin {self.gain_margin:.3g}, delay margin {1e3 * self.delay_margin:.3g} ms\n"
             f"  Ms {self.Ms:.3g}, Mt {self.Mt:.3g}, disk margin {self.disk_margin:.3g} "
             f"(gain x {low:.2g} to {high:.3g}, phase {self.disk_phase:.3g} deg simultaneously), closed loop stable\n"

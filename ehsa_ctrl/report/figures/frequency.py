@@ -19,12 +19,14 @@ from ..style import BLACK, BLUE, GREEN, GREY, VERMILION
 from ..text import number, unit
 from ._layout import XLABEL, share_x, sheet
 
-#: Units of a gain per ampere; the speed in rad/s, as the axis of frequency is.
+#: Units of a gain per unit of the drive.
 SHOWN = {"omega": "rad/s", "dP": "bar", "v": "mm/s", "x": "mm", "theta": "rad"}
 #: Names of outputs that are not among SIGNALS.
 NAMES = {"theta": "angle"}
 #: |S| and |T| are not shown below this, dB.
 FLOOR = -45.0
+#: rad/s in 1 Hz.
+HERTZ = 2 * np.pi
 #: A margin.
 BAR: dict[str, Any] = {
     "color": VERMILION, "linewidth": 3.0, "zorder": 3, "solid_capstyle": "butt", "clip_on": False,
@@ -34,7 +36,7 @@ BAR: dict[str, Any] = {
 @draw.register
 def bode_figure(analysis: Analysis) -> Figure:
     """Magnitude [rad/s, bar, mm/s, mm, rad per unit of the drive] and phase [deg] from the drive to each output over
-    frequency [rad/s].
+    frequency [Hz].
 
     One row per output; dotted lines mark the natural frequencies of the poles.
     """
@@ -49,17 +51,17 @@ def bode_figure(analysis: Analysis) -> Figure:
     with sheet(title, rows, [1.5] * len(rows), notes=notes) as (figure, axes):
         for name, (left, right) in zip(outputs, rows, strict=True):
             channel = response[analysis.system.output_labels.index(name), 0]
-            axes[left].loglog(omega, np.abs(channel) / factor(SHOWN[name], OUTPUTS[name]), color=BLUE)
+            axes[left].loglog(omega / HERTZ, np.abs(channel) / factor(SHOWN[name], OUTPUTS[name]), color=BLUE)
             words = NAMES.get(name) or SIGNALS[name].words
             axes[left].set_ylabel(f"{words}\n({unit(SHOWN[name])} per {unit(analysis.drive_unit)})")
-            axes[right].semilogx(omega, phase(channel), color=BLUE)
+            axes[right].semilogx(omega / HERTZ, phase(channel), color=BLUE)
             axes[right].set_ylabel("phase\n(deg)")
             degrees(axes[right])
         for column in ([axes[row[k]] for row in rows] for k in (0, 1)):
             few_ticks(column)
             share_x(column)
-            column[-1].set_xlim(omega[0], omega[-1])
-            column[-1].set_xlabel("frequency (rad/s)")
+            column[-1].set_xlim(omega[0] / HERTZ, omega[-1] / HERTZ)
+            column[-1].set_xlabel("frequency (Hz)")
             for frequency, _ in poles:
                 mark(column, frequency)
     return figure
@@ -77,13 +79,13 @@ def _poles(analysis: Analysis) -> list[tuple[float, str]]:
     for pole, frequency, damping in zip(analysis.poles, analysis.natural_frequencies, analysis.damping, strict=True):
         if frequency > 0:
             kind = f"ζ = {number(round(damping, 3))}" if pole.imag else ("real" if pole.real < 0 else "unstable")
-            found[f"{frequency:.6g} {kind}"] = (float(frequency), f"{number(frequency)} rad/s, {kind}")
+            found[f"{frequency:.6g} {kind}"] = (float(frequency), f"{number(frequency / HERTZ)} Hz, {kind}")
     return sorted(found.values())
 
 
 @draw.register
 def loop_figure(loop: LoopAnalysis) -> Figure:
-    """Open loop: gain [dB] and phase [deg] over frequency [rad/s]; below |S| and |T| [dB] with their peaks.
+    """Open loop: gain [dB] and phase [deg] over frequency [Hz]; below |S| and |T| [dB] with their peaks.
 
     Thick bars are the gain margin (top) and the phase margin (middle); their values are above the panels.
     """
@@ -96,24 +98,24 @@ def loop_figure(loop: LoopAnalysis) -> Figure:
     notes = list(_margins(loop, crossover, turnover))
     with sheet(title, rows, (2.0, 1.8, 1.8), extra=XLABEL + 0.25, notes=notes) as (figure, axes):
         top, middle, bottom = (axes[row[0]] for row in rows)
-        top.semilogx(omega, decibel(np.abs(loop.response)), color=BLUE)
+        top.semilogx(omega / HERTZ, decibel(np.abs(loop.response)), color=BLUE)
         top.axhline(0.0, color=BLACK, linewidth=0.7, zorder=1.5)
         top.set_ylabel("open loop |L|\n(dB)")
-        middle.semilogx(omega, turned, color=BLUE)
+        middle.semilogx(omega / HERTZ, turned, color=BLUE)
         middle.axhline(-180.0, color=BLACK, linewidth=0.7, zorder=1.5)
         middle.set_ylabel("phase of L\n(deg)")
         degrees(middle)
         _closed(bottom, loop)
         if crossover is not None:
             mark([top, middle], crossover)
-            middle.plot([crossover] * 2, [-180.0, loop.phase_margin - 180.0], **BAR)
+            middle.plot([crossover / HERTZ] * 2, [-180.0, loop.phase_margin - 180.0], **BAR)
         if turnover is not None:
             mark([top, middle], turnover)
-            top.plot([turnover] * 2, [0.0, -float(decibel(loop.gain_margin))], **BAR)
+            top.plot([turnover / HERTZ] * 2, [0.0, -float(decibel(loop.gain_margin))], **BAR)
         few_ticks([top, middle, bottom])
         share_x([top, middle, bottom])
-        bottom.set_xlabel("frequency (rad/s), up to the Nyquist frequency")
-        bottom.set_xlim(omega[0], omega[-1])
+        bottom.set_xlabel("frequency (Hz), up to the Nyquist frequency")
+        bottom.set_xlim(omega[0] / HERTZ, omega[-1] / HERTZ)
     return figure
 
 
@@ -126,9 +128,9 @@ def _closed(ax: Axes, loop: LoopAnalysis) -> None:
     }
     for name, (curve, peak, colour, dashes) in curves.items():
         label = f"|{name}|, M{name.lower()} = {number(peak)}"
-        ax.semilogx(loop.omega, decibel(curve), color=colour, linestyle=dashes, label=label)
+        ax.semilogx(loop.omega / HERTZ, decibel(curve), color=colour, linestyle=dashes, label=label)
         k = int(np.argmax(curve))
-        ax.plot(loop.omega[k], decibel(curve[k]), marker="o", color=colour, markeredgecolor="white", zorder=3)
+        ax.plot(loop.omega[k] / HERTZ, decibel(curve[k]), marker="o", color=colour, markeredgecolor="white", zorder=3)
     decibel_axis(ax, max(ax.dataLim.y0, FLOOR), ax.dataLim.y1 + 5)
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2, borderpad=0.2, borderaxespad=0.2)
     ax.set_ylabel("closed loop\n(dB)")
@@ -138,10 +140,10 @@ def _margins(loop: LoopAnalysis, crossover: float | None, turnover: float | None
     """The margins as sentences for the header."""
     if crossover is not None:
         delay = f", delay margin {number(1e3 * loop.delay_margin)} ms" if np.isfinite(loop.delay_margin) else ""
-        yield f"crossover {number(crossover)} rad/s: phase margin {number(loop.phase_margin)}°{delay}"
+        yield f"crossover {number(crossover / HERTZ)} Hz: phase margin {number(loop.phase_margin)}°{delay}"
     if turnover is not None:
         depth = f"{number(loop.gain_margin)} ({number(float(decibel(loop.gain_margin)))} dB)"
-        yield f"phase −180° at {number(turnover)} rad/s: gain margin {depth}"
+        yield f"phase −180° at {number(turnover / HERTZ)} Hz: gain margin {depth}"
 
 
 def _loop_phase(loop: LoopAnalysis) -> np.ndarray:
@@ -168,7 +170,7 @@ def decibel_axis(ax: Axes, low: float, high: float) -> None:
 def mark(axes: Sequence[Axes], frequency: float) -> None:
     """Draw a dotted line at a frequency [rad/s] through the panels."""
     for ax in axes:
-        ax.axvline(frequency, color=GREY, linestyle=(0, (2, 2)), linewidth=0.9)
+        ax.axvline(frequency / HERTZ, color=GREY, linestyle=(0, (2, 2)), linewidth=0.9)
 
 
 def few_ticks(axes: Iterable[Axes]) -> None:

@@ -18,7 +18,7 @@ from ..style import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
 from ..text import number
 from . import _panels as panel
 from ._layout import XLABEL, share_x, sheet
-from .frequency import decibel, decibel_axis, few_ticks
+from .frequency import HERTZ, decibel, decibel_axis, few_ticks
 
 #: Range of the complex plane that is shown, and the panel's height, in.
 REAL, IMAGINARY, HEIGHT = (-3.2, 1.6), (-2.0, 2.0), 5.6
@@ -85,7 +85,7 @@ def _parts(loop: LoopAnalysis) -> tuple[np.ndarray, np.ndarray]:
 
 @draw.register
 def robustness_figure(robust: RobustMargins) -> Figure:
-    """|S| (top) and |T| [dB] over frequency [rad/s]: the band of all plants, the first and the worst plant.
+    """|S| (top) and |T| [dB] over frequency [Hz]: the band of all plants, the first and the worst plant.
 
     Raises InputError if no loop is stable.
     """
@@ -98,15 +98,15 @@ def robustness_figure(robust: RobustMargins) -> Figure:
         _band(axes["T"], robust, "T", "Mt", GREEN)
         few_ticks(axes.values())
         share_x(list(axes.values()))
-        axes["T"].set_xlabel("frequency (rad/s), up to the Nyquist frequency")
-        axes["T"].set_xlim(0.7 * omega[int(np.argmax(decibel(highest) > FLOOR))], omega[-1])
+        axes["T"].set_xlabel("frequency (Hz), up to the Nyquist frequency")
+        axes["T"].set_xlim(0.7 * omega[int(np.argmax(decibel(highest) > FLOOR))] / HERTZ, omega[-1] / HERTZ)
     return figure
 
 
 def _band(ax: Axes, robust: RobustMargins, name: str, margin: str, colour: str) -> None:
     omega, low, high = robust.band(name)
     label = f"range over the {len(robust.loops) - len(robust.unstable)} stable loops"
-    ax.fill_between(omega, decibel(low), decibel(high), color=colour, alpha=0.25, linewidth=0, label=label)
+    ax.fill_between(omega / HERTZ, decibel(low), decibel(high), color=colour, alpha=0.25, linewidth=0, label=label)
     stable = {label: loop for label, loop in robust.loops.items() if loop.stable}
     first = next(iter(stable))
     worst = max(stable, key=lambda label: float(getattr(stable[label], margin)))
@@ -116,7 +116,7 @@ def _band(ax: Axes, robust: RobustMargins, name: str, margin: str, colour: str) 
         curve = np.abs(loop.sensitivity if name == "S" else 1 - loop.sensitivity)
         short = textwrap.shorten(label, NAME, placeholder=" ...")
         words = f"{short}: {margin} = {number(round(float(getattr(loop, margin)), 3))}"
-        ax.semilogx(loop.omega, decibel(curve), color=own, linestyle=dashes, linewidth=width, label=words)
+        ax.semilogx(loop.omega / HERTZ, decibel(curve), color=own, linestyle=dashes, linewidth=width, label=words)
     decibel_axis(ax, FLOOR, float(decibel(np.max(high))) + 4)
     ax.set_ylabel(f"|{name}|\n(dB)")
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=1, borderpad=0.2, borderaxespad=0.2, labelspacing=0.2)

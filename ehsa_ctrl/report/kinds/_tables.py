@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...core.text import unique_names
 from ...plant.file import label
 from ..page import DOUBT, Points, Section, State, Table
@@ -13,7 +15,7 @@ from ..text import NOTHING, value_text
 
 #: Key of a margin in JSON -> name, display unit, SI value of that unit, and meaning.
 MARGINS = {
-    "crossover": ("crossover", "rad/s", 1.0, "frequency at which the loop gain is 1"),
+    "crossover": ("crossover", "Hz", 2 * np.pi, "frequency at which the loop gain is 1"),
     "phase_margin": ("phase margin", "°", 1.0, "additional lag at the crossover that makes the loop unstable"),
     "gain_margin": ("gain margin", "", 1.0, "factor on the gain that makes the loop unstable"),
     "delay_margin": ("delay margin", "ms", 1e-3, "additional delay that makes the loop unstable"),
