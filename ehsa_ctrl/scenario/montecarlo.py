@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ from .definition import Scenario
 from .outcome import Outcome
 from .prepare import PreparedScenario, prepare
 from .replay import worst
+from .result import LimitCheck
 from .sensitivity import Influence, influences
 from .uncertainty import ParameterUncertainty, uncertainty_of
 
@@ -49,6 +50,7 @@ class MonteCarlo(Result):
     uncertainty: distributions of the drawn parameters. outcomes: in the order of the runs.
     seed: of the draws. interrupted: whether there are fewer runs than requested.
     plant: nominal plant. files: input files of scenario, controller and plants.
+    limits: metric -> lower and upper bound of the scenario, SI units; None for a side without one.
     """
 
     scenario: str
@@ -59,6 +61,7 @@ class MonteCarlo(Result):
     interrupted: bool = False
     plant: Plant | None = None
     files: tuple[Path, ...] = ()
+    limits: Mapping[str, tuple[float | None, float | None]] = field(default_factory=dict)
 
     @property
     def passes(self) -> int:
@@ -82,6 +85,19 @@ class MonteCarlo(Result):
         return worst(self.outcomes)
 
     @property
+    def margins(self) -> dict[str, np.ndarray]:
+        """Limited metric -> margin of each run (N,), relative to the limit as `LimitCheck.margin`; the metric with the
+        smallest 5 % quantile comes first.
+
+        Negative where the limit is violated, -inf where the metric has no value.
+        """
+        found = {
+            name: np.array([LimitCheck(name, o.metrics.get(name, np.nan), *bounds).margin for o in self.outcomes])
+            for name, bounds in self.limits.items()
+        }
+        return dict(sorted(found.items(), key=lambda item: float(np.quantile(item[1], 0.05, method="lower"))))
+
+    @property
     def influences(self) -> tuple[Influence, ...]:
         """Influence of each parameter on passing, the strongest first."""
         return influences(self.outcomes, self.uncertainty.names)
@@ -103,7 +119,17 @@ class MonteCarlo(Result):
             runs=len(self.outcomes), confidence=confidence, interval=self.interval(confidence), failures=self.reasons,
             uncertain=[str(parameter) for parameter in self.uncertainty.parameters], provenance=versions(),
             worst=as_dict(self.worst, "run seed passed margin parameters failures"),
+            margins=[self._margin(name, values) for name, values in self.margins.items()],
         )  # fmt: skip
+
+    def _margin(self, name: str, values: np.ndarray) -> dict[str, Any]:
+        """Quantiles of a metric's margin and its worst run, plain values."""
+        (lower, upper), k = self.limits[name], int(np.argmin(values))
+        low, median = (float(np.quantile(values, q, method="lower")) for q in (0.05, 0.5))
+        return {
+            "metric": name, "lower": lower, "upper": upper, "smallest": float(values[k]), "low": low, "median": median,
+            "run": self.outcomes[k].run, "violated": int(np.sum(values < 0.0)),
+        }  # fmt: skip
 
     @property
     def reasons(self) -> dict[str, int]:
@@ -117,7 +143,7 @@ class MonteCarlo(Result):
         return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
     def plot(self) -> Figure:
-        """Figure: histograms of the most influential parameters in passing and failing runs."""
+        """Figure: margin to each decisive limit over the most influential parameters, passing and failing runs."""
         return draw(self)
 
     def __str__(self) -> str:
@@ -205,8 +231,9 @@ def monte_carlo(
         interrupted = True
     outcomes = tuple(done[number] for number in sorted(done))
     return MonteCarlo(
-        case.scenario.name, case.controller.name, uncertainty, outcomes, seed, interrupted, case.nonlinear, case.files
-    )
+        case.scenario.name, case.controller.name, uncertainty, outcomes, seed, interrupted, case.nonlinear, case.files,
+        {name: (bound.min, bound.max) for name, bound in definition.limits.items()},
+    )  # fmt: skip
 
 
 def open_campaign(path: Path | None, key: str, *, anew: bool = False) -> Checkpoint[Outcome]:

@@ -63,7 +63,9 @@ def contents(gentle, harsh, fitting):
                 "uncertain": ["K_T uniform from 1 to 1.4 N m/A"],
                 "influences": [{"name": "K_T", "measure": "ks", "value": 0.7, "chance": 1e-9, "passing": 1.1,
                                 "failing": 1.3, "decisive": True}],
-                "failures": {"SteadyStateError": 4}, "provenance": PROVENANCE,
+                "failures": {"SteadyStateError": 4, "trip: stroke": 1},
+                "margins": [{"metric": "SteadyStateError", "lower": None, "upper": 3e-4, "smallest": None, "low": 0.01,
+                             "median": 0.4, "run": 7, "violated": 4}], "provenance": PROVENANCE,
             }],
         },
         "excitation.json": {

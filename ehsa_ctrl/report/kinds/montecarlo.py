@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from ...plant.file import label
+from ...scenario.metrics import METRICS
 from ..page import DOUBT, Kind, Page, Paragraph, Picture, Points, Section, Sentence, Table, anchors
 from ..text import percent, value_text
 
@@ -72,11 +73,12 @@ def _name(each: Mapping[str, Any]) -> str:
 def _blocks(each: Mapping[str, Any], folder: Path) -> list[Any]:
     longer = f"{each['scenario']}-{each['controller']}"
     stem = longer if any((folder / f"{longer}{end}").exists() for end in (".svg", ".png")) else each["scenario"]
-    words = "Number of passing and failing runs over the most influential parameters."
+    words = (
+        "Margin of each run to the limits nearest to violation, over the most influential parameters. Below zero (grey)"
+        " the limit is violated; triangles lie below the panel. The ring marks the worst run."
+    )
     blocks: list[Any] = [Picture(stem, _name(each), words)]
-    if each["failures"]:
-        rows = [[word, str(count)] for word, count in each["failures"].items()]
-        blocks.append(Table("Violated limits", ["limit", "runs"], rows))
+    blocks += _margins(each)
     if each["influences"]:
         # A rank correlation has no medians: too few runs pass or fail.
         medians = {"passing": "median\npassing", "failing": "median\nfailing"}
@@ -92,6 +94,29 @@ def _blocks(each: Mapping[str, Any], folder: Path) -> list[Any]:
     if each["uncertain"]:
         blocks += [Paragraph("Uncertain parameters:"), Points(each["uncertain"])]
     return blocks
+
+
+def _margins(each: Mapping[str, Any]) -> Iterator[Table]:
+    """Margins to the limits, and the number of runs for each reason of failure that is not a limit of the scenario."""
+    found = each.get("margins", [])
+    rows = [
+        [row["metric"], METRICS[row["metric"]].format_bounds(row["lower"], row["upper"]),
+         *(percent(row[key], 2) for key in ("median", "low", "smallest")),
+         f"run {row['run']}", str(row["violated"])]
+        for row in found
+    ]  # fmt: skip
+    head = [
+        "metric",
+        "limit",
+        "median\nmargin",
+        "5 % of runs\nare below",
+        "smallest\nmargin",
+        "in",
+        "runs that\nviolate it",
+    ]
+    yield Table("Margins relative to the limits; below 0 % the limit is violated", head, rows)
+    others = {word: count for word, count in each["failures"].items() if word not in {row["metric"] for row in found}}
+    yield Table("Other reasons of failure", ["reason", "runs"], [[word, str(count)] for word, count in others.items()])
 
 
 KIND = Kind("montecarlo.json", "Monte Carlo campaign", _read)

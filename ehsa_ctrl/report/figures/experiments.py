@@ -1,31 +1,24 @@
-"""Experiments and campaigns: a proposed input with its expected accuracy, and a Monte Carlo campaign."""
+"""A proposed input with its expected accuracy."""
 
 from __future__ import annotations
-
-import math
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from ...core.plotting import draw
 from ...identification.experiment import ExperimentDesign
 from ...identification.uncertainty import POOR, WELL
 from ...plant.file import label
-from ...scenario.montecarlo import MonteCarlo
 from ..signals import SIGNALS, Signal
-from ..style import BLUE, GREY, LIMIT, PRESSURES, PURPLE, ROLES, VERMILION
-from ..text import SUPERSCRIPTS, number, unit
+from ..style import BLUE, GREY, LIMIT, PRESSURES, PURPLE, ROLES
+from ..text import number
 from . import _panels as panel
 from ._layout import XLABEL, header_legend, share_x, sheet
 from .runs import shown_signals, units_of
 
 #: Height of a bar, in; smallest relative standard deviation that the axis shows, %.
 BAR, SMALLEST = 0.21, 1e-3
-#: Parameters of a campaign that are shown, the most decisive ones; bins of each.
-SHOWN, BINS = 4, 20
 
 
 @draw.register
@@ -90,48 +83,3 @@ def _accuracy(ax: Axes, relative: dict[str, float], worst: dict[str, float]) -> 
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="y", visible=False)
     ax.set_xlabel("expected standard deviation (% of the value); tick: at worst; dashed: well and poorly determined")
-
-
-@draw.register
-def montecarlo_figure(result: MonteCarlo) -> Figure:
-    """Number of passing and failing runs over each of the most influential parameters, SI units.
-
-    Bars: runs that pass in blue, the others in vermilion on top.
-    """
-    low, high = result.interval()
-    title = (
-        f"{result.scenario} with {result.controller}\n{result.passes} of {len(result.outcomes)} runs pass: probability "
-        f"{number(result.probability)} (95 %: {number(low)} to {number(high)})"
-    )
-    chosen = result.influences[:SHOWN]
-    units = {parameter.name: parameter.unit for parameter in result.uncertainty.parameters}
-    names = [influence.name for influence in chosen] or ["none"]
-    passed = np.array([outcome.passed for outcome in result.outcomes], dtype=bool)
-    with sheet(title, [[name] for name in names], [panel.PANEL] * len(names), extra=XLABEL * len(names) + 0.2) as (
-        figure,
-        axes,
-    ):
-        for influence in chosen:
-            ax = axes[influence.name]
-            values = np.array([outcome.parameters[influence.name] for outcome in result.outcomes])
-            # Very large and very small values by powers of a thousand, which the label names.
-            power = 3 * math.floor(math.log10(max(float(np.max(np.abs(values))), 1e-300)) / 3)
-            power = power if abs(power) >= 6 else 0
-            edges = np.histogram_bin_edges(values / 10.0**power, BINS)
-            counts = [np.histogram(values[which] / 10.0**power, edges)[0] for which in (passed, ~passed)]
-            look: dict[str, Any] = {"width": np.diff(edges), "align": "edge", "edgecolor": "white", "linewidth": 0.4}
-            ax.bar(edges[:-1], counts[0], color=BLUE, label="pass", **look)
-            ax.bar(edges[:-1], counts[1], bottom=counts[0], color=VERMILION, hatch="///", label="fail", **look)
-            times = f"10{str(power).translate(SUPERSCRIPTS)} " if power else ""
-            words = f"{label(influence.name)} ({times}{unit(units[influence.name])})"
-            ax.set_xlabel(f"{words}, {'decisive' if influence.decisive else 'not decisive'}")
-            ax.set_ylabel("runs")
-            ax.set_ylim(0, 1.08 * float(np.max(np.sum(counts, axis=0))))
-            ax.yaxis.set_major_locator(MaxNLocator(5, integer=True))
-            ax.set_xlim(edges[0], edges[-1])
-        first = axes[names[0]]
-        if chosen:
-            first.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
-        else:
-            first.text(0.5, 0.5, "only the sensors' noise was uncertain", ha="center", color=GREY)
-    return figure
