@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+# A worker keeps neighbouring tests, which share fixtures, until the other one has nothing left to do.
+TEST := $(BIN)/python -m pytest -n auto --dist worksteal
 VERSIONS := 3.11 3.12 3.13
 
 # The matrices are small: threads of the linear algebra only slow each other down.
@@ -20,14 +22,14 @@ demo: $(READY)          ## the main job: log, identify, design, check on the non
 	$(BIN)/ehsa-ctrl run steps_spring slow_sine force_step --controller pid_position,lqr_friction --plant demo/rig/ehsa_identified.toml --out demo --force
 	$(BIN)/ehsa-ctrl report demo --force
 
-test: $(READY)          ## all tests; ARGS goes to pytest (ARGS=--cov measures coverage)
-	$(BIN)/python -m pytest -n auto $(ARGS)
+test: $(READY)          ## all tests; ARGS goes to pytest
+	$(TEST) $(ARGS)
 
 quick: $(READY)         ## the tests that take about a minute together
-	$(BIN)/python -m pytest -n auto -m "not slow" $(ARGS)
+	$(TEST) -m "not slow" $(ARGS)
 
-coverage:               ## the quick tests with the coverage floor of pyproject.toml
-	$(MAKE) quick ARGS="--cov --cov-report=term:skip-covered"
+coverage: $(READY)      ## all tests with the coverage floor of pyproject.toml, which the quick ones alone must reach
+	$(TEST) --cov --cov-report=term:skip-covered $(ARGS)
 
 versions:               ## the quick tests with each supported Python on the PATH, each in a separate environment
 	@for version in $(VERSIONS); do \

@@ -45,19 +45,28 @@ EXTRAS = {name: {normalised(text) for text in texts} for name, texts in PROJECT[
 
 
 @cache
-def imported(*folders):
-    """Distributions that the Python files below these folders import, whether they are installed or not."""
-    files = [file for folder in folders for file in (ROOT / folder).rglob("*.py")]
-    scripts = [file for file in files if file.parts[len(ROOT.parts)] != "ehsa_ctrl"]
-    local = {"ehsa_ctrl", *WRITTEN_BY_TESTS, *(file.stem for file in scripts), *(file.parent.name for file in scripts)}
-    known = packages_distributions()
+def imported_names(folder):
+    """What the Python files below a folder import."""
     names = set()
-    for file in files:
+    for file in (ROOT / folder).rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 names |= {alias.name.partition(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 names.add(node.module.partition(".")[0])
+    return names
+
+
+#: Import name -> distributions that have it; slow to make.
+DISTRIBUTIONS = cache(packages_distributions)
+
+
+def imported(*folders):
+    """Distributions that the Python files below these folders import, whether they are installed or not."""
+    scripts = [file for folder in folders if folder != "ehsa_ctrl" for file in (ROOT / folder).rglob("*.py")]
+    local = {"ehsa_ctrl", *WRITTEN_BY_TESTS, *(file.stem for file in scripts), *(file.parent.name for file in scripts)}
+    known = DISTRIBUTIONS()
+    names = set().union(*map(imported_names, folders))
     names -= {*sys.stdlib_module_names, *local}
     return {normalised(IMPORTED_AS.get(name) or (known.get(name) or [name])[0]) for name in names}
 

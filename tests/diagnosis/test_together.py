@@ -38,6 +38,12 @@ def leaking(plant):
     return [recorded(rig, load, seed) for seed, load in ((3, 4e3), (4, 12e3))]
 
 
+@pytest.fixture(scope="module")
+def alone(plant, leaking):
+    """The diagnosis of each of them."""
+    return [diagnose(plant.set(**log.settings), replace(log, settings={})) for log in leaking]
+
+
 def test_the_joint_gap_is_a_mean_of_squares():
     """A signal that stands still in one log counts in the others alone; the total is the RMS of the signals."""
     found = joint_gap([{"p1": 0.03, "speed": 0.1, "total": 0.07}, {"p1": 0.04, "total": 0.04}])
@@ -86,12 +92,13 @@ def test_what_is_set_for_single_logs_is_not_estimated(segment):
     assert "F_0" not in objective.nominal.names
 
 
-def test_two_loads_tell_what_one_does_not(plant, leaking):
+@pytest.mark.slow
+def test_two_loads_tell_what_one_does_not(plant, leaking, alone):
     """At one pressure a leak that is proportional to it and one that grows with its root are the same.
 
     Alone, the first log has no relevant gap, and the second can't separate the two.
     """
-    small, large = (diagnose(plant.set(**log.settings), replace(log, settings={})) for log in leaking)
+    small, large = alone
     together = diagnose(plant, leaking)
 
     assert small.verdict == "no_gap"
@@ -110,11 +117,11 @@ def test_two_loads_tell_what_one_does_not(plant, leaking):
     assert "4000N.csv" in str(together) and "12000N.csv" in content["held_out"]
 
 
-def test_a_list_of_one_log_is_that_log(plant, leaking):
+@pytest.mark.slow
+def test_a_list_of_one_log_is_that_log(plant, leaking, alone):
     """The same result, and no `logs` beside it."""
-    log = replace(leaking[1], settings={})
-    loaded = plant.set(F_0=12e3)
-    one, listed = (diagnose(loaded, given).to_dict() for given in (log, [log]))
+    listed = diagnose(plant.set(**leaking[1].settings), [replace(leaking[1], settings={})]).to_dict()
+    one = alone[1].to_dict()
 
     for content in (one, listed):
         content.pop("seconds")
@@ -156,6 +163,7 @@ def test_no_log_is_an_error(plant):
         diagnose(plant, [])
 
 
+@pytest.mark.slow
 def test_offsets_may_differ_from_log_to_log(plant):
     """A pressure sensor that was zeroed by each of two days: one cause with a number for each log, no other."""
     free = {"p1@a.csv": 1.5e5, "p1@b.csv": -1e5}
