@@ -50,6 +50,7 @@ from .prepared_logs import (
     split_logs,
     unmoved_signals,
 )
+from .pruning import prune
 from .records import Runs, Segment, joint_gap
 from .refit import refit_nominal
 from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
@@ -149,6 +150,8 @@ def diagnose(
     )
     reference = Reference.of(scoring)
     selection = select_model(scores, reference, threshold)
+    if not lumped:
+        selection, hypotheses, scores = prune(selection, scores, hypotheses, scoring, reference, threshold)
     pool.progress.begin(1.0 - pool.progress.end)
     pool.progress.report("sizes", 0.0)
     selection, hypotheses = with_absorbed_parameters(selection, hypotheses, scoring, reference, threshold)

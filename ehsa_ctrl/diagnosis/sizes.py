@@ -74,13 +74,16 @@ def fit_sizes(objective: Objective, fit: HypothesisFit) -> tuple[HypothesisFit, 
             ]
         )
         steps = (points - x) / scale
-        predicted = fit.cost + np.einsum("ij,jk,ik->i", steps, information, steps)
+        # The cost does not discount residuals by the level as the information does.
+        prior = np.diag(np.arange(x.size) >= fit.n_effect).astype(float)
+        curvature = objective.level * (information - prior) + prior
+        predicted = fit.cost + np.einsum("ij,jk,ik->i", steps, curvature, steps)
         best = int(np.argmin(costs))
         if restart == RESTARTS or costs[best] >= fit.cost - CONVERGED:
             break
         fit = refit_until_converged(objective, fit.candidates, settings[best]) or replace(fit, values=settings[best])
     known = np.isfinite(costs)
-    scatter = float(np.median(np.abs(costs - predicted)[known])) / MEDIAN if known.any() else 0.0
+    scatter = float(np.median(np.abs(costs - predicted)[known])) / MEDIAN / objective.level if known.any() else 0.0
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0) * (1.0 + scatter)) * scale
     return fit, {f.name: float(v) for f, v in zip(fit.free, sd, strict=True) if not f.fixed}
 

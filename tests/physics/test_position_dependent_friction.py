@@ -36,8 +36,8 @@ def test_waves_have_no_level():
     assert np.mean(waves) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_free_profile_is_a_cosine_series():
-    """Of six terms over the range, constant beyond it, with a mean of zero; it never pushes."""
+def test_a_free_profile_is_the_exponential_of_a_cosine_series():
+    """Of six terms over the range, constant beyond it, with a mean of zero; friction never pushes."""
     c = dict(zip(COEFFICIENTS, (0.3, -0.2, 0.1, 0.15, -0.05, 0.08), strict=True))
     x = -0.02 + 0.05 * (np.arange(1000) + 0.5) / 1000
     values = np.array([series(at, -0.02, 0.03, **c) for at in x])
@@ -48,6 +48,18 @@ def test_a_free_profile_is_a_cosine_series():
     assert np.mean(values) == pytest.approx(0.0, abs=1e-13)
     assert series(0.04, -0.02, 0.03, **c) == pytest.approx(series(0.03, -0.02, 0.03, **c), rel=1e-14)
     spot = {"h_FR": 0.0, "x_h": 0.0, "w_h": 0.01, "n_h": 0.0, "h_FR2": 0.0, "x_h2": 0.0, "x_a": -0.02, "x_b": 0.03}
+    relative = [friction(800.0, 1.0, at, 800.0, **spot, **c) / 800.0 for at in x]
+    np.testing.assert_allclose(relative, np.exp(expected), rtol=1e-12)
     deep = {name: 20.0 * size for name, size in c.items()}
     assert min(friction(800.0, 1.0, at, 800.0, **spot, **deep) for at in x) == pytest.approx(40.0)
-    assert friction(-800.0, -1.0, -0.02, 800.0, **spot, **c) == pytest.approx(-800.0 * (1.0 + sum(c.values())))
+    assert friction(-800.0, -1.0, -0.02, 800.0, **spot, **c) == pytest.approx(-800.0 * np.exp(sum(c.values())))
+
+
+@pytest.mark.parametrize("shape", [{"h_FR": -0.9, "h_FR2": -0.9}, {"h_FR": 5.0, "n_h": 100.0}])
+def test_no_shape_pushes(shape):
+    """Two loose spots at one place would leave less than no friction, and so would the troughs of high waves."""
+    flat = {"h_FR": 0.0, "x_h": 0.0, "w_h": 0.01, "n_h": 0.0, "h_FR2": 0.0, "x_h2": 0.0, **FLAT}
+
+    values = [friction(800.0, 1.0, at, 800.0, **{**flat, **shape}) for at in np.linspace(-0.03, 0.03, 601)]
+
+    assert min(values) == pytest.approx(40.0)

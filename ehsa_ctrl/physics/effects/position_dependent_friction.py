@@ -1,8 +1,8 @@
 """A tight spot: Coulomb friction of the rod is higher around one position.
 
 Three nested forms: a second spot; a bore with waves, n_h of them per metre; and a free profile over the range of motion
-from x_a to x_b, six terms of a cosine series. Its mean over the range is zero, because a constant is A_FR, and it stays
-constant beyond the range, with a continuous slope.
+from x_a to x_b, the exponential of six terms of a cosine series. So it resists the motion whatever its coefficients
+are, and A_FR is its geometric mean over the range. It stays constant beyond the range, with a continuous slope.
 """
 
 from dataclasses import replace
@@ -21,7 +21,9 @@ REACH = 0.01
 NUMBERS = np.arange(2.0, 8.1, 0.75)
 #: Coefficients of a free profile: six leave 8 % of the spread of a spline through six random heights, five 11 %.
 COEFFICIENTS = tuple(f"c_FR{k}" for k in range(1, 7))
-#: Least friction that a profile leaves, in A_FR, so that it always resists the motion.
+#: Largest coefficient that a diagnosis tries. Engineering judgement: one alone varies friction by a factor of seven.
+LARGEST = 1.0
+#: Least friction at any place, in A_FR, so that it always resists the motion: two spots together or waves could push.
 LEAST = 0.05
 
 
@@ -53,18 +55,17 @@ def friction(
     h_FR: float, x_h: float, w_h: float, n_h: float, h_FR2: float, x_h2: float, x_a: float, x_b: float,
     c_FR1: float, c_FR2: float, c_FR3: float, c_FR4: float, c_FR5: float, c_FR6: float,
 ) -> float:  # fmt: skip
-    """F_FR + sign(v) A_FR (h profile(x - x_h) + h_2 profile(x - x_h2) + series(x))."""
+    """F_FR + sign(v) A_FR (h profile(x - x_h) + h_2 profile(x - x_h2) + exp(series(x)) - 1), at least LEAST A_FR."""
     second = h_FR2 * profile(x, x_h2, w_h, n_h) if h_FR2 != 0.0 else 0.0
     largest = max(abs(c_FR1), abs(c_FR2), abs(c_FR3), abs(c_FR4), abs(c_FR5), abs(c_FR6))
-    free = max(series(x, x_a, x_b, c_FR1, c_FR2, c_FR3, c_FR4, c_FR5, c_FR6), LEAST - 1.0) if largest > 0.0 else 0.0
-    return F_FR + d_R * (A_FR * (h_FR * profile(x, x_h, w_h, n_h) + second + free))
+    free = exp(series(x, x_a, x_b, c_FR1, c_FR2, c_FR3, c_FR4, c_FR5, c_FR6)) - 1.0 if largest > 0.0 else 0.0
+    return F_FR + d_R * (A_FR * max(h_FR * profile(x, x_h, w_h, n_h) + second + free, LEAST - 1.0))
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
     """A spot at one of five positions within the range of motion; two of them; 2 to 8 waves in it; a free profile.
 
-    No gradient leads to the number of spots or to their places, so each is a start. A free profile is linear in its
-    coefficients and starts at zero.
+    No gradient leads to the number of spots or to their places, so each is a start. A free profile starts at zero.
     """
     positions = measured(context, context.own_name("x"))
     if not positions or context.value("A_FR") == 0.0:
@@ -79,15 +80,19 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
     found = [CandidateEffect(effect, (height, place, size), tuple((0.3, at, width) for at in places))]
     if high - low < REACH:
         return found
-    second = (FreeNumber("h_FR2", 0.0, 0.15, -0.95, 10.0), replace(place, name="x_h2"))
+    # Two looser spots at one place, or waves, leave no friction beyond these bounds.
+    half, crest = replace(height, lower=0.5 * (LEAST - 1.0)), replace(height, upper=1.0 - LEAST)
+    second = (replace(half, name="h_FR2", nominal=context.value("h_FR2")), replace(place, name="x_h2"))
     narrow = replace(size, upper=0.3 * (high - low))
     pairs = tuple((0.3, a, 0.6 * width, 0.3, b) for a, b in combinations(places, 2))
-    found.append(CandidateEffect(effect, (height, place, narrow, *second), pairs))
+    found.append(CandidateEffect(effect, (half, place, narrow, *second), pairs))
     waves = FreeNumber("n_h", 0.0, 0.1 / (high - low), 0.0, 1e3)
     numbers = [float(number) for number in NUMBERS / (high - low)]
     starts = tuple((0.15, at / number, number) for number in numbers for at in (0.0, 0.25))
-    found.append(CandidateEffect(effect, (height, place, waves), starts))
-    terms = tuple(effect_number(effect, context, name, 0.1) for name in COEFFICIENTS)
+    found.append(CandidateEffect(effect, (crest, place, waves), starts))
+    terms = tuple(
+        replace(effect_number(effect, context, name, 0.1), lower=-LARGEST, upper=LARGEST) for name in COEFFICIENTS
+    )
     known = any(term.nominal != 0.0 for term in terms)
     edges = (context.value("x_a"), context.value("x_b")) if known else (low, high)
     ends = tuple(FreeNumber(name, at, width, fixed=True) for name, at in zip(("x_a", "x_b"), edges, strict=True))
@@ -108,7 +113,10 @@ effect = Effect(
         EffectParameter("n_h", "1/m", "waves per length; zero: a spot", 0.0, 0.0, 0.0, 1e3, shape=True),
         EffectParameter("h_FR2", "1", "height of a second spot, in A_FR", 0.0, 0.0, -0.95, 10.0, shape=True),
         EffectParameter("x_h2", "m", "its position", 0.0, 0.0, -100.0, 100.0, shape=True),
-        *(EffectParameter(c, "1", f"free profile, cosine {c[4:]}, in A_FR", 0.0, 0.0, -3.0, 3.0) for c in COEFFICIENTS),
+        *(
+            EffectParameter(c, "1", f"logarithm of a free profile, cosine {c[4:]}", 0.0, 0.0, -3.0, 3.0)
+            for c in COEFFICIENTS
+        ),
         EffectParameter("x_a", "m", "where the free profile begins", -0.1, -0.1, -100.0, 100.0),
         EffectParameter("x_b", "m", "where it ends", 0.1, 0.1, -100.0, 100.0),
     ),

@@ -1,0 +1,51 @@
+"""Backward elimination of the selected causes: each is left out in turn, and the others are refitted.
+
+The search grows sets, so that a set may hold a cause that a later one made superfluous, or two causes that the log
+can't separate. Leaving one out shows both: if the rest explains the log as well, the selection takes the smaller set,
+and two causes that can each be left out, but not both, become alternatives (F. Harrell, "Regression Modeling
+Strategies", 2015, 4.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .hypothesis_search import Hypotheses, Task, hypothesis_key
+from .model_selection import Reference, Selection, select_model
+from .scoring import ScoredHypothesis, Scoring, exact_members
+
+#: Most causes that are left out one after the other. Engineering judgement: sets have at most six.
+ROUNDS = 3
+
+
+def prune(
+    selection: Selection,
+    scores: Sequence[ScoredHypothesis],
+    hypotheses: Hypotheses,
+    scoring: Scoring,
+    reference: Reference,
+    threshold: float,
+) -> tuple[Selection, Hypotheses, list[ScoredHypothesis]]:
+    """The selection among all scored hypotheses and those with one cause less than the selected; with these added."""
+    scores = list(scores)
+    for _ in range(ROUNDS):
+        chosen = selection.chosen
+        members = exact_members(chosen, hypotheses.candidates, scoring.ids)
+        if len(members) < 2:
+            break
+        tasks = []
+        for left_out in members:
+            rest = tuple(c for c in members if c is not left_out)
+            start = {n: v for n, v in chosen.fit.values.items() if n not in left_out.names}
+            tasks.append(Task(rest, start, chosen.fit))
+        tasks = [task for task in tasks if hypothesis_key(task.candidates) not in hypotheses.fits]
+        if not tasks:
+            break
+        hypotheses = hypotheses.with_refits(tasks, "sets with one cause less", steps=6, renew_after=2)
+        scores += hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(tasks))
+        again = select_model(scores, reference, threshold)
+        smaller = len(again.chosen.causes) < len(chosen.causes)
+        selection = again
+        if not smaller:
+            break
+    return selection, hypotheses, scores
