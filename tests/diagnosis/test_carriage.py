@@ -113,4 +113,4 @@ def test_a_servo_believed_with_coulomb_and_viscous_friction_shows_its_loaded_gea
     assert 1.96 * kappa.sd < kappa.value < 0.9
     assert causes["load_dependent_friction"].place == "torque"
     assert {place for place, _ in found.where} <= {"torque", "drive", "sensor"}
-    assert found.gap["with_effects"]["total"] < 0.5 * found.gap["nominal"]["total"]
+    assert found.gap["with_effects"]["total"] < 0.6 * found.gap["nominal"]["total"]
