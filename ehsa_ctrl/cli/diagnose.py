@@ -398,10 +398,10 @@ def _print_closed(closed: LoopComparison) -> None:
 def file_names(plant: Plant, *, before: bool = False, closed: bool = False, logs: int = 1) -> list[str]:
     """All files that a diagnosis of so many logs can have besides its figures, the main one first."""
     from ..diagnosis.next_experiment import FILE
-    from ..report.kinds._charts import REGIMES
+    from ..report.kinds._charts import LOOP_REPLAY, REGIMES
     from ..report.kinds.diagnosis import KIND
 
-    names = ["diagnosis.json", KIND.page, f"{plant.name}_improved.toml", "causes.csv", REGIMES, FILE]
+    names = ["diagnosis.json", KIND.page, f"{plant.name}_improved.toml", "causes.csv", REGIMES, LOOP_REPLAY, FILE]
     names += [f"{stem}.csv" for stem in stems("signals", logs)]
     names += ["before.json", f"{plant.name}_before.toml"] if before else []
     return [*names, "closed_loop.json"] if closed else names

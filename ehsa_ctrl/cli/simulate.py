@@ -96,6 +96,7 @@ def command(
         "stopped": run.stopped,
         "limits_passed": [str(exceedance) for exceedance in run.exceeded],
         "exceeded": [as_dict(exceedance, sentence=str(exceedance)) for exceedance in run.exceeded],
+        **run.shown(),
         "pressure_level_drift": run.pressure_level_drift,
         "assumed": assumed_names(loaded),
         "provenance": run.provenance,

@@ -5,7 +5,7 @@ The command line prints the same table of the scenario.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ..core.unit import factor
@@ -58,8 +58,8 @@ def closed_loop_section(closed: Mapping[str, Any]) -> Section:
     return Section("Closed loop", blocks, "closed")
 
 
-def replay_section(content: Mapping[str, Any]) -> Section:
-    """The gaps of the models under the controller of the log."""
+def replay_section(content: Mapping[str, Any], drawn: Sequence[Any]) -> Section:
+    """The gaps of the models under the controller of the log, below the blocks that draw them."""
     gaps, loop, free = content["closed_loop"], content["closed_loop_replay"], content["gap"]
     models = [model for model in models_shown(content["verdict"], gaps) if model in MODEL_WORDS]
     rows = []
@@ -76,12 +76,11 @@ def replay_section(content: Mapping[str, Any]) -> Section:
         f"The same models under {loop['controller']}, along the logged reference. The loop corrects what differs, so "
         "that its gaps are smaller than those of the free runs; what it has to correct appears in the drive."
     )
-    caption = "Top: measured minus simulated position. Bottom: the drive. Shaded: the held-out data."
     return Section(
         "Closed-loop replay",
         [
             Paragraph(text),
-            Picture("closed_loop_replay", "Closed-loop replay", caption),
+            *drawn,
             Table(
                 "Gap on held-out data in closed loop, in % of the signal's standard deviation; floor: by sensor noise",
                 ["signal", "free run\nnominal", *(MODEL_WORDS[model] for model in models), "floor"],

@@ -6,16 +6,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..core.text import stems
+from ..diagnosis.closed_loop_replay import ClosedLoopReplay
 from ..diagnosis.diagnosis import Diagnosis
 from ..identification.comparison import Comparison
 from ..identification.identification import Identification
 from ..scenario.result import ScenarioResult
 from ..simulation.trajectory import Trajectory
 from .figures.free_runs import signals_table
-from .kinds._charts import REGIMES
+from .kinds._charts import LOOP_REPLAY, REGIMES
 from .kinds.identification import DRAWN, fit_stem
 from .kinds.run import run_stems
+from .outcome import after_model
 
 if TYPE_CHECKING:
     import pandas
@@ -82,9 +86,34 @@ def diagnosis_tables(diagnosis: Diagnosis) -> Tables:
     by_log = diagnosis.by_log()
     for stem, one in zip(stems("signals", len(by_log)), by_log, strict=True):
         yield f"{stem}.csv", signals_table(one)
+    if diagnosis.closed_loop is not None:
+        yield LOOP_REPLAY, loop_replay_table(diagnosis, diagnosis.closed_loop)
     table = regimes_table(diagnosis)
     if table is not None:
         yield REGIMES, table
+
+
+def loop_replay_table(diagnosis: Diagnosis, loop: ClosedLoopReplay) -> pandas.DataFrame:
+    """Position and drive in closed loop, SI units: measured, before (nominal) and after; nan where a run ended
+    early.
+
+    Columns: t, NAME, NAME_before, NAME_after; error_before and error_after, measured minus simulated position.
+    """
+    import pandas
+
+    system = diagnosis.plant.structure.system
+    position, drive = next(iter(system.positions)), system.drive
+    after = after_model(diagnosis.verdict, loop.gap)
+    runs = {"before": loop.simulated["nominal"]} | ({"after": loop.simulated[after]} if after else {})
+    columns = {"t": loop.time}
+    for name, key in ((position, position), (drive, "drive")):
+        columns[name] = loop.measured[key]
+        for role, run in runs.items():
+            columns[f"{name}_{role}"] = np.full(loop.time.size, np.nan)
+            n = min(run[key].size, loop.time.size)
+            columns[f"{name}_{role}"][:n] = run[key][:n]
+    columns |= {f"error_{role}": columns[position] - columns[f"{position}_{role}"] for role in runs}
+    return pandas.DataFrame(columns)
 
 
 def regimes_table(diagnosis: Diagnosis) -> pandas.DataFrame | None:

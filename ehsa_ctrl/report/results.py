@@ -20,7 +20,7 @@ from ..core.errors import InputError
 from ..core.files import read_json
 from ..plant.file import label
 from .chart import Chart
-from .document import image, write_document
+from .document import image, to_webp, write_document
 from .kinds import kinds
 from .live import payloads
 from .page import (
@@ -42,8 +42,8 @@ from .page import (
 #: File of the overview.
 FILE = "overview.html"
 #: The PNG replaces larger SVG files [bytes], which browsers display slowly and which make pages large to send
-#: (engineering judgement).
-MAX_SVG = 120_000
+#: (engineering judgement). A result with more than MANY figures shows the smaller of the two, a PNG as WebP.
+MAX_SVG, MANY = 120_000, 4
 #: Larger figures [bytes] are left out of the page; no figure of this package is that large.
 MAX_FIGURE = 8_000_000
 #: Suffix of a figure file -> its image/... media type.
@@ -98,9 +98,10 @@ class StoredResult:
     def images(self) -> dict[str, Markup]:
         """Stem of each existing figure -> its <img> element."""
         verdict = " ".join(words for words, _ in self.page.sentences)
-        found = {}
-        for picture in pictures_in(self.page.sections):
-            drawn = _embed(self.folder, picture.stem, f"{picture.heading}. {verdict}")
+        found, pictures = {}, list(pictures_in(self.page.sections))
+        limit = 0 if len(pictures) > MANY else MAX_SVG
+        for picture in pictures:
+            drawn = _embed(self.folder, picture.stem, f"{picture.heading}. {verdict}", limit)
             if drawn is not None:
                 found[picture.stem] = drawn
         return found
@@ -212,8 +213,8 @@ def _without_empty(blocks: Iterable[Any], images: Mapping[str, Markup]) -> Itera
             yield block
 
 
-def _embed(folder: Path, stem: str, words: str) -> Markup | None:
-    """A figure as an <img>: the SVG, or the PNG if the SVG is too large; None if neither exists."""
+def _embed(folder: Path, stem: str, words: str, limit: int) -> Markup | None:
+    """A figure as an <img>: the SVG, or a smaller PNG if the SVG exceeds the limit [bytes]; None if neither exists."""
     # Some stems come from the JSON; none may lead out of the folder.
     if Path(stem).name != stem:
         return None
@@ -221,9 +222,10 @@ def _embed(folder: Path, stem: str, words: str) -> Markup | None:
         files = [file for end in TYPES if (file := folder / f"{stem}{end}").is_file()]
         if not files:
             return None
-        file = files[-1] if files[0].stat().st_size > MAX_SVG else files[0]
+        file = files[0] if files[0].stat().st_size <= limit else min(files, key=lambda file: file.stat().st_size)
         if file.stat().st_size <= MAX_FIGURE:
-            return image(file.read_bytes(), TYPES[file.suffix], words)
+            content, kind = file.read_bytes(), TYPES[file.suffix]
+            return image(*(to_webp(content) if kind == "png" and not limit else (content, kind)), words)
         why = f"is larger than {MAX_FIGURE // 1_000_000} MB"
     except OSError as error:
         why = f"can't be read ({error.strerror})"

@@ -62,6 +62,11 @@ SIGNALS = {
 }
 
 
+def state_signal(name: str, si: str) -> Signal:
+    """A state or input of any system by its own name, with its SI unit, in its usual unit."""
+    return Signal(name, si, SHOWN_OF_BALANCES.get(si, si), 0.0)
+
+
 class ChannelDisplay(NamedTuple):
     """Display of a logged channel: name, display unit, and SI value of that unit."""
 

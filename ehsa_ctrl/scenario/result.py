@@ -178,7 +178,7 @@ class ScenarioResult(Result):
             draw=self.draw and as_dict(self.draw, "run seed parameters"),
             baseline=self.baseline and {"file": str(self.baseline.path), "reason": self.baseline.reason},
             limits=[as_dict(j, "metric value passed", min=j.lower, max=j.upper) for j in self.limit_checks],
-            trips=[as_dict(trip, sentence=str(trip)) for trip in self.trips],
+            trips=[as_dict(trip, sentence=str(trip)) for trip in self.trips], **self.nonlinear.trajectory.shown(),
             metrics={
                 name: {"linear": pair[0], "nonlinear": pair[1], "gap": gap(*pair), "unit": METRICS[name].unit}
                 for name, pair in metrics.items()

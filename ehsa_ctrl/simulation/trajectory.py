@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import SimulationError
+from ..core.log import CHANNELS
 from ..core.plotting import draw
 from ..core.result import Result
 from ..plant.plant import Plant
@@ -78,6 +79,27 @@ class Trajectory(Result):
         """The two inputs, by their names in the system."""
         first, second = self.plant.structure.system.inputs
         return {first: self.current, second: self.outer_force}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Driven inputs, then states -> SI unit."""
+        drives = self.plant.structure.system.drives
+        units = {name: CHANNELS[channel].unit for name, channel in drives.items()}
+        return units | {state.name: state.unit for state in self.plant.structure.equations.states}
+
+    def shown(self) -> dict[str, Any]:
+        """What a figure needs: units of the states and of the inputs that are not zero throughout, names of the inputs,
+        and contacts that can stick.
+        """
+        structure = self.plant.structure
+        idle = [name for name in structure.system.inputs if not self[name].any()]
+        # The linear model has no dry friction, so that nothing sticks.
+        contacts = structure.system.contacts if self.plant.model == "nonlinear" else ()
+        return {
+            "signals": {name: unit for name, unit in self.units.items() if name not in idle},
+            "inputs": list(structure.system.drives),
+            "contacts": [contact.name for contact in contacts if structure.law(contact).sticks],
+        }
 
     def __len__(self) -> int:
         return len(self.time)

@@ -1,17 +1,24 @@
 """Charts that zoom: their numbers, and the pages in a browser."""
 
 import base64
+import dataclasses
 import json
 import re
 import shutil
 import time
+import zlib
 
 import numpy as np
+import pandas
 import pytest
 
 import ehsa_ctrl as e
+from ehsa_ctrl.diagnosis.closed_loop_replay import ClosedLoopReplay
 from ehsa_ctrl.report import document
-from ehsa_ctrl.report.live import chart_library, pack, spans, thin
+from ehsa_ctrl.report.kinds._charts import free_run_chart, loop_replay_chart, simulation_chart
+from ehsa_ctrl.report.live import chart_library, encode, pack, payloads, spans, thin
+from ehsa_ctrl.report.page import Picture
+from ehsa_ctrl.report.result_tables import diagnosis_tables, save_tables, simulation_tables
 
 from .diagnoses import diagnosis
 
@@ -31,15 +38,49 @@ def test_thinning_keeps_the_extremes():
     assert np.isnan(thin(np.full(10, np.nan), 2)).all()
 
 
-def test_packed_values_come_back_within_their_resolution():
-    """16 bits resolve a line to a 65000th of its span; missing values stay missing."""
-    values = np.array([-3.0, np.nan, 0.1234, 7.0, np.inf])
-    packed = pack(values)
-    codes = np.frombuffer(base64.b64decode(packed["codes"]), dtype="<i2").astype(float)
-    read = packed["low"] + (codes + 32767) / 65534 * (packed["high"] - packed["low"])
+def test_thinning_is_that_of_a_loop_over_the_parts():
+    """Uneven parts, a part without values, infinities: least and largest finite value of each, by their place."""
+    values = np.random.default_rng(0).normal(size=103)
+    values[[3, 40, 41, 90]] = np.nan, np.inf, -np.inf, np.nan
+    values[50:70] = np.nan
 
-    assert list(codes[[1, 4]]) == [-32768, -32768]
-    np.testing.assert_allclose(read[[0, 2, 3]], values[[0, 2, 3]], atol=10.0 / 65534)
+    kept = thin(values, 12).reshape(12, 2)
+
+    edges = np.linspace(0, 103, 13).astype(int)
+    for pair, part in zip(kept, np.split(values, edges[1:-1]), strict=True):
+        known = part[np.isfinite(part)]
+        expected = [v for v in known if v in (known.min(), known.max())] if known.size else [np.nan, np.nan]
+        np.testing.assert_array_equal(pair, expected)
+
+
+def test_packed_values_come_back_within_their_resolution():
+    """16 bits resolve a line to a 65000th of its span; missing values stay missing. Read as the page's script does."""
+    lines = [np.array([-3.0, np.nan, 0.1234, 7.0, np.inf]), np.linspace(1.0, -1.0, 5)]
+    encoded = [encode(line) for line in lines]
+    planes = np.frombuffer(zlib.decompress(base64.b64decode(pack([codes for _, _, codes in encoded]))), np.uint8)
+    low, high = planes.astype(int).reshape(2, 2, 5)
+    codes = np.cumsum(low + 256 * high, axis=1).astype(np.uint16).view(np.int16)
+
+    assert list(codes[0, [1, 4]]) == [-32768, -32768]
+    for (least, largest, _), line, code in zip(encoded, lines, codes, strict=True):
+        read = np.where(code == -32768, np.nan, least + (code.astype(float) + 32767) / 65534 * (largest - least))
+        known = np.isfinite(line)
+        np.testing.assert_allclose(read[known], line[known], atol=10.0 / 65534)
+
+
+def test_a_long_log_of_noise_takes_less_than_half_a_megabyte(tmp_path):
+    """24 s of eight channels at 250 Hz, measured, before and after: white noise, which nothing compresses."""
+    rng, time = np.random.default_rng(0), 0.004 * np.arange(6000)
+    names = ["speed", "p1", "p2", "position", "velocity", "force", "current_measured"]
+    columns = {"t": time, "current": rng.normal(size=6000)}
+    columns |= {f"{name}{end}": rng.normal(size=6000) for name in names for end in ("", "_before", "_after")}
+    pandas.DataFrame(columns).to_csv(tmp_path / "signals.csv", index=False)
+    chart = free_run_chart(tmp_path, "signals.csv", [Picture("signals", "Signals")])
+
+    (found,) = payloads([(chart, tmp_path)])
+
+    assert found["samples"] == 6000 and len(found["panels"]) == 8
+    assert len(json.dumps(found)) < LARGEST_PAGE / 2
 
 
 def test_spans_last_until_the_next_sample():
@@ -237,3 +278,52 @@ def test_print_shows_every_section_and_the_printed_figures(browser, pages):
 
     assert shown == [False, True, True]
     assert opened
+
+
+def test_a_system_of_its_own_has_a_chart_of_its_signals(tmp_path):
+    """The carriage: its drive force and both states, in usual units; the prescribed force that is zero has none."""
+    plant = e.load_plant("emps")
+    run = e.simulate(plant, 30.0 * np.sin(np.linspace(0.0, 6.0, 400)), sample_time=1e-3)
+    save_tables(simulation_tables(run), tmp_path)
+    content = {"model": "nonlinear", "exceeded": [], **run.shown()}
+
+    chart = simulation_chart(tmp_path, content, [])
+    (found,) = payloads([(chart, tmp_path)])
+
+    assert [(panel["name"], panel["unit"]) for panel in found["panels"]] == [
+        ("F_M", "N"), ("speed v", "mm/s"), ("position", "mm"),
+    ]  # fmt: skip
+    assert found["panels"][0]["lines"][0]["high"] == pytest.approx(30.0, rel=1e-3)
+    assert [strip["label"] for strip in found["strips"]] == ["rod sticks"]
+
+
+def test_a_replay_in_closed_loop_shows_what_the_models_leave_of_the_position(tmp_path):
+    """The error first, then position and drive; a run that ended early has no values after its end."""
+    found = diagnosis("effect")
+    time = found.log.time
+    runs = {name: {"position": scale * time[:end], "drive": np.sin(time[:end])}
+            for name, scale, end in (("nominal", 0.9, 50), ("with_effects", 1.0, time.size))}  # fmt: skip
+    gap = {name: {"position": 0.1} for name in runs}
+    loop = ClosedLoopReplay(
+        "pid", 0, gap, gap, {}, {}, {}, 0.0, 0.0, time, {"position": time, "drive": np.sin(time)}, runs
+    )
+    save_tables(diagnosis_tables(dataclasses.replace(found, closed_loop=loop)), tmp_path)
+
+    chart = loop_replay_chart(tmp_path, [], "after", found.held_spans)
+    (shown,) = payloads([(chart, tmp_path)])
+    error = shown["panels"][0]
+
+    assert [panel["name"] for panel in shown["panels"]] == ["position, measured − simulated", "position", "current"]
+    assert error["lines"][0]["high"] == pytest.approx(100.0 * time[49]) and error["lines"][1]["label"] == "after"
+    assert shown["shaded"] == [[1.6, 2.4]]
+    assert list(pandas.read_csv(tmp_path / "closed_loop_replay.csv")["position_before"].isna()) == [
+        k >= 50 for k in range(time.size)
+    ]
+
+
+def test_the_chart_of_an_identification_names_its_log(fitting, tmp_path):
+    """Above the chart, once: the figure below it that is printed repeats no heading."""
+    page = e.write_report(fitting, tmp_path).read_text(encoding="utf-8")
+
+    assert len(re.findall(r"<h3>Before and after on ", page)) == len(fitting.validation.after or fitting.train.after)
+    assert page.index("<h3>Before and after on ") < page.index('class="live"')

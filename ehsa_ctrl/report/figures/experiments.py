@@ -10,12 +10,11 @@ from ...core.plotting import draw
 from ...identification.experiment import ExperimentDesign
 from ...identification.uncertainty import POOR, WELL
 from ...plant.file import label
-from ..signals import SIGNALS, Signal
+from ..signals import SIGNALS, state_signal
 from ..style import BLUE, GREY, LIMIT, PRESSURES, PURPLE, ROLES
 from ..text import number
 from . import _panels as panel
 from ._layout import XLABEL, header_legend, share_x, sheet
-from .runs import shown_signals, units_of
 
 #: Height of a bar, in; smallest relative standard deviation that the axis shows, %.
 BAR, SMALLEST = 0.21, 1e-3
@@ -26,15 +25,14 @@ def experiment_figure(experiment: ExperimentDesign) -> Figure:
     """Current [A], speed [rpm], pressures [bar] and position [mm] over time [s], and the expected sd [%] of each
     parameter: bars for the nominal plant, ticks for the worst of its variations.
 
-    Of a system without chambers the drive and all states, in SI units.
+    Of a system without chambers the drive and all states.
     """
     run = experiment.run
     look = {"color": ROLES[run.plant.model]["color"], "linewidth": 1.2, "label": f"nominal {run.plant.model} model"}
     relative = experiment.forecast.relative
     system = run.plant.structure.system
-    names = ["current", "omega", "pressures", "x"] if system.pressures else shown_signals(run)
-    units = units_of(run)
-    signals = SIGNALS if system.pressures else {n: Signal(n, units[n], units[n], 0.0) for n in names}
+    names = ["current", "omega", "pressures", "x"] if system.pressures else list(run.shown()["signals"])
+    signals = SIGNALS if system.pressures else {name: state_signal(name, run.units[name]) for name in names}
     heights = [*[panel.PANEL] * len(names), BAR * len(relative)]
     title = f"{run.plant.name}: {experiment.chosen.words}" + (", with the slow loop" if experiment.centre else "")
     rows = [[name] for name in (*names, "spread")]

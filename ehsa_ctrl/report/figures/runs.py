@@ -11,14 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...core.errors import InputError
-from ...core.log import CHANNELS
 from ...core.plotting import draw
 from ...scenario.baseline import recorded_of
 from ...scenario.result import ScenarioResult
 from ...simulation.closed_loop import ClosedLoop
 from ...simulation.trajectory import Trajectory
 from ..closed_loop import plant_title
-from ..signals import SIGNALS, Signal, channel_display
+from ..signals import SIGNALS, Signal, channel_display, state_signal
 from ..style import GREY, PRESSURES, PURPLE, ROLES, SKY
 from . import _panels as panel
 from ._layout import header_legend
@@ -34,7 +33,7 @@ def trajectory_figure(run: Trajectory) -> Figure:
 
     For the nonlinear model a strip shows when shaft and rod stick; the external force [kN] has a panel if there is
     one. Limits of the plant that the run exceeded are lines, with a cross at the first sample beyond. A system other
-    than the EHSA has a panel for each input and state, in SI units.
+    than the EHSA has a panel for each input and state.
     """
     if run.plant.structure.system_name != "ehsa":
         return _states_figure(run)
@@ -65,30 +64,18 @@ def trajectory_figure(run: Trajectory) -> Figure:
     return figure
 
 
-def units_of(run: Trajectory) -> dict[str, str]:
-    """Driven inputs and states of a run -> SI unit."""
-    system, states = run.plant.structure.system, run.plant.structure.equations.states
-    units = {name: CHANNELS[channel].unit for name, channel in system.drives.items()}
-    return units | {state.name: state.unit for state in states}
-
-
-def shown_signals(run: Trajectory) -> list[str]:
-    """Names of the driven inputs that are not zero throughout, and of the states."""
-    inputs = run.plant.structure.system.inputs
-    return [name for name in units_of(run) if name not in inputs or run[name].any()]
-
-
 def _states_figure(run: Trajectory) -> Figure:
-    """Each input that is not zero throughout and each state over time [s], by their names and SI units."""
-    system, units = run.plant.structure.system, units_of(run)
-    names = shown_signals(run)
+    """Each input that is not zero throughout and each state over time [s], by their names."""
+    system = run.plant.structure.system
+    signals = {name: state_signal(name, si) for name, si in run.shown()["signals"].items()}
+    names = list(signals)
     heights = dict.fromkeys(names, panel.PANEL) | {"strip": panel.ROW * len(system.contacts)}
     with panel.column(f"{run.plant.name}: simulated run", heights) as (figure, axes):
         for name in names:
             stepwise = HELD if name in system.inputs and run.hold == "zero_order" else {}
             look = {"color": ROLES[run.plant.model]["color"], "linewidth": 1.2} | stepwise
-            panel.draw(axes[name], run.time, run[name], look)
-            panel.set_range(axes[name], Signal(name, units[name], units[name], 0.0))
+            panel.draw(axes[name], run.time, signals[name].read(run[name]), look)
+            panel.set_range(axes[name], signals[name])
         axes[names[0]].set_xlim(run.time[0], run.time[-1])
         stuck = {c.name: (panel.phases(run.time, run.sticks(c.name)), panel.STUCK) for c in system.contacts}
         panel.strip(axes["strip"], {f"{name} sticks": bars for name, bars in stuck.items()})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,15 @@ from ...core.log import CHANNELS
 from ...diagnosis.unknown_inputs import UNITS
 from ..chart import LOOKS, PALETTE, Chart, ChartPanel, Line, Look, RegimeCurve, Span, Strip, Switch, columns_of
 from ..page import Picture
-from ..signals import BALANCES, SIGNALS, ChannelDisplay, channel_display, signal_display, unit_of_balance
+from ..signals import (
+    BALANCES,
+    SIGNALS,
+    ChannelDisplay,
+    channel_display,
+    signal_display,
+    state_signal,
+    unit_of_balance,
+)
 from ..style import GREY, PURPLE
 from ..text import unit
 
@@ -19,6 +28,8 @@ Run = Mapping[str, Any]
 
 #: File of the bins that the samples lie in along the regimes of a diagnosis.
 REGIMES = "regimes.csv"
+#: File of a replay in closed loop.
+LOOP_REPLAY = "closed_loop_replay.csv"
 
 #: How to use a chart, below each.
 USE = "Drag to enlarge, double-click or press 0 for the whole run; arrow keys move, + and - zoom."
@@ -30,8 +41,6 @@ LIMITED = {
     "pressure_min": (("P_1", "P_2"), 1.0, "low"),
     "stroke": (("x",), 0.5, "both"),
 }
-#: Signals of a closed loop and its columns, in the order of their panels.
-LOOP = (("x", "x"), ("omega", "omega"), ("P_1", "pressures"), ("P_2", "pressures"), ("v", "v"), ("F_cell", "force"))
 
 
 def free_run_chart(
@@ -54,26 +63,53 @@ def free_run_chart(
     names = [c for c in columns[1:] if not c.endswith(("_before", "_after"))]
     panels = []
     for name in names:
-        runs = {"measured": name, "before": f"{name}_before", "after": f"{name}_after"}
-        present = {role: column for role, column in runs.items() if column in columns}
-        if len(present) == 1:
+        lines = _roles(name, columns, roles)
+        if len(lines) == 1:
             panels.append(ChartPanel(display(name), [Line(name, "input", LOOKS["drive"], stepped=True)]))
             continue
-        lines = [
-            Line(column, roles[role], LOOKS[role], (role,), bounded=role == "before")
-            for role, column in present.items()
-        ]
-        panels.append(ChartPanel(display(name), lines))
-    shown = [role for role in roles if any(line.switches == (role,) for panel in panels for line in panel.lines)]
-    if not shown:
+        panels.append(ChartPanel(display(name), [replace(o, bounded=o.switches == ("before",)) for o in lines]))
+    switches = _role_switches(panels, roles)
+    if not switches:
         return None
     return Chart(
-        "Measured and simulated", file, panels, pictures,
-        switches=[Switch(role, roles[role], LOOKS[role]) for role in shown],
-        shaded=shaded, regimes=regimes,
-        swap=(effect, "before", "after") if effect and {"before", "after"} <= set(shown) else None,
+        pictures[0].heading, file, panels, pictures,
+        switches=switches, shaded=shaded, regimes=regimes,
+        swap=(effect, "before", "after") if effect and {"before", "after"} <= {s.key for s in switches} else None,
+        caption="Free runs, driven by the logged input alone. " + ("Grey: held-out data. " if shaded else "") + USE,
+    )  # fmt: skip
+
+
+def loop_replay_chart(folder: Path, pictures: Sequence[Picture], after: str, shaded: Sequence[Span]) -> Chart | None:
+    """What the models leave of the position in closed loop, then position and drive; None without the file.
+
+    The file has the columns t, error_before and error_after (measured minus simulated position), and of position
+    and drive NAME, NAME_before, NAME_after.
+    """
+    columns = columns_of(folder / LOOP_REPLAY)
+    names = [name for name in columns[1:] if not name.endswith(("_before", "_after"))]
+    if not names:
+        return None
+    roles = {"measured": "measured", "before": "before (nominal)", "after": after}
+    position = display(names[0])
+    panels = [
+        ChartPanel(position._replace(words=f"{position.words}, measured − simulated"), _roles("error", columns, roles)),
+        *(ChartPanel(display(name), _roles(name, columns, roles)) for name in names),
+    ]
+    return Chart(
+        "Closed-loop replay", LOOP_REPLAY, panels, pictures, _role_switches(panels, roles), shaded=shaded,
         caption=("Grey: held-out data. " if shaded else "") + USE,
     )  # fmt: skip
+
+
+def _roles(name: str, columns: Sequence[str], roles: Mapping[str, str]) -> list[Line]:
+    """Measured, before and after of a signal, as far as they have columns."""
+    runs = {"measured": name, "before": f"{name}_before", "after": f"{name}_after"}
+    return [Line(runs[role], words, LOOKS[role], (role,)) for role, words in roles.items() if runs[role] in columns]
+
+
+def _role_switches(panels: Sequence[ChartPanel], roles: Mapping[str, str]) -> list[Switch]:
+    shown = [role for role in roles if any(line.switches == (role,) for panel in panels for line in panel.lines)]
+    return [Switch(role, roles[role], LOOKS[role]) for role in shown]
 
 
 def charted(chart: Chart | None, pictures: Sequence[Picture]) -> list[Any]:
@@ -115,29 +151,36 @@ def _model_words(role: str) -> str:
 def simulation_chart(folder: Path, content: Mapping[str, Any], pictures: Sequence[Picture]) -> Chart | None:
     """Input and states of simulation.csv, with sticking and exceeded limits; None without the file."""
     file, columns = "simulation.csv", columns_of(folder / "simulation.csv")
-    panels = []
-    for name in ("current", "omega", "P_1", "P_2", "x"):
-        if name in columns:
-            how = _shown("pressures" if name.startswith("P_") else name, name)
-            look = LOOKS["drive" if name == "current" else content.get("model", "nonlinear")]
-            panels.append(ChartPanel(how, [Line(name, "simulated", look, stepped=name == "current")]))
+    inputs = content.get("inputs", [])
+    panels = [
+        ChartPanel(how, [Line(name, "simulated", LOOKS[role], stepped=name in inputs)])
+        for name, how in _signals(content, columns).items()
+        for role in ["drive" if name in inputs else content.get("model", "nonlinear")]
+    ]
     if not panels:
         return None
-    still = [
-        Strip(f"{name} sticks", name, GREY, still=True)
-        for name in ("shaft", "rod")
-        if name in columns and content.get("model") != "linear"
-    ]
+    still = [Strip(f"{name} sticks", name, GREY, still=True) for name in content.get("contacts", []) if name in columns]
     return Chart(
         "Simulated run", file, panels, pictures, strips=[*still, *limit_strips(content.get("exceeded", []), columns)],
         caption=USE,
     )  # fmt: skip
 
 
-def _shown(signal: str, column: str) -> ChannelDisplay:
-    how = SIGNALS[signal]
-    words = {"P_1": "pressure P₁", "P_2": "pressure P₂"}.get(column, how.words)
-    return ChannelDisplay(words, how.display_unit, how.scale)
+def _signals(content: Mapping[str, Any], columns: Sequence[str], end: str = "") -> dict[str, ChannelDisplay]:
+    """Inputs and states of a run that have a column, in the order of their panels. end: of the columns' names."""
+    units = {**content.get("signals", {}), "F_cell": "N"}
+    hydraulic = {"P_1", "P_2", "x"} <= set(units)
+    # The rod's speed of the EHSA is its shaft's, but for the oil's spring.
+    names = [name for name in units if f"{name}{end}" in columns and not (hydraulic and name == "v")]
+    return {name: _shown(name, units[name]) for name in names}
+
+
+def _shown(name: str, si: str) -> ChannelDisplay:
+    """Display of a state or input: those of the EHSA by their words, others by their own names."""
+    words = {"P_1": "pressure P₁", "P_2": "pressure P₂", "F_cell": "force", "v": "speed v"}.get(name)
+    known = SIGNALS.get(name)
+    own = state_signal(name, si)
+    return ChannelDisplay(words or (known.words if known is not None else name), own.display_unit, own.scale)
 
 
 def limit_strips(
@@ -178,18 +221,19 @@ def run_chart(folder: Path, group: Sequence[tuple[str, Run]]) -> Chart | None:
         which = k // 2
         file, name = f"{stem}.csv", names[which]
         look = LOOKS[model] if not several else _of_controller(which, model)
-        for signal, shown in (("current", "current"), *LOOP):
-            column = f"{signal}_{model}"
-            if column in columns:
-                hows[signal] = _shown(shown, signal)
-                words = f"{name}, {model}" if several else f"{model} model"
-                keys = (f"controller {which}", model) if several else (model,)
-                line = Line(column, words, look, keys, stepped=signal == "current", file=file)
-                lines.setdefault(signal, []).append(line)
+        signals = _signals(run, columns, f"_{model}")
+        hows |= signals
+        for signal in signals:
+            words = f"{name}, {model}" if several else f"{model} model"
+            keys = (f"controller {which}", model) if several else (model,)
+            line = Line(f"{signal}_{model}", words, look, keys, stepped=signal in run.get("inputs", []), file=file)
+            lines.setdefault(signal, []).append(line)
         if model == "nonlinear":
             of = f" ({name})" if several else ""
-            if f"rod_{model}" in columns:
-                strips.append(Strip(f"rod sticks{of}", f"rod_{model}", GREY, still=True, file=file))
+            stuck = [contact for contact in run.get("contacts", []) if f"{contact}_{model}" in columns]
+            # The shaft of an EHSA sticks with its rod.
+            for contact in ["rod"] if "rod" in stuck else stuck:
+                strips.append(Strip(f"{contact} sticks{of}", f"{contact}_{model}", GREY, still=True, file=file))
             strips += limit_strips(run["trips"], columns, f"_{model}", file, of)
     first, columns = f"{found[0][0]}.csv", found[0][2]
     for signal, column in (("x", "reference"), ("F_cell", "reference_force")):
@@ -205,9 +249,10 @@ def run_chart(folder: Path, group: Sequence[tuple[str, Run]]) -> Chart | None:
             ("nonlinear", "nonlinear plant", True), ("linear", "linear prediction (dashed)", not several),
         )
     ]  # fmt: skip
-    order = [signal for signal in ("x", "F_cell", "omega", "P_1", "P_2", "v", "current") if signal in lines]
-    hydraulic = "P_1" in order
-    panels = [ChartPanel(hows[each], lines[each]) for each in order if not (hydraulic and each == "v")]
+    inputs = found[0][1].get("inputs", [])
+    # What the scenario is about comes first, the drive last.
+    order = sorted(lines, key=lambda name: (name in inputs, name not in ("x", "F_cell"), name != "x"))
+    panels = [ChartPanel(hows[each], lines[each]) for each in order]
     return Chart("Runs over time", first, panels, (), switches, strips, caption=USE)
 
 

@@ -17,7 +17,7 @@ from ..outcome import OUTCOMES, after_model, after_words, models_shown, outcome
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence, State, Table
 from ..signals import BALANCES, channel_display, signal_display
 from ..text import NOTHING, as_sentence, percent, quantity, unit, value_text
-from ._charts import REGIMES, charted, free_run_chart, regime_curves
+from ._charts import REGIMES, charted, free_run_chart, loop_replay_chart, regime_curves
 from ._diagnosis_causes import cause_name, cause_section, causes_are_named, parameter_rows
 from ._diagnosis_law import law_section
 from ._tables import settings_of, steps_of
@@ -65,7 +65,7 @@ def _read(content: Content, folder: Path) -> Page:
         sections=[
             *([_changed(content)] if "change" in content else []),
             *ordered,
-            *([replay_section(content)] if "closed_loop_replay" in content else []),
+            *([_replayed(content, folder)] if "closed_loop_replay" in content else []),
             *([closed_loop_section(closed)] if closed is not None else []),
             _recorded(content),
         ],
@@ -145,7 +145,12 @@ def _signals(content: Content, folder: Path) -> Section:
     )
     names = _names(content) or [""]
     pictures = [
-        Picture(stem, f"Measured and simulated{f', {name}' if name else ''}", caption if stem == "signals" else "")
+        Picture(
+            stem,
+            f"Measured and simulated{f', {name}' if name else ''}",
+            caption if stem == "signals" else "",
+            bool(name),
+        )
         for stem, name in zip(stems("signals", len(names)), names, strict=True)
     ]
     rows = content.get("logs") or [content]
@@ -160,6 +165,15 @@ def _signals(content: Content, folder: Path) -> Section:
         )  # fmt: skip
         blocks += charted(chart, [picture])
     return Section("Measured and simulated", blocks, "signals")
+
+
+def _replayed(content: Content, folder: Path) -> Section:
+    """The replay in closed loop with its chart."""
+    caption = "Top: measured minus simulated position. Bottom: the drive. Shaded: the held-out data."
+    pictures = [Picture("closed_loop_replay", "Closed-loop replay", caption)]
+    after = after_words(content["verdict"], len(content["effects"]), content["closed_loop"])
+    spans = [(float(start), float(end)) for start, end in content.get("held_spans", [])]
+    return replay_section(content, charted(loop_replay_chart(folder, pictures, after, spans), pictures))
 
 
 def _switched(content: Content) -> str:

@@ -154,6 +154,8 @@ def _scenario(
     """
     runs = [run for _, run in group]
     first = runs[0]
+    # The chart shows them; details of each are folded, unless the page is about a single run.
+    many = folder is not None or len(runs) > 1
     chart = charted(run_chart(folder, group), ()) if folder is not None else []
     blocks: list[Any] = [Paragraph(first["why"]), *chart, Facts(list(_conditions(first)))]
     if len(runs) > 1:
@@ -168,7 +170,7 @@ def _scenario(
         blocks.append(Paragraph(not_defined))
     for stem, run in group:
         heading = f"{_name(run)}: {VERDICTS[run['verdict']].partition(' ')[2]}"
-        blocks.append(Section(heading, list(_run(stem, run, loops)), keys[stem], STATES[run["verdict"]]))
+        blocks.append(Section(heading, list(_run(stem, run, loops)), keys[stem], STATES[run["verdict"]], many))
     return Section(first["title"], blocks)
 
 

@@ -52,16 +52,22 @@ function sample(look, parent) {
 
 // ---- Numbers
 
-/** Values of a line from its 16-bit codes; null where there is none. */
-function unpack(line) {
-  const bytes = Uint8Array.from(atob(line.codes), (letter) => letter.charCodeAt(0));
-  const view = new DataView(bytes.buffer);
-  const values = new Array(bytes.length / 2);
-  for (let k = 0; k < values.length; k++) {
-    const code = view.getInt16(2 * k, true);
-    values[k] = code === -32768 ? null : line.low + ((code + 32767) / 65534) * (line.high - line.low);
-  }
-  return values;
+/** Gives each line of a chart its values, null where there is none: all low bytes and then all high bytes of the
+ * differences of their 16-bit codes, compressed. */
+async function unpack({ codes, samples, panels }) {
+  const packed = Uint8Array.from(atob(codes), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
+  const half = bytes.length / 2;
+  panels.flatMap((panel) => panel.lines).forEach((line, index) => {
+    let code = 0;
+    line.values = Array.from({ length: samples }, (_, k) => {
+      const at = index * samples + k;
+      code = (code + bytes[at] + 256 * bytes[half + at]) & 0xffff;
+      // Codes are signed, -32768 for none.
+      return code === 0x8000 ? null : line.low + ((((code + 32767) & 0xffff) / 65534) * (line.high - line.low));
+    });
+  });
 }
 
 /** Start and end of the parts of a run that lie in a bin of a regime's curve. */
@@ -188,7 +194,7 @@ class LiveChart {
         setCursor: [(plot) => { if (plot === this.plots?.[0]) this.read(plot.cursor.idx); }],
       },
     };
-    return new uPlot(options, [time, ...panel.lines.map(unpack)], this.root);
+    return new uPlot(options, [time, ...panel.lines.map((line) => line.values)], this.root);
   }
 
   /** Range of a panel: all that is shown; a run far from the measurement reaches one span beyond the rest at most. */
@@ -375,11 +381,12 @@ class LiveChart {
 }
 
 if (window.uPlot) {
-  document.querySelectorAll("figure.live").forEach((figure, index) => {
-    figure.hidden = false;
+  document.querySelectorAll("figure.live").forEach(async (figure, index) => {
     const printed = figure.nextElementSibling;
     try {
       const content = JSON.parse(figure.querySelector("script").textContent);
+      await unpack(content);
+      figure.hidden = false;
       new LiveChart(figure, { ...content, id: `chart-${index}` });
       if (printed?.classList.contains("printed")) printed.classList.add("replaced");
     } catch (error) {
