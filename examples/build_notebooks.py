@@ -2,9 +2,8 @@
 
 python examples/build_notebooks.py [NAME ...]
 
-A source is plain Python: `# %%` begins a code cell, `# %% [markdown]` a text cell whose lines are comments. Lines
-before the first cell are for the linter. A notebook stores the outputs of its cells, but not the machine or the time of
-execution.
+A source is plain Python with cells (see ehsa_ctrl/core/notebook.py); lines before the first cell are for the linter. A
+notebook stores the outputs of its cells, but not the machine or the time of execution.
 """
 
 import sys
@@ -13,25 +12,14 @@ from pathlib import Path
 import nbformat
 from nbclient import NotebookClient
 
+from ehsa_ctrl.core.notebook import METADATA, notebook_of
+
 SOURCES = Path(__file__).resolve().parent / "notebooks"
-METADATA = {
-    "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"},
-    "language_info": {"name": "python"},
-}
 
 
 def read(source):
     """The notebook of a source, not executed."""
-    cells = []
-    for part in f"\n{source.read_text(encoding='utf-8')}".split("\n# %%")[1:]:
-        head, _, body = part.partition("\n")
-        number = f"{len(cells):02d}"
-        if head.strip() == "[markdown]":
-            lines = [line.removeprefix("#").removeprefix(" ") for line in body.strip().splitlines()]
-            cells.append(nbformat.v4.new_markdown_cell("\n".join(lines), id=f"text-{number}"))
-        else:
-            cells.append(nbformat.v4.new_code_cell(body.strip(), id=f"code-{number}"))
-    return nbformat.v4.new_notebook(cells=cells, metadata=METADATA)
+    return nbformat.from_dict(notebook_of(source.read_text(encoding="utf-8")))
 
 
 def main(names):

@@ -60,6 +60,7 @@ def _texts(base: str, name: str) -> dict[str, str]:
     """Path in the project -> text. Raises InputError for a plant that is unknown, or that has no position control."""
     from .. import __version__
     from ..core.catalogue import plants as catalogue
+    from ..core.notebook import notebook_of
     from ..plant.load import load_plant, models_of
     from .definitions import controller_toml, plant_toml, scenario_toml
 
@@ -85,22 +86,7 @@ def _texts(base: str, name: str) -> dict[str, str]:
     for file in sorted(TEMPLATES.rglob("*.txt")):
         target = file.relative_to(TEMPLATES).with_suffix("")
         content = file.read_text(encoding="utf-8").replace("NAME", name).replace("VERSION", __version__)
-        texts[target.as_posix()] = _notebook(content) if target.suffix == ".ipynb" else content
+        texts[target.as_posix()] = (
+            json.dumps(notebook_of(content), indent=1) + "\n" if target.suffix == ".ipynb" else content
+        )
     return texts
-
-
-def _notebook(source: str) -> str:
-    """The notebook of a script with cells `# %%` and `# %% [markdown]`, not executed."""
-    cells = []
-    for number, part in enumerate(f"\n{source}".split("\n# %%")[1:]):
-        head, _, body = part.partition("\n")
-        text = body.strip()
-        cell: dict[str, object] = {"id": f"cell-{number:02d}", "metadata": {}}
-        if head.strip() == "[markdown]":
-            lines = [line.removeprefix("#").removeprefix(" ") for line in text.splitlines()]
-            cell |= {"cell_type": "markdown", "source": "\n".join(lines)}
-        else:
-            cell |= {"cell_type": "code", "source": text, "execution_count": None, "outputs": []}
-        cells.append(cell)
-    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
-    return json.dumps({"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}, indent=1) + "\n"
