@@ -15,6 +15,7 @@ import matplotlib
 import matplotlib.style
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 
 BLACK, GREY, BLUE, SKY, VERMILION, GREEN, PURPLE = (
     "#000000", "#7a7a7a", "#0072b2", "#56b4e9", "#d55e00", "#009e73", "#8b3a74",
@@ -90,7 +91,12 @@ class Sheet(Figure):
     """A figure that a notebook displays without pyplot."""
 
     def draw(self, renderer: Any) -> None:
-        """Draw user text literally: $ does not start a formula, and invalid UTF-8 becomes question marks.
+        """Draw user text literally."""
+        self.make_text_literal()
+        super().draw(renderer)
+
+    def make_text_literal(self) -> None:
+        """$ does not start a formula, and invalid UTF-8 becomes question marks.
 
         Only tick labels may contain formulas, which matplotlib itself generates.
         """
@@ -100,7 +106,26 @@ class Sheet(Figure):
         for text in set(self.findobj(Text)) - numbers:
             text.set_parse_math(False)
             text.set_text(text.get_text().encode(errors="replace").decode())
-        super().draw(renderer)
+
+    def lay_out(self) -> None:
+        """Place axes and labels of the y axes for good: to align these anew at each drawing costs half of it.
+
+        Positions are rounded for reproducibility: the solver's last digits depend on the order of its variables in
+        memory.
+        """
+        self.make_text_literal()
+        engine = self.get_layout_engine()
+        assert engine is not None
+        engine.execute(self)
+        # None rather than "none": a place holder makes every savefig draw the figure twice.
+        self.set_layout_engine(None)
+        for ax in self.axes:
+            ax.set_position(Bbox(ax.get_position(original=True).get_points().round(5)))
+            ax.apply_aspect()
+        for ax in self.axes:
+            ax.yaxis.get_tightbbox()  # places the label
+            x, y = ax.yaxis.label.get_position()
+            ax.yaxis.set_label_coords(round(ax.transAxes.inverted().transform((x, 0.0))[0], 4), y)
 
     def _repr_png_(self) -> bytes:
         stream = BytesIO()

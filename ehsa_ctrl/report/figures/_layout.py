@@ -11,7 +11,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.legend import Legend
-from matplotlib.transforms import Bbox, blended_transform_factory
+from matplotlib.transforms import blended_transform_factory
 
 from ..style import BLACK, DPI, RC, WIDTH, Sheet, style
 
@@ -67,14 +67,9 @@ def sheet(
         yield figure, axes
         figure.align_ylabels()
         # Laid out once, as layout costs more than drawing, and PNG and SVG must be identical.
-        figure.draw_without_rendering()
-        # None rather than "none": a place holder makes every savefig draw the figure twice.
-        figure.set_layout_engine(None)
+        figure.lay_out()
         # A notebook displays a figure at its own resolution, a file has DPI.
         figure.set_dpi(RC["figure.dpi"])
-        # Rounded for reproducibility: the solver's last digits depend on the order of its variables in memory.
-        for ax in figure.axes:
-            ax.set_position(Bbox(ax.get_position(original=True).get_points().round(5)))
 
 
 def share_x(axes: Sequence[Axes]) -> None:
