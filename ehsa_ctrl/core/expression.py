@@ -137,6 +137,18 @@ def words(dimension: Mapping[str, float]) -> str:
     return " ".join(f"{base}{'' if power == 1.0 else f'{power:g}'}" for base, power in dimension.items()) or "1"
 
 
+def put(text: str, **names: str) -> str:
+    """The text with other names: whole words that are keys of `names` become their values."""
+    out, word = [], ""
+    for sign in text + " ":
+        if sign.isalnum() or sign == "_":
+            word += sign
+            continue
+        out.append(names.get(word, word) + sign)
+        word = ""
+    return "".join(out)[:-1]
+
+
 def _nodes(tree: ast.expr) -> list[ast.AST]:
     """All nodes from left to right, without the names of functions."""
     found: list[ast.AST] = [tree]

@@ -426,7 +426,7 @@ def test_an_effect_that_is_left_out_is_no_candidate(plant):
         e.diagnose(plant.set(K_T=1.5), log, without=["relief"])
 
 
-@pytest.mark.parametrize("place", ["torque", "force", "flow_1", "pump_flow"])
+@pytest.mark.parametrize("place", ["torque", "force", "flow_1", "flows", "pump_flow"])
 def test_every_term_is_a_law_of_the_plant(plant, place):
     """The grammar of a real log: each term alone, with its factor, has a definition whose units fit the plant."""
     log, _ = e.record(plant, *e.excitation("noise", amplitude=3.0, duration=3.0, sample_time=0.004), centre=True)

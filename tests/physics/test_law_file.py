@@ -179,3 +179,38 @@ def test_the_page_is_right(write, plant):
     run = e.simulate(plant.with_effects("tight_spot_with_drag"), CURRENT)
 
     assert run["x"].max() < e.simulate(plant, CURRENT)["x"].max()
+
+
+LEAK = """
+schema = 1
+status = "proposed"
+summary = "leakage of either chamber to the tank"
+adds_to = "flows"
+expression = "-K_own * P"
+
+[parameters]
+K_own = { value = 1e-12, unit = "m3/(s Pa)", neutral = 0.0 }
+
+[range]
+P = [1e5, 4e6]
+"""
+
+
+def test_a_law_of_both_chambers_has_the_pressure_of_each(write, plant):
+    """The shipped leakage to the tank has this equation in both chambers: every state agrees to the last bit."""
+    write(LEAK)
+    own = e.simulate(plant.with_effects("own_law", K_own=1e-12), CURRENT)
+    shipped = e.simulate(plant.with_effects("external_leakage", K_e=1e-12), CURRENT)
+
+    assert set(EFFECTS["own_law"].changes) == {"Q_T1", "Q_T2"}
+    for state in ("omega", "P_1", "P_2", "v", "x"):
+        assert (own[state] == shipped[state]).all()
+
+
+def test_a_state_has_one_pressure(write):
+    """P is that of either chamber, so that a rate must not have it."""
+    states = '[states]\nlate = { rate = "(P - late) / 0.1", unit = "Pa", scale = 1e6 }\n'
+    path = write(LEAK.replace("-K_own * P", "-K_own * late").replace("P = [1e5, 4e6]\n", "") + states)
+
+    with pytest.raises(e.InputError, match=r"\[states\] late\.rate: has P, which is P_1 or P_2 by the balance"):
+        check_definition(path)

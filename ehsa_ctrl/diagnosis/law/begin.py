@@ -51,7 +51,7 @@ class Begin:
         values = {name: one.value for name, one in file.parameters.items()}
         found = courses(file, values, grammar.known, grammar.sample_time, grammar.begins)
         ends = [*grammar.begins[1:], None]
-        parts = [slice(a, b) for a, b in zip(grammar.begins, ends, strict=True)]
+        parts = [slice(a, b) for a, b, _ in zip(grammar.begins, ends, grammar.starts, strict=False)]
         return cls(grammar.starts, tuple({name: y[part] for name, y in found.items()} for part in parts))
 
     def on(self, segment: Segment) -> Segment:

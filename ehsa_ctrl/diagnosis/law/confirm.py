@@ -18,7 +18,7 @@ from ...core.log import Log
 from ...core.parallel import one_blas_thread
 from ...core.text import join_words
 from ...identification.plant_log import read_plant_log
-from ...physics.effects import EFFECTS, CandidateEffect, Effect, LawFile, LawLog, law_candidate
+from ...physics.effects import ADDENDS, EFFECTS, CandidateEffect, Effect, LawFile, LawLog, law_candidate
 from ...plant.plant import Plant
 from ..diagnose import diagnose
 from ..diagnosis import Diagnosis
@@ -228,9 +228,9 @@ def _ranges(prepared: PreparedLogs, law: LawFile) -> dict[str, SeenRange]:
         | dict(case.signals.values)
         for case in cases
     ]
-    found = {}
+    found, own = {}, ADDENDS[law.adds_to].own
     for name in law.variables:
-        values = [one[name] for one in known if name in one]
+        values = [one[n] for one in known for n in own.get(name, (name,)) if n in one]
         if values:
             low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
             found[name] = SeenRange(law.range.get(name), (low, high))

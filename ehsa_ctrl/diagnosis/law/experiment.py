@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from ...core.expression import put
 from ...physics.effects import EFFECTS, LawFile, effect_of
 from ..hypothesis_model import Setting
 from ..next_experiment import N_CANDIDATES, NextExperiment, next_experiment
 from ..objective import Objective
 from .find import FoundLaw
 from .free_run import model_with
-from .grammar import put
 
 
 def form_experiment(found: FoundLaw, objective: Objective, noise: Mapping[str, float]) -> NextExperiment | None:

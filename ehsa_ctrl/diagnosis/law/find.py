@@ -7,23 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...physics.effects import ADDENDS, CandidateEffect, Effect
+from ...physics.effects import CandidateEffect, Effect
 from ..free_curve import BETTER, CurveLog, joined
 from ..hypothesis_model import Setting
 from ..model_selection import Reference, relative_weights
-from ..objective import STEP, NominalParameters
+from ..objective import NominalParameters
 from ..place_sets import InjectionCase
 from ..pool import Pool
 from ..refit import HypothesisFit, refit
-from ..regimes import MIN_WINDOWS, Windows
 from ..scoring import ScoredHypothesis, Scoring
-from ..unknown_inputs import BalanceSignals, unknown_inputs
 from .begin import Begin
 from .free_run import RENEW, STEPS, FreeRunLaw, kept_effect, refit_laws, screen_laws
-from .grammar import Grammar, variables_of
-from .held import held_laws
+from .grammar import variables_of
+from .inputs import LawInput, law_inputs, with_combined
 from .proposed import LawForm, ProposedLaw
-from .regression import LawFit, evidence, explained_by, find_sums, placebo
+from .regression import LawFit, evidence, explained_by, sums_and_placebo
 
 # The numbers below are engineering judgement.
 
@@ -33,20 +31,6 @@ MOST, LIKELY = 6, 0.02
 EACH = 4
 #: A law must explain this share of the unknown input more than the placebo does.
 MORE = 0.1
-#: Unknown inputs that a chamber integrates, which are averaged over windows this much longer too: a leakage too small
-#: to see beside errors of the rates moves the mean pressure by and by.
-FLOWS, SLOW = ("flow_1", "flow_2", "pump_flow"), 8
-
-
-@dataclass(frozen=True)
-class _Input:
-    """An unknown input (N - 1,) on the joined logs. nuisance: (windows, p), see `find_sums`. held: see `held_laws`."""
-
-    grammar: Grammar
-    windows: Windows
-    nuisance: np.ndarray
-    values: np.ndarray
-    held: tuple[LawFit, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -56,6 +40,11 @@ class LawBase:
     logs: Sequence[CurveLog]
     fit: HypothesisFit
 
+    def inputs(self, nominal: NominalParameters) -> list[LawInput]:
+        """The unknown inputs of its plant."""
+        cases = [InjectionCase.of(one.plant, one.log, one.noise) for one in self.logs]
+        return law_inputs(cases, *joined(cases, self.logs), nominal)
+
 
 @dataclass(frozen=True)
 class _Tried:
@@ -63,7 +52,7 @@ class _Tried:
 
     law: FreeRunLaw
     base: LawBase
-    input: _Input
+    input: LawInput
     placebo: float
 
     @property
@@ -74,9 +63,8 @@ class _Tried:
         refitted = {name: fit.values[name] for name in names}
         logs = [replace(one, plant=one.plant.set(**refitted)) for one in self.base.logs]
         cases = [InjectionCase.of(one.plant, one.log, one.noise) for one in logs]
-        name = self.law.law.grammar.name
         _, values, _ = joined(cases, logs)
-        return values[name] if name in values else pumped(values)
+        return with_combined(values)[self.law.law.grammar.name]
 
     @property
     def evidence(self) -> float:
@@ -138,15 +126,13 @@ def _without_law(fit: HypothesisFit, scoring: Scoring) -> ScoredHypothesis:
 
 def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]:
     """The most promising laws beside a hypothesis, in free run."""
-    cases = [InjectionCase.of(one.plant, one.log, one.noise) for one in base.logs]
-    signals, values, fitted = joined(cases, base.logs)
-    inputs = _inputs(cases, signals, values, fitted, scoring.objective.nominal)
+    inputs = base.inputs(scoring.objective.nominal)
     found = pool.map("laws", _sums, inputs)
-    placebos = {one.grammar.name: share for one, (_, share) in zip(inputs, found, strict=True)}
+    placebos = {one.name: share for one, (_, share) in zip(inputs, found, strict=True)}
     sums = [one for fits, share in found for one in fits if one.explained > share + MORE]
     held = [replace(law, explained=_explained(law, inputs)) for one in inputs for law in one.held]
     chosen = [*held, *_varied(screen_laws(sums, scoring, base.fit, pool))[:most]]
-    by_name = {one.grammar.name: one for one in reversed(inputs)}
+    by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
     rest = [one.reduced for one in refitted if not one.stable]
     smaller = _varied([replace(one, explained=_explained(one, inputs)) for one in rest if one is not None])
@@ -156,9 +142,9 @@ def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]
     ]
 
 
-def _explained(law: LawFit, inputs: Sequence[_Input]) -> float:
+def _explained(law: LawFit, inputs: Sequence[LawInput]) -> float:
     """What it explains of its unknown input, over the windows in which that is most."""
-    of = [one for one in inputs if one.grammar.name == law.grammar.name]
+    of = [one for one in inputs if one.name == law.grammar.name]
     return max(explained_by(law, one.windows, one.nuisance) for one in of)
 
 
@@ -173,60 +159,9 @@ def _varied(laws: Sequence[LawFit]) -> list[LawFit]:
     return kept
 
 
-def _sums(one: _Input) -> tuple[list[LawFit], float]:
+def _sums(one: LawInput) -> tuple[list[LawFit], float]:
     """The best sums for an unknown input, and the share that the placebo explains."""
-    return find_sums(one.grammar, one.windows, one.nuisance), placebo(one.grammar, one.windows, one.nuisance)
-
-
-def _inputs(
-    cases: Sequence[InjectionCase],
-    signals: BalanceSignals,
-    values: Mapping[str, np.ndarray],
-    fitted: np.ndarray,
-    nominal: NominalParameters,
-) -> list[_Input]:
-    """The unknown inputs that the logs show, with the pump's flow beside those of the chambers."""
-    plant = cases[0].plant
-    changes = _changes(cases, nominal)
-    # A law acts where its balance enters the simulation: where the motion is prescribed, forces do not.
-    acting = ADDENDS.keys() & plant.structure.system.entries.keys()
-    everything = {name: (value, changes[name]) for name, value in values.items() if name in acting}
-    if {"flow_1", "flow_2"} <= set(everything):
-        everything["pump_flow"] = pumped(values), pumped(changes)
-    found = []
-    for name, (value, change) in everything.items():
-        for longer in (1, SLOW) if name in FLOWS else (1,):
-            windows = Windows(value, signals.sample_time, fitted, longer=longer)
-            if windows.values.size >= MIN_WINDOWS and float(windows.values @ windows.values) > 0.0:
-                grammar = Grammar.of(plant, signals, name)
-                held = held_laws(plant, signals, grammar, fitted) if longer == 1 else []
-                found.append(_Input(grammar, windows, windows.of(change), value, tuple(held)))
-    return found
-
-
-def pumped(values: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The flow of the pump from those into the chambers."""
-    return 0.5 * (values["flow_1"] - values["flow_2"])
-
-
-def _changes(cases: Sequence[InjectionCase], nominal: NominalParameters) -> dict[str, np.ndarray]:
-    """Unknown input -> (N - 1, p) change by one typical deviation of each nominal parameter, on the joined logs."""
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in cases[0].unknown.values}
-    for name, typical in zip(nominal.names, nominal.typical, strict=True):
-        if not cases[0].plant.values.get(name):
-            # Of an effect or a friction law that this plant does not have.
-            continue
-        parts: dict[str, list[np.ndarray]] = {one: [] for one in columns}
-        for case in cases:
-            value = case.plant[name]
-            other = unknown_inputs(case.plant.set(**{name: (1.0 + STEP) * value}), case.signals)
-            for one in columns:
-                change = (other.values[one] - case.unknown.values[one]) * (typical / (STEP * value))
-                parts[one].append(np.append(np.nan_to_num(change), 0.0))
-        for one in columns:
-            columns[one].append(np.concatenate(parts[one])[:-1])
-    size = {one: sum(case.unknown.values[one].size + 1 for case in cases) - 1 for one in columns}
-    return {one: np.column_stack(rows) if rows else np.zeros((size[one], 0)) for one, rows in columns.items()}
+    return sums_and_placebo(one.grammar, one.windows, one.nuisance)
 
 
 def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Reference) -> FoundLaw | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...core.expression import put
 from ...physics.effects import EFFECTS, CandidateEffect, Effect, LawFile, effect_of, law_candidate
 from ...plant.plant import Plant
 from ..hypothesis_model import HypothesisModel, Setting
@@ -16,7 +17,7 @@ from ..records import Segment
 from ..refit import HypothesisFit, refit
 from ..scoring import ScoredHypothesis, Scoring
 from .begin import Begin
-from .grammar import Term, put
+from .grammar import Term
 from .memory import RATE, STATE
 from .regression import STABLE, LawFit
 
@@ -151,19 +152,21 @@ class _Start:
         return cls(file, begin, own, candidate, values | dict(zip(candidate.names, candidate.starts[0], strict=True)))
 
 
+def gap_as_found(law: LawFit, scoring: Scoring, base: HypothesisFit, *, held_out: bool = False) -> float:
+    """Gap in total that a law leaves before any refit, on training or held-out data; infinite if the run stops."""
+    start = _Start.of(law, scoring, base)
+    segment = start.scoring.held_out if held_out else start.scoring.training
+    gap = segment.gap_of(segment.run([start.values])[0])["total"]
+    return gap if np.isfinite(gap) else np.inf
+
+
 def screen_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool) -> list[LawFit]:
     """The laws by the gap that they leave on the training data as they were found, the smallest first.
 
     A regression on measured signals is no such test: a law of the pressures fits any error of the friction, because
     the pressures balance the friction.
     """
-
-    def left(law: LawFit) -> float:
-        start = _Start.of(law, scoring, base)
-        gap = start.scoring.training.gap_of(start.scoring.training.run([start.values])[0])["total"]
-        return gap if np.isfinite(gap) else np.inf
-
-    gaps = pool.map("laws", left, list(laws))
+    gaps = pool.map("laws", lambda law: gap_as_found(law, scoring, base), list(laws))
     return [laws[int(i)] for i in np.argsort(gaps, kind="stable") if np.isfinite(gaps[int(i)])]
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...core.expression import Expression, dimension_of, words
+from ...core.expression import Expression, dimension_of, put, words
 from ...physics.effects import ADDENDS
 from ...plant.arrays import array_evaluator
 from ...plant.plant import Plant
@@ -96,7 +96,8 @@ class Grammar:
     name: unknown input, a key of ADDENDS. known: name in the equations -> (N - 1,) along the logs. units: of those.
     direction, speed, friction: of the contact, with the friction that the plant has; resists: 1 if a positive law acts
     against positive motion, else -1. Empty, None or zero where the balance has no contact. memories: terms with a
-    memory. sample_time [s], begins: samples at which the logs begin, starts: times there [s].
+    memory. sample_time [s], begins: samples at which the logs begin, starts: times there [s]. Where a law is in two
+    balances, the logs come twice, see `in_turn`, with the names of `Addend.own`.
     """
 
     name: str
@@ -116,9 +117,10 @@ class Grammar:
     def of(cls, plant: Plant, signals: BalanceSignals, name: str) -> Grammar:
         """The variables that a log shows, for one unknown input of a plant."""
         structure, system = plant.structure, plant.structure.system
-        place = ADDENDS[name].place
+        addend = ADDENDS[name]
+        place = addend.place
         contact = balance_contact(plant, place) if place in ("torque", "force") else None
-        units = structure.units
+        units = {**structure.units, **{n: structure.units[pair[0]] for n, pair in addend.own.items()}}
         known = {n: np.asarray(signals[n][:-1]) for n in units if n in signals}
         efforts = {} if contact is None else contact_efforts(plant, signals, contact)
         known |= {n: values[:-1] for n, values in efforts.items()}
@@ -126,10 +128,17 @@ class Grammar:
             sign = known[contact.direction]
             known[contact.direction] = np.where(sign == 0.0, 1.0, sign)
         pressures = system.pressures if set(system.pressures) <= set(known) else ()
+        time = signals["time"][:-1]
+        begins = (0, *(np.flatnonzero(np.diff(time) <= 0.0) + 1).tolist())
+        if addend.second:
+            either = {n: (known[one], known[other]) for n, (one, other) in addend.own.items() if one in known}
+            known = {n: in_turn(values, values, values[-1]) for n, values in known.items()}
+            known |= {n: in_turn(*pair, pair[0][-1]) for n, pair in either.items()}
+            begins = (*begins, *(time.size + 1 + at for at in begins))
         own = [] if contact is None else [contact.velocity, contact.position]
         others: list[str] = []
         if name.startswith("flow") and pressures:
-            others = [system.entries[name].target]
+            others = list(addend.own) or [system.entries[name].target]
         if place == "flow":
             others += [n for one in system.all_contacts for n in (one.velocity, one.position)]
         if place == "torque" and torque_drive(plant, signals).unit == units.get(system.inputs[0]):
@@ -147,11 +156,10 @@ class Grammar:
             found.insert(1, LawVariable(f"({first} - {second})", units[first], known[first] - known[second]))
         found += [LawVariable(n, units[n], known[n], effort=True) for n in efforts]
         moving = tuple(v for v in found if np.ptp(v.values) > 0.0)
-        time = signals["time"][:-1]
-        begins = (0, *(np.flatnonzero(np.diff(time) <= 0.0) + 1).tolist())
         plain = cls(
             name, moving, known, units, memories=tuple(memory_terms(plant, name, known, float(np.ptp(time)))),
-            sample_time=signals.sample_time, begins=begins, starts=tuple(time[list(begins)].tolist()),
+            sample_time=signals.sample_time, begins=begins,
+            starts=tuple(float(time[at]) for at in begins if at < time.size),
         )  # fmt: skip
         if contact is None:
             return plain
@@ -256,16 +264,9 @@ def _joined(whole: str, powers: Mapping[str, float]) -> str:
     return words({base: power for base, power in total.items() if abs(power) > 1e-9})
 
 
-def put(text: str, **names: str) -> str:
-    """A template with its variables: z, y and d stand alone as words."""
-    out, word = [], ""
-    for sign in text + " ":
-        if sign.isalnum() or sign == "_":
-            word += sign
-            continue
-        out.append(names.get(word, word) + sign)
-        word = ""
-    return "".join(out)[:-1]
+def in_turn(one: np.ndarray, other: np.ndarray, between: float) -> np.ndarray:
+    """Two arrays (N, ...) one after the other, with this value between them: (2 N + 1, ...)."""
+    return np.concatenate([one, np.full((1, *one.shape[1:]), between), other])
 
 
 def variables_of(terms: Sequence[Term]) -> frozenset[str]:

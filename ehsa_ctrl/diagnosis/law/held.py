@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...core.expression import put
 from ...physics.effects import ADDENDS
 from ...plant.arrays import array_evaluator, needs
 from ...plant.plant import Plant
 from ..regressors import balance_contact
 from ..unknown_inputs import BalanceSignals
-from .grammar import DRY, Grammar, Term, put
+from .grammar import DRY, Grammar, Term
 from .regression import LawFit
 
 # The numbers below are engineering judgement.

@@ -88,10 +88,12 @@ def _of_flow(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[
     first, second = system.pressures
     speed = balance_contact(plant, "torque").velocity if system.entries.get("torque") is not None else ""
     difference = f"({first} - {second})"
-    own = system.entries[name].target if name in ("flow_1", "flow_2") else ""
+    either = "".join(ADDENDS[name].own)
+    own = either or (system.entries[name].target if name in system.entries else "")
     bases = {difference: (difference,)} | ({own: (own,)} if own in known else {})
     yield from over_time(bases, seconds)
-    if own in known:
+    # One state has one value in both chambers, so that the lag of either pressure is no term.
+    if own in known and not either:
         size = float(np.std(known[own]))
         yield from following(f"({own} - {STATE}) / tau", own, "Pa", size, LAGS, (own,))
     if name == "pump_flow" and speed in known:

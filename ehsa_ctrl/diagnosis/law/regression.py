@@ -90,75 +90,118 @@ class LawFit:
 
 
 class _SumProblem:
-    """Normal equations of all terms, for each fold, so that a sum costs one small solution."""
+    """Normal equations of all terms, for each fold, from which the errors of the nominal parameters are eliminated, so
+    that thousands of sums cost little.
 
-    def __init__(self, grammar: Grammar, windows: Windows, terms: Sequence[Term], nuisance: np.ndarray) -> None:
-        self.grammar, self.windows = grammar, windows
-        self.y = windows.values
-        columns, kept = [], []
-        size = windows.size
-        for term in terms:
-            column = windows.of((grammar.values(term) * np.ones(size))[:, None])[:, 0]
-            scale = float(np.sqrt(np.mean(column**2)))
-            if np.isfinite(scale) and scale > 0.0:
-                columns.append(column / scale)
-                kept.append((term, scale))
-        self.terms = [term for term, _ in kept]
-        self.scales = np.array([scale for _, scale in kept])
-        self.P = nuisance
-        self.X = np.column_stack([self.P, *columns])
-        self.free = self.P.shape[1]
-        chance = CHANCE * float(np.mean(self.y**2))
-        self.prior = np.append(np.full(self.free, OVERLAP * chance), np.full(len(columns), RIDGE * self.y.size))
-        self.folds = [windows.fold == fold for fold in (0, 1)]
-        self.gram = [self.X[f].T @ self.X[f] for f in self.folds]
-        self.moment = [self.X[f].T @ self.y[f] for f in self.folds]
-        self.total = float(self.y @ self.y)
+    terms: those with a column that is not zero. y: (windows,) what they explain. total: its square.
+    """
+
+    def __init__(self, windows: Windows, terms: Sequence[Term], C: np.ndarray, P: np.ndarray, y: np.ndarray) -> None:
+        """C, P: (windows, terms) and (windows, nominal parameters) columns, those of the terms with any scale."""
+        self.windows, self.y, self.P = windows, y, P
+        scales = np.sqrt(np.mean(C**2, axis=0))
+        kept = np.isfinite(scales) & (scales > 0.0)
+        self.terms = [term for term, one in zip(terms, kept, strict=True) if one]
+        self.scales, self.C = scales[kept], C[:, kept] / scales[kept]
+        self.numbers = np.array([1 + len(term.shapes) for term in self.terms], dtype=int)
+        chance = CHANCE * float(np.mean(y**2))
+        self.priors = OVERLAP * chance + 1e-12, RIDGE * y.size + 1e-12
+        self.folds = [self._fold(windows.fold != test, windows.fold == test) for test in (0, 1)]
+        self.total = float(y @ y)
         self.nuisance_left = self.left(())
 
-    def index(self, chosen: Sequence[int]) -> np.ndarray:
-        return np.array([*range(self.free), *(self.free + i for i in chosen)], dtype=int)
+    @classmethod
+    def of(cls, grammar: Grammar, windows: Windows, terms: Sequence[Term], nuisance: np.ndarray) -> _SumProblem:
+        columns = [windows.of((grammar.values(term) * np.ones(windows.size))[:, None])[:, 0] for term in terms]
+        C = np.column_stack(columns) if columns else np.zeros((windows.values.size, 0))
+        return cls(windows, terms, C, nuisance, windows.values)
 
-    def left(self, chosen: Sequence[int]) -> float:
-        """Sum of squares that a sum leaves on the folds that it was not fitted to."""
-        at = self.index(chosen)
-        found = self.total
-        for test in (0, 1):
-            train = 1 - test
-            G, g = self.gram[train][np.ix_(at, at)], self.moment[train][at]
-            b = np.linalg.solve(G + np.diag(self.prior[at] + 1e-12), g) if at.size else np.zeros(0)
-            found += float(b @ self.gram[test][np.ix_(at, at)] @ b) - 2.0 * float(b @ self.moment[test][at])
+    def reversed(self) -> _SumProblem:
+        """The same terms for the unknown input reversed in time."""
+        return _SumProblem(self.windows, self.terms, self.C, self.P, self.windows.reversed().values)
+
+    def _fold(self, train: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Normal equations of the terms on training windows, and the products on test windows with the last row and
+        column of the unknown input. With a the errors of the nominal parameters, their prior deviations as units and L
+        the weight of the prior, a = (P'P + L)^-1 P'(y - C b) for any factors b."""
+        both = np.column_stack([self.C, self.y])
+        P = self.P[train]
+        A = P.T @ P + self.priors[0] * np.eye(P.shape[1])
+        rest = both - self.P @ np.linalg.solve(A, P.T @ both[train])
+        normal = self.C[train].T @ rest[train]
+        return normal[:, :-1], normal[:, -1], rest[test].T @ rest[test]
+
+    def lefts(self, sums: np.ndarray) -> np.ndarray:
+        """(n,) sum of squares that each sum (n, k) of terms leaves on the folds that it was not fitted to."""
+        found = np.zeros(len(sums))
+        ridge = self.priors[1] * np.eye(sums.shape[1])
+        for G, g, T in self.folds:
+            i, j = sums[:, :, None], sums[:, None, :]
+            b = np.linalg.solve(G[i, j] + ridge, g[sums][:, :, None])[:, :, 0]
+            found += T[-1, -1] - 2.0 * np.sum(b * T[sums, -1], axis=1) + np.einsum("ni,nij,nj->n", b, T[i, j], b)
         return found
 
-    def explained(self, chosen: Sequence[int]) -> float:
-        numbers = len(chosen) + sum(len(self.terms[i].shapes) for i in chosen)
-        return 1.0 - self.left(chosen) / max(self.nuisance_left, 1e-300) - PENALTY * numbers
+    def left(self, chosen: Sequence[int]) -> float:
+        """Sum of squares that one sum leaves."""
+        return float(self.lefts(np.array([chosen], dtype=int))[0])
+
+    def explained(self, sums: np.ndarray) -> np.ndarray:
+        """(n,) share that each sum (n, k) explains, see `LawFit`."""
+        return 1.0 - self.lefts(sums) / max(self.nuisance_left, 1e-300) - PENALTY * self.numbers[sums].sum(axis=1)
+
+    @property
+    def whole(self) -> float:
+        """Share that all terms together explain."""
+        return float(self.explained(np.arange(len(self.terms))[None, :])[0])
 
     def solve(self, chosen: Sequence[int], weights: np.ndarray | None = None) -> np.ndarray:
         """Factors of the terms, fitted to all windows. weights: of the windows."""
-        at = self.index(chosen)
-        X = self.X[:, at]
+        X = np.column_stack([self.P, self.C[:, list(chosen)]])
+        free = self.P.shape[1]
+        prior = np.repeat(self.priors, [free, len(chosen)])
         W = X if weights is None else X * weights[:, None]
-        b = np.linalg.solve(W.T @ X + np.diag(self.prior[at] + 1e-12), W.T @ self.y)
-        return np.asarray(b[self.free :] / self.scales[list(chosen)])
+        b = np.linalg.solve(W.T @ X + np.diag(prior), W.T @ self.y)
+        return np.asarray(b[free:] / self.scales[list(chosen)])
 
 
-def find_sums(
-    grammar: Grammar, windows: Windows, nuisance: np.ndarray, *, most_terms: int = MOST_TERMS
-) -> list[LawFit]:
+def sums_and_placebo(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> tuple[list[LawFit], float]:
+    """`find_sums` and `placebo` of an unknown input."""
+    problem = _SumProblem.of(grammar, windows, list(grammar.terms()), nuisance)
+    return _find_sums(problem, grammar, MOST_TERMS), _placebo(problem)
+
+
+def find_sums(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> list[LawFit]:
     """The best sums of terms for an unknown input, the one that explains most first.
 
     windows: of the unknown input. nuisance: (windows, p) change of the unknown input by one prior deviation of each
     nominal parameter, averaged over the same windows.
     """
-    problem = _SumProblem(grammar, windows, list(grammar.terms()), nuisance)
+    return sums_and_placebo(grammar, windows, nuisance)[0]
+
+
+def placebo(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> float:
+    """Share that a single term explains of the unknown input reversed in time, beyond a constant, which reversal leaves
+    as it is: what the selection finds in chance."""
+    return sums_and_placebo(grammar, windows, nuisance)[1]
+
+
+def _placebo(problem: _SumProblem) -> float:
+    other = problem.reversed()
+    constant = [i for i, term in enumerate(other.terms) if not term.variables and term.text == "1"]
+    least = max(float(other.explained(np.array([constant], dtype=int))[0]), 0.0)
+    beside = [[*constant, i] for i in range(len(other.terms)) if i not in constant]
+    return float(other.explained(np.array(beside)).max()) - least if beside else 0.0
+
+
+def _find_sums(problem: _SumProblem, grammar: Grammar, most_terms: int) -> list[LawFit]:
+    windows, nuisance = problem.windows, problem.P
     everything = range(len(problem.terms))
     found = _selected(problem, everything, most_terms)
     if found:
         # The pressures balance whatever acts on the rod, so that a law of them hides the others.
         first = variables_of([problem.terms[i] for i in max(found)[1]])
         found += _selected(problem, [i for i in everything if not problem.terms[i].variables & first], most_terms)
-    fits = [_fit(problem, chosen, share) for share, chosen in _varied(problem, found)]
+    fits = [_fit(problem, grammar, chosen, share) for share, chosen in _varied(problem, found)]
     stable = [one for one in (_stable(grammar, windows, nuisance, fit) for fit in fits) if one is not None]
     distinct: list[LawFit] = []
     for one in sorted(stable, key=lambda fit: -fit.explained):
@@ -177,11 +220,14 @@ def _selected(problem: _SumProblem, allowed: Sequence[int], most_terms: int) -> 
         for before, chosen in beam:
             used = variables_of([problem.terms[i] for i in chosen])
             families = {problem.terms[i].family for i in chosen}
-            for i in allowed:
+            fitting = [
+                i
+                for i in allowed
+                if problem.terms[i].family not in families and len(used | problem.terms[i].variables) <= MOST_VARIABLES
+            ]
+            sums = np.array([(*chosen, i) for i in fitting], dtype=int).reshape(len(fitting), len(chosen) + 1)
+            for i, share in zip(fitting, problem.explained(sums).tolist(), strict=True):
                 term = problem.terms[i]
-                if term.family in families or len(used | term.variables) > MOST_VARIABLES:
-                    continue
-                share = problem.explained((*chosen, i))
                 key = frozenset({*families, term.family})
                 enough = min(GAIN, OF_REST * (1.0 - before))
                 if share > before + enough and (key not in rows or share > rows[key][0]):
@@ -214,20 +260,9 @@ def _alike(one: LawFit, other: LawFit) -> bool:
     return float(np.sum((a - b) ** 2)) < ALIKE**2 * float(np.sum(a**2) + np.sum(b**2))
 
 
-def placebo(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> float:
-    """Share that a single term explains of the unknown input reversed in time, beyond a constant, which reversal leaves
-    as it is: what the selection finds in chance."""
-    problem = _SumProblem(grammar, windows.reversed(), list(grammar.terms()), nuisance)
-    constant = [i for i, term in enumerate(problem.terms) if not term.variables and term.text == "1"]
-    least = max(problem.explained(constant), 0.0)
-    beside = (problem.explained((*constant, i)) for i in range(len(problem.terms)) if i not in constant)
-    return max(beside, default=least) - least
-
-
 def explained_by(fit: LawFit, windows: Windows, nuisance: np.ndarray) -> float:
     """Share of an unknown input that a sum's terms explain, see `LawFit`."""
-    problem = _SumProblem(fit.grammar, windows, fit.terms, nuisance)
-    return problem.explained(range(len(problem.terms)))
+    return _SumProblem.of(fit.grammar, windows, fit.terms, nuisance).whole
 
 
 def evidence(fit: LawFit, windows: Windows, nuisance: np.ndarray) -> float:
@@ -236,13 +271,13 @@ def evidence(fit: LawFit, windows: Windows, nuisance: np.ndarray) -> float:
 
     One block of the bootstrap counts as one sample, because errors of the balances are correlated within it.
     """
-    problem = _SumProblem(fit.grammar, windows, fit.terms, nuisance)
+    problem = _SumProblem.of(fit.grammar, windows, fit.terms, nuisance)
     left = problem.left(range(len(problem.terms))) / max(problem.total, 1e-300)
     blocks = np.unique((windows.centres // BLOCK).astype(int)).size
     return -0.5 * float(blocks * np.log(max(left, 1e-12)) + fit.numbers * np.log(max(blocks, 2)))
 
 
-def _fit(problem: _SumProblem, chosen: tuple[int, ...], share: float) -> LawFit:
+def _fit(problem: _SumProblem, grammar: Grammar, chosen: tuple[int, ...], share: float) -> LawFit:
     """A sum with its factors and their standard deviations by the block bootstrap."""
     random = np.random.default_rng(0)
     names, which = np.unique((problem.windows.centres // BLOCK).astype(int), return_inverse=True)
@@ -252,7 +287,7 @@ def _fit(problem: _SumProblem, chosen: tuple[int, ...], share: float) -> LawFit:
         draws.append(problem.solve(chosen, count[which].astype(float)))
     terms = tuple(problem.terms[i] for i in chosen)
     factors = problem.solve(chosen)
-    return LawFit(problem.grammar, terms, tuple(factors.tolist()), tuple(np.std(draws, axis=0).tolist()), share)
+    return LawFit(grammar, terms, tuple(factors.tolist()), tuple(np.std(draws, axis=0).tolist()), share)
 
 
 def _stable(grammar: Grammar, windows: Windows, nuisance: np.ndarray, fit: LawFit) -> LawFit | None:
@@ -263,10 +298,9 @@ def _stable(grammar: Grammar, windows: Windows, nuisance: np.ndarray, fit: LawFi
         if not terms:
             return None
         terms = _shaped(grammar, windows, nuisance, terms)
-        problem = _SumProblem(grammar, windows, terms, nuisance)
+        problem = _SumProblem.of(grammar, windows, terms, nuisance)
         chosen = tuple(range(len(problem.terms)))
-        share = problem.explained(chosen)
-        found = _fit(problem, chosen, share)
+        found = _fit(problem, grammar, chosen, problem.whole)
         if all(sure):
             return found
         fit = found
@@ -301,7 +335,7 @@ def _shaped(grammar: Grammar, windows: Windows, nuisance: np.ndarray, terms: lis
         pairs = zip(shaped, terms, strict=True)
         if any(new.shapes[n] <= 0.1 * old.shapes[n] for new, old in pairs for n in old.shapes if n != "at"):
             return np.inf
-        problem = _SumProblem(grammar, windows, shaped, nuisance)
+        problem = _SumProblem.of(grammar, windows, shaped, nuisance)
         return problem.left(range(len(problem.terms))) if len(problem.terms) == len(terms) else np.inf
 
     first = np.vstack([np.zeros(start.size), 0.3 * np.eye(start.size)])

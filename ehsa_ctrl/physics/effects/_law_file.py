@@ -1,8 +1,8 @@
 """An effect without code: one TOML file in a project's `effects/` with an arithmetic expression.
 
-The expression adds to one balance of the plant. Terms with the direction of a contact (d_M of the shaft, d_R of the
-rod) are dry friction: they change the friction of that contact, which sticks and breaks away at the new level. The
-other terms change the balance itself.
+The expression adds to one balance of the plant, or to that of each chamber. Terms with the direction of a contact (d_M
+of the shaft, d_R of the rod) are dry friction: they change the friction of that contact, which sticks and breaks away
+at the new level. The other terms change the balance itself.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import json
 import keyword
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Literal
@@ -21,7 +21,7 @@ from pydantic import Field, field_validator, model_validator
 
 from ...core.definition import Array, Definition, Schema, validate
 from ...core.errors import InputError, choices
-from ...core.expression import Expression
+from ...core.expression import Expression, put
 from ...core.files import read_toml
 from ...core.log import Log
 from ...core.unit import base_units
@@ -37,6 +37,8 @@ class Addend:
     """What an expression adds to. unit: of the expression. signal, sign: changed signal, and with which sign.
 
     friction, friction_sign, direction: the same for terms with the direction of a contact; empty if there are none.
+    second: signal of a second balance that has the law too, with the same sign. own: name in the expression -> signal
+    of the plant for which it stands in the first balance and in the second one.
     """
 
     place: str
@@ -48,6 +50,14 @@ class Addend:
     friction_sign: str = ""
     direction: str = ""
     velocity: str = ""
+    second: str = ""
+    own: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+
+    @property
+    def balances(self) -> tuple[tuple[str, dict[str, str]], ...]:
+        """Changed signal of each balance, and what the names of `own` stand for there."""
+        signals = (self.signal, self.second) if self.second else (self.signal,)
+        return tuple((signal, {name: pair[i] for name, pair in self.own.items()}) for i, signal in enumerate(signals))
 
 
 #: `adds_to` of a file -> what it means. The signs are those of the unknown inputs of a diagnosis.
@@ -58,9 +68,13 @@ ADDENDS = {
     "force": Addend("force", "N", "force on the rod, resisting extension", "F_net", "-", "F_FR", "+", "d_R", "v"),
     "flow_1": Addend("flow", "m3/s", "flow into chamber 1, from outside", "Q_T1", "+"),
     "flow_2": Addend("flow", "m3/s", "flow into chamber 2, from outside", "Q_T2", "+"),
+    "flows": Addend(
+        "flow", "m3/s", "flow into each chamber, from outside, where P is the pressure of that chamber", "Q_T1", "+",
+        second="Q_T2", own={"P": ("P_1", "P_2")},
+    ),
     "pump_flow": Addend("flow", "m3/s", "flow of the pump, from chamber 2 into chamber 1", "Q_P", "+"),
     "drive": Addend("drive", "A", "current of the motor", "current", "+"),
-}
+}  # fmt: skip
 
 
 class LawParameter(Definition):
@@ -140,7 +154,7 @@ class LawFile(Definition):
     schema_version: Schema = Field(alias="schema", description="format version")
     status: Literal["proposed", "confirmed"] = Field(description="whether a second log has confirmed it")
     summary: str = Field(description="one line for lists")
-    adds_to: Literal["torque", "force", "flow_1", "flow_2", "pump_flow", "drive"] = Field(
+    adds_to: Literal["torque", "force", "flow_1", "flow_2", "flows", "pump_flow", "drive"] = Field(
         description="what the expression adds to; signs as there"
     )
     expression: str = Field(description="of states, inputs and parameters of the plant, and of its own parameters")
@@ -170,6 +184,13 @@ class LawFile(Definition):
             raise ValueError(f"[states] {min(both)}: is a parameter too; rename one of them")
         if not any(p.neutral is not None for p in self.parameters.values()):
             raise ValueError("[parameters]: none has `neutral`, the value at which the effect is absent; state it")
+        for name, state in self.states.items():
+            if shared := set(addend.own) & set(Expression.parse(state.rate).names):
+                one = min(shared)
+                raise ValueError(
+                    f"[states] {name}.rate: has {one}, which is {' or '.join(addend.own[one])} by the balance, but a "
+                    "state has one value; write one file for each balance"
+                )
         for name in self.range:
             if name not in self.variables:
                 raise ValueError(f"[range] {name}: is not a variable of the expression")
@@ -219,6 +240,7 @@ class EffectExpression:
         """Raise InputError unless the expression fits a plant. units: name of the plant -> SI unit."""
         law = self.definition
         own = {name: one.unit for name, one in law.parameters.items()}
+        own |= {name: units[pair[0]] for name, pair in ADDENDS[law.adds_to].own.items() if pair[0] in units}
         known = {**units, **own, **{name: one.unit for name, one in law.states.items()}}
         texts = {"expression": (law.expression, ADDENDS[law.adds_to].unit)}
         texts |= {f"[states] {name}.rate": (one.rate, f"{one.unit}/s") for name, one in law.states.items()}
@@ -242,10 +264,10 @@ def effect_of(name: str, law: LawFile, where: str) -> Effect:
     changes: dict[str, Callable[..., float]] = {}
     dry = [t for t in expression.terms if addend.direction and addend.direction in t.names]
     other = [t for t in expression.terms if t not in dry]
-    parts = (other, addend.signal, addend.sign), (dry, addend.friction, addend.friction_sign)
-    for terms, signal, sign in parts:
+    parts = [(other, signal, addend.sign, names) for signal, names in addend.balances]
+    for terms, signal, sign, names in (*parts, (dry, addend.friction, addend.friction_sign, {})):
         if terms:
-            total = Expression.parse(" + ".join(f"({term.text})" for term in terms))
+            total = Expression.parse(put(" + ".join(f"({term.text})" for term in terms), **names))
             changes[signal] = total.function(name, where, signal, f"{signal} {sign} {{}}")
     _check_neutral(law, expression, name, where)
     sizes = {key: one.neutral for key, one in law.parameters.items() if one.neutral is not None}
