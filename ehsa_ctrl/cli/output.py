@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -79,7 +80,7 @@ class OutputOptions:
 
 
 def provenance(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:
-    """Content of `rests_on` in a result's JSON: assumed parameters, hashes of files, the command line."""
+    """Content of `rests_on` in a result's JSON: assumed parameters, hashes of files, date, the command line."""
     from ..report.provenance import provenance as provenance_of
 
     return {**provenance_of(plants, files), "command": command_line()}
@@ -91,8 +92,18 @@ def assumed_names(plant: Plant) -> list[str]:
 
 
 def command_line() -> str:
-    """The command line, quoted for a shell."""
-    return shlex.join(["ehsa-ctrl", *sys.argv[1:]])
+    """The command line, quoted for a shell; paths in the current folder are relative to it, those in the home folder
+    begin with ~.
+    """
+    places = {f"{Path.cwd()}{os.sep}": "", f"{Path.home()}{os.sep}": "~/"}
+
+    def told(word: str) -> str:
+        for place, short in places.items():
+            if word.startswith(place):
+                return short + shlex.quote(word.removeprefix(place))
+        return shlex.quote(word)
+
+    return " ".join(["ehsa-ctrl", *map(told, sys.argv[1:])])
 
 
 def warn_implausible(plants: Iterable[Plant]) -> None:

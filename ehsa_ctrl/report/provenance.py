@@ -1,25 +1,53 @@
-"""Provenance of a result: assumed parameters with their ranges, and hashes of the input files."""
+"""Provenance of a result: assumed parameters with their ranges, hashes of the input files, and the date.
+
+It names no machine and no user: a page may be sent to anybody.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from ..core.catalogue import is_shipped
 from ..core.parameter import Parameter
 from ..core.unit import factor
 from ..plant.plant import Plant
+from ..simulation.trajectory import versions
 from .text import number, quantity_in
 
 
 def provenance(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:
-    """Content of `rests_on` in a result's JSON: assumed parameters in the units of the plant's file, hashes of files.
+    """Content of `rests_on` in a result's JSON: assumed parameters in the units of the plant's file, hashes of files, date
+    of the computation, and the versions of the software.
 
     files: input files besides those of the plants; None and paths without a file are omitted.
     """
     given = list(plants)
-    return {"assumed": assumed_rows(given), "files": dict(hashes([*files, *(plant.path for plant in given)]))}
+    found = dict(hashes([*files, *(plant.path for plant in given)]))
+    return {"assumed": assumed_rows(given), "files": found, "date": date(), "versions": versions()}
+
+
+def date() -> str:
+    """Now, in UTC to the minute. SOURCE_DATE_EPOCH [s] replaces the clock, for builds that must be reproducible."""
+    stated = os.environ.get("SOURCE_DATE_EPOCH", "")
+    now = datetime.fromtimestamp(int(stated), UTC) if stated.isdigit() else datetime.now(UTC)
+    return now.strftime("%Y-%m-%d %H:%M UTC")
+
+
+def local_name(path: str | Path) -> str:
+    """A path as it is told to others: relative to the current folder if it lies there, else its last two parts; a
+    shipped definition by its folder and name.
+    """
+    path = Path(path)
+    if not path.is_absolute():
+        return str(path)
+    if path.is_relative_to(Path.cwd()) and not is_shipped(path.parent.name, path):
+        return str(path.relative_to(Path.cwd()))
+    return str(Path(*path.parts[-2:]))
 
 
 def hashes(files: Iterable[str | Path | None]) -> list[tuple[str, str]]:
@@ -27,7 +55,7 @@ def hashes(files: Iterable[str | Path | None]) -> list[tuple[str, str]]:
     found: dict[str, str] = {}
     for file in files:
         if file is not None and Path(file).is_file():
-            found[str(file)] = hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16]
+            found[local_name(file)] = hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16]
     return list(found.items())
 
 
@@ -55,7 +83,7 @@ def _texts(parameter: Parameter) -> dict[str, str]:
 def merged_versions(provenances: Iterable[Mapping[str, str]]) -> dict[str, str]:
     """Software versions of several results; differing versions are listed together."""
     found: dict[str, set[str]] = {}
-    for versions in provenances:
-        for name, version in versions.items():
+    for each in provenances:
+        for name, version in each.items():
             found.setdefault(name, set()).add(version)
     return {name: ", ".join(sorted(versions)) for name, versions in found.items()}

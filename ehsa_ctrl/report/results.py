@@ -76,6 +76,11 @@ class StoredResult:
     def assumed(self) -> Sequence[Mapping[str, str]]:
         return self.rests_on.get("assumed", [])
 
+    @property
+    def date(self) -> str:
+        """Date and time of the computation; empty if the JSON does not state it."""
+        return str(self.rests_on.get("date", ""))
+
     @cached_property
     def provenance(self) -> Section:
         """Section with facts, assumed parameters, input files, versions and the command."""
@@ -84,12 +89,13 @@ class StoredResult:
         rows = [[label(row[key]) if key == "name" else row[key] for key in head] for row in self.assumed]
         files = [f"{digits} {name}" for name, digits in self.rests_on.get("files", {}).items()]
         command = self.rests_on.get("command")
+        when = [("computed", self.date)] if self.date else []
         blocks = [
-            Facts(self.page.facts),
+            Facts([*when, *self.page.facts]),
             Table("Assumed parameters: not measured, and other values change the results", head, rows),
             *([Paragraph("Input files, with the first digits of their SHA-256:")] if files else []),
             Points(files),
-            Facts(list(self.page.versions.items())),
+            Facts(list({**self.rests_on.get("versions", {}), **self.page.versions}.items())),
             *([Paragraph("Command:"), Paragraph(command, code=True)] if command else []),
         ]
         return Section("Provenance", blocks, "provenance", folded=True)

@@ -118,7 +118,7 @@ def vague(fitting):
 def tree(gentle, harsh, fitting, tmp_path_factory):
     """A folder of each kind, with a figure in one and what each rests on."""
     root = tmp_path_factory.mktemp("results")
-    rests_on = {**provenance([gentle.plant]), "command": "ehsa-ctrl <do> it"}
+    rests_on = {**provenance([gentle.plant]), "command": "ehsa-ctrl <do> it", "date": "2026-05-04 12:30 UTC"}
     for name, content in contents(gentle, harsh, fitting).items():
         folder = root / name.removesuffix(".json")
         folder.mkdir()

@@ -162,7 +162,7 @@ def test_hashes_are_those_of_the_files(tmp_path):
     path = tmp_path / "log.csv"
     path.write_bytes(b"abc")
 
-    assert hashes([path, None, tmp_path / "absent", path]) == [(str(path), "ba7816bf8f01cfea")]
+    assert hashes([path, None, tmp_path / "absent", path]) == [(f"{path.parent.name}/log.csv", "ba7816bf8f01cfea")]
 
 
 @pytest.mark.slow
