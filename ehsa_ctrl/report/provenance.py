@@ -21,8 +21,8 @@ from .text import number, quantity_in
 
 
 def provenance(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:
-    """Content of `rests_on` in a result's JSON: assumed parameters in the units of the plant's file, hashes of files, date
-    of the computation, and the versions of the software.
+    """Content of `rests_on` in a result's JSON: assumed parameters in the units of the plant's file, hashes of files,
+    date of the computation, and versions of the software.
 
     files: input files besides those of the plants; None and paths without a file are omitted.
     """
