@@ -1,6 +1,8 @@
 """Who may import whom is a test, not a wish."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -88,3 +90,16 @@ def test_only_the_plugin_needs_pytest():
     users = {path.name for path in PACKAGE.rglob("*.py") if "import pytest" in path.read_text()}
 
     assert users == {"pytest_plugin.py"}
+
+
+def test_a_simulation_imports_no_library_that_it_does_not_use():
+    """scipy.signal, statistics, tables and figures import for seconds, which each command would take longer."""
+    heavy = ("control", "cvxpy", "joblib", "matplotlib", "pandas", "scipy.interpolate", "scipy.signal", "scipy.stats")
+    program = (
+        "import sys, ehsa_ctrl as e; e.simulate(e.load_plant('ehsa'), [1.0] * 10); "
+        f"print([name for name in {heavy} if name in sys.modules])"
+    )
+
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+
+    assert done.stdout.strip() == "[]"

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from scipy.signal import lfilter, lfiltic
 
 from ...core.log import Log
 from ._effect import EffectState
@@ -25,6 +24,9 @@ def _late_rise(channel: str, lag: str, typical: float) -> Callable[[Log, Mapping
     """(log, plant's parameters) -> (N,) rise of a pressure above P_0 [Pa] behind the lag; zero if it is not logged."""
 
     def along(log: Log, plant: Mapping[str, float]) -> np.ndarray:
+        # Here, as scipy.signal imports for half a second, and every command imports the effects.
+        from scipy.signal import lfilter, lfiltic
+
         if channel not in log.channels:
             return np.zeros(len(log))
         rise = log[channel] - plant["P_0"]
