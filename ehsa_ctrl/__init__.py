@@ -1,7 +1,7 @@
 """Control design on an electro-hydrostatic actuator, from the paper's model to a checked closed loop.
 
-Imports: cli -> report -> diagnosis -> scenario, identification -> simulation -> plant -> physics -> core, and beside it
-scenario -> design -> core.
+Imports: cli -> report -> fleet -> diagnosis -> scenario, identification -> simulation -> plant -> physics -> core, and
+beside it scenario -> design -> core.
 Names are loaded on first use, so that `import ehsa_ctrl` is fast; their types are in __init__.pyi. For a plant, a log,
 a linear model or a controller, functions also accept a name or a path; see `arguments`.
 """
@@ -50,6 +50,8 @@ _MODULES = {
     "diagnosis.diagnosis": "Diagnosis",
     "diagnosis.batch": "diagnose_many",
     "diagnosis.changed": "what_changed",
+    "fleet.analyse": "analyse_fleet",
+    "fleet.query": "query_store",
     "diagnosis.law.confirm": "confirm_law",
     "diagnosis.closed_loop_replay": "replay_closed_loop",
     "diagnosis.validation_segment": "gap",

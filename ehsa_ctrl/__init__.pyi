@@ -7,6 +7,7 @@ from typing import Any, Literal, Protocol, overload
 import control
 import numpy as np
 import numpy.typing as npt
+import pandas
 
 from .core.catalogue import controllers as controllers
 from .core.catalogue import plants as plants
@@ -28,6 +29,7 @@ from .diagnosis.batch import LogBatch
 from .diagnosis.changed import Change
 from .diagnosis.diagnosis import Diagnosis as Diagnosis
 from .diagnosis.law.confirmation import Confirmation
+from .fleet.result import Fleet
 from .identification.checks import LogFinding
 from .identification.comparison import Comparison
 from .identification.experiment import ExperimentDesign
@@ -131,6 +133,21 @@ def diagnose(
     check: bool = True,
     without: Collection[str] = (),
 ) -> Diagnosis: ...
+def analyse_fleet(
+    plant: _PlantLike,
+    logs: str | Path | Sequence[str | Path],
+    *,
+    store: str | Path,
+    by: str = "",
+    rate: float = 0.05,
+    diagnose: bool = True,
+    check: bool = True,
+    jobs: int | None = None,
+    watch: Callable[[str, int, int], None] | None = None,
+    truth: Mapping[str, Mapping[str, str]] | None = None,
+    keep: Callable[[str, Diagnosis], None] | None = None,
+) -> Fleet: ...
+def query_store(folder: str | Path, text: str) -> pandas.DataFrame: ...
 def diagnose_many(
     plant: _PlantLike,
     logs: Sequence[str | Path | Log],

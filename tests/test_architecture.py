@@ -20,6 +20,7 @@ ALLOWED = {
     "scenario": {"design", "simulation", "plant", "physics", "core"},
     # A prepared scenario is given to diagnosis/closed_loop.py, which imports it for its type alone.
     "diagnosis": {"identification", "simulation", "plant", "physics", "core"},
+    "fleet": {"diagnosis", "identification", "simulation", "plant", "physics", "core"},
     "report": {"scenario", "diagnosis", "identification", "design", "simulation", "plant", "physics", "core"},
 }
 

@@ -44,6 +44,7 @@ def given():
         "name": "ehsa", "path": "nowhere/x.fmu", "plants": [plant], "n": 1, "required": (), "result": None,
         "folder": ".", "diagnosis": object.__new__(Diagnosis), "found": object.__new__(Identification),
         "distance": 0.01, "current_limit": 6.0, "x": time, "drive": time, "outputs": {}, "sample_time": 0.004,
+        "store": "there", "text": "select 1",
     }  # fmt: skip
 
 
@@ -56,7 +57,8 @@ def test_what_fits_nowhere_is_one_sentence(function, argument, given):
         for p in signature.parameters.values()
         if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
     ]
-    fitting = {**given, "parameters": ["K_T"]} if function == "sensitivities" else given
+    own = {"sensitivities": {"parameters": ["K_T"]}, "analyse_fleet": {"logs": ["no.csv"]}}
+    fitting = given | own.get(function, {})
     arguments = {name: fitting[name] for name in required if name != argument}
     wrong = {argument: Strange()}
     if signature.parameters[argument].kind is inspect.Parameter.VAR_POSITIONAL:

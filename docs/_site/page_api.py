@@ -26,7 +26,7 @@ API = {
         "scenarios", "load_scenario", "run", "run_closed_loop", "monte_carlo", "known_of", "hunting",
     )),
     "diagnosis": ("Diagnosis", "Where rig and simulation differ, and why.", (
-        "diagnose", "Diagnosis", "diagnose_many", "what_changed", "gap",
+        "diagnose", "Diagnosis", "diagnose_many", "what_changed", "gap", "analyse_fleet", "query_store",
     )),
     "pages": ("Pages and figures", "Results as self-contained pages; figures and their style.", (
         "write_report", "figures", "style",

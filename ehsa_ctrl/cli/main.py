@@ -25,6 +25,7 @@ from . import (
     effects,
     excite,
     export,
+    fleet,
     fmu,
     frf,
     identify,
@@ -86,8 +87,8 @@ app = typer.Typer(
 COMMANDS = {
     "init": init, "run": run, "montecarlo": montecarlo, "learn": learn, "simulate": simulate, "analyse": analyse,
     "design": design, "excite": excite, "convert": convert, "compare": compare, "frf": frf, "identify": identify,
-    "diagnose": diagnose, "export": export, "fmu": fmu, "serve": serve, "report": report, "list": listing,
-    "check": check,
+    "diagnose": diagnose, "fleet": fleet, "export": export, "fmu": fmu, "serve": serve, "report": report,
+    "list": listing, "check": check,
 }  # fmt: skip
 for name, module in COMMANDS.items():
     app.command(name)(expand_groups(module.command))

@@ -29,6 +29,8 @@ class Parameter:
     unit: SI.
     source: one of SOURCES, or "given" for a value that a user set for one run.
     sd: standard deviation in `unit`, None if unknown.
+    spread: standard deviation between units of the same make in `unit`, None if unknown; a diagnosis takes it for the
+        prior deviation of a single unit.
     lower, upper: range of plausible values, not physical limits.
     note: reference or reason.
     written: value and unit as in the file.
@@ -44,6 +46,7 @@ class Parameter:
     upper: float = inf
     note: str = ""
     written: str = ""
+    spread: float | None = None
     stated: Parameter | None = field(default=None, compare=False, repr=False)
 
     @property

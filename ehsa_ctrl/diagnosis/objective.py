@@ -121,8 +121,8 @@ def nominal_parameters(
 ) -> tuple[NominalParameters, dict[str, np.ndarray]]:
     """Nominal parameters of a segment's model, and the derivative of the residual (n,) by each.
 
-    The prior deviation of a parameter is the change that makes a gap of PRIOR_SHARE of the threshold, or the deviation
-    typical of its kind if that is smaller.
+    The prior deviation of a parameter is the spread between units of a fleet, if the plant's file states it; else the
+    change that makes a gap of PRIOR_SHARE of the threshold, or the deviation typical of its kind if that is smaller.
 
     lumped: the model lacks dry friction, and its parameters compensate for it; their prior deviation is LUMPED.
     Parameters that are set for single logs are not among them.
@@ -147,10 +147,13 @@ def nominal_parameters(
             continue
         change = max(largest(training.change(base, run)), 1e-9)
         relative = min(prior[name], PRIOR_SHARE * threshold / change * STEP)
-        if lumped and prior[name] >= WELL_KNOWN:
+        spread = plant.parameters[name].spread
+        if spread is not None:
+            relative = spread / abs(plant[name])
+        elif lumped and prior[name] >= WELL_KNOWN:
             relative = LUMPED
         found[name] = relative * plant[name]
-        typical.append(max(prior[name], relative) * plant[name])
+        typical.append((relative if spread is not None else max(prior[name], relative)) * plant[name])
         sensitivities[name] = (scale.residual_of(training.records, run) - residual) / (STEP * plant[name])
     values = np.array([plant[name] for name in found])
     return NominalParameters(tuple(found), values, np.array(list(found.values())), np.array(typical)), sensitivities

@@ -44,7 +44,7 @@ def plant_toml(plants: Sequence[Plant]) -> str:
         _put_structure(document, before, plant)
         for name, parameter in plant.parameters.items():
             old = before.parameters.get(name)
-            if old is not None and (old.value, old.source, old.sd) == (parameter.value, parameter.source, parameter.sd):
+            if old is not None and _stated(old) == _stated(parameter):
                 continue
             own = parameter.source in ("identified", "derived") or name in document[plant.model]["parameters"]
             if key_of(name) != name:
@@ -68,6 +68,10 @@ def write_plant(path: str | Path, *plants: Plant, force: bool = False) -> Path:
     """
     refuse_existing(Path(path), force=force, how=FORCE_ARGUMENT)
     return write_text(path, plant_toml(plants))
+
+
+def _stated(parameter: Parameter) -> tuple[float, str, float | None, float | None]:
+    return parameter.value, parameter.source, parameter.sd, parameter.spread
 
 
 def _put_structure(document: Any, before: Plant, plant: Plant) -> None:
@@ -125,6 +129,8 @@ def _put(table: Any, key: str, parameter: Parameter) -> None:
     entry["unit"] = unit
     if parameter.sd is not None and math.isfinite(parameter.sd):
         entry["sd"] = float(f"{parameter.sd / scale:.3g}")
+    if parameter.spread is not None:
+        entry["spread"] = float(f"{parameter.spread / scale:.3g}")
     lower, upper = parameter.lower / scale, parameter.upper / scale
     if math.isfinite(lower) and math.isfinite(upper) and lower <= entry["value"] <= upper:
         entry["bounds"] = [float(f"{lower:.6g}"), float(f"{upper:.6g}")]

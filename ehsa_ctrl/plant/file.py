@@ -72,6 +72,10 @@ class Quantity(Definition):
         default=None,
         description="standard deviation in `unit`; montecarlo and analyse --draws draw from it",
     )
+    spread: Annotated[float, Field(gt=0)] | None = Field(
+        default=None,
+        description="standard deviation between units of a fleet in `unit`; the prior deviation in a diagnosis",
+    )
     bounds: Annotated[tuple[Unlimited, Unlimited], Array] | None = Field(
         default=None,
         description="[lower, upper] range of plausible values in `unit`; drawn uniformly where there is no sd",
@@ -101,6 +105,7 @@ class Quantity(Definition):
             unit=unit,
             source=self.source,
             sd=None if self.sd is None else self.sd * scale,
+            spread=None if self.spread is None else self.spread * scale,
             lower=lower * scale,
             upper=upper * scale,
             note=self.note,

@@ -269,7 +269,7 @@ NONSENSE = [
 #: They compute for minutes with what is no nonsense; their arguments are those of others.
 LONG = (
     "simulate_reference", "design_experiment", "identify", "diagnose", "diagnose_many", "replay_closed_loop",
-    "what_changed", "monte_carlo", "run", "profile",
+    "what_changed", "monte_carlo", "run", "profile", "analyse_fleet",
 )  # fmt: skip
 
 
@@ -297,7 +297,7 @@ def fitting():
         "simulated": time, "current": time, "name": "ehsa", "path": "no.fmu", "n": 1, "required": (), "result": None,
         "folder": ".", "distance": 0.01, "current_limit": 6.0, "frame": log.to_pandas(), "channels": channels,
         "force": 0.0, "duration": 0.004, "plants": [], "logs": [log],
-        "x": time, "drive": time, "outputs": {"speed": time}, "sample_time": 0.004,
+        "x": time, "drive": time, "outputs": {"speed": time}, "sample_time": 0.004, "text": "select 1",
     }  # fmt: skip
 
 

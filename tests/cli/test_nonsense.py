@@ -20,6 +20,7 @@ CALLS = {
     "compare": ["no_such.csv", "--plant", "no_such"],
     "identify": ["no_such.csv", "--plant", "no_such"],
     "diagnose": ["no_such.csv", "--plant", "no_such"],
+    "fleet": ["no_such", "--plant", "no_such"],
     "export": ["no_such", "--out", "there"],
     "fmu": ["no_such", "--out", "there"],
     "serve": ["--plant", "no_such"],

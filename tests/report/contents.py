@@ -1,6 +1,7 @@
 """The JSON of each kind of result, as commands leave it."""
 
 from ehsa_ctrl.diagnosis.batch import LogBatch, Row
+from ehsa_ctrl.fleet.result import Fleet, FleetParameter, FleetRig, LogLine, RigDiagnosis
 
 from .diagnoses import diagnosis
 
@@ -10,6 +11,28 @@ LOOP = {
     "controller": AWKWARD, "crossover": 35.0, "phase_margin": 60.0, "gain_margin": 5.8, "delay_margin": 0.03, "Ms": 1.4,
     "Mt": 1.1, "disk_margin": None, "stable": True, "current_noise": 0.09,
 }  # fmt: skip
+
+
+def fleet():
+    """Three rigs: one that changed, one unlike the others, one that is neither."""
+    day = "2026-01-05T00:00:00+00:00"
+    line = LogLine(f"{AWKWARD}/a.csv", day, "name", (3.0, 0.9))
+    found = RigDiagnosis(line.file, "effect", (("internal_leakage",),), 0.98, 0.2, 0.01, "diagnoses/rig")
+    rigs = (
+        FleetRig(AWKWARD, (line, line), True, "step", "internal_leakage", ("orifice_leakage",), "diagnosis",
+                 "internal_leakage", day, day, day, line.file,
+                 {"K_L": {"change": 3e-12, "sd": 1e-13, "unit": "m3/(Pa s)"}}, 1e-6, 3e-6, diagnosis=found,
+                 series={"K_T": [(0.01, 0.02), (float("nan"), float("inf"))]}),
+        FleetRig("rig 2", (line,), unlike="torque_constant", unlike_p=1e-4, unlike_q=1e-3),
+        FleetRig("rig 3", (line,)),
+    )  # fmt: skip
+    parameters = (
+        FleetParameter("K_T", "N m/A", 1.2, 1.21, 0.01, 0.04, 2.5),
+        FleetParameter("V_10", "m3", 2e-3, 2e-3, 1e-4, None, 0.1),
+    )
+    return Fleet(
+        "ehsa", 0.05, rigs, parameters, (), ("internal_leakage",), {"x.csv": "x.csv: is too short"}, ("a note",)
+    )
 
 
 def contents(gentle, harsh, fitting):
@@ -26,6 +49,7 @@ def contents(gentle, harsh, fitting):
         "identification.json": fitted,
         "diagnosis.json": found.to_dict(),
         "summary.json": LogBatch("ehsa", 0.03, rows).to_dict(),
+        "fleet.json": fleet().to_dict(),
         "comparison.json": {
             "plant": "ehsa", "log": f"{AWKWARD}.csv", "settings": {}, "from": 0.0, "to": 4.0, "provenance": PROVENANCE,
             "models": {"linear": {"fit_percent": {"speed": -36.6, "p1": 63.6}, "stopped": ""},

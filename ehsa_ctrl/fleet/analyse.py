@@ -1,0 +1,329 @@
+"""The logs of a fleet from files to the result: scores into the store, then the statistics of the whole fleet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import EhsaError, InputError
+from ..core.parallel import as_completed, worker_count
+from ..diagnosis.diagnosis import Diagnosis
+from ..identification.plant_log import read_plant_log
+from ..physics.effects import EFFECTS
+from ..plant.plant import Plant
+from .changes import Names, RigChange, RigScores, changes, scan
+from .drifts import drifts
+from .manifest import FleetLog, find_logs
+from .null import false_discovery_rates
+from .outliers import outliers
+from .random_effects import RandomEffects, random_effects
+from .result import Fleet, FleetParameter, FleetRig, LogLine
+from .rig_diagnosis import diagnose_changed
+from .score import LogScore, log_score
+from .store import Store
+from .tables import write_tables
+
+#: Share of a unit's worth of information over the fleet below which a parameter counts as not determined.
+#: Engineering judgement.
+DETERMINED = 2.0
+
+Watch = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class _Rig:
+    """A rig with its logs and the keys of their parts."""
+
+    name: str
+    logs: tuple[FleetLog, ...]
+    keys: tuple[str, ...]
+
+    def scores(self, store: Store) -> list[LogScore]:
+        return [store.get(key) for key in self.keys]
+
+    @property
+    def days(self) -> list[float]:
+        return [log.date.timestamp() / 86400.0 for log in self.logs]
+
+
+def analyse_fleet(
+    plant: Plant,
+    logs: str | Path | Sequence[str | Path],
+    *,
+    store: str | Path,
+    by: str = "",
+    rate: float = 0.05,
+    diagnose: bool = True,
+    check: bool = True,
+    jobs: int | None = None,
+    watch: Watch | None = None,
+    truth: Mapping[str, Mapping[str, str]] | None = None,
+    keep: Callable[[str, Diagnosis], None] | None = None,
+) -> Fleet:
+    """Which rigs of a fleet changed, in what and since when; its parameters and their spread.
+
+    Each log that the store does not know yet is simulated some hundred times, which takes about a second; then the
+    store alone is read. After an interruption, the same call continues.
+
+    Parameters
+    ----------
+    plant: the nominal plant of all rigs.
+    logs: files, folders and manifests, see `find_logs`; by as there.
+    store: folder of the store, see `Store`.
+    rate: false-discovery rate of the changed rigs.
+    diagnose: diagnose the first log after each change in full.
+    check: as for `diagnose`.
+    jobs: number of workers, -1 for all cores; by default that of joblib's context (`joblib.parallel_config`, also with
+        the backend "dask"), else 1.
+    watch: progress callback, called with the stage, and the number of finished and of all items.
+    truth: of a virtual fleet, see `Fleet`.
+    keep: called with each new diagnosis, after the folder for it, relative to the store.
+
+    Raises
+    ------
+    InputError: as `find_logs` and `Store`; no log could be used; a part is damaged; rate is not between 0 and 1.
+    """
+    if not 0.0 < rate < 1.0:
+        raise InputError(f"rate = {rate:g}; expected a false-discovery rate between 0 and 1, such as 0.05")
+    found = find_logs([logs] if isinstance(logs, str | Path) else logs, by)
+    into = Store(store, plant)
+    into.begin()
+    keys, failed, computed, notes = _fill(into, plant, found, check, jobs, watch)
+    rigs = [
+        _Rig(name, tuple(group), tuple(keys[log.path] for log in group))
+        for name, group in ((n, list(g)) for n, g in groupby((x for x in found if x.path in keys), lambda x: x.rig))
+    ]
+    if not rigs:
+        raise InputError(f"no log could be used; the first: {next(iter(failed.values()))}")
+    result = _statistics(plant, into, rigs, rate, watch)
+    undated = sum(log.dated == "file time" for log in found)
+    if undated:
+        notes.append(
+            f"{undated} logs have no date but the time at which the file was written; give dates in a fleet.csv, or in "
+            "the files' names"
+        )
+    result = replace(
+        result, failed=failed, notes=(*result.notes, *notes), computed=computed, kept=len(keys) - computed,
+        truth=truth or {}, store=into,
+    )  # fmt: skip
+    if diagnose and result.changed:
+        plants = {name: _unit_plant(plant, into, one) for name, one in _before(into, rigs, result)}
+        result = diagnose_changed(result, plants, into, jobs=jobs, check=check, watch=watch, keep=keep)
+    write_tables(into, result)
+    return result
+
+
+def _fill(
+    store: Store, plant: Plant, logs: Sequence[FleetLog], check: bool, jobs: int | None, watch: Watch | None
+) -> tuple[dict[Path, str], dict[str, str], int, list[str]]:
+    """Compute the missing parts. Returns path -> key of the logs that can be used, path -> error of the others, the
+    number that was computed, and notes.
+    """
+    keys: dict[Path, str] = {}
+    failed: dict[str, str] = {}
+    notes: list[str] = []
+    first: dict[str, FleetLog] = {}
+    for log in logs:
+        key = store.key(log.path)
+        if key in first:
+            notes.append(f"{log.path}: has the content of {first[key].path}; it counts once")
+            continue
+        first[key] = log
+        keys[log.path] = key
+    todo = [(path, key) for path, key in keys.items() if not store.part(key).exists()]
+    work = partial(_score, plant, check)
+    done = len(keys) - len(todo)
+    if watch is not None:
+        watch("logs", done, len(keys))
+    count = min(worker_count(jobs), max(len(todo), 1))
+    with closing(as_completed(work, todo, count=count)) as results:
+        for path, key, score in results:
+            if isinstance(score, str):
+                failed[str(path)] = score
+                del keys[path]
+            else:
+                store.put(key, score)
+            done += 1
+            if watch is not None:
+                watch("logs", done, len(keys) + len(failed))
+    return keys, failed, len(todo) - len(failed), notes
+
+
+def _score(plant: Plant, check: bool, job: tuple[Path, str]) -> tuple[Path, str, LogScore | str]:
+    """Score of one log, or why there is none; runs on a worker."""
+    path, key = job
+    try:
+        return path, key, log_score(plant, read_plant_log(path, plant), check=check)
+    except EhsaError as error:
+        return path, key, str(error)
+    except (ArithmeticError, ValueError, LookupError) as error:
+        # An unexpected failure of one log must not lose the others.
+        return path, key, f"{path}: its score failed ({type(error).__name__}: {error})"
+
+
+def _scores(store: Store, rigs: Sequence[_Rig], names: Names) -> Iterator[RigScores]:
+    """The rigs one by one, so that a large fleet needs little memory."""
+    for rig in rigs:
+        yield names.rig(rig.name, rig.days, rig.scores(store))
+
+
+def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, watch: Watch | None) -> Fleet:
+    """Changes, parameters, outliers and drifts of the fleet."""
+
+    def report(stage: str, done: int) -> None:
+        if watch is not None:
+            watch(stage, done, len(rigs))
+
+    names = Names.of(score for rig in rigs for score in rig.scores(store))
+    scans, moved = [], []
+    for done, one in enumerate(_scores(store, rigs, names), 1):
+        scans.append(scan(one, names))
+        moved.append(scan(one, names.of_parameters()))
+        report("changes", done)
+    found = changes(scans, names)
+    q = false_discovery_rates([1.0 if one is None else one.p for one in found])
+    changed = {one.rig: one for one, value in zip(found, q, strict=True) if one is not None and value <= rate}
+    score, information = [], []
+    for one in _scores(store, rigs, names):
+        before = _unchanged(one, changed.get(one.name))
+        n = names.nominal
+        score.append(before.score[:, :n].sum(axis=0))
+        information.append(before.information[:, :n, :n].sum(axis=0))
+    fleet = random_effects(np.array(score), np.array(information))
+    unlike = outliers([_unchanged(one, changed.get(one.name)) for one in _scores(store, rigs, names)], names, fleet)
+    unlike_q = false_discovery_rates([1.0 if one is None else one.p for one in unlike])
+    shown = {one.cause for one in changed.values()} | {
+        one.cause for one, value in zip(unlike, unlike_q, strict=True) if one is not None and value <= rate
+    }
+    rows = []
+    for i, (rig, scores) in enumerate(zip(rigs, _scores(store, rigs, names), strict=True)):
+        change, other = found[i], unlike[i]
+        row = FleetRig(
+            rig.name,
+            tuple(
+                LogLine(str(log.path), log.date.isoformat(), log.dated, one.rms)
+                for log, one in zip(rig.logs, rig.scores(store), strict=True)
+            ),
+            p=1.0 if change is None else change.p, q=float(q[i]), series=_series(scores, names, fleet, i, shown),
+        )  # fmt: skip
+        if change is not None and rig.name in changed:
+            row = _with_change(row, change, names, plant)
+        if other is not None:
+            row = replace(
+                row, unlike=other.cause if unlike_q[i] <= rate else "", unlike_p=other.p, unlike_q=float(unlike_q[i])
+            )
+        rows.append(row)
+        report("rigs", i + 1)
+    return Fleet(
+        plant.name, rate, tuple(rows), _parameters(plant, names, fleet),
+        drifts(moved, names, plant, rate, {rig.name: rig.logs for rig in rigs}), tuple(names.causes),
+    )  # fmt: skip
+
+
+def _unchanged(rig: RigScores, change: RigChange | None) -> RigScores:
+    """The logs of a rig before its change: all without one, the first of a drift."""
+    if change is None:
+        return rig
+    return rig.part(0, change.first if change.first > 0 else 1)
+
+
+def _with_change(row: FleetRig, change: RigChange, names: Names, plant: Plant) -> FleetRig:
+    units = parameter_units(plant)
+    first, step = max(change.first, 0), change.first > 0
+    size: dict[str, dict[str, Any]] = {
+        names.names[i]: {"change": float(d * names.scale[i]), "sd": float(s * names.scale[i]),
+                         "unit": unit_of(names.names[i], units)}
+        for i, d, s in zip(change.positions, change.size, change.sd, strict=True)
+    }  # fmt: skip
+    # The largest first.
+    ordered = dict(sorted(size.items(), key=lambda item: -(item[1]["change"] ** 2) / item[1]["sd"] ** 2))
+    return replace(
+        row, changed=True, kind="step" if step else "drift", cause=change.cause, same=change.same, by="score",
+        scored=change.cause, since=row.logs[first].date, file=row.logs[first if step else -1].file,
+        earliest=row.logs[max(change.earliest, 0)].date, latest=row.logs[max(change.latest, 0)].date, size=ordered,
+    )  # fmt: skip
+
+
+def _series(
+    rig: RigScores, names: Names, fleet: RandomEffects, number: int, causes: set[str]
+) -> dict[str, list[tuple[float, float]]]:
+    """Parameter or cause -> (deviation from nominal, sd) of each log, the other parameters as the rig has them."""
+    n = names.nominal
+    x = fleet.units[number]
+    left = rig.score - rig.information[:, :, :n] @ x
+    of_cause = {cause: int(own[0]) for cause, own in names.causes.items() if cause in causes and own[0] >= n}
+    found = {}
+    for name, i in {**{names.names[i]: i for i in range(n)}, **of_cause}.items():
+        known = rig.information[:, i, i]
+        at = x[i] if i < n else 0.0
+        found[name] = [
+            (float((at + u / h) * names.scale[i]), float(names.scale[i] / np.sqrt(h))) if h > 0.0 else (np.nan, np.inf)
+            for u, h in zip(left[:, i], known, strict=True)
+        ]
+    return found
+
+
+def _parameters(plant: Plant, names: Names, fleet: RandomEffects) -> tuple[FleetParameter, ...]:
+    units = parameter_units(plant)
+    found = []
+    for i in range(names.nominal):
+        name, scale = names.names[i], names.scale[i]
+        determined = fleet.determined[i] >= DETERMINED
+        found.append(
+            FleetParameter(
+                name, units.get(name, ""), plant[name], plant[name] + float(fleet.mean[i] * scale),
+                float(fleet.mean_sd[i] * scale), float(fleet.spread[i] * scale) if determined else None,
+                float(fleet.determined[i]),
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _before(store: Store, rigs: Sequence[_Rig], result: Fleet) -> Iterator[tuple[str, dict[str, float]]]:
+    """Each changed rig with the deviations of its parameters from nominal before the change, given the fleet."""
+    known = {one.name: one for one in result.parameters if one.spread}
+    for rig in rigs:
+        row = result.rig(rig.name)
+        if not row.changed:
+            continue
+        count = next(i for i, log in enumerate(row.logs) if log.file == row.file) if row.kind == "step" else 1
+        scores = rig.scores(store)[:count]
+        names = Names.of(scores)
+        one = names.rig(rig.name, rig.days[:count], scores)
+        own = [i for i, name in enumerate(names.names[: names.nominal]) if name in known]
+        spread = np.array([known[names.names[i]].spread or 0.0 for i in own]) / names.scale[own]
+        mean = np.array([known[names.names[i]].mean - known[names.names[i]].nominal for i in own]) / names.scale[own]
+        H = one.information.sum(axis=0)[np.ix_(own, own)] + np.diag(spread**-2)
+        x = np.linalg.solve(H, one.score.sum(axis=0)[own] + mean / spread**2)
+        yield rig.name, {names.names[i]: float(v * names.scale[i]) for i, v in zip(own, x, strict=True)}
+
+
+def _unit_plant(plant: Plant, store: Store, deviations: Mapping[str, float]) -> Plant:
+    """The plant with the parameters of one rig."""
+    return plant.set(**{name: plant[name] + value for name, value in deviations.items()})
+
+
+def parameter_units(plant: Plant) -> dict[str, str]:
+    """Unit of each parameter of the plant and of effects."""
+    of_effects = {p.name: p.unit for effect in EFFECTS.values() for p in effect.parameters}
+    return of_effects | {name: one.unit for name, one in plant.parameters.items()}
+
+
+def unit_of(name: str, units: Mapping[str, str]) -> str:
+    """Unit of a name of a score; empty for one that is not known."""
+    from ..core.log import CHANNELS
+
+    word, dot, channel = name.partition(".")
+    if dot:
+        return {"scale": "", "delay": "s", "filter": "s"}.get(
+            word, CHANNELS[channel].unit if channel in CHANNELS else ""
+        )
+    unit = units.get(name.partition(" [")[0], "")
+    return "" if unit == "1" else unit

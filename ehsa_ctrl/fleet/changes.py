@@ -1,0 +1,222 @@
+"""Which rigs changed, in what, and since when: score tests on the logs of each rig.
+
+The logs of a rig share the plant's parameters. For each cause of the catalogue, the alternative is that its parameters
+differ from one log on (a step), or move in proportion to time (a drift). What is the same in all logs of the rig is
+estimated beside, of the plant and of all effects: a rig which merely differs from the plant's file has not changed.
+Under the quadratic approximation of `score` everything follows in closed form.
+
+What counts as a change, `null` decides by the fleet's own distribution of the largest statistic, and the procedure of
+Benjamini and Hochberg over the rigs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .null import largest_null
+from .score import LogScore
+
+# The constants without another reason are engineering judgement.
+
+#: Prior standard deviation of what an effect does in all logs of a rig, in the smallest sizes that a log shows.
+ALWAYS = 5.0
+#: A direction whose information is below this share of the largest is not tested.
+LEAST_SHARE = 1e-6
+#: What one more parameter of a cause must explain: Akaike's information criterion counts 2, and a cause of unknown
+#: place could otherwise imitate another one.
+PER_PARAMETER = 4.0
+#: A cause explains a change as well as the best one within this difference of the statistic, or this share of it: the
+#: effect is not linear in its size, as the score test assumes.
+AS_WELL, AS_WELL_SHARE = 9.0, 0.05
+
+
+@dataclass(frozen=True)
+class RigScores:
+    """The scores of a rig's logs in order of time, for the same names.
+
+    score (n, k), information (n, k, k): divided by each log's dispersion; zero for a name that a log lacks.
+    days (n,): time of each log in days.
+    """
+
+    name: str
+    days: np.ndarray
+    score: np.ndarray
+    information: np.ndarray
+
+    def part(self, first: int, last: int) -> RigScores:
+        """The logs from number `first` to before `last`."""
+        rows = slice(first, last)
+        return RigScores(self.name, self.days[rows], self.score[rows], self.information[rows])
+
+
+@dataclass(frozen=True)
+class Names:
+    """The names of all logs of a fleet: parameters of the plant first. scale (k,): SI value of one unit.
+
+    causes: effect id, for a sensor with its channel -> positions of its names.
+    """
+
+    names: tuple[str, ...]
+    nominal: int
+    scale: np.ndarray
+    causes: Mapping[str, np.ndarray]
+
+    @classmethod
+    def of(cls, scores: Iterable[LogScore]) -> Names:
+        """The union over logs, each with the smallest unit that a log gives it."""
+        scale: dict[str, float] = {}
+        nominal: dict[str, None] = {}
+        causes: dict[str, dict[str, None]] = {}
+        for one in scores:
+            nominal |= dict.fromkeys(one.names[: one.nominal])
+            for name, unit in zip(one.names, one.scale.tolist(), strict=True):
+                scale[name] = min(unit, scale.get(name, unit))
+            for cause, listed in one.causes.items():
+                causes.setdefault(cause, {}).update(dict.fromkeys(listed))
+        names = (*nominal, *(name for name in scale if name not in nominal))
+        at = {name: i for i, name in enumerate(names)}
+        positions = {cause: np.array([at[name] for name in listed]) for cause, listed in sorted(causes.items())}
+        return cls(names, len(nominal), np.array([scale[name] for name in names]), positions)
+
+    def of_parameters(self) -> Names:
+        """The same names with each parameter of the plant as a cause of its own."""
+        causes = {name: np.array([i]) for i, name in enumerate(self.names[: self.nominal])}
+        return Names(self.names, self.nominal, self.scale, causes)
+
+    def rig(self, name: str, days: Sequence[float], scores: Sequence[LogScore]) -> RigScores:
+        """The scores of a rig's logs, in units of these names. days: of each log, ascending."""
+        k = len(self.names)
+        at = {one: i for i, one in enumerate(self.names)}
+        g, H = np.zeros((len(scores), k)), np.zeros((len(scores), k, k))
+        for i, one in enumerate(scores):
+            place = np.array([at[n] for n in one.names])
+            factor = self.scale[place] / one.scale
+            g[i, place] = one.score * factor / one.dispersion
+            H[i][np.ix_(place, place)] = one.information * np.outer(factor, factor) / one.dispersion
+        return RigScores(name, np.asarray(days, dtype=float), g, H)
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Statistics of one rig.
+
+    times: number of the first log after a step, -1 for a drift. statistic (causes, times): -2 log-likelihood ratio.
+    parameters (causes,): number of each that the logs show. size, variance: cause -> (times, parameters) in units of
+    the names.
+    """
+
+    rig: str
+    times: tuple[int, ...]
+    statistic: np.ndarray
+    parameters: np.ndarray
+    size: Mapping[str, np.ndarray]
+    variance: Mapping[str, np.ndarray]
+
+
+def scan(rig: RigScores, names: Names, *, drift: bool = True) -> Scan:
+    """Statistics of a step before each log but the first, and of a drift, for each cause; no times for a single log.
+
+    drift: leave the drift out with False.
+    """
+    n = len(rig.days)
+    times = [*range(1, n)] if n > 1 else []
+    profiles = [np.arange(n) >= first for first in times]
+    span = float(rig.days[-1] - rig.days[0]) if n else 0.0
+    if drift and n > 2 and span > 0.0:
+        times.append(-1)
+        profiles.append((rig.days - np.mean(rig.days)) / span)
+    w = np.array(profiles, dtype=float).reshape(len(times), n)
+    # (times, k, k) and (times, k): sums over logs with the weights of each time.
+    once = np.einsum("tn,nij->tij", w, rig.information)
+    twice = np.einsum("tn,nij->tij", w**2, rig.information)
+    moved, total, g = w @ rig.score, rig.information.sum(axis=0), rig.score.sum(axis=0)
+    statistic, parameters = np.zeros((len(names.causes), len(times))), np.zeros(len(names.causes))
+    size, variance = {}, {}
+    prior = np.where(np.arange(g.size) < names.nominal, 1.0, ALWAYS**-2)
+    gain = np.linalg.solve(total + np.diag(prior), once.transpose(0, 2, 1))
+    left = twice - once @ gain
+    score = moved - np.einsum("tij,i->tj", gain, g)
+    for row, (cause, own) in enumerate(names.causes.items()):
+        step, spread, rank = _solve(left[:, own[:, None], own], score[:, own], twice[:, own, own])
+        statistic[row] = np.maximum(np.einsum("ti,ti->t", step, score[:, own]), 0.0)
+        parameters[row] = np.max(rank, initial=0)
+        size[cause], variance[cause] = step, spread
+    return Scan(rig.name, tuple(times), statistic, parameters, size, variance)
+
+
+def _solve(matrix: np.ndarray, right: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Solution (t, m), variance (t, m) and rank (t,) over the directions that have information.
+
+    before: (t, m) information of each parameter if all others were known.
+    """
+    size = np.sqrt(np.maximum(before, 1e-300))
+    values, vectors = np.linalg.eigh(matrix / (size[:, :, None] * size[:, None, :]))
+    shown = values > np.maximum(LEAST_SHARE * values[:, -1:], LEAST_SHARE)
+    inverse = np.where(shown, 1.0 / np.where(shown, values, 1.0), 0.0)
+    along = np.einsum("tij,ti->tj", vectors, right / size)
+    return (
+        np.einsum("tij,tj->ti", vectors, along * inverse) / size,
+        np.einsum("tij,tj->ti", vectors**2, inverse) / size**2,
+        shown.sum(axis=1),
+    )
+
+
+@dataclass(frozen=True)
+class RigChange:
+    """The most probable change of a rig, whether significant or not.
+
+    cause: name; same: causes that explain it as well. first: number of the first log after it; -1: a drift. earliest,
+    latest: of a step, the first logs that explain the change almost as well. p: probability of a change as large by
+    chance, for all times and causes. size, sd (m,): change of the cause's parameters in units of the names; of a drift,
+    over all of the rig's logs. positions (m,) of these names.
+    """
+
+    rig: str
+    cause: str
+    same: tuple[str, ...]
+    first: int
+    earliest: int
+    latest: int
+    statistic: float
+    p: float
+    size: np.ndarray
+    sd: np.ndarray
+    positions: np.ndarray
+
+
+def changes(scans: Sequence[Scan], names: Names) -> list[RigChange | None]:
+    """The most probable change of each rig; None for a rig with a single log."""
+    listed = list(names.causes)
+    usable = [one for one in scans if one.times]
+    if not usable:
+        return [None] * len(scans)
+    parameters = np.max([one.parameters for one in usable], axis=0)
+    if not parameters.any():
+        return [None] * len(scans)
+    null = largest_null([one.statistic for one in usable], parameters)
+    common = float(np.median(null.factor))
+    found: list[RigChange | None] = []
+    for one in scans:
+        if not one.times:
+            found.append(None)
+            continue
+        value = one.statistic / common - PER_PARAMETER * one.parameters[:, None]
+        value[one.parameters == 0] = -np.inf
+        best, when = np.unravel_index(int(np.argmax(value)), value.shape)
+        top = float(value[best, when])
+        near = top - max(AS_WELL, AS_WELL_SHARE * top)
+        order = np.argsort(-value.max(axis=1))
+        same = [listed[i] for i in order if i != best and value[i].max() >= near]
+        steps = [t for t, v in zip(one.times, value[best], strict=True) if t > 0 and v >= top - AS_WELL]
+        cause, first = listed[best], one.times[when]
+        found.append(
+            RigChange(
+                one.rig, cause, tuple(same), first, min(steps, default=first), max(steps, default=first),
+                float(one.statistic[best, when] / null.factor[best]), null.p(one.statistic), one.size[cause][when],
+                np.sqrt(one.variance[cause][when] * null.factor[best]), names.causes[cause],
+            )
+        )  # fmt: skip
+    return found
