@@ -60,7 +60,7 @@ controller_kinds = _kinds("controllers", "kind")
 reference_kinds = _kinds("scenarios", "reference", "kind")
 listed_kinds = _words(*LISTED)
 models = _words("linear", "nonlinear")
-numbers = _words("double", "float")
+numbers = _words("double", "float", "q31", "q15")
 models_or_both = _words("linear", "nonlinear", "both")
 excitations = _words("noise", "steps", "sine", "ramp", "chirp", "multisine", "white")
 

@@ -24,7 +24,13 @@ def command(
     plant: Annotated[
         str, typer.Option(help="Name of a plant, or the path of its TOML.", autocompletion=plants)
     ] = "ehsa",
-    number: Annotated[str, typer.Option(help="Numbers in the C: double or float.", autocompletion=numbers)] = "double",
+    number: Annotated[
+        str,
+        typer.Option(
+            help="Numbers in the C: double, float, or fixed point in words of 32 (q31) or 16 bits (q15).",
+            autocompletion=numbers,
+        ),
+    ] = "double",
     check: Annotated[
         bool,
         typer.Option(
@@ -43,13 +49,15 @@ def command(
     a force pulse and lost readings. `make -C DIR test` compiles the code and replays it.
 
     Examples: ehsa-ctrl export pid_position --out deploy/pid · ehsa-ctrl export mpc_position --plant my/rig.toml
-    --set K_T=1.1 --out deploy/mpc · ehsa-ctrl export lqr_position --number float --check --out deploy/lqr
+    --set K_T=1.1 --out deploy/mpc · ehsa-ctrl export lqr_position --number q31 --check --out deploy/lqr
     """
+    from ..core.catalogue import scenarios
     from ..core.result_folder import ResultFolder
-    from ..design.export import FILES, NUMBERS, check_code, export_controller
+    from ..design.export import FILES, FIXED, NUMBERS, check_code, export_controller
     from ..design.load import load_controller
     from ..plant.conditions import linear_model
     from ..plant.load import load_plant
+    from ..scenario.recorded_runs import RecordedRun, recorded_runs
     from ..simulation.exercise import exercise_controller
     from .progress import compiling
 
@@ -62,16 +70,17 @@ def command(
     ResultFolder(out, "export", force).check("controller.c", *FILES, *([CHECK] if check else []))
     with compiling():
         reference, measured, limited = exercise_controller(checked, chosen, chosen.current_limit, seed)
-    deployment = export_controller(chosen, reference, measured, number=NUMBERS[number])
-    report = None
-    if check:
-        from ..core.catalogue import scenarios
-        from ..scenario.recorded_runs import recorded_runs
-
+    runs: list[RecordedRun] = []
+    if check or number in FIXED:
+        # The scales of fixed-point code are for what its numbers do in the scenarios.
         with compiling():
             runs, others = recorded_runs(scenarios.values(), chosen, checked)
         for name, why in others.items():
-            note(f"not checked over {name}: {why}")
+            note(f"{'not checked' if check else 'without the ranges'} over {name}: {why}")
+    ranges = [(one.reference, one.measured) for one in runs]
+    deployment = export_controller(chosen, reference, measured, number=NUMBERS[number], runs=ranges)
+    report = None
+    if check:
         report = check_code(deployment, chosen, NUMBERS[number], runs)
         deployment = replace(deployment, files={**deployment.files, CHECK: to_json(report) + "\n"})
     deployment.write(out, force=force)

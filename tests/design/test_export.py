@@ -10,24 +10,20 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from export_inputs import STRICT, full, loop_readings, readings
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ehsa_ctrl import InputError, load_controller, three_state
-from ehsa_ctrl.design.export import NUMBERS, Program, check_code, export_controller, replay
+from ehsa_ctrl.design.export import FLOATING, NUMBERS, Program, check_code, export_controller, replay
 from ehsa_ctrl.design.export.compiled_code import deepest_stack
 from ehsa_ctrl.design.export.deployment import embedded_controller
 from ehsa_ctrl.design.export.operations import CountedFloat
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.specification import starting_definition
-from ehsa_ctrl.design.stages.feedforward import Feedforward
-from ehsa_ctrl.design.stages.rest import Dither, Knocker, Rest
-from ehsa_ctrl.design.stages.trajectory import TrajectoryLimits
 
 CC = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(CC is None, reason="there is no C compiler here")
-STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-pedantic"]
-STRICT += ["-ffp-contract=off"]
 HEAD = "#include <math.h>\n#include <stdbool.h>\n#include <string.h>\n\n"
 POINTER = ctypes.POINTER(ctypes.c_double)
 #: A controller of every kind but an MPC, which has a test of its own, and two more forms of state feedback.
@@ -293,23 +289,6 @@ def system():
     return three_state(load_plant("ehsa", model="linear"))
 
 
-def readings(samples, seed=0):
-    """Reference and readings that wander, jump, get lost for a moment and at the end for good."""
-    rng = np.random.default_rng(seed)
-    reference = np.zeros((samples, 3))
-    reference[samples // 10 :, 0] = 0.02
-    reference[samples // 2 :, 0] = -0.06
-    reference[2 * samples // 3 :, 1] = 0.03
-    wander = np.cumsum(rng.normal(size=(samples, 5)), axis=0)
-    measured = wander * [1.0, 2e4, 2e4, 1e-4, 20.0] + [0.0, 2e6, 2e6, 0.0, 0.0]
-    # A rest at the target, so that friction compensation at rest acts.
-    quiet = slice(samples // 5, samples // 2)
-    measured[quiet] = [0.0, 2e6, 2e6, 0.02, 100.0] + rng.normal(size=(samples // 2 - samples // 5, 5)) * 1e-5
-    measured[samples // 3 : samples // 3 + 4] = np.nan
-    measured[-samples // 10 :, 3] = np.nan
-    return reference, measured
-
-
 def step_of(folder, controller):
     """ehsa_step and ehsa_reset of a written controller, as Python functions."""
     made = library(folder, folder / "controller.c")
@@ -319,17 +298,6 @@ def step_of(folder, controller):
     made.ehsa_reset(pointer(memory))
     np.testing.assert_array_equal(memory, controller.initial_memory())
     return lambda r, y: (made.ehsa_step(pointer(r), pointer(y), pointer(memory)), memory)
-
-
-def full(controller):
-    """The same law with every stage around it."""
-    return replace(
-        controller,
-        trajectory=TrajectoryLimits(speed="0.15 m/s", acceleration="3 m/s2", duration="0.2 s"),
-        feedforward=Feedforward(coulomb="0.9 A", static="1 A", load="0.3 A/kN"),
-        rest=Rest(band="40 um", knocker=Knocker(first="0.2 A", growth="0.1 A", largest="2 A")),
-        dither=Dither(amplitude="0.1 A", frequency="60 Hz"),
-    )
 
 
 @needs_compiler
@@ -391,7 +359,7 @@ def test_floats_are_near_doubles(name, system):
     reference, measured = loop_readings(controller)
     runs = [("again", reference, measured)]
     reports = {}
-    for word, number in NUMBERS.items():
+    for word, number in FLOATING.items():
         deployment = export_controller(controller, reference, measured, number=number)
         reports[word] = check_code(deployment, controller, number, runs)
     exact, rounded = reports["double"], reports["float"]
@@ -401,14 +369,6 @@ def test_floats_are_near_doubles(name, system):
     assert 0.0 < first.error == again.error < 1e-3 * controller.current_limit
     assert exact.operations == rounded.operations and rounded.operations["flops"] > 20
     assert exact.stack is None or 0 < exact.stack < 4096
-
-
-def loop_readings(controller):
-    """Reference and readings of a loop on the nonlinear plant, with steps, ramps and lost readings."""
-    from ehsa_ctrl import load_plant
-    from ehsa_ctrl.simulation.exercise import exercise_controller
-
-    return exercise_controller(load_plant("ehsa"), controller, controller.current_limit, 0)[:2]
 
 
 def test_operations_are_counted():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import isinf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,7 +14,8 @@ import numpy as np
 from ...core.result import Result, as_dict
 from ..controller import SampledController
 from .compiled_code import CompiledCode
-from .deployment import Deployment, embedded_controller, replay
+from .deployment import Deployment, embedded_controller
+from .fixed import FixedWord
 from .number import NumberType
 from .operations import worst_operations
 
@@ -34,20 +36,41 @@ class CheckedRun:
     unsolved: int = 0
 
 
+@dataclass(frozen=True)
+class SignalCheck:
+    """A signal over all runs, SI: the current, and what the controller records of its memory.
+
+    Attributes
+    ----------
+    largest: magnitude of the Python controller's. error: largest difference from it.
+    step: value of the last bit, and headroom: bits from the largest magnitude to the end of the scale (infinite for a
+    signal that stayed 0), in fixed point; None for other numbers.
+    """
+
+    largest: float
+    error: float
+    step: float | None = None
+    headroom: float | None = None
+
+
 @dataclass(frozen=True, repr=False)
 class CodeCheck(Result):
     """Figures of exported code.
 
     Attributes
     ----------
-    number: type of its numbers. operations: of the costliest sample of the test vector, by kind. stack: bytes of the
-    deepest chain of calls without libm; None if unknown. runs: name -> replayed run, the test vector first.
+    number: type of its numbers in C. operations: of the costliest sample of the test vector, or in fixed point of the
+    longest way through the code, by kind. stack: bytes of the deepest chain of calls without libm; None if unknown.
+    runs: name -> replayed run, the test vector first. signals: name -> what became of it.
+    tolerance: largest error of the current with which the code is usable [A].
     """
 
     number: str
     operations: dict[str, int]
     stack: int | None
     runs: dict[str, CheckedRun]
+    signals: dict[str, SignalCheck]
+    tolerance: float
 
     @property
     def worst(self) -> str:
@@ -56,26 +79,45 @@ class CodeCheck(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, as in check.json."""
-        return as_dict(self, largest_error=self.runs[self.worst].error)
+        return as_dict(self, largest_error=self.runs[self.worst].error, usable=self.usable)
+
+    @property
+    def usable(self) -> bool:
+        """Whether the current is near that of Python in all runs."""
+        return self.runs[self.worst].error <= self.tolerance
 
     def __str__(self) -> str:
         kinds = ", ".join(f"{count} {kind}" for kind, count in self.operations.items() if kind != "flops")
         stack = "unknown to this compiler" if self.stack is None else f"{self.stack} bytes, without libm's own"
+        fixed = self.signals["current"].step is not None
+        what = "operations on the longest way" if fixed else "flops in the costliest sample of the test vector"
         lines = [
-            f"{self.number}: {self.operations['flops']} flops in the costliest sample of the test vector ({kinds})",
+            f"{self.number}: {self.operations['flops']} {what} ({kinds})",
             f"  worst-case stack {stack}",
             f"  largest difference from Python in doubles {self.runs[self.worst].error:.3g} A, in {self.worst}:",
         ]
         for name, run in self.runs.items():
             solver = "" if run.iterations is None else f" {run.iterations:>6} iterations, {run.unsolved} unsolved"
             lines.append(f"    {name:<24} {run.samples:>7} samples {run.error:>10.3g} A{solver}")
+        lines.append("  signals over all runs, SI:    largest      error" + "   last bit   headroom" * fixed)
+        for name, signal in self.signals.items():
+            scale = ""
+            if signal.step is not None and signal.headroom is not None:
+                room = "never moved" if isinf(signal.headroom) else f"{signal.headroom:.1f} bits"
+                scale = f" {signal.step:>10.3g} {room:>10}"
+            lines.append(f"    {name:<24} {signal.largest:>10.3g} {signal.error:>10.3g}{scale}")
+        if not self.usable:
+            lines.append(
+                f"  not usable: a difference of {self.runs[self.worst].error:.3g} A in {self.worst}; accepted are "
+                f"{self.tolerance:.3g} A"
+            )
         return "\n".join(lines)
 
 
 def check_code(
     deployment: Deployment,
     controller: SampledController,
-    number: NumberType,
+    number: NumberType | FixedWord,
     runs: Iterable[tuple[str, np.ndarray, np.ndarray]],
 ) -> CodeCheck:
     """Compile an exported controller, and replay its test vector and other runs.
@@ -86,20 +128,45 @@ def check_code(
     """
     vector, embedded = deployment.vector, embedded_controller(controller)
     solves = vector.iterations is not None
-    watched = [embedded.traces[name] for name in ("solver_iterations", "solver_reason")] if solves else []
-    checked = {}
+    traces = embedded.traces
+    checked, largest, errors = {}, np.zeros(len(traces) + 1), np.zeros(len(traces) + 1)
     with TemporaryDirectory() as folder:
         for name in ("controller.c", "controller.h"):
             (Path(folder) / name).write_text(deployment.files[name], encoding="utf-8")
-        code = CompiledCode(Path(folder), number, embedded.initial_memory().size)
+        code = CompiledCode(Path(folder), number, embedded.initial_memory().size, deployment.fixed)
         for name, reference, measured in [("test vector", vector.reference, vector.measured), *runs]:
-            currents, traced = code.run(reference, measured, watched)
-            difference = currents - replay(controller, reference, measured)
-            # A current that is not a number is the largest error there is.
-            error = float(np.max(np.where(np.isfinite(difference), np.abs(difference), np.inf)))
-            solver = (int(traced[:, 0].max()), int(np.count_nonzero(traced[:, 1]))) if solves else ()
-            checked[name] = CheckedRun(len(reference), error, *solver)
+            currents, traced = code.run(reference, measured, list(traces.values()))
+            expected = replay_signals(controller, reference, measured, [controller.traces[each] for each in traces])
+            difference = np.column_stack([currents, traced]) - expected
+            # A number that is none is the largest error there is.
+            error = np.max(np.where(np.isfinite(difference), np.abs(difference), np.inf), axis=0)
+            largest, errors = np.maximum(largest, np.max(np.abs(expected), axis=0)), np.maximum(errors, error)
+            solver: tuple[int, ...] = ()
+            if solves:
+                recorded = dict(zip(traces, traced.T, strict=True))
+                solver = int(recorded["solver_iterations"].max()), int(np.count_nonzero(recorded["solver_reason"]))
+            checked[name] = CheckedRun(len(reference), float(error[0]), *solver)
         stack = code.worst_stack
     only = None if vector.iterations is None else int(np.argmax(vector.iterations))
-    operations = worst_operations(embedded, vector.reference, vector.measured, only)
-    return CodeCheck(number.word, operations, stack, checked)
+    scales: list[tuple[float, float]] | list[tuple[()]] = [()] * (len(traces) + 1)
+    if deployment.fixed is not None:
+        operations, word = deployment.fixed.operations(), deployment.fixed.word
+        kept = [deployment.fixed.current, *(deployment.fixed.memory[place] for place in traces.values())]
+        scales = [(signal.step, signal.headroom(word.bits)) for signal in kept]
+    else:
+        operations = worst_operations(embedded, vector.reference, vector.measured, only)
+    figures = zip(("current", *traces), largest.tolist(), errors.tolist(), scales, strict=True)
+    signals = {name: SignalCheck(most, error, *scale) for name, most, error, scale in figures}
+    return CodeCheck(number.word, operations, stack, checked, signals, deployment.tolerance)
+
+
+def replay_signals(
+    controller: SampledController, reference: np.ndarray, measured: np.ndarray, places: list[int]
+) -> np.ndarray:
+    """Currents and entries of the memory after each sample (N, 1 + places) of the controller in Python."""
+    memory = controller.initial_memory()
+    found = np.empty((len(reference), 1 + len(places)))
+    for k, (r, y) in enumerate(zip(reference, measured, strict=True)):
+        found[k, 0] = controller.step(r, y, memory)
+        found[k, 1:] = memory[places]
+    return found

@@ -9,14 +9,23 @@ import subprocess
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...core.errors import InputError
+from .fixed import FixedCode, FixedWord
 from .number import NumberType
 
 #: As in the exported Makefile, without the warnings.
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
+#: Types of numbers for ctypes and for numpy.
+TYPES: dict[str, tuple[Any, Any]] = {
+    "double": (ctypes.c_double, np.float64),
+    "float": (ctypes.c_float, np.float32),
+    "int32_t": (ctypes.c_int32, np.int32),
+    "int16_t": (ctypes.c_int16, np.int16),
+}
 
 
 class CompiledCode:
@@ -25,14 +34,17 @@ class CompiledCode:
     Raises InputError without a C compiler, and if it refuses the code.
     """
 
-    def __init__(self, folder: Path, number: NumberType, memory: int) -> None:
+    def __init__(
+        self, folder: Path, number: NumberType | FixedWord, memory: int, fixed: FixedCode | None = None
+    ) -> None:
         """folder: has controller.c and controller.h, and gets the results. number, memory: type and length of its
-        memory."""
+        memory. fixed: scales of fixed-point code."""
         self._compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang") or ""
         if not self._compiler:
             raise InputError("--check needs a C compiler (cc, gcc or clang), and there is none on the PATH")
         self._folder, self._size = folder, memory
-        self._type = {8: (ctypes.c_double, np.float64), 4: (ctypes.c_float, np.float32)}[number.size]
+        self._fixed = fixed
+        self._type = TYPES[number.word]
 
     def _run(self, *words: str) -> None:
         call = [self._compiler, *FLAGS, *words]
@@ -51,8 +63,11 @@ class CompiledCode:
         self, reference: np.ndarray, measured: np.ndarray, watched: Sequence[int] = ()
     ) -> tuple[np.ndarray, np.ndarray]:
         """Currents (N,) [A] for reference (N, 3 or 4) and readings (N, 5) from the initial memory, and the entries
-        `watched` (k,) of the memory after each sample (N, k)."""
+        `watched` (k,) of the memory after each sample (N, k), SI."""
         word, kind = self._type
+        fixed = self._fixed
+        if fixed is not None:
+            reference, measured = fixed.encode(reference, measured)
         memory = (word * self._size)()
         self._library.ehsa_reset(memory)
         rows = [np.ascontiguousarray(table, dtype=kind) for table in (reference, measured)]
@@ -62,6 +77,9 @@ class CompiledCode:
         for k, (r, y) in enumerate(zip(*pointers, strict=True)):
             currents[k] = self._library.ehsa_step(r, y, memory)
             traced[k] = entries[places]
+        if fixed is not None:
+            currents *= fixed.current.step
+            traced *= [fixed.memory[place].step for place in places]
         return currents, traced
 
     @cached_property

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from ..stages.supervision import supervise
 from ..stages.trajectory import plan
 from ..state_space.mpc import Mpc
 from .embedded import EmbeddedMpc, exact_solver, replay_with_exact
+from .fixed import FixedCode, FixedWord, write_fixed
 from .number import DOUBLES, NumberType
 from .program import Program, setting_names
 
@@ -37,6 +38,8 @@ from .program import Program, setting_names
 TOLERANCE = 1e-9
 #: The same for floats, as a part of the current limit: 2^-9 is the step of a 10-bit converter over both directions.
 TOLERANCE_FLOAT = 2.0**-9
+#: The same for fixed point by bits of its words.
+TOLERANCE_FIXED = {32: 2.0**-9, 16: 2.0**-4}
 TEMPLATES = Path(__file__).parent / "templates"
 VECTOR = "test_vector.csv"
 #: Files of every controller.
@@ -113,13 +116,14 @@ class Deployment:
     Attributes
     ----------
     name: of the controller. files: name -> text.
-    vector: the test vector. tolerance: of the test [A].
+    vector: the test vector. tolerance: of the test [A]. fixed: scales of fixed-point code; None for others.
     """
 
     name: str
     files: Mapping[str, str]
     vector: TestVector
     tolerance: float
+    fixed: FixedCode | None = None
 
     def write(self, folder: str | Path, *, force: bool = False) -> None:
         """Write all files. force: replace an earlier export.
@@ -142,7 +146,12 @@ class Deployment:
 
 
 def export_controller(
-    controller: SampledController, reference: np.ndarray, measured: np.ndarray, *, number: NumberType = DOUBLES
+    controller: SampledController,
+    reference: np.ndarray,
+    measured: np.ndarray,
+    *,
+    number: NumberType | FixedWord = DOUBLES,
+    runs: Iterable[tuple[np.ndarray, np.ndarray]] = (),
 ) -> Deployment:
     """Translate a controller to C99.
 
@@ -151,9 +160,10 @@ def export_controller(
     reference (N, 3), measured (N, 5): of a run, for the test vector; may contain lost readings (nan). A controller that
         follows a force needs its target as fourth column of the reference.
     number: type of the numbers in C.
+    runs: reference and measured of more runs, whose ranges the scales of fixed-point code cover as well.
 
-    Raises InputError for a law outside the translator's subset of Python, for an MPC without a unique solution, and
-    for wrong shapes.
+    Raises InputError for a law outside the translator's subset of Python, for an MPC without a unique solution or in
+    fixed point, and for wrong shapes.
     """
     reference, measured = np.array(reference, dtype=float), np.array(measured, dtype=float)
     n, width = len(reference), len(REFERENCE) + controller.follows_force
@@ -166,6 +176,11 @@ def export_controller(
     if isinstance(law, PythonLaw):
         raise InputError(f"{controller.name} is Python code; expected a designed controller or a linear law")
     tolerance = TOLERANCE if number == DOUBLES else TOLERANCE_FLOAT * controller.current_limit
+    if isinstance(number, FixedWord):
+        tolerance = TOLERANCE_FIXED[number.bits] * controller.current_limit
+        vector = TestVector(reference, measured, replay(controller, reference, measured))
+        code = write_fixed(controller, number, [(reference, measured), *runs])
+        return Deployment(controller.name, _fixed_files(code, vector, tolerance), vector, tolerance, code)
     embedded = embedded_controller(controller)
     if isinstance(law, Mpc):
         # No deadline: its effect is not reproducible.
@@ -201,31 +216,48 @@ def _files(controller: SampledController, vector: TestVector, tolerance: float, 
         substitutes={"law": law.function},
         number=number,
     )
-    context: dict[str, Any] = {
-        "name": controller.name,
-        "law": str(law),
+    context = _context(controller, vector, tolerance) | {
         "real": number.word,
         "zero": number.literal(0.0),
         "sample_time": number.literal(controller.sample_time),
         "current_limit": number.literal(controller.current_limit),
-        "traces": dict(controller.traces),
-        "samples": len(vector.current),
-        "columns": len(vector.columns),
-        "references": vector.reference.shape[1],
-        "follows_force": controller.follows_force,
-        "memory": memory.size,
         "initial": [(k, number.literal(value)) for k, value in enumerate(memory.tolist()) if value != 0.0],
         "settings": _settings_lines(controller, number),
         "size": controller.settings().size,
         "program": program.text(pipeline),
         "solver": vector.exact is not None,
         "iterations": 0 if vector.iterations is None else int(vector.iterations.max()),
-        "tolerance": repr(tolerance),
         "distance": vector.distance,
         "unsolved": vector.fallbacks,
     }
+    return _rendered(context, TEMPLATES, vector)
+
+
+def _fixed_files(code: FixedCode, vector: TestVector, tolerance: float) -> dict[str, str]:
+    return _rendered(_context(code.controller, vector, tolerance) | code.context(), TEMPLATES / "fixed", vector)
+
+
+def _context(controller: SampledController, vector: TestVector, tolerance: float) -> dict[str, Any]:
+    """What all templates need."""
+    return {
+        "name": controller.name,
+        "law": str(controller.law),
+        "sample_time": repr(controller.sample_time),
+        "current_limit": repr(controller.current_limit),
+        "traces": dict(controller.traces),
+        "samples": len(vector.current),
+        "columns": len(vector.columns),
+        "references": vector.reference.shape[1],
+        "follows_force": controller.follows_force,
+        "memory": controller.initial_memory().size,
+        "tolerance": repr(tolerance),
+    }
+
+
+def _rendered(context: Mapping[str, Any], folder: Path, vector: TestVector) -> dict[str, str]:
+    """All files from the templates of a folder, those that it lacks from TEMPLATES."""
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
+        loader=jinja2.FileSystemLoader([folder, TEMPLATES]),
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
         trim_blocks=True,

@@ -46,4 +46,4 @@ class NumberType:
 DOUBLES = NumberType("double", "", "", 8)
 FLOATS = NumberType("float", "F", "f", 4)
 #: By the name that a user gives.
-NUMBERS = {"double": DOUBLES, "float": FLOATS}
+FLOATING = {"double": DOUBLES, "float": FLOATS}

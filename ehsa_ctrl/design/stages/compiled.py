@@ -34,7 +34,7 @@ OFFSETS = "\n".join(
     f"{name} = {getattr(module, name)}"
     for module, names in (
         (_pipeline, ("M_PLAN", "M_FEED", "M_REST", "M_LAW", "M_CURRENT", "S_PLAN", "S_FEED", "S_REST", "S_LAW")),
-        (_trajectory, ("ROUNDING",)),
+        (_trajectory, ("ROUNDING", "STILL", "EVEN")),
     )
     for name in names
 )

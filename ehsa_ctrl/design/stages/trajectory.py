@@ -19,6 +19,9 @@ from ...core.definition import Definition, In, Second
 #: Part of a sample's change of speed or position within which two of them count as equal. Motions begin and end on the
 #: grid of samples, where rounding would decide otherwise, and differently for floats and doubles.
 ROUNDING = 0.01
+#: Velocity [m/s] and acceleration [m/s2] of the reference below which they count as zero: what rounding leaves of a
+#: reference at rest, for which friction would be fed forward in full.
+STILL, EVEN = 1e-9, 1e-6
 #: Sizes of memory and settings of `plan`.
 MEMORY, SETTINGS = 6, 5
 
@@ -33,28 +36,31 @@ def plan(reference: np.ndarray, position: float, memory: np.ndarray, settings: n
     sample); last target position.
     """
     v_max, a_top, least, T_s = settings[0], settings[1], settings[2], settings[3]
-    r, r_v = reference[0], reference[1]
+    r, r_v, r_a = reference[0], reference[1], reference[2]
+    if abs(r_v) < STILL:
+        r_v = 0.0
+    if abs(r_a) < EVEN:
+        r_a = 0.0
     if settings[4] > 0.0:
         memory[3] = reference[3]
     if v_max == 0.0:
-        memory[0], memory[1], memory[2] = r, r_v, reference[2]
+        memory[0], memory[1], memory[2] = r, r_v, r_a
         return
     if memory[4] == 0.0:
         memory[0], memory[4], memory[5] = position, a_top, position
-    x, v = memory[0], memory[1]
+    x, v, near = memory[0], memory[1], 1.0 + ROUNDING
     if r_v != 0.0:
         memory[4] = a_top
-    elif abs(r - memory[5]) > 0.25 * a_top * T_s * T_s and least > 0.0:
+    elif abs(r - memory[5]) > 0.25 * near * a_top * T_s * T_s and least > 0.0:
         # The target jumped: a short stroke takes the least duration, with s = a t^2 / 4 from rest to rest.
         memory[4] = min(a_top, max(4.0 * abs(r - x) / (least * least), 0.1 * a_top))
     memory[5] = r
     a_max = memory[4]
     # Remaining distance if this sample brought the speed to that of the target.
     gap = r - x - 0.5 * T_s * (v + r_v)
-    near = 1.0 + ROUNDING
     if abs(gap) <= 0.25 * near * a_max * T_s * T_s and abs(r_v - v) <= near * a_max * T_s:
         memory[4] = a_top
-        memory[0], memory[1], memory[2] = r, r_v, reference[2]
+        memory[0], memory[1], memory[2] = r, r_v, r_a
         return
     # The relative speed after this sample must leave room to brake: relative^2 = 2 a (distance then left).
     relative = a_max * (sqrt(0.25 * T_s * T_s + 2.0 * abs(gap) / a_max) - 0.5 * T_s)

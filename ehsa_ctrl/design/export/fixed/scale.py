@@ -1,0 +1,155 @@
+"""Scales of a specialised program's numbers: a power of two for each, from the range that was seen and a margin."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+from .ranges import SeenRanges
+from .term import INT, REAL, Place, SpecialisedProgram, Term
+
+#: Of a range that was seen, to what the scale allows; the step to the next power of two comes on top.
+MARGIN = 2.0
+#: Range of a number that stayed 0 in all runs.
+UNSEEN = 1.0
+
+
+@dataclass(frozen=True)
+class FixedWord:
+    """A word of fixed-point code.
+
+    Attributes
+    ----------
+    bits: of a stored number. word, wide: types in C of a number and of sums and products. literal: macro for constants
+    of the wide type.
+    """
+
+    bits: int
+    word: str
+    wide: str
+    literal: str
+
+    @property
+    def largest(self) -> int:
+        """Largest stored magnitude; the smallest number of the type means a lost reading."""
+        return int(2 ** (self.bits - 1) - 1)
+
+    @property
+    def room(self) -> int:
+        """Bits that a sum may have."""
+        return 2 * self.bits - 2
+
+    def fraction(self, magnitude: float) -> int:
+        """Binary places f for numbers up to a magnitude: they are kept as integers X with the value X 2^-f."""
+        return self.bits - 1 - bits_of(magnitude)
+
+
+Q31 = FixedWord(32, "int32_t", "int64_t", "INT64_C")
+Q15 = FixedWord(16, "int16_t", "int32_t", "INT32_C")
+
+
+def bits_of(magnitude: float) -> int:
+    """The smallest b with magnitude < 2^b."""
+    return math.frexp(magnitude)[1] if magnitude > 0.0 else -1000
+
+
+Interval = tuple[float, float]
+
+
+def magnitude_of(interval: Interval) -> float:
+    return max(abs(interval[0]), abs(interval[1]))
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Ranges of all places of a program, from what was seen in runs."""
+
+    program: SpecialisedProgram
+    seen: SeenRanges
+
+    @cached_property
+    def ranges(self) -> dict[Place, Interval]:
+        """Place -> range. Inputs and memory: MARGIN times the largest magnitude seen. Local variables: what interval
+        arithmetic makes of these, at most MARGIN times what was seen; beyond, numbers saturate."""
+        found: dict[Place, Interval] = {}
+        for store, inputs in (("reference", self.seen.reference), ("measured", self.seen.measured)):
+            for i, magnitude in enumerate(inputs.tolist()):
+                found[Place(store, i)] = _seen_interval(magnitude)
+        parts = self.program.moving_parts(self.seen.memory.size)
+        for i, magnitude in enumerate(self.seen.memory.tolist()):
+            found[Place("memory", i)] = _seen_interval(max(magnitude, self.seen.largest.get(Place("memory", i), 0.0)))
+        for start, end in parts.items():
+            whole = max((found[Place("memory", i)] for i in range(start, end)), key=magnitude_of)
+            whole = max(
+                whole, _seen_interval(self.seen.largest.get(Place("memory", start, True), 0.0)), key=magnitude_of
+            )
+            for i in range(start, end):
+                found[Place("memory", i)] = whole
+            found[Place("memory", start, True)] = whole
+        several: dict[Place, int] = {}
+        for one in self.program.assignments():
+            if not one.place.local:
+                continue
+            low, high = self._interval(one.term, found)
+            largest = self.seen.largest.get(one.place, 0.0)
+            if largest > 0.0:
+                low, high = max(low, -MARGIN * largest), min(high, MARGIN * largest)
+            several[one.place] = several.get(one.place, 0) + 1
+            if several[one.place] > 1:
+                low, high = min(low, found[one.place][0]), max(high, found[one.place][1])
+            found[one.place] = (low, high)
+        return found
+
+    def interval(self, term: Term) -> Interval:
+        """Least and largest value of a term."""
+        return self._interval(term, self.ranges)
+
+    def _interval(self, term: Term, ranges: dict[Place, Interval]) -> Interval:
+        given = [self._interval(each, ranges) for each in term.arguments if each.type in (REAL, INT)]
+        match term.operation:
+            case "constant":
+                return (float(term.value), float(term.value))
+            case "read":
+                assert term.place is not None
+                return ranges[term.place]
+            case "+":
+                return (given[0][0] + given[1][0], given[0][1] + given[1][1])
+            case "-":
+                return (given[0][0] - given[1][1], given[0][1] - given[1][0])
+            case "*":
+                products = [a * b for a in given[0] for b in given[1]]
+                return (min(products), max(products))
+            case "/":
+                if given[1][0] <= 0.0 <= given[1][1]:
+                    return (-math.inf, math.inf)
+                quotients = [a / b for a in given[0] for b in given[1]]
+                return (min(quotients), max(quotients))
+            case "%":
+                most = magnitude_of(given[1])
+                return (-most, most)
+            case "negative":
+                return (-given[0][1], -given[0][0])
+            case "absolute":
+                least = 0.0 if given[0][0] <= 0.0 <= given[0][1] else min(map(abs, given[0]))
+                return (least, magnitude_of(given[0]))
+            case "smaller":
+                return (min(given[0][0], given[1][0]), min(given[0][1], given[1][1]))
+            case "larger":
+                return (max(given[0][0], given[1][0]), max(given[0][1], given[1][1]))
+            case "choice":
+                return (min(given[0][0], given[1][0]), max(given[0][1], given[1][1]))
+            case "sqrt":
+                return (math.sqrt(max(given[0][0], 0.0)), math.sqrt(max(given[0][1], 0.0)))
+            case "exp":
+                return (0.0, math.exp(min(given[0][1], 700.0)))
+            case "sin":
+                return (-1.0, 1.0)
+            case "whole" | "real":
+                return given[0]
+        return (0.0, 1.0)  # a truth value
+
+
+def _seen_interval(magnitude: float) -> Interval:
+    most = MARGIN * magnitude if magnitude > 0.0 else UNSEEN
+    return (-most, most)

@@ -1,0 +1,435 @@
+"""A law's Python with its settings known: straight code in which every number has a place, and so a scale, of its own.
+
+Partial evaluation: what depends on settings alone is computed here, loops over known ranges are unrolled, calls are
+inlined, and decisions about known numbers are taken. What depends on readings or memory is left as terms. A matrix of
+the settings then becomes single coefficients, and terms with a factor 0 vanish.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...controller import SampledController
+from ...stages.pipeline import pipeline
+from ..source import FunctionSource, c_name, read_source
+from .term import (
+    BOOL,
+    INT,
+    REAL,
+    Assignment,
+    Branch,
+    Place,
+    Remark,
+    SpecialisedProgram,
+    Statement,
+    Term,
+    constant,
+    read,
+    without_unread,
+)
+
+ARITHMETIC: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%"}
+COMPARISONS: dict[type[ast.cmpop], str] = {
+    ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="
+}  # fmt: skip
+COMPUTED: dict[str, Callable[[Any, Any], Any]] = {
+    "+": lambda a, b: a + b, "-": lambda a, b: a - b, "*": lambda a, b: a * b, "/": lambda a, b: a / b,
+    "%": lambda a, b: a % b, "==": lambda a, b: a == b, "!=": lambda a, b: a != b, "<": lambda a, b: a < b,
+    "<=": lambda a, b: a <= b, ">": lambda a, b: a > b, ">=": lambda a, b: a >= b,
+}  # fmt: skip
+FUNCTIONS: dict[Callable[..., Any], str] = {math.sqrt: "sqrt", math.exp: "exp", math.sin: "sin"}
+#: Operations whose result gets a variable of its own, because its range is not that of a sum.
+KEPT = ("/", "%", "sqrt", "exp", "sin")
+
+
+@dataclass(frozen=True)
+class Vector:
+    """Part of a vector from an index on. start: known, or a term."""
+
+    store: str
+    start: int
+
+
+Value = float | int | bool | Term | Vector
+
+
+@dataclass
+class Frame:
+    """A call: the function, and the values of its variables. `result` is one of them under RESULT."""
+
+    source: FunctionSource
+    values: dict[str, Value] = field(default_factory=dict)
+
+
+RESULT = "return"
+
+
+def specialise(controller: SampledController) -> SpecialisedProgram:
+    """One sample of a controller, its settings known.
+
+    Raises InputError for code outside the subset: a loop whose end, or a table whose index, depends on readings.
+    """
+    law = controller.law.function
+    specialiser = _Specialiser(controller.settings().tolist(), {"law": law})
+    arguments = [Vector(name, 0) for name in ("reference", "measured", "memory", "settings")]
+    current = specialiser.call(pipeline, arguments)
+    assert isinstance(current, Term | float | int)
+    return without_unread(SpecialisedProgram(specialiser.statements, _term(current)))
+
+
+def _term(value: Value | float) -> Term:
+    return value if isinstance(value, Term) else constant(value)  # type: ignore[arg-type]
+
+
+class _Specialiser:
+    """Evaluates functions with known and unknown values; `statements` gets what is left."""
+
+    def __init__(self, settings: list[float], substitutes: Mapping[str, Callable[..., Any]]) -> None:
+        self.settings, self.substitutes = settings, substitutes
+        self.statements: list[Statement] = []
+        self._names: dict[str, int] = {}
+        self._sources: dict[Callable[..., Any], FunctionSource] = {}
+
+    def call(self, function: Callable[..., Any], arguments: list[Any]) -> Value | None:
+        """Inline a call; arguments are known, kept or vectors."""
+        if function not in self._sources:
+            self._sources[function] = read_source(function, self.substitutes)
+        source = self._sources[function]
+        frame = Frame(source, dict(zip(source.arguments, arguments, strict=True)))
+        self.statements.append(Remark(f"{source.name}: {source.documentation.partition(chr(10))[0]}"))
+        self._block(source.tree.body, frame)
+        return frame.values.get(RESULT)
+
+    # Statements
+
+    def _block(self, statements: list[ast.stmt], frame: Frame) -> bool:
+        """Whether the block was left by return or continue, on all ways through it."""
+        for k, statement in enumerate(statements):
+            rest = statements[k + 1 :]
+            match statement:
+                case ast.If():
+                    test = self._evaluate(statement.test, frame)
+                    if not isinstance(test, Term):
+                        return self._block([*(statement.body if test else statement.orelse), *rest], frame)
+                    if _leaves(statement):
+                        # The way that does not leave goes on with the rest.
+                        self._branch(test, [*statement.body, *rest], [*statement.orelse, *rest], frame)
+                        return True
+                    self._branch(test, statement.body, statement.orelse, frame)
+                case ast.For(target=ast.Name(id=counter), iter=ast.Call() as limits):
+                    bounds = [self._known(each, frame) for each in limits.args]
+                    for i in range(*bounds):
+                        frame.values[counter] = i
+                        self._block(statement.body, frame)
+                        if RESULT in frame.values:
+                            frame.source.fail(statement, "a return in a loop", "it after the loop")
+                case ast.Return(value=value):
+                    result = None if value is None else self._evaluate(value, frame)
+                    frame.values[RESULT] = 0.0 if result is None else self._kept(result, "result")
+                    return True
+                case ast.Continue():
+                    return True
+                case ast.Assign(targets=[target], value=value):
+                    self._assign(target, value, frame)
+                case ast.AugAssign(target=target, op=op, value=value):
+                    before = self._evaluate(_as_load(target), frame)
+                    after = self._operate(ARITHMETIC[type(op)], before, self._evaluate(value, frame))
+                    self._store(target, after, frame)
+                case ast.Expr(value=ast.Constant()) | ast.Pass():
+                    pass
+                case ast.Expr(value=value):
+                    self._evaluate(value, frame)
+                case _:
+                    got = f"`{ast.unparse(statement).splitlines()[0]}`"
+                    frame.source.fail(
+                        statement, f"{got} in fixed point", "loops over known ranges; --number float has any"
+                    )
+        return False
+
+    def _branch(self, test: Term, yes: list[ast.stmt], no: list[ast.stmt], frame: Frame) -> None:
+        """Both ways of a decision; variables that differ after them get one place."""
+        branch, outer, values = Branch(test), self.statements, dict(frame.values)
+        self.statements = branch.yes
+        self._block(yes, frame)
+        first, frame.values = frame.values, dict(values)
+        self.statements = branch.no
+        self._block(no, frame)
+        second = frame.values
+        self.statements = outer
+        outer.append(branch)
+        frame.values = {}
+        for name in first.keys() & second.keys():
+            a, b = first[name], second[name]
+            if type(a) is type(b) and a == b:
+                frame.values[name] = a
+                continue
+            if isinstance(a, Vector) or isinstance(b, Vector):
+                frame.source.fail(frame.source.tree, f"the vector {name} after a decision", "one meaning of it")
+            a, b = _term(a), _term(b)
+            if a.type != b.type:
+                a, b = _as_real(a), _as_real(b)
+            place = self._new_place(name if name != RESULT else f"result_of_{frame.source.name}")
+            branch.yes.append(Assignment(place, a))
+            branch.no.append(Assignment(place, b))
+            frame.values[name] = read(place, a.type)
+
+    def _assign(self, target: ast.expr, value: ast.expr, frame: Frame) -> None:
+        match target, value:
+            case ast.Tuple(elts=targets), ast.Tuple(elts=values):
+                found = [self._evaluate(each, frame) for each in values]
+                # Python evaluates all values before it assigns the first.
+                found = [self._kept(each, "value") for each in found]
+                for each, result in zip(targets, found, strict=True):
+                    self._store(each, result, frame)
+            case ast.Tuple(elts=targets), _:
+                vector = self._evaluate(value, frame)
+                assert isinstance(vector, Vector)
+                for k, each in enumerate(targets):
+                    self._store(each, self._entry(vector, k), frame)
+            case ast.Subscript(slice=ast.Slice(lower=lower, upper=ast.expr() as upper)), _:
+                start = 0 if lower is None else self._known(lower, frame)
+                to, origin = self._evaluate(target.value, frame), self._evaluate(value, frame)
+                assert isinstance(to, Vector) and isinstance(origin, Vector)
+                found = [self._kept(self._entry(origin, k), "value") for k in range(self._known(upper, frame) - start)]
+                for k, each in enumerate(found):
+                    self.statements.append(Assignment(Place(to.store, to.start + start + k), _term(each)))
+            case _:
+                self._store(target, self._evaluate(value, frame), frame)
+
+    def _store(self, target: ast.expr, value: Any, frame: Frame) -> None:
+        """Assign a value to a variable, or to an entry of a vector."""
+        if isinstance(target, ast.Name):
+            frame.values[target.id] = self._kept(value, target.id)
+            return
+        assert isinstance(target, ast.Subscript)
+        vector, index = self._evaluate(target.value, frame), self._evaluate(target.slice, frame)
+        assert isinstance(vector, Vector)
+        place, at = self._place(vector, index, target, frame)
+        self.statements.append(Assignment(place, _as_real(_term(value)), at))
+
+    def _kept(self, value: Any, name: str) -> Any:
+        """A value that later assignments do not change: a term in a variable of its own."""
+        if not isinstance(value, Term) or value.operation == "constant":
+            return value
+        if value.operation == "read" and value.place is not None and value.place.local:
+            return value
+        place = self._new_place(name)
+        self.statements.append(Assignment(place, value))
+        return read(place, value.type)
+
+    def _new_place(self, name: str) -> Place:
+        self._names[name] = self._names.get(name, 0) + 1
+        return Place(f"{c_name(name)}_{self._names[name]}")
+
+    # Expressions
+
+    def _known(self, node: ast.expr, frame: Frame) -> int:
+        value = self._evaluate(node, frame)
+        if not isinstance(value, int):
+            frame.source.fail(node, f"`{ast.unparse(node)}` that depends on readings", "a known whole number")
+        return int(value)
+
+    def _place(self, vector: Vector, index: Any, node: ast.expr, frame: Frame) -> tuple[Place, Term | None]:
+        """Place of an entry, and its index in a part that is addressed at run time."""
+        if not isinstance(index, Term):
+            return Place(vector.store, vector.start + index), None
+        if vector.store != "memory":
+            frame.source.fail(
+                node,
+                f"`{ast.unparse(node)}`, a table with an index that depends on readings, in fixed point",
+                "a known index; --number float has any",
+            )
+        known, moving = _split(index)
+        return Place("memory", vector.start + known, moving=True), moving
+
+    def _entry(self, vector: Vector, index: int) -> Any:
+        """The entry of a vector at a known index."""
+        if vector.store == "settings":
+            return self.settings[vector.start + index]
+        return read(Place(vector.store, vector.start + index))
+
+    def _evaluate(self, node: ast.expr, frame: Frame) -> Any:
+        """The value of an expression, known or a term."""
+        match node:
+            case ast.Constant(value=value):
+                return value
+            case ast.Name(id=name) if name in frame.values:
+                return frame.values[name]
+            case ast.Name() | ast.Attribute():
+                return frame.source.meaning(node)
+            case ast.Subscript(value=inner, slice=ast.Slice(lower=lower)):
+                vector = self._evaluate(inner, frame)
+                assert isinstance(vector, Vector)
+                return Vector(vector.store, vector.start + (0 if lower is None else self._known(lower, frame)))
+            case ast.Subscript(value=inner, slice=place):
+                vector, index = self._evaluate(inner, frame), self._evaluate(place, frame)
+                assert isinstance(vector, Vector)
+                if not isinstance(index, Term):
+                    return self._entry(vector, index)
+                where, at = self._place(vector, index, node, frame)
+                assert at is not None
+                return Term("read", (at,), REAL, place=where)
+            case ast.UnaryOp(op=ast.Not(), operand=inner):
+                value = self._evaluate(inner, frame)
+                return Term("not", (value,), BOOL) if isinstance(value, Term) else not value
+            case ast.UnaryOp(op=ast.USub(), operand=inner):
+                value = self._evaluate(inner, frame)
+                return Term("negative", (value,), value.type) if isinstance(value, Term) else -value
+            case ast.BinOp(left=left, op=op, right=right):
+                return self._operate(ARITHMETIC[type(op)], self._evaluate(left, frame), self._evaluate(right, frame))
+            case ast.BoolOp(op=op, values=values):
+                return _joined("and" if isinstance(op, ast.And) else "or", [self._evaluate(v, frame) for v in values])
+            case ast.Compare(left=left, ops=ops, comparators=others):
+                operands = [self._evaluate(each, frame) for each in (left, *others)]
+                pairs = zip(ops, operands, operands[1:], strict=False)
+                return _joined("and", [_compared(COMPARISONS[type(op)], a, b) for op, a, b in pairs])
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                value = self._evaluate(test, frame)
+                if not isinstance(value, Term):
+                    return self._evaluate(body if value else orelse, frame)
+                return _chosen(value, self._evaluate(body, frame), self._evaluate(orelse, frame))
+            case ast.Call(func=func, args=arguments):
+                return self._called(node, frame.source.meaning(func), arguments, frame)
+        return frame.source.fail(node, f"`{ast.unparse(node)}` in fixed point", "arithmetic, comparisons and calls")
+
+    def _called(self, node: ast.Call, function: Any, arguments: list[ast.expr], frame: Frame) -> Any:
+        values = [self._evaluate(each, frame) for each in arguments]
+        terms = any(isinstance(value, Term) for value in values)
+        if function in (min, max):
+            return _extreme(function, values)
+        if function is abs:
+            return Term("absolute", (values[0],), values[0].type) if terms else abs(values[0])
+        if function is float:
+            return _as_real(values[0]) if terms else float(values[0])
+        if function is int:
+            if not terms:
+                return int(values[0])
+            return values[0] if values[0].type == INT else Term("whole", (values[0],), INT)
+        if function is math.isfinite:
+            if not terms:
+                return math.isfinite(values[0])
+            place = values[0].place
+            # A number in fixed point is finite; a reading says when it is lost.
+            return Term("valid", (), BOOL, place=place) if place is not None and place.store == "measured" else True
+        if function in FUNCTIONS or (not terms and getattr(math, getattr(function, "__name__", ""), None) is function):
+            return (
+                self._kept(Term(FUNCTIONS[function], (values[0],)), FUNCTIONS[function]) if terms else function(*values)
+            )
+        if getattr(function, "__code__", None) is None:
+            return frame.source.fail(node, f"`{ast.unparse(node)}` in fixed point", "sqrt, exp or sin")
+        return self.call(function, [self._kept(value, "given") for value in values])
+
+    def _operate(self, sign: str, a: Any, b: Any) -> Any:
+        """a sign b, simplified where one of them is a known 0 or 1."""
+        if not isinstance(a, Term) and not isinstance(b, Term):
+            return COMPUTED[sign](a, b)
+        match sign:
+            case "*" if _is(a, 0.0) or _is(b, 0.0):
+                return 0.0
+            case "/" if _is(a, 0.0):
+                return 0.0
+            case "*" | "/" if _is(b, 1.0):
+                return a
+            case "+" | "-" if _is(b, 0.0):
+                return a
+            case "*" if _is(a, 1.0):
+                return b
+            case "+" if _is(a, 0.0):
+                return b
+        a, b = _term(a), _term(b)
+        whole = a.type == b.type == INT and sign != "/"
+        result = Term(sign, (a, b) if whole else (_as_real(a), _as_real(b)), INT if whole else REAL)
+        return self._kept(result, "value") if sign in KEPT and not whole else result
+
+
+def _is(value: Any, number: float) -> bool:
+    """Whether a value is known to be this number."""
+    return not isinstance(value, Term) and bool(value == number)
+
+
+def _leaves(node: ast.AST) -> bool:
+    """Whether a statement may leave its block: a return anywhere in it, or a continue or break of this loop."""
+    if isinstance(node, ast.Return | ast.Continue | ast.Break):
+        return True
+    if isinstance(node, ast.For | ast.While):
+        return any(isinstance(each, ast.Return) for each in ast.walk(node))
+    return any(_leaves(child) for child in ast.iter_child_nodes(node))
+
+
+def _as_load(node: ast.expr) -> ast.expr:
+    """The target of an augmented assignment as an expression."""
+    return ast.parse(ast.unparse(node), mode="eval").body
+
+
+def _as_real(term: Term | float) -> Term:
+    term = _term(term)
+    if term.type != INT:
+        return term
+    return constant(float(term.value)) if term.operation == "constant" else Term("real", (term,), REAL)
+
+
+def _split(index: Term) -> tuple[int, Term]:
+    """The known part of an index and the rest."""
+    if index.operation == "+":
+        for known, other in (index.arguments, index.arguments[::-1]):
+            if known.operation == "constant":
+                more, moving = _split(other)
+                return int(known.value) + more, moving
+    return 0, index
+
+
+def _chosen(test: Term, a: Any, b: Any) -> Any:
+    if not isinstance(a, Term) and not isinstance(b, Term) and a == b:
+        return a
+    a, b = _term(a), _term(b)
+    if a.type != b.type:
+        a, b = _as_real(a), _as_real(b)
+    return Term("choice", (test, a, b), a.type)
+
+
+def _compared(sign: str, a: Any, b: Any) -> Any:
+    if not isinstance(a, Term) and not isinstance(b, Term):
+        return COMPUTED[sign](a, b)
+    for one, other, turned in ((a, b, sign), (b, a, sign.translate(str.maketrans("<>", "><")))):
+        if not isinstance(other, Term) and math.isinf(other):
+            # Every number is within infinite limits.
+            assert isinstance(one, Term)
+            return bool(COMPUTED[turned](0.0, other))
+    a, b = _term(a), _term(b)
+    if a.type != b.type:
+        a, b = _as_real(a), _as_real(b)
+    return Term(sign, (a, b), BOOL)
+
+
+def _joined(word: str, values: list[Any]) -> Any:
+    """and, or: known values decide or vanish."""
+    decides = word == "or"
+    if any(not isinstance(value, Term) and bool(value) == decides for value in values):
+        return decides
+    left = [value for value in values if isinstance(value, Term)]
+    if not left:
+        return not decides
+    return left[0] if len(left) == 1 else Term(word, tuple(left), BOOL)
+
+
+def _extreme(function: Any, values: list[Any]) -> Any:
+    known = [value for value in values if not isinstance(value, Term)]
+    if len(known) == len(values):
+        return function(values)
+    result: Any = values[0]
+    for value in values[1:]:
+        beyond = math.inf if function is min else -math.inf
+        if not isinstance(value, Term) and value == beyond:
+            continue
+        if not isinstance(result, Term) and result == beyond:
+            result = value
+            continue
+        a, b = _term(result), _term(value)
+        if a.type != b.type:
+            a, b = _as_real(a), _as_real(b)
+        result = Term("smaller" if function is min else "larger", (a, b), a.type)
+    return result
