@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...controller import SampledController
-from .term import Assignment, Branch, Place, Remark, SpecialisedProgram, Statement, Term
+from .term import Assignment, Branch, Place, ProgramTerm, Remark, SpecialisedProgram, Statement
 
 #: Operations that Python writes between their operands.
 BETWEEN = {"+", "-", "*", "/", "%", "==", "!=", "<", "<=", ">", ">=", "and", "or"}
@@ -104,13 +104,13 @@ def _lines(statements: list[Statement], indent: int, numbers: Any) -> list[str]:
     return lines
 
 
-def _target(place: Place, index: Term | None) -> str:
+def _target(place: Place, index: ProgramTerm | None) -> str:
     if place.local:
         return place.store
     return f"{place.store}[{place.index}]" if index is None else f"{place.store}[{place.index} + {_python(index)}]"
 
 
-def _python(term: Term) -> str:
+def _python(term: ProgramTerm) -> str:
     arguments = [_python(each) for each in term.arguments]
     match term.operation:
         case "constant":

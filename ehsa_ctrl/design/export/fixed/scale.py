@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from .ranges import SeenRanges
-from .term import INT, REAL, Place, SpecialisedProgram, Term
+from .term import INT, REAL, Place, ProgramTerm, SpecialisedProgram
 
 #: Of a range that was seen, to what the scale allows; the step to the next power of two comes on top.
 MARGIN = 2.0
@@ -101,11 +101,11 @@ class Scales:
             found[one.place] = (low, high)
         return found
 
-    def interval(self, term: Term) -> Interval:
+    def interval(self, term: ProgramTerm) -> Interval:
         """Least and largest value of a term."""
         return self._interval(term, self.ranges)
 
-    def _interval(self, term: Term, ranges: dict[Place, Interval]) -> Interval:
+    def _interval(self, term: ProgramTerm, ranges: dict[Place, Interval]) -> Interval:
         given = [self._interval(each, ranges) for each in term.arguments if each.type in (REAL, INT)]
         match term.operation:
             case "constant":

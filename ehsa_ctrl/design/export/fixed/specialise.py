@@ -23,10 +23,10 @@ from .term import (
     Assignment,
     Branch,
     Place,
+    ProgramTerm,
     Remark,
     SpecialisedProgram,
     Statement,
-    Term,
     constant,
     read,
     without_unread,
@@ -54,7 +54,7 @@ class Vector:
     start: int
 
 
-Value = float | int | bool | Term | Vector
+Value = float | int | bool | ProgramTerm | Vector
 
 
 @dataclass
@@ -77,12 +77,12 @@ def specialise(controller: SampledController) -> SpecialisedProgram:
     specialiser = _Specialiser(controller.settings().tolist(), {"law": law})
     arguments = [Vector(name, 0) for name in ("reference", "measured", "memory", "settings")]
     current = specialiser.call(pipeline, arguments)
-    assert isinstance(current, Term | float | int)
+    assert isinstance(current, ProgramTerm | float | int)
     return without_unread(SpecialisedProgram(specialiser.statements, _term(current)))
 
 
-def _term(value: Value | float) -> Term:
-    return value if isinstance(value, Term) else constant(value)  # type: ignore[arg-type]
+def _term(value: Value | float) -> ProgramTerm:
+    return value if isinstance(value, ProgramTerm) else constant(value)  # type: ignore[arg-type]
 
 
 class _Specialiser:
@@ -113,7 +113,7 @@ class _Specialiser:
             match statement:
                 case ast.If():
                     test = self._evaluate(statement.test, frame)
-                    if not isinstance(test, Term):
+                    if not isinstance(test, ProgramTerm):
                         return self._block([*(statement.body if test else statement.orelse), *rest], frame)
                     if _leaves(statement):
                         # The way that does not leave goes on with the rest.
@@ -150,7 +150,7 @@ class _Specialiser:
                     )
         return False
 
-    def _branch(self, test: Term, yes: list[ast.stmt], no: list[ast.stmt], frame: Frame) -> None:
+    def _branch(self, test: ProgramTerm, yes: list[ast.stmt], no: list[ast.stmt], frame: Frame) -> None:
         """Both ways of a decision; variables that differ after them get one place."""
         branch, outer, values = Branch(test), self.statements, dict(frame.values)
         self.statements = branch.yes
@@ -213,7 +213,7 @@ class _Specialiser:
 
     def _kept(self, value: Any, name: str) -> Any:
         """A value that later assignments do not change: a term in a variable of its own."""
-        if not isinstance(value, Term) or value.operation == "constant":
+        if not isinstance(value, ProgramTerm) or value.operation == "constant":
             return value
         if value.operation == "read" and value.place is not None and value.place.local:
             return value
@@ -233,9 +233,9 @@ class _Specialiser:
             frame.source.fail(node, f"`{ast.unparse(node)}` that depends on readings", "a known whole number")
         return int(value)
 
-    def _place(self, vector: Vector, index: Any, node: ast.expr, frame: Frame) -> tuple[Place, Term | None]:
+    def _place(self, vector: Vector, index: Any, node: ast.expr, frame: Frame) -> tuple[Place, ProgramTerm | None]:
         """Place of an entry, and its index in a part that is addressed at run time."""
-        if not isinstance(index, Term):
+        if not isinstance(index, ProgramTerm):
             return Place(vector.store, vector.start + index), None
         if vector.store != "memory":
             frame.source.fail(
@@ -268,17 +268,17 @@ class _Specialiser:
             case ast.Subscript(value=inner, slice=place):
                 vector, index = self._evaluate(inner, frame), self._evaluate(place, frame)
                 assert isinstance(vector, Vector)
-                if not isinstance(index, Term):
+                if not isinstance(index, ProgramTerm):
                     return self._entry(vector, index)
                 where, at = self._place(vector, index, node, frame)
                 assert at is not None
-                return Term("read", (at,), REAL, place=where)
+                return ProgramTerm("read", (at,), REAL, place=where)
             case ast.UnaryOp(op=ast.Not(), operand=inner):
                 value = self._evaluate(inner, frame)
-                return Term("not", (value,), BOOL) if isinstance(value, Term) else not value
+                return ProgramTerm("not", (value,), BOOL) if isinstance(value, ProgramTerm) else not value
             case ast.UnaryOp(op=ast.USub(), operand=inner):
                 value = self._evaluate(inner, frame)
-                return Term("negative", (value,), value.type) if isinstance(value, Term) else -value
+                return ProgramTerm("negative", (value,), value.type) if isinstance(value, ProgramTerm) else -value
             case ast.BinOp(left=left, op=op, right=right):
                 return self._operate(ARITHMETIC[type(op)], self._evaluate(left, frame), self._evaluate(right, frame))
             case ast.BoolOp(op=op, values=values):
@@ -289,7 +289,7 @@ class _Specialiser:
                 return _joined("and", [_compared(COMPARISONS[type(op)], a, b) for op, a, b in pairs])
             case ast.IfExp(test=test, body=body, orelse=orelse):
                 value = self._evaluate(test, frame)
-                if not isinstance(value, Term):
+                if not isinstance(value, ProgramTerm):
                     return self._evaluate(body if value else orelse, frame)
                 return _chosen(value, self._evaluate(body, frame), self._evaluate(orelse, frame))
             case ast.Call(func=func, args=arguments):
@@ -298,26 +298,30 @@ class _Specialiser:
 
     def _called(self, node: ast.Call, function: Any, arguments: list[ast.expr], frame: Frame) -> Any:
         values = [self._evaluate(each, frame) for each in arguments]
-        terms = any(isinstance(value, Term) for value in values)
+        terms = any(isinstance(value, ProgramTerm) for value in values)
         if function in (min, max):
             return _extreme(function, values)
         if function is abs:
-            return Term("absolute", (values[0],), values[0].type) if terms else abs(values[0])
+            return ProgramTerm("absolute", (values[0],), values[0].type) if terms else abs(values[0])
         if function is float:
             return _as_real(values[0]) if terms else float(values[0])
         if function is int:
             if not terms:
                 return int(values[0])
-            return values[0] if values[0].type == INT else Term("whole", (values[0],), INT)
+            return values[0] if values[0].type == INT else ProgramTerm("whole", (values[0],), INT)
         if function is math.isfinite:
             if not terms:
                 return math.isfinite(values[0])
             place = values[0].place
             # A number in fixed point is finite; a reading says when it is lost.
-            return Term("valid", (), BOOL, place=place) if place is not None and place.store == "measured" else True
+            return (
+                ProgramTerm("valid", (), BOOL, place=place) if place is not None and place.store == "measured" else True
+            )
         if function in FUNCTIONS or (not terms and getattr(math, getattr(function, "__name__", ""), None) is function):
             return (
-                self._kept(Term(FUNCTIONS[function], (values[0],)), FUNCTIONS[function]) if terms else function(*values)
+                self._kept(ProgramTerm(FUNCTIONS[function], (values[0],)), FUNCTIONS[function])
+                if terms
+                else function(*values)
             )
         if getattr(function, "__code__", None) is None:
             return frame.source.fail(node, f"`{ast.unparse(node)}` in fixed point", "sqrt, exp or sin")
@@ -325,7 +329,7 @@ class _Specialiser:
 
     def _operate(self, sign: str, a: Any, b: Any) -> Any:
         """a sign b, simplified where one of them is a known 0 or 1."""
-        if not isinstance(a, Term) and not isinstance(b, Term):
+        if not isinstance(a, ProgramTerm) and not isinstance(b, ProgramTerm):
             return COMPUTED[sign](a, b)
         match sign:
             case "*" if _is(a, 0.0) or _is(b, 0.0):
@@ -342,13 +346,13 @@ class _Specialiser:
                 return b
         a, b = _term(a), _term(b)
         whole = a.type == b.type == INT and sign != "/"
-        result = Term(sign, (a, b) if whole else (_as_real(a), _as_real(b)), INT if whole else REAL)
+        result = ProgramTerm(sign, (a, b) if whole else (_as_real(a), _as_real(b)), INT if whole else REAL)
         return self._kept(result, "value") if sign in KEPT and not whole else result
 
 
 def _is(value: Any, number: float) -> bool:
     """Whether a value is known to be this number."""
-    return not isinstance(value, Term) and bool(value == number)
+    return not isinstance(value, ProgramTerm) and bool(value == number)
 
 
 def _leaves(node: ast.AST) -> bool:
@@ -365,14 +369,14 @@ def _as_load(node: ast.expr) -> ast.expr:
     return ast.parse(ast.unparse(node), mode="eval").body
 
 
-def _as_real(term: Term | float) -> Term:
+def _as_real(term: ProgramTerm | float) -> ProgramTerm:
     term = _term(term)
     if term.type != INT:
         return term
-    return constant(float(term.value)) if term.operation == "constant" else Term("real", (term,), REAL)
+    return constant(float(term.value)) if term.operation == "constant" else ProgramTerm("real", (term,), REAL)
 
 
-def _split(index: Term) -> tuple[int, Term]:
+def _split(index: ProgramTerm) -> tuple[int, ProgramTerm]:
     """The known part of an index and the rest."""
     if index.operation == "+":
         for known, other in (index.arguments, index.arguments[::-1]):
@@ -382,54 +386,54 @@ def _split(index: Term) -> tuple[int, Term]:
     return 0, index
 
 
-def _chosen(test: Term, a: Any, b: Any) -> Any:
-    if not isinstance(a, Term) and not isinstance(b, Term) and a == b:
+def _chosen(test: ProgramTerm, a: Any, b: Any) -> Any:
+    if not isinstance(a, ProgramTerm) and not isinstance(b, ProgramTerm) and a == b:
         return a
     a, b = _term(a), _term(b)
     if a.type != b.type:
         a, b = _as_real(a), _as_real(b)
-    return Term("choice", (test, a, b), a.type)
+    return ProgramTerm("choice", (test, a, b), a.type)
 
 
 def _compared(sign: str, a: Any, b: Any) -> Any:
-    if not isinstance(a, Term) and not isinstance(b, Term):
+    if not isinstance(a, ProgramTerm) and not isinstance(b, ProgramTerm):
         return COMPUTED[sign](a, b)
     for one, other, turned in ((a, b, sign), (b, a, sign.translate(str.maketrans("<>", "><")))):
-        if not isinstance(other, Term) and math.isinf(other):
+        if not isinstance(other, ProgramTerm) and math.isinf(other):
             # Every number is within infinite limits.
-            assert isinstance(one, Term)
+            assert isinstance(one, ProgramTerm)
             return bool(COMPUTED[turned](0.0, other))
     a, b = _term(a), _term(b)
     if a.type != b.type:
         a, b = _as_real(a), _as_real(b)
-    return Term(sign, (a, b), BOOL)
+    return ProgramTerm(sign, (a, b), BOOL)
 
 
 def _joined(word: str, values: list[Any]) -> Any:
     """and, or: known values decide or vanish."""
     decides = word == "or"
-    if any(not isinstance(value, Term) and bool(value) == decides for value in values):
+    if any(not isinstance(value, ProgramTerm) and bool(value) == decides for value in values):
         return decides
-    left = [value for value in values if isinstance(value, Term)]
+    left = [value for value in values if isinstance(value, ProgramTerm)]
     if not left:
         return not decides
-    return left[0] if len(left) == 1 else Term(word, tuple(left), BOOL)
+    return left[0] if len(left) == 1 else ProgramTerm(word, tuple(left), BOOL)
 
 
 def _extreme(function: Any, values: list[Any]) -> Any:
-    known = [value for value in values if not isinstance(value, Term)]
+    known = [value for value in values if not isinstance(value, ProgramTerm)]
     if len(known) == len(values):
         return function(values)
     result: Any = values[0]
     for value in values[1:]:
         beyond = math.inf if function is min else -math.inf
-        if not isinstance(value, Term) and value == beyond:
+        if not isinstance(value, ProgramTerm) and value == beyond:
             continue
-        if not isinstance(result, Term) and result == beyond:
+        if not isinstance(result, ProgramTerm) and result == beyond:
             result = value
             continue
         a, b = _term(result), _term(value)
         if a.type != b.type:
             a, b = _as_real(a), _as_real(b)
-        result = Term("smaller" if function is min else "larger", (a, b), a.type)
+        result = ProgramTerm("smaller" if function is min else "larger", (a, b), a.type)
     return result

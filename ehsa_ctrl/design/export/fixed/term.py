@@ -29,7 +29,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Term:
+class ProgramTerm:
     """An operation.
 
     operation: "constant" (value), "read" (place; with an index as only argument in a moving part), + - * / % negative
@@ -39,26 +39,26 @@ class Term:
     """
 
     operation: str
-    arguments: tuple[Term, ...] = ()
+    arguments: tuple[ProgramTerm, ...] = ()
     type: str = REAL
     value: float = 0.0
     place: Place | None = None
 
-    def inner(self) -> Iterator[Term]:
+    def inner(self) -> Iterator[ProgramTerm]:
         """This term and all terms in it."""
         yield self
         for argument in self.arguments:
             yield from argument.inner()
 
 
-def constant(value: float | bool) -> Term:
+def constant(value: float | bool) -> ProgramTerm:
     """A known number; whole numbers of Python are indices."""
     word = BOOL if isinstance(value, bool) else INT if isinstance(value, int) else REAL
-    return Term("constant", type=word, value=value)
+    return ProgramTerm("constant", type=word, value=value)
 
 
-def read(place: Place, word: str = REAL) -> Term:
-    return Term("read", type=word, place=place)
+def read(place: Place, word: str = REAL) -> ProgramTerm:
+    return ProgramTerm("read", type=word, place=place)
 
 
 @dataclass
@@ -66,15 +66,15 @@ class Assignment:
     """place = term. index: of the entry, for a moving part."""
 
     place: Place
-    term: Term
-    index: Term | None = None
+    term: ProgramTerm
+    index: ProgramTerm | None = None
 
 
 @dataclass
 class Branch:
     """if test: yes, else: no."""
 
-    test: Term
+    test: ProgramTerm
     yes: list[Statement] = field(default_factory=list)
     no: list[Statement] = field(default_factory=list)
 
@@ -94,13 +94,13 @@ class SpecialisedProgram:
     """One sample of a controller: its statements and the term of its current."""
 
     statements: list[Statement]
-    current: Term
+    current: ProgramTerm
 
     def assignments(self) -> Iterator[Assignment]:
         """All assignments, in order."""
         return assignments(self.statements)
 
-    def terms(self) -> Iterator[Term]:
+    def terms(self) -> Iterator[ProgramTerm]:
         """All terms, with those inside others."""
         for term in _outer_terms(self.statements):
             yield from term.inner()
@@ -122,7 +122,7 @@ def assignments(statements: list[Statement]) -> Iterator[Assignment]:
             yield from assignments(statement.no)
 
 
-def _outer_terms(statements: list[Statement]) -> Iterator[Term]:
+def _outer_terms(statements: list[Statement]) -> Iterator[ProgramTerm]:
     for statement in statements:
         if isinstance(statement, Assignment):
             yield statement.term

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from ....core.errors import InputError
 from ..source import comment_lines
 from .scale import FixedWord, Interval, Scales, bits_of, magnitude_of
-from .term import BOOL, INT, REAL, Assignment, Branch, Place, Remark, Statement, Term
+from .term import BOOL, INT, REAL, Assignment, Branch, Place, ProgramTerm, Remark, Statement
 
 #: Declaration of a local constant.
 CONSTANT = re.compile(r" *const \w+ (\w+) = ")
@@ -47,8 +47,8 @@ class FixedWriter:
     def body(self) -> list[str]:
         """Lines of the function that computes the current."""
         program = self.scales.program
-        count: dict[Place, Term] = {}
-        several: dict[Place, Term] = {}
+        count: dict[Place, ProgramTerm] = {}
+        several: dict[Place, ProgramTerm] = {}
         for one in program.assignments():
             if one.place.local:
                 (several if one.place in count else count)[one.place] = one.term
@@ -64,10 +64,10 @@ class FixedWriter:
 
     # Statements
 
-    def _type(self, term: Term) -> str:
+    def _type(self, term: ProgramTerm) -> str:
         return {REAL: self.word.word, INT: "int", BOOL: "bool"}[term.type]
 
-    def _zero(self, term: Term) -> str:
+    def _zero(self, term: ProgramTerm) -> str:
         return "false" if term.type == BOOL else "0"
 
     def _block(self, statements: list[Statement], declared: frozenset[Place], indent: int) -> list[str]:
@@ -92,14 +92,14 @@ class FixedWriter:
                     lines.append(f"{pad}}}")
         return lines
 
-    def _value(self, term: Term, place: Place) -> str:
+    def _value(self, term: ProgramTerm, place: Place) -> str:
         if term.type == BOOL:
             return self._truth(term)
         if term.type == INT:
             return self._whole(term)
         return self._stored(self._real(term), self.fraction(place))
 
-    def _target(self, place: Place, index: Term | None) -> str:
+    def _target(self, place: Place, index: ProgramTerm | None) -> str:
         if place.local:
             return place.store
         inner = str(place.index) if index is None else f"{place.index} + {self._whole(index)}"
@@ -107,7 +107,7 @@ class FixedWriter:
 
     # Truth values and indices
 
-    def _truth(self, term: Term) -> str:
+    def _truth(self, term: ProgramTerm) -> str:
         match term.operation:
             case "constant":
                 return "true" if term.value else "false"
@@ -132,7 +132,7 @@ class FixedWriter:
         first, second, _ = self._common(self._real(a), self._real(b))
         return f"{first} {term.operation} {second}"
 
-    def _whole(self, term: Term) -> str:
+    def _whole(self, term: ProgramTerm) -> str:
         match term.operation:
             case "constant":
                 return str(int(term.value))
@@ -159,7 +159,7 @@ class FixedWriter:
         """A constant of the wide type."""
         return f"{self.word.literal}({value})"
 
-    def _real(self, term: Term) -> WideNumber:
+    def _real(self, term: ProgramTerm) -> WideNumber:
         """A number in the wide word."""
         interval = self.scales.interval(term)
         match term.operation:
@@ -240,7 +240,7 @@ class FixedWriter:
         fraction = self._fitting(max(known), a.interval, b.interval)
         return self._aligned(a, fraction), self._aligned(b, fraction), fraction
 
-    def _sum(self, term: Term, interval: Interval) -> WideNumber:
+    def _sum(self, term: ProgramTerm, interval: Interval) -> WideNumber:
         a, b = map(self._real, term.arguments)
         known = [each.fraction for each in (a, b) if each.exact is None] or [a.fraction, b.fraction]
         fraction = self._fitting(max(known), a.interval, b.interval, interval)
@@ -263,7 +263,7 @@ class FixedWriter:
             interval = (min(products), max(products))
         return WideNumber(f"({self.word.wide}){first} * {second}", f_a + f_b, interval)
 
-    def _quotient(self, dividend: Term, divisor: Term, interval: Interval) -> WideNumber:
+    def _quotient(self, dividend: ProgramTerm, divisor: ProgramTerm, interval: Interval) -> WideNumber:
         if divisor.operation == "constant":
             return self._product(self._real(dividend), self._constant(1.0 / divisor.value), interval)
         (first, f_a), (second, f_b) = self._narrowed(self._real(dividend)), self._narrowed(self._real(divisor))
