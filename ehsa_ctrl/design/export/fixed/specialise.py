@@ -313,16 +313,13 @@ class _Specialiser:
             if not terms:
                 return math.isfinite(values[0])
             place = values[0].place
-            # A number in fixed point is finite; a reading says when it is lost.
-            return (
-                ProgramTerm("valid", (), BOOL, place=place) if place is not None and place.store == "measured" else True
-            )
-        if function in FUNCTIONS or (not terms and getattr(math, getattr(function, "__name__", ""), None) is function):
-            return (
-                self._kept(ProgramTerm(FUNCTIONS[function], (values[0],)), FUNCTIONS[function])
-                if terms
-                else function(*values)
-            )
+            if place is None or place.store != "measured":
+                return True  # a number in fixed point is finite; a reading says when it is lost
+            return ProgramTerm("valid", (), BOOL, place=place)
+        if not terms and getattr(math, getattr(function, "__name__", ""), None) is function:
+            return function(*values)
+        if function in FUNCTIONS:
+            return self._kept(ProgramTerm(FUNCTIONS[function], (values[0],)), FUNCTIONS[function])
         if getattr(function, "__code__", None) is None:
             return frame.source.fail(node, f"`{ast.unparse(node)}` in fixed point", "sqrt, exp or sin")
         return self.call(function, [self._kept(value, "given") for value in values])
