@@ -316,7 +316,7 @@ class _Specialiser:
             if place is None or place.store != "measured":
                 return True  # a number in fixed point is finite; a reading says when it is lost
             return ProgramTerm("valid", (), BOOL, place=place)
-        if not terms and getattr(math, getattr(function, "__name__", ""), None) is function:
+        if not terms and callable(function) and getattr(function, "__module__", "") == "math":
             return function(*values)
         if function in FUNCTIONS:
             return self._kept(ProgramTerm(FUNCTIONS[function], (values[0],)), FUNCTIONS[function])
