@@ -1,0 +1,77 @@
+"""What happens to a selected cause that the log does not need, and how the level of model errors enters intervals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
+from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses
+from ehsa_ctrl.diagnosis.model_selection import Reference, select_model
+from ehsa_ctrl.diagnosis.objective import objective_of
+from ehsa_ctrl.diagnosis.pool import Pool
+from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, split_logs
+from ehsa_ctrl.diagnosis.pruning import prune
+from ehsa_ctrl.diagnosis.records import Segment
+from ehsa_ctrl.diagnosis.refit import refit
+from ehsa_ctrl.diagnosis.scoring import Scoring
+from ehsa_ctrl.diagnosis.sizes import fit_sizes
+
+THRESHOLD = 0.03
+
+
+@pytest.fixture(scope="module")
+def segments():
+    """Training and held-out data of a carriage whose nominal mass is 40 % too large."""
+    rig = ehsa_ctrl.load_plant("emps")
+    time = np.arange(0.0, 9.0, 0.004)
+    force = 75.0 * np.sin(2.0 * np.pi * 0.9 * time) * np.where(np.sin(2.0 * np.pi * 0.17 * time) > 0.0, 1.0, 0.6)
+    run = ehsa_ctrl.simulate(rig, force, hold="first_order", sample_time=0.004)
+    position = run["x"] + 1e-6 * np.random.default_rng(0).standard_normal(time.size)
+    log = ehsa_ctrl.Log(time, {"drive_force": force, "position": position})
+    prepared = prepare_logs(rig.set(M=1.4 * rig["M"]), [log], None, THRESHOLD, check=True)
+    return split_logs(prepared, Segment((prepared.logs[0].record,), log.name), has_gap=True)
+
+
+def candidate(hypotheses, id):
+    return next(one for one in hypotheses.candidates if one.id == id)
+
+
+def start(segments):
+    objective, sensitivities = objective_of(segments.training, THRESHOLD)
+    candidates = tuple(candidate_effects(segments.training.model))
+    return Hypotheses.initial(objective, candidates, sensitivities, Pool(1))
+
+
+def test_a_cause_that_the_log_does_not_need_is_dropped(segments):
+    """A search may leave a set with a wrong size of a superfluous effect; without it the mass alone explains the log."""
+    hypotheses = start(segments)
+    members = candidate(hypotheses, "payload_mass"), candidate(hypotheses, "rod_viscous_friction")
+    plant = segments.training.model.plant
+    wrong = {"M": plant["M"] / 1.4, "Fv": 1.2 * plant["Fv"]}
+    unfinished = refit(hypotheses.objective, members, wrong, {}, steps=0)
+    hypotheses = hypotheses.with_fits([refit(hypotheses.objective, (), {}, {}, steps=0), unfinished])
+    scoring = Scoring.of(hypotheses, segments.training, segments.held_out, THRESHOLD, lumped=False)
+    scores = [scoring.score(fit) for fit in hypotheses.fits.values()]
+    reference = Reference.of(scoring)
+    before = select_model(scores, reference, THRESHOLD)
+
+    after, _, all_scores = prune(before, scores, hypotheses, scoring, reference, THRESHOLD)
+
+    assert {id for id, _ in before.chosen.causes} == {"payload_mass", "rod_viscous_friction"}
+    assert [id for id, _ in after.chosen.causes] == ["payload_mass"]
+    assert after.chosen.fit.values["M"] == pytest.approx(wrong["M"], rel=0.01)
+    assert len(all_scores) > len(scores)
+
+
+def test_errors_of_the_model_widen_an_interval_once(segments):
+    """The level divides the information; the roughness of the cost is small here, at any level."""
+    hypotheses = start(segments)
+    one = refit(hypotheses.objective, (candidate(hypotheses, "payload_mass"),), {}, {}, renew_after=1)
+    level = 25.0
+
+    _, sd = fit_sizes(hypotheses.objective, one)
+    _, wide = fit_sizes(replace(hypotheses.objective, level=level), one)
+
+    assert 0.5 * np.sqrt(level) < wide["M"] / sd["M"] < 2.0 * np.sqrt(level)
