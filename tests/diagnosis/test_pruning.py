@@ -45,7 +45,7 @@ def start(segments):
 
 
 def test_a_cause_that_the_log_does_not_need_is_dropped(segments):
-    """A search may leave a set with a wrong size of a superfluous effect; without it the mass alone explains the log."""
+    """A search may leave a set with a wrong size of a superfluous effect; the mass alone explains the log."""
     hypotheses = start(segments)
     members = candidate(hypotheses, "payload_mass"), candidate(hypotheses, "rod_viscous_friction")
     plant = segments.training.model.plant
