@@ -124,7 +124,7 @@ def confirm_law(
 ) -> Confirmation: ...
 def diagnose(
     plant: _PlantLike,
-    log: _LogLike,
+    log: _LogLike | Sequence[_LogLike],
     *,
     validate: _LogLike | None = None,
     threshold: float = 0.03,

@@ -344,6 +344,7 @@ OVERRIDES: dict[str, ArgumentKind] = {
     "Log.segment.start": NUMBER,
     "analyse_fleet.logs": TEXT | PATH | several(TEXT | PATH),
     "confirm_law.logs": several(LOG),
+    "diagnose.log": LOG | several(LOG),
     "diagnose_many.logs": several(_or_name(LOG)),
     "log_controller.controller": TEXT | PATH,
     "frequency_response.logs": LOG | several(LOG),

@@ -120,6 +120,7 @@ def command(
     )
     from ..design.tuning.constraints import Tuning
     from ..plant.conditions import linear_model
+    from ..plant.load import load_plant, models_of
     from ..scenario.plant_data import check_controller_limits
     from ..scenario.rescaling import rescaling_to
     from .inputs import load_model
@@ -136,12 +137,14 @@ def command(
     content["title"] = title or f"{kind} designed for {plant}"
     content.pop("note", None)
     pairs = read_pairs(settings)
+    if reason := load_plant(plant, model=models_of(plant)[0]).structure.system.no_controller:
+        raise InputError(f"{plant}: {reason}; controllers are for plants whose drive a controller computes")
     loaded = load_model(plant, "linear", pairs)
     system, drive_unit = linear_model(loaded), loaded.structure.system.drive_unit
-    if drive_unit != "A" and base is None and not key_options.current_limit:
+    if drive_unit != "A" and base is None and "current_limit" not in asked:
         raise InputError(
             f"{plant}: its drive is in {drive_unit}, the shipped controllers are in A; give the largest drive, such as "
-            f"--current-limit '100 {drive_unit}', and the weights and limits of the drive in {drive_unit}"
+            f"--current-limit '100 {drive_unit}', which scales the others"
         )
     own: dict[str, Any] = {}
     defaults: dict[str, str] = {}
@@ -149,6 +152,11 @@ def command(
     # The numbers of a shipped controller are for the shipped EHSA; which plant a user's controller is for is unknown.
     if is_shipped("controllers", begun):
         rescaling = rescaling_to(plant, pairs)
+        if drive_unit != "A" and "current_limit" in asked:
+            try:
+                rescaling = rescaling.to_drive(content["current_limit"], asked["current_limit"], drive_unit)
+            except InputError as error:
+                raise InputError(f"--current-limit {asked['current_limit']!r}: {error}") from None
         own, unscaled = rescaling.changes(content, definition_keys(chosen.file)), rescaling.unknown(content)
         content = with_values(content, chosen, {key: str(value) for key, value in own.items()})
         # If the options add a [tuning], the default of its noise_gain is for the shipped EHSA too.
@@ -164,7 +172,7 @@ def command(
         given = {"noise_gain": usual} | {word: figures[word] for word in names if word in figures}
         bounds = validate({key: parse_value(text) for key, text in given.items()}, Tuning, "--tune")
     found = design(name, chosen, content, system, figures=figures, values=defaults | asked, tuning=bounds)
-    check_controller_limits(name, read_content(found.content, name, loaded.sample_time)[1], loaded)
+    check_controller_limits(name, read_content(found.content, name, loaded.sample_time, drive_unit)[1], loaded)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
     words += ["tuned"] * tune
     words += [f"{key} = {text}" for key, text in pairs.items()]

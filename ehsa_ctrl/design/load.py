@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 #: Keys of a definition that become fields of the controller.
 SHARED = ("sample_time", "current_limit", "trajectory", "feedforward", "rest", "dither", "watchdog")
 
+#: Keys in the unit of the plant's drive.
+DRIVE_KEYS = ("current_limit", "weights.current", "observer.current", "observer.friction")
+
 
 def read_controller(path: Path, sample_time: float | None = None) -> tuple[ControllerKind, ControllerFile]:
     """Read and validate a controller's TOML; sample_time [s] applies if the file states none.
@@ -54,13 +57,17 @@ def read_content(
         raise InputError(f"{where}: kind = {shown(word)}; {choices(word, CONTROLLER_KINDS)}")
     kind = CONTROLLER_KINDS[word]
     definition = validate(content, kind.file, where, context={"si": si})
-    if drive_unit and isinstance(content["current_limit"], str):
+    for key in DRIVE_KEYS if drive_unit else ():
+        table, _, name = key.rpartition(".")
+        text = (content.get(table, {}) if table else content).get(name)
+        if not isinstance(text, str):
+            continue
         try:
-            parse(content["current_limit"], drive_unit)
+            parse(text, drive_unit)
         except InputError:
             raise InputError(
-                f"{where}: current_limit = {shown(content['current_limit'])}, but the drive of this plant is in "
-                f"{drive_unit}; the controller is one for another system"
+                f"{where}: {key} = {shown(text)}, but the drive of this plant is in {drive_unit}; the controller is "
+                "one for another system"
             ) from None
     return kind, definition
 

@@ -8,13 +8,14 @@ changes.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor, inf, log10, sqrt
 from pathlib import Path
 from typing import Any
 
 from ..core.catalogue import shipped
 from ..core.unit import factor, parse
+from ..design.load import DRIVE_KEYS
 from ..design.state_space.kalman import Observer
 from ..plant.load import has_setting, load_plant, models_of, with_settings
 from ..plant.motion_current import has_motion_current, motion_current
@@ -78,11 +79,20 @@ class Rescaling:
     """Rescaling from the shipped EHSA to another plant.
 
     ratios: characteristic value -> ratio of the plant's to the EHSA's, if the plant's file determines it.
-    ratings: of the plant, see `plant_data.ratings`.
+    ratings: of the plant, see `plant_data.ratings`. drive: SI unit of the plant's drive, and how much of it
+    stands for an ampere of the EHSA's; for a plant with another drive than a current.
     """
 
     ratios: Mapping[str, float]
     ratings: Mapping[str, Rating]
+    drive: tuple[str, float] | None = None
+
+    def to_drive(self, current: str, limit: str, unit: str) -> Rescaling:
+        """The same for a plant whose drive has another unit: what is a current keeps its ratio to the largest drive.
+
+        current: limit of the shipped controller. limit: largest drive of the plant. Raises InputError for another unit.
+        """
+        return replace(self, drive=(unit, parse(limit, unit) / parse(current, "A")))
 
     def scale(self, key: str, value: Any) -> Any:
         """The value of a key for the plant; the same object if it does not change."""
@@ -91,6 +101,8 @@ class Rescaling:
         ratio = self.ratios.get(VALUE_OF.get(key, ""), 1.0)
         if isinstance(value, str):
             number, _, unit = value.partition(" ")
+            if self.drive is not None and key in DRIVE_KEYS:
+                return f"{_round(parse(value, 'A') * self.drive[1])} {self.drive[0]}"
             most = self.ratings.get(BOUNDED.get(key, ""))
             if most is not None and parse(value, most.unit) * ratio > most.value:
                 return f"{_round(most.value / factor(unit, most.unit), down=True)} {unit}"
@@ -109,7 +121,9 @@ class Rescaling:
 
     def unknown(self, content: Mapping[str, Any]) -> list[str]:
         """Keys that keep their value because the plant's file does not determine the characteristic value."""
-        return [key for key, _ in _leaves(content) if key in VALUE_OF and VALUE_OF[key] not in self.ratios]
+        known = DRIVE_KEYS if self.drive is not None else ()
+        keys = [key for key, _ in _leaves(content) if key in VALUE_OF and key not in known]
+        return [key for key in keys if VALUE_OF[key] not in self.ratios]
 
 
 def rescaling_to(plant: str | Path, settings: Mapping[str, str | float] | None = None) -> Rescaling:

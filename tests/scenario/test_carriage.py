@@ -1,5 +1,7 @@
 """`run` and `design` for a carriage under a drive force: the linear model is a mass with viscous friction."""
 
+import tomllib
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -70,3 +72,25 @@ def test_files_of_a_run_are_those_of_the_carriage(tmp_path, monkeypatch):
     header = (tmp_path / "out" / "move-carriage.csv").read_text().splitlines()[0].split(",")
     assert {"t", "drive_force", "position"} <= set(header) and "current" not in header
     assert "differs" not in again.output
+
+
+def test_a_shipped_lqr_for_a_drive_in_newtons(tmp_path, monkeypatch):
+    """What it has in A keeps its ratio to the largest drive: 1 A of 6 A is 25 N of 150 N. A and N are not mixed."""
+    monkeypatch.chdir(tmp_path)
+    words = ["design", "emps", "--kind", "lqr", "--current-limit", "150 N"]
+
+    CliRunner().invoke(app, [*words, "-o", "found.toml"], catch_exceptions=False)
+    mixed = CliRunner().invoke(app, [*words, "--weight", "current=1 A"])
+    lax = CliRunner().invoke(app, [*words, "--weight", "current=50 N", "-o", "lax.toml"])
+
+    found = tomllib.loads((tmp_path / "found.toml").read_text())
+    assert found["weights"]["current"] == "25 N"
+    assert found["observer"]["current"] == "2.5 N" and found["observer"]["friction"] == "12.5 N"
+    assert "weights.current = '1 A', but the drive of this plant is in N" in str(mixed.exception)
+    assert lax.exit_code == 0 and tomllib.loads((tmp_path / "lax.toml").read_text())["weights"]["current"] == "50 N"
+
+
+def test_no_controller_is_designed_for_a_servo_with_its_own():
+    refused = CliRunner().invoke(app, ["design", "xl330_pendulum", "--kind", "lqr"])
+
+    assert "its position loop is the firmware's" in str(refused.exception)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ...core.definition import Ampere, Definition, In, Metre, RadianPerSecond
+from ...core.definition import Definition, Drive, In, Metre, RadianPerSecond
 from ..state_space.kalman import Observer, Pascal, design_kalman
 from ..state_space.model import DesignModel, design_model
 from ..state_space.mpc_problem import AmperePerSecond
@@ -22,7 +22,7 @@ class Weights(Definition):
     """[weights]: deviations that cost the same; a smaller deviation weighs more."""
 
     position: Metre = Field(gt=0, description="position error of the rod")
-    current: Ampere = Field(default=1.0, gt=0, description="current beyond that of the planned motion")
+    current: Drive = Field(default=1.0, gt=0, description="current beyond that of the planned motion")
     speed: RadianPerSecond | None = Field(default=None, gt=0, description="shaft speed error; no weight if left out")
     pressure: Pascal | None = Field(
         default=None, gt=0, description="error of the pressure difference; no weight if left out"

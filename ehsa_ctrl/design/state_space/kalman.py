@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ...core.definition import Ampere, Definition, In, Metre, Newton, RadianPerSecond
+from ...core.definition import Definition, Drive, In, Metre, Newton, RadianPerSecond
 from ...core.errors import InputError
 from .model import DesignModel, full_rank
 
@@ -27,10 +27,10 @@ class Observer(Definition):
     pressure: Pascal = Field(default=15e3, gt=0, description="noise of the pressure sensors")
     # 20 um of noise and 10 um of quantisation: sqrt(20^2 + 10^2 / 12).
     position: Metre = Field(default=20.2e-6, gt=0, description="noise of the position sensor")
-    current: Ampere = Field(
+    current: Drive = Field(
         default=0.1, gt=0, description="white process noise of the motor current; a larger one trusts the model less"
     )
-    friction: Ampere = Field(default=0.3, gt=0, description="random walk of the friction current in one second")
+    friction: Drive = Field(default=0.3, gt=0, description="random walk of the friction current in one second")
     load: Newton = Field(default=100.0, gt=0, description="random walk of the load force in one second")
     leak: RadianPerSecond = Field(default=1.0, gt=0, description="random walk of the leakage disturbance in one second")
 
