@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 #: Files of the result, the main one first.
 FILES = ("fleet.json", "rigs.csv", "parameters.csv", "drifts.csv", "fleet_plant.toml", "report.html")
+#: Share of virtual rigs that change, unless their number is given.
+CHANGED = 0.06
 #: Largest number of logs whose hashes the result lists.
 MOST_HASHES = 100
 
@@ -47,7 +49,7 @@ def command(
         typer.Option(metavar="RIGS", help="Simulate a fleet of this many rigs in DIR, and analyse it.", min=2),
     ] = None,
     logs_per_rig: Annotated[int, typer.Option(help="Logs of each virtual rig.", min=2)] = 5,
-    changed: Annotated[int, typer.Option(help="Virtual rigs that change.", min=0)] = 12,
+    changed: Annotated[int | None, typer.Option(help="Virtual rigs that change; by default 6 %.", min=0)] = None,
     seed: Annotated[int, typer.Option(help="Seed of the virtual fleet.", min=0)] = 0,
     settings: Settings = [],
     check: Annotated[bool, typer.Option(help="Reject logs with a wrong sign, unit or stuck channel.")] = True,
@@ -81,18 +83,23 @@ def command(
     # A store is continued, which replaces the result but never a file of the user.
     output = OutputOptions(as_json, out, force=True)
     output.check("fleet", *FILES)
-    with compiling(), counting() as watch:
-        truth: Mapping[str, Mapping[str, str]] = {}
-        if virtual is not None:
-            truth = write_virtual_fleet(
-                nominal, out, rigs=virtual, logs=logs_per_rig, changed=min(changed, virtual), seed=seed,
-                jobs=jobs, watch=watch,
+    try:
+        with compiling(), counting() as watch:
+            truth: Mapping[str, Mapping[str, str]] = {}
+            if virtual is not None:
+                count = max(round(CHANGED * virtual), 1) if changed is None else changed
+                truth = write_virtual_fleet(
+                    nominal, out, rigs=virtual, logs=logs_per_rig, changed=count, seed=seed, jobs=jobs, watch=watch
+                )
+            found = analyse_fleet(
+                nominal, [out / LOGS] if virtual is not None else logs, store=out, by=by, rate=rate, diagnose=diagnose,
+                check=check, jobs=jobs, watch=watch, truth=truth,
+                keep=lambda folder, one: _keep(out / folder, one),
             )  # fmt: skip
-        found = analyse_fleet(
-            nominal, [out / LOGS] if virtual is not None else logs, store=out, by=by, rate=rate, diagnose=diagnose,
-            check=check, jobs=jobs, watch=watch, truth=truth,
-            keep=lambda folder, one: _keep(out / folder, one),
-        )  # fmt: skip
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"finished logs are kept in {out}; the same command continues with the others"
+        ) from None
     files = [log.file for rig in found.rigs for log in rig.logs] if found.log_count <= MOST_HASHES else []
     stored = {**found.to_dict(), "rests_on": provenance([nominal], files)}
     output.deliver(

@@ -1,0 +1,101 @@
+"""Fleets: false discoveries among rigs that have not changed, and logs per core hour.
+
+    ehsa-ctrl fleet --virtual 200 --seed 1 --out results/virtual --jobs -1
+    python benchmarks/fleet.py results/virtual [--repeats 200] [--logs 20]
+
+From the store of a virtual fleet, whose truth is known. Rigs without a change are drawn anew, the order of each one's
+logs at random, so that nothing can have changed in time while everything else is as the simulation made it: sensor
+noise, excitations that differ, and what the linearisation leaves. The changed rigs are left out (complete null) or
+kept as they are. Then the throughput of the per-log statistic, as processor time of one core.
+
+Figures of docs/evidence.md: seeds from 1 on; tuning used 101.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+import ehsa_ctrl as e
+from ehsa_ctrl.core.files import read_json
+from ehsa_ctrl.fleet.changes import Names, RigScores, Scan, changes, scan
+from ehsa_ctrl.fleet.manifest import find_logs
+from ehsa_ctrl.fleet.null import false_discovery_rates
+from ehsa_ctrl.fleet.score import log_score
+from ehsa_ctrl.fleet.store import Store
+from ehsa_ctrl.fleet.virtual import LOGS, TRUTH
+
+RATE = 0.05
+
+
+def rigs_of(folder: Path, plant: e.Plant) -> tuple[list[RigScores], Names, set[str]]:
+    """The rigs of a virtual fleet whose logs all have a score, and the names of those that change."""
+    store = Store(folder, plant)
+    changed = set(read_json(folder / TRUTH)["changed"])
+    found = {}
+    for rig, logs in groupby(find_logs([folder / LOGS]), lambda log: log.rig):
+        listed = list(logs)
+        keys = [store.key(log.path) for log in listed]
+        if all(store.part(key).exists() for key in keys):
+            found[rig] = ([log.date.timestamp() / 86400.0 for log in listed], [store.get(key) for key in keys])
+    names = Names.of(score for _, scores in found.values() for score in scores)
+    return [names.rig(rig, days, scores) for rig, (days, scores) in found.items()], names, changed
+
+
+def shuffled(rig: RigScores, random: np.random.Generator) -> RigScores:
+    """The rig with its logs in random order."""
+    order = random.permutation(len(rig.days))
+    return RigScores(rig.name, rig.days, rig.score[order], rig.information[order])
+
+
+def discoveries(scans: list[Scan], names: Names) -> set[str]:
+    """Rigs that are said to have changed."""
+    found = changes(scans, names)
+    q = false_discovery_rates([1.0 if one is None else one.p for one in found])
+    return {one.rig for one, value in zip(found, q, strict=True) if one is not None and value <= RATE}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("store", type=Path)
+    parser.add_argument("--repeats", type=int, default=200)
+    parser.add_argument("--share", type=float, default=0.8, help="of the unchanged rigs that a repeat draws")
+    parser.add_argument("--logs", type=int, default=20, help="for the throughput")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    plant, random = e.load_plant("ehsa"), np.random.default_rng(options.seed)
+
+    rigs, names, changed = rigs_of(options.store, plant)
+    still = [rig for rig in rigs if rig.name not in changed]
+    moved = [scan(rig, names) for rig in rigs if rig.name in changed]
+    print(f"{len(rigs)} rigs, {len(moved)} of them changed")
+    alone, shares, missed = [], [], []
+    for _ in range(options.repeats):
+        chosen = random.choice(len(still), int(options.share * len(still)), replace=False)
+        scans = [scan(shuffled(still[i], random), names) for i in chosen]
+        alone.append(len(discoveries(scans, names)))
+        found = discoveries([*scans, *moved], names)
+        wrong = len(found - changed)
+        shares.append(wrong / max(len(found), 1))
+        missed.append(len(moved) - len(found & changed))
+    print(f"no rig changed: {sum(n > 0 for n in alone)} of {options.repeats} fleets with a false discovery "
+          f"({100 * np.mean(np.array(alone) > 0):.1f} %, at most {100 * RATE:g} % wanted)")  # fmt: skip
+    print(f"{len(moved)} rigs changed: mean share of false discoveries {100 * np.mean(shares):.2f} %, "
+          f"{np.mean(missed):.2f} changed rigs missed on average, {max(missed)} at most")  # fmt: skip
+
+    logs = find_logs([options.store / LOGS])[: options.logs + 1]
+    log_score(plant, e.read_plant_log(logs[0].path, plant))  # compiled now
+    began = time.process_time()
+    for log in logs[1:]:
+        log_score(plant, e.read_plant_log(log.path, plant))
+    seconds = (time.process_time() - began) / len(logs[1:])
+    print(f"{seconds:.2f} s of processor time a log of 8 to 9 s: {3600 / seconds:.0f} logs per core hour; "
+          f"100 000 logs: {1e5 * seconds / 3600:.0f} core hours")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
