@@ -197,7 +197,8 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         score.append(before.score[:, :n].sum(axis=0))
         information.append(before.information[:, :n, :n].sum(axis=0))
     fleet = random_effects(np.array(score), np.array(information))
-    unlike = outliers([_unchanged(one, changed.get(one.name)) for one in _scores(store, rigs, names)], names, fleet)
+    before_change = (_unchanged(one, changed.get(one.name)) for one in _scores(store, rigs, names))
+    unlike = outliers(before_change, names, fleet)
     unlike_q = false_discovery_rates([1.0 if one is None else one.p for one in unlike])
     shown = {one.cause for one in changed.values()} | {
         one.cause for one, value in zip(unlike, unlike_q, strict=True) if one is not None and value <= rate
@@ -223,7 +224,10 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         report("rigs", i + 1)
     return Fleet(
         plant.name, rate, tuple(rows), _parameters(plant, names, fleet),
-        drifts(moved, names, plant, rate, {rig.name: rig.logs for rig in rigs}), tuple(names.causes),
+        drifts(
+            moved, names, plant, rate, {rig.name: rig.logs for rig in rigs},
+            {name for name, one in changed.items() if one.first > 0},
+        ), tuple(names.causes),
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -14,20 +14,28 @@ from .result import Drift
 
 
 def drifts(
-    scans: Sequence[Scan], names: Names, plant: Plant, rate: float, logs: Mapping[str, Sequence[FleetLog]]
+    scans: Sequence[Scan],
+    names: Names,
+    plant: Plant,
+    rate: float,
+    logs: Mapping[str, Sequence[FleetLog]],
+    stepped: Collection[str],
 ) -> tuple[Drift, ...]:
     """The drifts that are significant at a false-discovery rate over all rigs and parameters.
 
+    A step shows as a trend too: rigs that changed in one (`stepped`) are left out, and so is a trend that a single step
+    explains better.
+
     scans: of each rig, with the plant's parameters as causes (`Names.of_parameters`).
     """
-    tested = [one for one in scans if -1 in one.times]
+    tested = [one for one in scans if -1 in one.times and one.rig not in stepped]
     if not tested:
         return ()
     parameters = names.names[: names.nominal]
     statistics = np.array([one.statistic[:, one.times.index(-1)] for one in tested])
     null = single_null(statistics)
     rows: list[Drift] = []
-    p = []
+    p, steps = [], []
     for one in tested:
         column = one.times.index(-1)
         of_all = null.p(one.statistic[:, column])
@@ -36,14 +44,14 @@ def drifts(
             best = int(np.argmax(one.statistic[i]))
             unit = names.scale[i] / span
             sd = float(np.sqrt(one.variance[name][column, 0] * null.factor[i]) * unit)
-            since = "" if best == column else logs[one.rig][one.times[best]].date.isoformat()
             p.append(float(of_all[i]))
             slope = float(one.size[name][column, 0] * unit)
-            rows.append(Drift(one.rig, name, plant.parameters[name].unit, slope, sd, p[-1], 1.0, since))
+            rows.append(Drift(one.rig, name, plant.parameters[name].unit, slope, sd, p[-1], 1.0))
+            steps.append(best != column)
     q = false_discovery_rates(p)
     found = [
-        Drift(row.rig, row.parameter, row.unit, row.slope, row.sd, row.p, float(value), row.since)
-        for row, value in zip(rows, q, strict=True)
-        if value <= rate
+        Drift(row.rig, row.parameter, row.unit, row.slope, row.sd, row.p, float(value))
+        for row, value, step in zip(rows, q, steps, strict=True)
+        if value <= rate and not step
     ]
     return tuple(sorted(found, key=lambda row: row.p))

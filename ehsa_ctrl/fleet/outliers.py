@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,23 +29,25 @@ class Outlier:
     size: np.ndarray
 
 
-def outliers(rigs: Sequence[RigScores], names: Names, fleet: RandomEffects) -> list[Outlier | None]:
+def outliers(rigs: Iterable[RigScores], names: Names, fleet: RandomEffects) -> list[Outlier | None]:
     """The largest difference of each rig; None for all in a fleet of fewer than ENOUGH_RIGS rigs.
 
-    rigs: their logs before any change. fleet: of the plant's parameters, whose spread is the prior of a unit.
+    rigs: their logs before any change, one by one. fleet: of the plant's parameters, whose spread is the prior of a
+    unit.
     """
-    if len(rigs) < ENOUGH_RIGS:
-        return [None] * len(rigs)
-    statistic = np.zeros((len(rigs), len(names.causes)))
+    rig_names, estimates = [], []
+    for rig in rigs:
+        rig_names.append(rig.name)
+        estimates.append([_estimate(rig, names, own, fleet) for own in names.causes.values()])
+    if len(rig_names) < ENOUGH_RIGS:
+        return [None] * len(rig_names)
+    statistic = np.zeros((len(rig_names), len(names.causes)))
     parameters = np.zeros(len(names.causes))
-    sizes: list[list[np.ndarray]] = []
+    sizes: list[np.ndarray] = []
     for column, own in enumerate(names.causes.values()):
-        found = [_estimate(rig, names, own, fleet) for rig in rigs]
-        value, variance = (np.array([one[i] for one in found]) for i in (0, 1))
+        value, variance = (np.array([one[column][i] for one in estimates]) for i in (0, 1))
         known = np.isfinite(variance)
         parameters[column] = np.any(known.sum(axis=0) >= ENOUGH_RIGS)
-        sizes.append([])
-        total = np.zeros(len(rigs))
         difference = np.zeros_like(value)
         for i in range(len(own)):
             seen = known[:, i]
@@ -54,18 +56,18 @@ def outliers(rigs: Sequence[RigScores], names: Names, fleet: RandomEffects) -> l
             difference[seen, i] = value[seen, i] - np.median(value[seen, i])
             spread = robust_variance(difference[seen, i], variance[seen, i])
             # The largest of several, so that a cause with many parameters is not favoured.
-            total[seen] = np.maximum(total[seen], difference[seen, i] ** 2 / (variance[seen, i] + spread))
-        statistic[:, column] = total
-        sizes[-1] = list(difference)
+            found = difference[seen, i] ** 2 / (variance[seen, i] + spread)
+            statistic[seen, column] = np.maximum(statistic[seen, column], found)
+        sizes.append(difference)
     if not parameters.any():
-        return [None] * len(rigs)
+        return [None] * len(rig_names)
     null = largest_null([row[:, None] for row in statistic], parameters)
     listed, relative = list(names.causes), statistic / null.factor
     relative[:, parameters == 0] = -1.0
     best = np.argmax(relative, axis=1)
     return [
-        Outlier(rig.name, listed[best[i]], null.p(statistic[i][:, None]), sizes[best[i]][i])
-        for i, rig in enumerate(rigs)
+        Outlier(name, listed[best[i]], null.p(statistic[i][:, None]), sizes[best[i]][i])
+        for i, name in enumerate(rig_names)
     ]
 
 
