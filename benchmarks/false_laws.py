@@ -1,12 +1,13 @@
 """Laws that the search finds where there is none: in logs without a gap, and for placebos of an unknown input.
 
 python benchmarks/withheld/cases.py --set reported --family none --count 300 --out results/withheld/no_gap
-python benchmarks/false_laws.py no_gap results/withheld/no_gap --searched 60 --seconds 10
+python benchmarks/false_laws.py verdicts results/withheld/no_gap
+python benchmarks/false_laws.py forced results/withheld/no_gap --count 60 --seconds 10
 python benchmarks/withheld/cases.py --set tuning --family outside --count 15 --out results/withheld/outside
-python benchmarks/false_laws.py placebo results/withheld/outside --searched 10 --seconds 10
+python benchmarks/false_laws.py placebo results/withheld/outside --count 10 --seconds 12
 
-`no_gap` diagnoses every log, and in some of them it searches a law although there is no gap; an effect below the
-threshold may be found by that. `placebo` replaces each unknown input by itself reversed in time, and by a signal of the
+`verdicts` diagnoses logs as `ehsa-ctrl diagnose` does. `forced` searches a law although there is no gap, where an effect
+below the threshold may be found. `placebo` replaces each unknown input by itself reversed in time, and by a signal of the
 same spectrum with random phases. What a placebo's law closes of the gap on held-out data, simulated as it was found, is
 shown beside what the law of the unknown input closes. Cases come in random order, so that a part is a sample.
 """
@@ -16,6 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -107,38 +109,36 @@ def read(folder: Path, name: str, seconds: float) -> tuple[Plant, Log]:
     return plant, log.segment(None, log.time[0] + seconds) if seconds else log
 
 
-def no_gap(folder: Path, names: Sequence[str], searched: int, seconds: float) -> None:
-    verdicts: dict[str, int] = {}
-    accepted = []
-    for name in names:
-        found = ehsa_ctrl.diagnose(*read(folder, name, 0.0), jobs=1)
-        verdicts[found.verdict] = verdicts.get(found.verdict, 0) + 1
-        if found.law is not None:
-            accepted.append(name)
-        if sum(verdicts.values()) % 50 == 0:
-            print(f"{sum(verdicts.values())} logs, {time.process_time():.0f} s", flush=True)
-    print(f"verdicts of {len(names)} logs: {verdicts}; laws proposed: {len(accepted)} {accepted}", flush=True)
-    laws = {"nothing": 0, "an effect below the threshold": 0}
-    logs = dict.fromkeys(laws, 0)
-    for i, name in enumerate(names[:searched], 1):
-        plant, log = read(folder, name, seconds)
-        law = Search.of(plant, log).law()
+def verdicts(folder: Path, names: Sequence[str], seconds: float) -> None:
+    """Print how many of the logs get which verdict, and which get a law."""
+    found = {name: ehsa_ctrl.diagnose(*read(folder, name, seconds), jobs=1) for name in names}
+    print(f"{len(found)} logs: {dict(Counter(one.verdict for one in found.values()))}")
+    print(f"laws: {[name for name, one in found.items() if one.law is not None] or 'none'}")
+
+
+def forced(folder: Path, names: Sequence[str], seconds: float) -> None:
+    """Print the law that the search accepts in each log."""
+    counts = {True: [0, 0], False: [0, 0]}
+    for i, name in enumerate(names, 1):
+        law = Search.of(*read(folder, name, seconds)).law()
         small = json.loads((folder / "keys" / f"{name}.json").read_text())["below_threshold"]
-        acts = "an effect below the threshold" if small else "nothing"
-        laws[acts], logs[acts] = laws[acts] + bool(law), logs[acts] + 1
+        counts[bool(small)][0] += 1
+        counts[bool(small)][1] += bool(law)
         there = ", ".join(f"{one['id']} ({one['law']})" for one in small) or "nothing"
         print(f"{i} {name}: law: {law or 'none'}; there is: {there}; {time.process_time():.0f} s", flush=True)
-    for acts, count in laws.items():
-        print(f"logs in which {acts} is to be found: {logs[acts]}; laws: {count}")
+        for acts, (logs, laws) in counts.items():
+            words = "an effect below the threshold" if acts else "parameter errors alone"
+            print(f"   {words}: {logs} logs, {laws} laws", flush=True)
 
 
-def placebo(folder: Path, names: Sequence[str], searched: int, seconds: float) -> None:
+def placebo(folder: Path, names: Sequence[str], seconds: float) -> None:
+    """Print what the laws of placebos close of the gap."""
     random, rows = np.random.default_rng(0), []
     print("| case | the unknown input | reversed in time | random phases |\n|---|---|---|---|")
     for name in names:
         plant, log = read(folder, name, seconds)
         search = Search.of(plant, log)
-        if largest(search.scoring.training.gap({})) < THRESHOLD or len(rows) == searched:
+        if largest(search.scoring.training.gap({})) < THRESHOLD:
             continue
         inputs = search.base.inputs(search.scoring.objective.nominal)
         made: Mapping[str, list[Windows]] = {
@@ -158,15 +158,17 @@ def placebo(folder: Path, names: Sequence[str], searched: int, seconds: float) -
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Count the laws that the search finds where there is none.")
-    parser.add_argument("what", choices=("no_gap", "placebo"))
+    parser.add_argument("what", choices=[one.__name__ for one in (verdicts, forced, placebo)])
     parser.add_argument("cases", type=Path, help="folder of withheld/cases.py")
-    parser.add_argument("--searched", type=int, default=60, help="logs in which a law is searched")
-    parser.add_argument("--seconds", type=float, default=0.0, help="length of these logs [s]; all of it by default")
+    parser.add_argument("--skip", type=int, default=0, help="first cases to leave out, after an interruption")
+    parser.add_argument("--count", type=int, help="cases; all by default")
+    parser.add_argument("--seconds", type=float, default=0.0, help="length of the logs [s]; all of it by default")
     options = parser.parse_args()
     names = sorted(file.stem for file in (options.cases / "keys").glob("*.json"))
     np.random.default_rng(1).shuffle(names)
+    work = {one.__name__: one for one in (verdicts, forced, placebo)}[options.what]
     with one_blas_thread():
-        (no_gap if options.what == "no_gap" else placebo)(options.cases, names, options.searched, options.seconds)
+        work(options.cases, names[options.skip :][: options.count], options.seconds)
 
 
 if __name__ == "__main__":

@@ -291,7 +291,7 @@ def _fit(problem: _SumProblem, grammar: Grammar, chosen: tuple[int, ...], share:
 
 
 def _stable(grammar: Grammar, windows: Windows, nuisance: np.ndarray, fit: LawFit) -> LawFit | None:
-    """The sum with its shapes off the grid and without unstable terms; None if none is stable."""
+    """The sum with its shapes off the grid and without unstable terms; None if none is left."""
     while True:
         sure = [abs(f) > STABLE * sd for f, sd in zip(fit.factors, fit.sd, strict=True)]
         terms = [term for term, one in zip(fit.terms, sure, strict=True) if one]
@@ -301,6 +301,9 @@ def _stable(grammar: Grammar, windows: Windows, nuisance: np.ndarray, fit: LawFi
         problem = _SumProblem.of(grammar, windows, terms, nuisance)
         chosen = tuple(range(len(problem.terms)))
         found = _fit(problem, grammar, chosen, problem.whole)
+        if not np.isfinite([*found.factors, *found.sd]).all():
+            # A location that has left the data, where the term is almost zero.
+            return None
         if all(sure):
             return found
         fit = found
