@@ -6,10 +6,11 @@ python benchmarks/false_laws.py forced results/withheld/no_gap --count 60 --seco
 python benchmarks/withheld/cases.py --set tuning --family outside --count 15 --out results/withheld/outside
 python benchmarks/false_laws.py placebo results/withheld/outside --count 10 --seconds 12
 
-`verdicts` diagnoses logs as `ehsa-ctrl diagnose` does. `forced` searches a law although there is no gap, where an effect
-below the threshold may be found. `placebo` replaces each unknown input by itself reversed in time, and by a signal of the
-same spectrum with random phases. What a placebo's law closes of the gap on held-out data, simulated as it was found, is
-shown beside what the law of the unknown input closes. Cases come in random order, so that a part is a sample.
+`verdicts` diagnoses logs as `ehsa-ctrl diagnose` does. `forced` searches a law although there is no gap, where an
+effect below the threshold may be found. `placebo` replaces each unknown input by itself reversed in time, and by a
+signal of the same spectrum with random phases. What a placebo's law closes of the gap on held-out data, simulated as it
+was found, is shown beside what the law of the unknown input closes. Cases come in random order, so that a part is a
+sample.
 """
 
 from __future__ import annotations

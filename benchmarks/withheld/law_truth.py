@@ -68,7 +68,8 @@ OUTSIDE_TRUTHS = {
 }
 
 #: Effect of the catalogue that the grammar can write -> what would be right. Wrong numbers of the nominal plant are not
-#: among them, because its refit needs no effect, nor are errors of sensors. Of wrong areas it is the flow alone.
+#: among them, because its refit needs no effect, nor are errors of sensors and effects in the balances of rod and chambers
+#: at once.
 REMOVED = {
     "torque_saturation": Removed(
         Truth(SHAFT, ("current",), _any("current * abs(current)", "current**3", "tanh(current", "max(current -"))
@@ -83,7 +84,6 @@ REMOVED = {
     "drive_lag": Removed(Truth(SHAFT, ("current",), (r"\(c_m_\d - current\)",)), ("drive_delay",)),
     "orifice_leakage": Removed(Truth(FLOWS, ("(P_1 - P_2)",), _any("sqrt(abs((P_1 - P_2)))"))),
     "external_leakage": Removed(Truth(("flows",), ("P",), (r"c_\d \* P(?: \+|$)",))),
-    "unequal_areas": Removed(Truth(("flows",), ("v",), (r"c_\d \* v(?: \+|$)",))),
     "relief_valve": Removed(Truth(FLOWS, ("P",), (r"max\((?:abs\()?\(?P(?:_|\b)",)), ("relief_hysteresis",)),
     "anti_cavitation": Removed(Truth(FLOWS, ("P",), (r"max\(c_at_\d - P(?:_|\b)",))),
     "pump_dead_zone": Removed(Truth(FLOWS, ("omega",), _any("tanh(omega"))),

@@ -79,7 +79,7 @@ class Row:
             probability=first.probability if first else math.nan,
             place=found.where[0][0] if found.where else "",
             gap_before=found.gap["nominal"]["total"],
-            gap_after=found.gap.get("with_law", found.gap["with_effects"])["total"],
+            gap_after=found.improved_gap["total"],
             seconds=found.seconds,
             digest=digest,
             causes=tuple((cause.name, *cause.ambiguous_with) for cause in found.effects),

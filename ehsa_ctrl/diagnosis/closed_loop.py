@@ -51,8 +51,7 @@ class LoopComparison:
         replay, gaps = self.replay, {}
         if replay is not None:
             # The nominal plant and the improved one, by the names that they have here.
-            improved = replay.gap.get("with_law", replay.gap["with_effects"])
-            gaps = dict(zip(self.metrics, (replay.gap["nominal"], improved), strict=False))
+            gaps = dict(zip(self.metrics, (replay.gap["nominal"], replay.improved_gap), strict=False))
         return as_dict(
             self, "scenario controller failures", plants=list(self.metrics),
             metrics={

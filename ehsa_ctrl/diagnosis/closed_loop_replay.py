@@ -68,6 +68,11 @@ class ClosedLoopReplay:
     simulated: Mapping[str, Mapping[str, np.ndarray]] = field(repr=False)
 
     @property
+    def improved_gap(self) -> Mapping[str, float]:
+        """Signal -> gap that the improved plant leaves; it is the last of the models."""
+        return list(self.gap.values())[-1]
+
+    @property
     def seconds(self) -> float:
         """Time that log and simulations have in common [s]."""
         return float(self.time[-1] - self.time[0])
@@ -161,7 +166,9 @@ def replay_loop(found: Diagnosis, case: LoopCase) -> tuple[ClosedLoopReplay, lis
 
 
 def models_of(found: Diagnosis) -> dict[str, Plant]:
-    """Model of a diagnosis -> plant: as believed, with refitted parameters, with the causes, and last with a law."""
+    """Model of a diagnosis -> plant: nominal, with refitted parameters, with the causes, and with a law if there is one.
+
+    The last one is the improved plant."""
     refit = found.values.get("refit", {})
     refitted = improved_plant(found.plant, (), refit, {}) if refit else found.plant
     improved = found.improved or found.plant

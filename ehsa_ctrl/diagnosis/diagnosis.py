@@ -225,6 +225,11 @@ class Diagnosis(Result):
         return [replace(self, logs=(), **{name: getattr(one, name) for name in names}) for one in self.logs]
 
     @property
+    def improved_gap(self) -> Mapping[str, float]:
+        """Signal -> gap that the improved plant leaves on held-out data: with the law, else with the causes."""
+        return self.gap["with_effects" if self.law is None else "with_law"]
+
+    @property
     def explained(self) -> float:
         """Share of the nominal gap in total that the causes close on held-out data."""
         before, after = (self.gap[model]["total"] for model in ("nominal", "with_effects"))

@@ -80,15 +80,18 @@ def confirm_law(
     if effect.name not in prepared.model.plant.structure.effects:
         raise InputError(f"{effect.law.where}: the law does not fit {plant.name}; ehsa-ctrl check names the reason")
     tested = _Test.of(prepared, split_logs(prepared, whole, has_gap=True), effect, law, threshold)
-    found = diagnose(bare, list(logs), threshold=threshold, watch=watch)
-    refused, numbers = tested.refusals(found), tested.numbers
+    refused = tested.refusals
+    alternatives: tuple[str, ...] = ()
+    if not refused:
+        found = diagnose(bare, list(logs), threshold=threshold, watch=watch)
+        refused, alternatives = tested.closed_by(found), _alternatives(found, name)
     return replace(
         empty,
-        refused=tuple(refused),
+        refused=refused,
         gap=tested.gap,
-        parameters=numbers,
+        parameters=tested.numbers,
         range=_ranges(prepared, law),
-        alternatives=_alternatives(found, name),
+        alternatives=alternatives,
         held_out=tested.segments.held_out.name,
     )
 
@@ -178,12 +181,12 @@ class _Test:
             found[name] = RefittedNumber(one.value, one.sd, after, sd, one.unit, not (apart and changed))
         return found
 
-    def refusals(self, found: Diagnosis) -> list[str]:
-        """Why the logs do not confirm the law; empty if they do. found: diagnosis of the logs with the law as one of
-        the effects."""
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Why the logs do not confirm the law, whatever the catalogue explains; empty if they do."""
         if self.change < self.threshold:
             words = f"too little excitation: the law changes no signal by {100 * self.threshold:g} % there (largest "
-            return [f"{words}{100 * self.change:.2g} %); drive the rig through the range of the law"]
+            return (f"{words}{100 * self.change:.2g} %); drive the rig through the range of the law",)
         out = []
         without, with_law = self.gap["refit"]["total"], self.gap["with_law"]["total"]
         if not with_law < BETTER * without:
@@ -203,11 +206,17 @@ class _Test:
             for n, one in numbers.items()
             if not one.overlaps and n not in unsure
         ]
+        return tuple(out)
+
+    def closed_by(self, found: Diagnosis) -> tuple[str, ...]:
+        """Why the catalogue explains the logs better; empty if it does not. found: diagnosis of the logs with the law
+        as one of the effects."""
         named = [cause.name for cause in found.effects if cause.probability >= 0.5]
-        closed, own = found.explained, 1.0 - with_law / max(self.gap["nominal"]["total"], 1e-12)
+        closed, own = found.explained, 1.0 - self.gap["with_law"]["total"] / max(self.gap["nominal"]["total"], 1e-12)
         if named and closed > own and found.verdict in ("effect", "parameters"):
-            out += [f"{join_words(named)} of the catalogue closes more: {100 * closed:.0f} % against {100 * own:.0f} %"]
-        return out
+            words = f"{join_words(named)} of the catalogue closes more: {100 * closed:.0f} % against {100 * own:.0f} %"
+            return (words,)
+        return ()
 
 
 def _fit(

@@ -68,7 +68,7 @@ class Confirmation(Result):
     refused: the reasons against it; empty if it is confirmed.
     gap: model (see MODELS) -> signal -> gap on held-out data; in all but the first, nominal parameters follow.
     parameters: number -> as proposed and refitted. range: variable -> where the law was found, and here.
-    alternatives: effects of the catalogue that explain these logs as well.
+    alternatives: effects of the catalogue that explain these logs as well; not looked for where the law is refused.
     """
 
     name: str
