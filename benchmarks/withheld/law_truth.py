@@ -68,8 +68,8 @@ OUTSIDE_TRUTHS = {
 }
 
 #: Effect of the catalogue that the grammar can write -> what would be right. Wrong numbers of the nominal plant are not
-#: among them, because its refit needs no effect, nor are errors of sensors and effects in the balances of rod and chambers
-#: at once.
+#: among them, because its refit needs no effect, nor are errors of sensors and effects in the balances of rod and
+#: chambers at once.
 REMOVED = {
     "torque_saturation": Removed(
         Truth(SHAFT, ("current",), _any("current * abs(current)", "current**3", "tanh(current", "max(current -"))

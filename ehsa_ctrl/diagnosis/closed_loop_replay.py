@@ -166,9 +166,8 @@ def replay_loop(found: Diagnosis, case: LoopCase) -> tuple[ClosedLoopReplay, lis
 
 
 def models_of(found: Diagnosis) -> dict[str, Plant]:
-    """Model of a diagnosis -> plant: nominal, with refitted parameters, with the causes, and with a law if there is one.
-
-    The last one is the improved plant."""
+    """Model of a diagnosis -> plant: nominal, with refitted parameters, with the causes, and with a law if there is
+    one. The last one is the improved plant."""
     refit = found.values.get("refit", {})
     refitted = improved_plant(found.plant, (), refit, {}) if refit else found.plant
     improved = found.improved or found.plant

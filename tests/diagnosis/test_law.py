@@ -343,6 +343,17 @@ def test_the_torque_of_a_gear_is_a_variable(servo):
     assert grammar.shown(late).unit == "rad/s2"
 
 
+def test_dry_friction_along_a_torque_has_a_direction(servo):
+    """Its mean over both directions says nothing; along the speed the direction is that of the variable."""
+    grammar = servo[-1]
+    gear = Term("d_M * abs(T_G)", frozenset({"T_G"}))
+    coulomb, viscous = Term("d_M", frozenset()), Term("omega", frozenset({"omega"}))
+
+    assert (grammar.direction_of([gear]) == grammar.known["d_M"]).all()
+    assert grammar.direction_of([viscous, coulomb]).size == 0
+    assert grammar.direction_of([Term("theta", frozenset({"theta"}))]).size == 0
+
+
 def test_a_standstill_shows_its_friction(servo):
     """Where the nominal servo would move and this one does not: the torque of the gear explains it best."""
     believed, gear, log, signals, grammar = servo

@@ -39,7 +39,7 @@ def test_leakage_to_the_tank_is_one_law(plant):
 
 
 def test_the_flow_of_unequal_areas_is_one_law(plant):
-    """In the balances; in free run the force is needed too. Chamber 1 grows faster and chamber 2 shrinks more slowly: - dA A v / 2 in both."""
+    """Chamber 1 grows faster, chamber 2 shrinks more slowly: - dA A v / 2 in both. A free run needs the force too."""
     found, _ = both_chambers(plant, "unequal_areas", dA=0.1)
     best = find_sums(found.grammar, found.windows, found.nuisance)[0]
 

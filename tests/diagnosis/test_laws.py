@@ -35,7 +35,7 @@ def test_the_law_is_named_with_the_parameter_of_its_form(shared_logs, name, id, 
 
 
 def scipy_log(rig, current):
-    """A log of SciPy's integrator, with the equations in plain Python, and ten times its error of noise."""
+    """A log of SciPy's integrator, with the equations in plain Python; its error is a tenth of the bench's noise."""
     run = ehsa_ctrl.simulate_reference(rig, current, method="RK23", rtol=1e-4)
     states = dict(zip(["speed", "p1", "p2", "v", "position"], run.states.T[:5], strict=True))
     channels = {"current": current, **{name: states[name] for name in NOISE if name in states}}

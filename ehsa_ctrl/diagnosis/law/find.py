@@ -203,6 +203,7 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
         variable=shown.values,
         measured=best.measured,
         fitted=best.law.refitted.values,
+        direction=law.grammar.direction_of(law.terms),
         explained=max(law.explained, 0.0),
         placebo=max(best.placebo, 0.0),
         beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),

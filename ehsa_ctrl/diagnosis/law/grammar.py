@@ -200,6 +200,12 @@ class Grammar:
         speed = {v.text for v in self.variables if v.speed}
         return self.direction in Expression.parse(term.text).names or bool(speed & term.variables)
 
+    def direction_of(self, terms: Sequence[Term]) -> np.ndarray:
+        """(N - 1,) direction of the contact, where a sum of terms has it beside another variable than the speed along
+        which it is drawn; else empty."""
+        dry = self.direction and any(self.direction in Expression.parse(term.text).names for term in terms)
+        return self.known[self.direction] if dry and not self.shown(terms[0]).speed else np.zeros(0)
+
     def terms(self) -> Iterator[Term]:
         """All terms of one variable, over the grid of their shapes, and all products of two variables."""
         yield Term("1", frozenset())

@@ -287,7 +287,10 @@ def _fit(problem: _SumProblem, grammar: Grammar, chosen: tuple[int, ...], share:
         draws.append(problem.solve(chosen, count[which].astype(float)))
     terms = tuple(problem.terms[i] for i in chosen)
     factors = problem.solve(chosen)
-    return LawFit(grammar, terms, tuple(factors.tolist()), tuple(np.std(draws, axis=0).tolist()), share)
+    with np.errstate(over="ignore", invalid="ignore"):
+        # A term that is almost zero along the log has a factor whose square overflows.
+        sd = np.std(draws, axis=0)
+    return LawFit(grammar, terms, tuple(factors.tolist()), tuple(sd.tolist()), share)
 
 
 def _stable(grammar: Grammar, windows: Windows, nuisance: np.ndarray, fit: LawFit) -> LawFit | None:

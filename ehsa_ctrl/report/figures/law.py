@@ -10,7 +10,7 @@ from ...core.errors import InputError
 from ...diagnosis.diagnosis import Diagnosis
 from ...physics.effects import ADDENDS
 from ..signals import unit_of_balance
-from ..style import BLACK, BLUE, VERMILION
+from ..style import BLACK, BLUE, GREEN, VERMILION
 from ..text import unit
 from ._layout import sheet
 
@@ -21,7 +21,8 @@ BINS = 30
 def law_figure(diagnosis: Diagnosis) -> Figure:
     """The unknown input along the first variable of the law: mean per bin with a band of one standard deviation.
 
-    Left: with the most probable form, from the regression. Right: without it.
+    Left: with the most probable form, from the regression. Right: what the law leaves. Dry friction changes its sign
+    with the direction of motion, so that both directions are drawn apart.
 
     Raises InputError for a diagnosis without a law.
     """
@@ -29,19 +30,20 @@ def law_figure(diagnosis: Diagnosis) -> Figure:
     if law is None:
         raise InputError("law_figure got a diagnosis without a law; there is nothing to show")
     known = np.isfinite(law.measured)
-    z, measured, fitted = law.variable[known], law.measured[known], law.fitted[known]
-    edges = np.unique(np.quantile(z, np.linspace(0.0, 1.0, BINS + 1)))
-    which = np.clip(np.searchsorted(edges, z, "right") - 1, 0, max(edges.size - 2, 0))
     usual, scale = unit_of_balance(ADDENDS[law.place].unit)
     words = law.variables[0] if law.variables else "variable"
     with sheet(f"Law: {law.forms[0].file.expression}", [["law", "left"]], [2.6]) as (figure, axes):
-        _band(axes["law"], z, measured / scale, which)
-        means = np.array([[np.mean(z[which == k]), np.mean(fitted[which == k])] for k in np.unique(which)])
-        axes["law"].plot(means[:, 0], means[:, 1] / scale, color=VERMILION, linewidth=1.8, zorder=3)
-        axes["law"].set_title("unknown input (band) and law (line)", loc="left", fontsize=8.5)
+        for name, rows, color, line in _parts(law.direction, known):
+            z, measured, fitted = law.variable[rows], law.measured[rows] / scale, law.fitted[rows] / scale
+            which = _bins(z)
+            _band(axes["law"], z, measured, which, color, f"unknown input{name}")
+            means = _means(z, fitted, which)
+            axes["law"].plot(means[:, 0], means[:, 1], line, color=VERMILION, lw=1.8, zorder=3, label=f"law{name}")
+            _band(axes["left"], z, measured - fitted, which, color, "")
+        axes["law"].set_title("unknown input and law", loc="left", fontsize=8.5)
         axes["law"].set_ylabel(f"{ADDENDS[law.place].meaning.partition(',')[0]}\n({unit(usual)})")
-        _band(axes["left"], z, (measured - fitted) / scale, which)
-        axes["left"].set_title("without the law", loc="left", fontsize=8.5)
+        axes["law"].legend(fontsize=7.5, loc="best")
+        axes["left"].set_title("what the law leaves", loc="left", fontsize=8.5)
         axes["left"].sharey(axes["law"])
         for ax in (axes["law"], axes["left"]):
             ax.axhline(0.0, color=BLACK, linewidth=0.6, zorder=1.5)
@@ -49,8 +51,30 @@ def law_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def _band(ax: Axes, z: np.ndarray, y: np.ndarray, which: np.ndarray) -> None:
+def _parts(direction: np.ndarray, known: np.ndarray) -> list[tuple[str, np.ndarray, str, str]]:
+    """Name, samples (N - 1,), colour and line of each curve: one for all motion, or one for each direction."""
+    if not direction.size:
+        return [("", known, BLUE, "-")]
+    return [
+        (", positive motion", known & (direction > 0.0), BLUE, "-"),
+        (", negative motion", known & (direction < 0.0), GREEN, "--"),
+    ]
+
+
+def _bins(z: np.ndarray) -> np.ndarray:
+    """(n,) number of the bin of each value; bins have as many values each."""
+    edges = np.unique(np.quantile(z, np.linspace(0.0, 1.0, BINS + 1))) if z.size else z
+    return np.clip(np.searchsorted(edges, z, "right") - 1, 0, max(edges.size - 2, 0))
+
+
+def _means(z: np.ndarray, y: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """(bins, 3) mean of z, and mean and standard deviation of y in each bin."""
+    rows = [[np.mean(z[which == k]), np.mean(y[which == k]), np.std(y[which == k])] for k in np.unique(which)]
+    return np.array(rows).reshape(-1, 3)
+
+
+def _band(ax: Axes, z: np.ndarray, y: np.ndarray, which: np.ndarray, color: str, label: str) -> None:
     """Mean and standard deviation in each bin."""
-    rows = np.array([[np.mean(z[which == k]), np.mean(y[which == k]), np.std(y[which == k])] for k in np.unique(which)])
-    ax.fill_between(rows[:, 0], rows[:, 1] - rows[:, 2], rows[:, 1] + rows[:, 2], color=BLUE, alpha=0.2, linewidth=0)
-    ax.plot(rows[:, 0], rows[:, 1], color=BLUE, linewidth=1.0, marker="o", markersize=3)
+    rows = _means(z, y, which)
+    ax.fill_between(rows[:, 0], rows[:, 1] - rows[:, 2], rows[:, 1] + rows[:, 2], color=color, alpha=0.2, linewidth=0)
+    ax.plot(rows[:, 0], rows[:, 1], color=color, linewidth=1.0, marker="o", markersize=3, label=label or None)

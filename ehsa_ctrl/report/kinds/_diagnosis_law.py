@@ -34,7 +34,8 @@ def law_section(content: Mapping[str, Any]) -> Section:
         )
     caption = (
         "Left: unknown input in bins of the variable, mean and one standard deviation, and the law. Right: what the "
-        "law leaves."
+        "law leaves. The sign of dry friction follows the motion; where it depends on another variable than the "
+        "speed, both directions are drawn apart."
     )
     return Section(
         "Law",

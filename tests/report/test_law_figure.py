@@ -1,0 +1,47 @@
+"""The figure of a law: dry friction is drawn for each direction apart, because its mean over both is zero."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import ehsa_ctrl as e
+from ehsa_ctrl.report.figures.law import law_figure
+
+from .diagnoses import CUBIC
+
+
+def curves(**fields):
+    """Label -> y of the curves in the left axes, of a law with these fields."""
+    figure = law_figure(SimpleNamespace(law=replace(CUBIC, **fields)))
+    found = {line.get_label(): line.get_ydata() for line in figure.axes[0].get_lines()}
+    plt.close(figure)
+    return {label: y for label, y in found.items() if not label.startswith("_")}
+
+
+def test_dry_friction_has_two_directions():
+    """Friction of 30 % of a torque: V-shaped and of either sign, while all motion together shows nothing."""
+    z = np.linspace(-1.0, 1.0, 2000)
+    direction = np.where(np.arange(z.size) % 2 == 0, 1.0, -1.0)
+    friction = -0.3 * direction * np.abs(z)
+    dry = curves(variable=z, measured=friction, fitted=friction, direction=direction)
+    whole = curves(variable=z, measured=friction, fitted=friction)
+
+    assert set(whole) == {"unknown input", "law"} and np.abs(whole["unknown input"]).max() < 0.01
+    assert dry["law, positive motion"].min() == pytest.approx(-0.3, abs=0.03)
+    assert dry["unknown input, negative motion"].max() == pytest.approx(0.3, abs=0.03)
+
+
+def test_motion_in_one_direction_alone():
+    """A log that never reverses has an empty second curve."""
+    z = np.linspace(0.0, 1.0, 200)
+    found = curves(variable=z, measured=z, fitted=z, direction=np.ones(z.size))
+
+    assert found["law, negative motion"].size == 0 and found["law, positive motion"].size > 10
+
+
+def test_a_diagnosis_without_a_law():
+    with pytest.raises(e.InputError, match="without a law"):
+        law_figure(SimpleNamespace(law=None))
