@@ -23,8 +23,7 @@ def drifts(
 ) -> tuple[Drift, ...]:
     """The drifts that are significant at a false-discovery rate over all rigs and parameters.
 
-    A step shows as a trend too: rigs that changed in one (`stepped`) are left out, and so is a trend that a single step
-    explains better.
+    A step shows as a trend too: rigs that changed in one (`stepped`) are left out.
 
     scans: of each rig, with the plant's parameters as causes (`Names.of_parameters`).
     """
@@ -35,23 +34,23 @@ def drifts(
     statistics = np.array([one.statistic[:, one.times.index(-1)] for one in tested])
     null = single_null(statistics)
     rows: list[Drift] = []
-    p, steps = [], []
+    p = []
     for one in tested:
         column = one.times.index(-1)
         of_all = null.p(one.statistic[:, column])
         span = (logs[one.rig][-1].date - logs[one.rig][0].date).total_seconds() / 86400.0
         for i, name in enumerate(parameters):
             best = int(np.argmax(one.statistic[i]))
+            since = "" if best == column else logs[one.rig][one.times[best]].date.isoformat()
             unit = names.scale[i] / span
             sd = float(np.sqrt(one.variance[name][column, 0] * null.factor[i]) * unit)
             p.append(float(of_all[i]))
             slope = float(one.size[name][column, 0] * unit)
-            rows.append(Drift(one.rig, name, plant.parameters[name].unit, slope, sd, p[-1], 1.0))
-            steps.append(best != column)
+            rows.append(Drift(one.rig, name, plant.parameters[name].unit, slope, sd, p[-1], 1.0, since))
     q = false_discovery_rates(p)
     found = [
-        Drift(row.rig, row.parameter, row.unit, row.slope, row.sd, row.p, float(value))
-        for row, value, step in zip(rows, q, steps, strict=True)
-        if value <= rate and not step
+        Drift(row.rig, row.parameter, row.unit, row.slope, row.sd, row.p, float(value), row.since)
+        for row, value in zip(rows, q, strict=True)
+        if value <= rate
     ]
     return tuple(sorted(found, key=lambda row: row.p))

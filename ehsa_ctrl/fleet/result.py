@@ -113,7 +113,10 @@ class FleetParameter:
 
 @dataclass(frozen=True)
 class Drift:
-    """A parameter of a rig that moves with time: slope per day with its sd, SI units. p, q: see `FleetRig`."""
+    """A parameter of a rig that moves with time: slope per day with its sd, SI units.
+
+    p, q: see `FleetRig`. since: date of a step that explains it better, else empty.
+    """
 
     rig: str
     parameter: str
@@ -122,6 +125,7 @@ class Drift:
     sd: float
     p: float
     q: float
+    since: str = ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -196,7 +200,7 @@ class Fleet(Result):
 
     def drift_table(self) -> pandas.DataFrame:
         """One row per significant drift."""
-        return as_table(self.drifts, "parameter unit slope sd p q", index="rig")
+        return as_table(self.drifts, "parameter unit slope sd p q since", index="rig")
 
     def to_dict(self) -> dict[str, Any]:
         """Content of fleet.json."""

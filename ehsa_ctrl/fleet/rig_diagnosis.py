@@ -10,7 +10,6 @@ from contextlib import closing
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from ..core.checkpoint import open_checkpoint
 from ..core.errors import EhsaError
@@ -50,14 +49,14 @@ def diagnose_changed(
     """
     changed = {rig.name: rig for rig in fleet.changed}
     checkpoint = open_checkpoint(
-        store.folder / RECORD, "diagnoses", "fleet", parse_json, anew=False,
+        store.folder / RECORD, "diagnoses", "fleet", _from_line, anew=False,
         none="is not the record of a fleet's diagnoses; move it away", other="is another record; move it away",
         wrong="is not a diagnosis",
     )  # fmt: skip
     folders = _folders(changed)
-    known = {line["key"]: line["diagnosis"] for line in checkpoint.results}
+    known = dict(checkpoint.results)
     keys = {name: _key(store, plants[name], Path(rig.file)) for name, rig in changed.items()}
-    found = {name: _from_dict(known[key]) for name, key in keys.items() if key in known}
+    found = {name: known[key] for name, key in keys.items() if key in known}
     todo = [(name, plants[name], Path(rig.file)) for name, rig in changed.items() if name not in found]
     if watch is not None:
         watch("diagnoses", len(found), len(changed))
@@ -69,7 +68,8 @@ def diagnose_changed(
                 found[name] = RigDiagnosis(file, error=one)
             else:
                 found[name] = RigDiagnosis(
-                    file, one.verdict, tuple((cause.name, *cause.ambiguous_with) for cause in one.effects),
+                    file, one.verdict,
+                    tuple(tuple(map(_label, (cause.name, *cause.ambiguous_with))) for cause in one.effects),
                     one.effects[0].probability if one.effects else float("nan"), one.gap["nominal"]["total"],
                     one.gap.get("with_law", one.gap["with_effects"])["total"],
                 )  # fmt: skip
@@ -93,10 +93,8 @@ def diagnose_changed(
                 small.append(rig.name)
         rigs.append(rig)
     if small:
-        words = (
-            f"{join_words(small)}: a change in {'their logs is' if len(small) > 1 else 'its logs is'} significant, but "
-        )
-        fleet = replace(fleet, notes=(*fleet.notes, f"{words}smaller than what matters, by the full diagnosis"))
+        words = f"{join_words(small)}: significant, but the full diagnosis finds no gap that matters; not counted"
+        fleet = replace(fleet, notes=(*fleet.notes, words))
     return replace(fleet, rigs=tuple(rigs))
 
 
@@ -117,6 +115,11 @@ def _key(store: Store, plant: Plant, path: Path) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
+def _label(name: str) -> str:
+    """The name of a cause as a fleet has it: "sensor_bias p1" for "sensor_bias (p1)"."""
+    return re.sub(r"^(\w+) \((\w+)\)$", r"\1 \2", name)
+
+
 def _folders(rigs: Iterable[str]) -> dict[str, str]:
     """A folder's name for each rig; names of rigs may have any character."""
     found: dict[str, str] = {}
@@ -128,6 +131,9 @@ def _folders(rigs: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def _from_dict(content: Mapping[str, Any]) -> RigDiagnosis:
+def _from_line(line: str) -> tuple[str, RigDiagnosis]:
+    """Key and diagnosis from a line of the record. Raises LookupError, TypeError or ValueError for another line."""
+    read = parse_json(line)
+    content = read["diagnosis"]
     values = {f.name: content[f.name] for f in fields(RigDiagnosis) if content.get(f.name) is not None}
-    return RigDiagnosis(**(values | {"causes": tuple(map(tuple, content["causes"]))}))
+    return str(read["key"]), RigDiagnosis(**(values | {"causes": tuple(map(tuple, content["causes"]))}))

@@ -26,7 +26,7 @@ COLUMNS = {
     },
     "drifts": {
         "rig": "string", "parameter": "string", "unit": "string", "slope": "float64", "sd": "float64", "p": "float64",
-        "q": "float64",
+        "q": "float64", "since": "string",
     },
 }  # fmt: skip
 

@@ -1,7 +1,7 @@
 """The JSON of each kind of result, as commands leave it."""
 
 from ehsa_ctrl.diagnosis.batch import LogBatch, Row
-from ehsa_ctrl.fleet.result import Fleet, FleetParameter, FleetRig, LogLine, RigDiagnosis
+from ehsa_ctrl.fleet.result import Drift, Fleet, FleetParameter, FleetRig, LogLine, RigDiagnosis
 
 from .diagnoses import diagnosis
 
@@ -30,8 +30,9 @@ def fleet():
         FleetParameter("K_T", "N m/A", 1.2, 1.21, 0.01, 0.04, 2.5),
         FleetParameter("V_10", "m3", 2e-3, 2e-3, 1e-4, None, 0.1),
     )
+    drifts = (Drift(AWKWARD, "K_T", "N m/A", -1e-4, 1e-5, 1e-6, 1e-4, day),)
     return Fleet(
-        "ehsa", 0.05, rigs, parameters, (), ("internal_leakage",), {"x.csv": "x.csv: is too short"}, ("a note",)
+        "ehsa", 0.05, rigs, parameters, drifts, ("internal_leakage",), {"x.csv": "x.csv: is too short"}, ("a note",)
     )
 
 
