@@ -1,7 +1,7 @@
 """Fleets: false discoveries among rigs that have not changed, and logs per core hour.
 
     ehsa-ctrl fleet --virtual 200 --seed 1 --out results/virtual --jobs -1
-    python benchmarks/fleet.py results/virtual [--repeats 200] [--logs 20]
+    python benchmarks/fleet.py results/virtual [--repeats 100] [--logs 20]
 
 From the store of a virtual fleet, whose truth is known. Rigs without a change are drawn anew, the order of each one's
 logs at random, so that nothing can have changed in time while everything else is as the simulation made it: sensor
@@ -62,7 +62,7 @@ def discoveries(scans: list[Scan], names: Names) -> set[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("store", type=Path)
-    parser.add_argument("--repeats", type=int, default=200)
+    parser.add_argument("--repeats", type=int, default=100)
     parser.add_argument("--share", type=float, default=0.8, help="of the unchanged rigs that a repeat draws")
     parser.add_argument("--logs", type=int, default=20, help="for the throughput")
     parser.add_argument("--seed", type=int, default=1)

@@ -21,7 +21,7 @@ from ..plant.plant import Plant
 from .changes import Names, RigChange, RigScores, changes, scan
 from .drifts import drifts
 from .manifest import FleetLog, find_logs
-from .null import false_discovery_rates
+from .null import false_discovery_rates, scatter
 from .outliers import outliers
 from .random_effects import RandomEffects, random_effects
 from .result import Fleet, FleetParameter, FleetRig, LogLine
@@ -196,7 +196,9 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         n = names.nominal
         score.append(before.score[:, :n].sum(axis=0))
         information.append(before.information[:, :n, :n].sum(axis=0))
-    fleet = random_effects(np.array(score), np.array(information))
+    # What the logs of an unchanged rig say differs by more than one log's own uncertainty.
+    between_logs = scatter([one.statistic for one in moved if one.times])
+    fleet = random_effects(np.array(score) / between_logs, np.array(information) / between_logs)
     before_change = (_unchanged(one, changed.get(one.name)) for one in _scores(store, rigs, names))
     unlike = outliers(before_change, names, fleet)
     unlike_q = false_discovery_rates([1.0 if one is None else one.p for one in unlike])

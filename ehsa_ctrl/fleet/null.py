@@ -123,6 +123,17 @@ def single_null(statistics: np.ndarray) -> SingleNull:
     return SingleNull(np.maximum(middle / stats.f.median(1.0, freedom), 1.0), freedom)
 
 
+def scatter(statistics: Sequence[np.ndarray]) -> float:
+    """Variance between a rig's logs over what each log's own uncertainty makes: median over parameters, at least 1.
+
+    statistics: (parameters, times) of each rig, of one parameter each.
+    """
+    if not statistics:
+        return 1.0
+    middle = np.median(np.concatenate(statistics, axis=1), axis=1)
+    return max(float(np.median(middle)) / float(stats.chi2.median(1.0)), 1.0)
+
+
 def _freedom_of(ratio: float) -> float:
     """Degrees of freedom d for which the quantiles TAIL and 0.5 of F(1, d) have this ratio, within the limits."""
 

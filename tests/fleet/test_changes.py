@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from ehsa_ctrl.fleet.changes import Names, changes, scan
-from ehsa_ctrl.fleet.null import false_discovery_rates, largest_null, single_null
+from ehsa_ctrl.fleet.null import false_discovery_rates, largest_null, scatter, single_null
 from ehsa_ctrl.fleet.outliers import robust_variance
 
 from .scores import NAMES, SCALE, fleet_of, made_up
@@ -156,3 +156,13 @@ def test_logs_with_other_names_are_joined():
     assert rig.information[1, 1, 1] == 0.0
     assert rig.information[1][np.ix_(keep, keep)] == pytest.approx(part.information / 4.0)
     assert rig.score[1, keep] == pytest.approx(part.score / 2.0)
+
+
+def test_the_scatter_between_logs_is_that_of_the_scores():
+    """Three times the variance that each log states."""
+    random = np.random.default_rng(10)
+    statistics = [3.0 * random.chisquare(1.0, size=(5, 4)) for _ in range(400)]
+
+    assert scatter(statistics) == pytest.approx(3.0, rel=0.2)
+    assert scatter([0.2 * one for one in statistics]) == 1.0
+    assert scatter([]) == 1.0
