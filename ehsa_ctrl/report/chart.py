@@ -99,7 +99,8 @@ class Strip:
 class RegimeCurve:
     """What an unknown input depends on; a click on a point marks its samples.
 
-    across, up: names with units of the axes. points: variable, mean and standard deviation of each bin, display units.
+    across, up: names with units of the axes; unit: of `up`. points: variable, mean and standard deviation of each bin,
+    display units.
     column: of the number of the bin in `file`, 1 for the first; 0 is in none.
     """
 
@@ -109,6 +110,7 @@ class RegimeCurve:
     points: Sequence[tuple[float, float, float]]
     column: str
     file: str
+    unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +142,7 @@ class Chart:
         own = [self.heading, self.file, self.caption, *(self.swap or ())]
         own += [text for each in self.switches for text in (each.key, each.label)]
         own += [text for each in self.lines for text in (each.label, each.column, each.file)]
-        return own + [text for each in self.regimes for text in (each.label, each.across, each.up)]
+        return own + [text for each in self.regimes for text in (each.label, each.across, each.up, each.unit)]
 
 
 def columns_of(path: Path) -> list[str]:

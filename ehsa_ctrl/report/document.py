@@ -24,11 +24,16 @@ PLAIN = " !$()*+,/:;=?@"
 
 
 def write_document(
-    template: str, path: Path, charts: Mapping[Chart, Mapping[str, Any] | str] = MappingProxyType({}), **content: Any
+    template: str,
+    path: Path,
+    charts: Mapping[Chart, Mapping[str, Any] | str] = MappingProxyType({}),
+    grids: bool = False,
+    **content: Any,
 ) -> Path:
     """Render a template of this package to `path` and return it; the same content gives the same bytes.
 
-    charts: live charts in `content` -> their numbers, or why they have none.
+    charts: live charts in `content` -> their numbers, or why they have none. grids: whether there are tables with small
+    lines.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
@@ -45,6 +50,7 @@ def write_document(
     library = chart_library() if live else None
     styles = [environment.get_template("page.css").render(), *([library.style] if library else [])]
     scripts = [*([library.script] if library else []), environment.get_template("page.js").render()]
+    scripts += [environment.get_template("grid.js").render()] if grids else []
     page = environment.get_template(template).render(
         styles=list(map(Markup, styles)),
         scripts=list(map(Markup, scripts)),

@@ -170,6 +170,7 @@ def _regime(regime: RegimeCurve, column: Any) -> dict[str, Any]:
         "label": regime.label,
         "across": regime.across,
         "up": regime.up,
+        "unit": regime.unit,
         "points": [list(point) for point in regime.points],
         "start": float(time[0]),
         "end": float(time[-1]),

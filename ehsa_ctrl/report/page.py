@@ -6,11 +6,13 @@ texts are strings, so that an edited JSON is rejected while the message can stil
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
+from urllib.parse import quote
 
 from .chart import Chart
 
@@ -67,6 +69,24 @@ class Link(str):
         link = super().__new__(cls, text)
         link.target = target
         return link
+
+
+class FileLink(str):
+    """A text that links to a file beside the JSON; `url` is its address in the page."""
+
+    file: str
+    url: str
+
+    def __new__(cls, text: str, file: str, place: str = ".") -> FileLink:
+        link = super().__new__(cls, text)
+        link.file = file
+        # Quoted because the name of a folder may start with javascript: or contain # or %.
+        link.url = quote(os.fsencode((Path(place) / file).as_posix()))
+        return link
+
+    def seen_from(self, place: str) -> FileLink:
+        """The link in a page from which the folder of the JSON is `place`."""
+        return FileLink(str(self), self.file, place)
 
 
 class Paragraph(NamedTuple):
@@ -191,6 +211,8 @@ def check(content: Any) -> None:
     """
     if isinstance(content, Chart):
         check([*content.texts, *content.pictures])
+    elif hasattr(content, "texts"):
+        check(content.texts)
     elif isinstance(content, list | tuple):
         if isinstance(content, Table) and any(len(row) != len(content.head) for row in content.rows):
             raise ValueError(f"the table {content.caption!r} is ragged")

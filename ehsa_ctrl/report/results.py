@@ -21,11 +21,13 @@ from ..core.files import read_json
 from ..plant.file import label
 from .chart import Chart
 from .document import image, to_webp, write_document
+from .grid import Grid
 from .kinds import kinds
 from .live import payloads
 from .page import (
     DOUBT,
     Facts,
+    FileLink,
     Kind,
     Page,
     Paragraph,
@@ -115,7 +117,7 @@ class StoredResult:
     @cached_property
     def sections(self) -> list[Section]:
         """The sections that have content; the provenance is last."""
-        return list(_without_empty([*self.page.sections, self.provenance], self.images))
+        return list(_without_empty([*self.page.sections, self.provenance], self.images, self.place))
 
     @property
     def file(self) -> str:
@@ -132,7 +134,9 @@ class StoredResult:
 def write_result_page(folder: Path, name: str) -> Path:
     """Write the page of one result beside its JSON `name` and its figures, and return its path."""
     result = _read(kinds()[name], Path(folder), "")
-    return write_document("page.html.j2", Path(folder) / result.kind.page, charts_of([result]), result=result)
+    return write_document(
+        "page.html.j2", Path(folder) / result.kind.page, charts_of([result]), _has_grid(result.sections), result=result
+    )
 
 
 def write_overview(results: Sequence[StoredResult], folder: Path, name: str) -> Path:
@@ -140,7 +144,9 @@ def write_overview(results: Sequence[StoredResult], folder: Path, name: str) -> 
 
     results: from `results_in`. name: of their folder, for the heading.
     """
-    return write_document("overview.html.j2", Path(folder) / FILE, charts_of(results), results=results, name=name)
+    grids = any(_has_grid(result.sections) for result in results)
+    path = Path(folder) / FILE
+    return write_document("overview.html.j2", path, charts_of(results), grids, results=results, name=name)
 
 
 def charts_of(results: Sequence[StoredResult]) -> dict[Chart, dict[str, Any] | str]:
@@ -203,11 +209,11 @@ def _read(kind: Kind, folder: Path, place: str) -> StoredResult:
         raise InputError(f"{path}: is not a result of ehsa-ctrl") from None
 
 
-def _without_empty(blocks: Iterable[Any], images: Mapping[str, Markup]) -> Iterator[Any]:
-    """The blocks without empty ones and without missing figures."""
+def _without_empty(blocks: Iterable[Any], images: Mapping[str, Markup], place: str) -> Iterator[Any]:
+    """The blocks without empty ones and without missing figures, with links as seen from the page."""
     for block in blocks:
         if isinstance(block, Section):
-            inner = list(_without_empty(block.blocks, images))
+            inner = list(_without_empty(block.blocks, images, place))
             if inner:
                 yield block._replace(blocks=inner)
         elif isinstance(block, Picture):
@@ -215,8 +221,23 @@ def _without_empty(blocks: Iterable[Any], images: Mapping[str, Markup]) -> Itera
                 yield block
         elif isinstance(block, Chart):
             yield replace(block, pictures=[picture for picture in block.pictures if picture.stem in images])
+        elif isinstance(block, Table):
+            if block.rows:
+                yield _linked(block, place)
+        elif isinstance(block, Grid):
+            yield replace(block, table=_linked(block.table, place))
         elif block[-1] or isinstance(block, Paragraph):
             yield block
+
+
+def _has_grid(blocks: Iterable[Any]) -> bool:
+    return any(isinstance(b, Grid) or (isinstance(b, Section) and _has_grid(b.blocks)) for b in blocks)
+
+
+def _linked(table: Table, place: str) -> Table:
+    """A table whose links to files are seen from the page."""
+    rows = [[cell.seen_from(place) if isinstance(cell, FileLink) else cell for cell in row] for row in table.rows]
+    return table._replace(rows=rows)
 
 
 def _embed(folder: Path, stem: str, words: str, limit: int) -> Markup | None:

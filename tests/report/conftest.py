@@ -1,6 +1,7 @@
 """Scenarios that pass and fail, identifications that fit and don't, made once for all tests of the report."""
 
 import dataclasses
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.core.result import to_json
 from ehsa_ctrl.identification.identification import FreeRuns
 from ehsa_ctrl.identification.identify import identify
+from ehsa_ctrl.report.live import chart_library
 from ehsa_ctrl.report.provenance import provenance
 from ehsa_ctrl.scenario.definition import Scenario, ScenarioFile
 from ehsa_ctrl.scenario.run import run
@@ -127,3 +129,26 @@ def tree(gentle, harsh, fitting, tmp_path_factory):
     (root / "simulation" / "simulation.svg").write_text(svg)
     (root / "design" / "step.svg").write_text(svg.replace("<g", "<script>alert(1)</script><g"))
     return root
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Headless Chromium of the system."""
+    binary, service = shutil.which("chromium"), shutil.which("chromedriver")
+    if binary is None or service is None:
+        pytest.skip("needs chromium and chromium-driver (Debian: apt-get install chromium chromium-driver)")
+    if chart_library() is None:
+        pytest.skip("needs the extra live")
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = binary
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(service))
+    try:
+        yield driver
+    finally:
+        driver.quit()

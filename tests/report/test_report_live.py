@@ -4,7 +4,6 @@ import base64
 import dataclasses
 import json
 import re
-import shutil
 import time
 import zlib
 
@@ -16,10 +15,11 @@ import ehsa_ctrl as e
 from ehsa_ctrl.diagnosis.closed_loop_replay import ClosedLoopReplay
 from ehsa_ctrl.report import document
 from ehsa_ctrl.report.kinds._charts import free_run_chart, loop_replay_chart, simulation_chart
-from ehsa_ctrl.report.live import chart_library, encode, pack, payloads, spans, thin
+from ehsa_ctrl.report.live import encode, pack, payloads, spans, thin
 from ehsa_ctrl.report.page import Picture
 from ehsa_ctrl.report.result_tables import diagnosis_tables, save_tables, simulation_tables
 
+from .browsing import show, wait
 from .diagnoses import diagnosis
 
 #: Largest page of a 24 s log of eight channels [bytes].
@@ -119,29 +119,6 @@ def test_a_damaged_table_leaves_the_printed_figure(tmp_path, gentle):
 
 
 @pytest.fixture(scope="module")
-def browser():
-    """Headless Chromium of the system."""
-    binary, service = shutil.which("chromium"), shutil.which("chromedriver")
-    if binary is None or service is None:
-        pytest.skip("needs chromium and chromium-driver (Debian: apt-get install chromium chromium-driver)")
-    if chart_library() is None:
-        pytest.skip("needs the extra live")
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = binary
-    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(service))
-    try:
-        yield driver
-    finally:
-        driver.quit()
-
-
-@pytest.fixture(scope="module")
 def pages(tmp_path_factory, gentle):
     """A diagnosis and a scenario as pages."""
     root = tmp_path_factory.mktemp("live")
@@ -149,22 +126,6 @@ def pages(tmp_path_factory, gentle):
         "diagnosis": e.write_report(diagnosis("effect"), root / "diagnosis"),
         "run": e.write_report(gentle, root / "run"),
     }
-
-
-def show(browser, path, width):
-    """Open a page in a window of this width [px] and wait for its charts."""
-    metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-    browser.get(path.as_uri())
-    wait(browser, "return document.querySelectorAll('.live canvas').length > 0")
-
-
-def wait(browser, condition):
-    """Fail unless a script returns true within half a minute, which a loaded machine may need."""
-    end = time.monotonic() + 30.0
-    while not browser.execute_script(condition):
-        assert time.monotonic() < end, condition
-        time.sleep(0.05)
 
 
 def painted(browser, colour, panel):

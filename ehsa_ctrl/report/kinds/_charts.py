@@ -277,5 +277,9 @@ def regime_curves(regimes: Sequence[Mapping[str, Any]], folder: Path, file: str)
         points = [(z / by, mean / scale, sd / scale) for z, mean, sd in rows]
         name = BALANCES[regime["balance"]]
         across = f"{regime['against']} ({unit(variable)})" if variable else str(regime["against"])
-        found.append(RegimeCurve(f"{name}: {regime['words']}", across, f"{name} ({unit(usual)})", points, column, file))
+        found.append(
+            RegimeCurve(
+                f"{name}: {regime['words']}", across, f"{name} ({unit(usual)})", points, column, file, unit(usual)
+            )
+        )
     return found

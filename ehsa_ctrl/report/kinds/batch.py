@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ...core.text import folder_names, unique_names
-from ..page import DOUBT, Kind, Page, Section, Sentence, Table
+from ..page import DOUBT, FileLink, Kind, Page, Section, Sentence, Table
 from ..text import percent, value_text
+from .diagnosis import KIND as DIAGNOSIS
 
 
 def _read(content: Mapping[str, Any], folder: Path) -> Page:
@@ -23,10 +24,10 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     if content["interrupted"]:
         sentences.append(("Interrupted: some logs have not been diagnosed.", DOUBT))
     rows = [
-        [name, row["verdict"].replace("_", " ") or "✗ failed", _causes(row), row["place"],
+        [_page(folder, place, name), row["verdict"].replace("_", " ") or "✗ failed", _causes(row), row["place"],
          value_text(row["probability"], 1.0, 2) if row["cause"] else "", percent(row["gap_before"], 2),
          percent(row["gap_after"], 2) if row["verdict"] != "no_gap" else "", value_text(row["seconds"], 1.0, 2)]
-        for name, row in named
+        for (name, row), place in zip(named, folder_names(files), strict=True)
     ]  # fmt: skip
     head = ["log", "verdict", "causes", "place", "probability", "gap", "gap with\ncauses", "time\ns"]
     return Page(
@@ -43,6 +44,12 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
         versions=content["provenance"],
         covers=folder_names(files),
     )
+
+
+def _page(folder: Path, place: str, name: str) -> str:
+    """A log's name, as a link to its own page if there is one."""
+    page = Path(place) / DIAGNOSIS.page
+    return FileLink(name, page.as_posix()) if (folder / page).is_file() else name
 
 
 def _causes(row: Mapping[str, Any]) -> str:

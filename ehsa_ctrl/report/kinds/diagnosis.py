@@ -186,8 +186,7 @@ def _switched(content: Content) -> str:
 def _regimes(content: Content, folder: Path, log: str) -> list[RegimeCurve]:
     """The curves of the regimes, at the log that they are of."""
     location = content.get("location") or {}
-    of_log = Path(location["log"]).name if location.get("log") else ""
-    if of_log and log and of_log != Path(log).name:
+    if location.get("log") and log and str(location["log"]) != log:
         return []
     return regime_curves(location.get("regimes", []), folder, REGIMES)
 

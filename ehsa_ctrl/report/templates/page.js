@@ -342,7 +342,7 @@ class LiveChart {
         width: Math.min(this.width, 560), height: 240, legend: { show: false }, padding: [8, 14, 0, 0],
         scales: { x: { time: false, range: () => [across[0] - 0.06 * span, across[across.length - 1] + 0.06 * span] } },
         series: [{}, { stroke: "#d55e00", width: 2, points }, ...sides.map(() => ({ stroke: "#d55e0088", dash: [3, 3], points: { show: false } }))],
-        axes: [{ ...AXIS, label: regime.across, labelSize: 20 }, { ...AXIS, label: regime.up, size: LEFT, labelSize: 20 }],
+        axes: [{ ...AXIS, label: regime.across, labelSize: 20 }, { ...AXIS, label: regime.unit, size: LEFT, labelSize: 20 }],
         cursor: { drag: { x: false, y: false }, y: false },
         hooks: { draw: [(self) => {
           if (chosen == null) return;
