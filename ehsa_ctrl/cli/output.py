@@ -58,7 +58,7 @@ class OutputOptions:
         file: name of the JSON file.
         result: content of --json, and of the file unless `stored` is given.
         text: prints the result as text.
-        then: text after "written to DIR"; None if `text` prints that line itself.
+        then: text after "written to DIR (open PAGE)"; None if `text` prints that line itself.
         files: writes the other files into the folder it gets, before the JSON file and the page are written.
         keep: as in ResultFolder.
         """
@@ -70,13 +70,13 @@ class OutputOptions:
                 (draft / file).write_text(to_json(result if stored is None else stored) + "\n")
                 from ..report.results import write_result_page
 
-                write_result_page(draft, file)
+                page = self.out / write_result_page(draft, file).name
         if self.as_json:
             print(to_json(result))
             return
         text()
         if self.out is not None and then is not None:
-            print(f"written to {self.out}{then}")
+            print(f"written to {self.out} (open {page}){then}")
 
 
 def provenance(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:

@@ -106,7 +106,8 @@ def log_from_tables(
     columns = dict(columns or {})
     places = find_channels(path, tables, columns)
     lines = suggest_mapping(tables, places, ("t", *required, *how.wanted))
-    write = f"check units and signs, then write {lines} under [log] in the plant's TOML" if lines else ""
+    place = "under [log] in the plant's TOML (ehsa-ctrl new plant NAME writes one of your own)"
+    write = f"check units and signs, then write {lines} {place}" if lines else ""
     names = column_names(tables)
     clockless = how.sample_time is None and not all(table.time or "t" in at for table, at in places)
     found = {channel for _, at in places for channel in at}

@@ -111,3 +111,11 @@ def test_the_loop_of_a_carriage(run, tmp_path):
     loop = json.loads(run("analyse", "emps", "--controller", file, "--json")[1])["loop"]
 
     assert loop["stable"] and loop["static_compliance"] == pytest.approx(-1.0 / (160.0 * 8500.0), rel=1e-6)
+
+
+def test_the_page_to_open_is_named(run, tmp_path):
+    """With --out, the last line names a page that is there."""
+    status, out, _ = run("analyse", "ehsa", "--out", "linear")
+
+    assert status == 0 and out.splitlines()[-1] == "written to linear (open linear/report.html)"
+    assert (tmp_path / "linear" / "report.html").is_file()

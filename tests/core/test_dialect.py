@@ -232,7 +232,9 @@ def test_a_missing_column_comes_with_the_lines_to_write(tmp_path):
     path = tmp_path / "u.csv"
     path.write_text("time_ms;I [A];omega_rpm;oil\n0;1,5;60;4\n4;1,5;120;5\n")
 
-    with pytest.raises(InputError, match=r"no column 't'.* write (.*) under \[log\] in the plant's TOML$") as caught:
+    with pytest.raises(
+        InputError, match=r"no column 't'.* write (.*) under \[log\] in the plant's TOML \(ehsa-ctrl new plant"
+    ) as caught:
         read_log(path, ["current"], wanted=["speed", "p1"])
 
     import tomllib
