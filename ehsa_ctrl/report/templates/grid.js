@@ -32,8 +32,9 @@ class Grid {
     this.body = this.table.tBodies[0];
     this.content = JSON.parse(root.querySelector("script").textContent);
     this.rows = [...this.body.rows].map((element, index) => ({ element, index, ...this.read(this.content.rows[index]) }));
-    for (const cell of this.table.querySelectorAll(".spark")) cell.remove();
-    this.texts = this.table.tHead.rows[0].cells.length;
+    root.classList.add("drawn");
+    // The last column of the file has one small line a row, for print.
+    this.texts = this.table.tHead.rows[0].cells.length - 1;
     this.addControls(root);
     this.addColumns();
     this.addSorting();
@@ -105,6 +106,7 @@ class Grid {
 
   addSorting() {
     [...this.table.tHead.rows[0].cells].forEach((cell, index) => {
+      if (index === this.texts) return;
       const words = cell.textContent;
       cell.textContent = "";
       const button = make("button", cell, words, "sort");
@@ -115,12 +117,12 @@ class Grid {
 
   /** By a text or number; by the largest change of a column of small lines. A second click turns the order. */
   sort(cell, index) {
-    const down = cell.getAttribute("aria-sort") === "ascending" || (index >= this.texts && !cell.hasAttribute("aria-sort"));
+    const down = cell.getAttribute("aria-sort") === "ascending" || (index > this.texts && !cell.hasAttribute("aria-sort"));
     for (const other of this.table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
     cell.setAttribute("aria-sort", down ? "descending" : "ascending");
     const key = (row) => {
-      if (index >= this.texts) {
-        const known = row.values[index - this.texts].filter((value) => value != null);
+      if (index > this.texts) {
+        const known = row.values[index - this.texts - 1].filter((value) => value != null);
         return known.length ? Math.max(...known) - Math.min(...known) : null;
       }
       const text = row.element.cells[index].textContent.trim();
