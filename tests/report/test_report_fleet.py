@@ -133,7 +133,9 @@ def test_the_table_is_sorted_and_filtered(browser, page, width):
     )
 
     assert browser.execute_script("return document.documentElement.scrollWidth") <= width
-    assert browser.execute_script("return document.querySelectorAll('.grid tbody td.spark:not(.fixed)').length") == 30 * 3
+    assert (
+        browser.execute_script("return document.querySelectorAll('.grid tbody td.spark:not(.fixed)').length") == 30 * 3
+    )
     assert browser.execute_script("return document.querySelectorAll('td.hit').length") == 2
     browser.execute_script("[...document.querySelectorAll('.grid th button')].at(-2).click()")
     assert browser.execute_script(script)[0] == "slow"

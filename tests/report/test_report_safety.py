@@ -82,7 +82,7 @@ def test_a_figure_is_written_the_shorter_way():
 
 #: Words of a JSON that must be one of a few, and what is named by its keys.
 FIXED, NAMED = (
-    {"verdict", "unit", "file_unit", "metric", "balance", "kind"},
+    {"verdict", "unit", "file_unit", "metric", "balance", "kind", "date", "since"},
     {"settings", "files", "parameters", "provenance", "limits", "models", "failures"},
 )
 

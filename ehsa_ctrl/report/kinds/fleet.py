@@ -17,8 +17,9 @@ from .diagnosis import KIND as DIAGNOSIS
 
 Content = Mapping[str, Any]
 
-#: Changed rigs that have a sentence at the top; rigs in the table; logs that could not be used and are listed.
-NAMED, MOST_RIGS, MOST_FAILED = 12, 400, 50
+#: Changed rigs that have a sentence at the top; changes of a rig, and rigs, in the table; logs that could not be used
+#: and are listed.
+NAMED, MOST_SIZES, MOST_RIGS, MOST_FAILED = 12, 2, 400, 50
 DAY = 86400.0
 STATES = {"changed": "changed", "unlike": "unlike the fleet", "": "no change"}
 
@@ -102,7 +103,7 @@ def _what(rig: Content) -> str:
         return f"△ unlike the fleet: {rig['unlike']}" if rig["unlike"] else ""
     sizes = "\n".join(
         f"{name} {'+' if each['change'] > 0 else ''}{value_text(each['change'], 1.0, 2)} {unit(each['unit'])}".rstrip()
-        for name, each in rig["size"].items()
+        for name, each in list(rig["size"].items())[:MOST_SIZES]
     )
     return "\n".join(filter(None, [f"△ {_causes(rig)}", sizes]))
 
@@ -135,7 +136,7 @@ def _rigs(content: Content, folder: Path) -> Iterator[Any]:
             Row(
                 _state(rig), [_days(log["date"]) - start for log in rig["logs"]],
                 [_series(rig, name, len(rig["logs"])) for name in names],
-                names.index(rig["scored"]) if rig["scored"] in names else -1,
+                names.index(_marked(rig)) if _marked(rig) in names else -1,
                 _days(rig["since"]) - start if rig["since"] else float("nan"),
             )
             for rig in shown
@@ -144,11 +145,16 @@ def _rigs(content: Content, folder: Path) -> Iterator[Any]:
     )  # fmt: skip
 
 
+def _marked(rig: Content) -> str:
+    """The quantity that shows a rig's change: the cause, or the parameter by which a nominal value changed."""
+    return next((name for name in (rig["scored"], *rig["size"]) if name in rig["series"]), "")
+
+
 def _columns(content: Content, rigs: Sequence[Content]) -> list[Column]:
-    """Causes by which rigs changed, those of most rigs first, then the parameters of the plant."""
+    """What changed in most rigs first, then other causes, then the parameters of the plant."""
     parameters = {one["name"]: one for one in content["parameters"]}
     present = dict.fromkeys(name for rig in rigs for name in rig["series"])
-    hits = [rig["scored"] for rig in rigs if rig["changed"]]
+    hits = [_marked(rig) for rig in rigs if rig["changed"]]
     units = {rig["scored"]: each["unit"] for rig in rigs for each in list(rig["size"].values())[:1]}
     columns = []
     for name in sorted(present, key=lambda name: (-hits.count(name), name in parameters)):
@@ -188,11 +194,12 @@ def _diagnosis(rig: Content, folder: Path) -> str:
 def _drifts(drifts: Sequence[Content]) -> Table:
     rows = [
         [each["rig"], each["parameter"], f"{value_text(365.25 * each['slope'], 1.0, 2)} {unit(each['unit'])}",
-         value_text(365.25 * each["sd"], 1.0, 2), value_text(each["q"], 1.0, 2), _day(each["since"])]
+         value_text(365.25 * each["sd"], 1.0, 2), value_text(each["q"], 1.0, 2)]
         for each in drifts
+        # A step explains the others better; its rig is among the changed ones.
+        if not each["since"]
     ]  # fmt: skip
-    head = ["rig", "parameter", "slope a year", "its sd", "q", "rather a step on"]
-    return Table("Parameters that move with time", head, rows)
+    return Table("Parameters that move with time", ["rig", "parameter", "slope a year", "its sd", "q"], rows)
 
 
 def _parameters(parameters: Sequence[Content]) -> Table:

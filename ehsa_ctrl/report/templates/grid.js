@@ -26,6 +26,9 @@ function spark([first, last], days, values, since, parent) {
   parent.append(drawing);
 }
 
+/** A cause in words; a symbol as it is. */
+const words = ({ name }) => (name.length > 8 ? name.replaceAll("_", " ") : name);
+
 class Grid {
   constructor(root) {
     this.table = root.querySelector("table");
@@ -78,7 +81,7 @@ class Grid {
   addColumns() {
     const head = this.table.tHead.rows[0];
     for (const column of this.content.columns) {
-      const cell = make("th", head, column.name.replaceAll("_", " "), "spark");
+      const cell = make("th", head, words(column), "spark");
       cell.scope = "col";
     }
     for (const row of this.rows) {
@@ -100,16 +103,16 @@ class Grid {
     const { name, unit, middle, range } = this.content.columns[column];
     const known = row.values[column].filter((value) => value != null).map((value) => middle + range * value);
     const reach = (value) => `${figure4(value)} ${unit}`.trim();
-    const words = known.length ? `from ${reach(known[0])} to ${reach(known[known.length - 1])}` : "not determined";
-    this.readout.textContent = `${row.element.cells[0].textContent}, ${name.replaceAll("_", " ")}: ${words}`;
+    const said = known.length ? `from ${reach(known[0])} to ${reach(known[known.length - 1])}` : "not determined";
+    this.readout.textContent = `${row.element.cells[0].textContent}, ${words({ name })}: ${said}`;
   }
 
   addSorting() {
     [...this.table.tHead.rows[0].cells].forEach((cell, index) => {
       if (index === this.texts) return;
-      const words = cell.textContent;
+      const heading = cell.textContent;
       cell.textContent = "";
-      const button = make("button", cell, words, "sort");
+      const button = make("button", cell, heading, "sort");
       button.type = "button";
       button.addEventListener("click", () => this.sort(cell, index));
     });
@@ -140,12 +143,12 @@ class Grid {
   }
 
   show() {
-    const words = this.search.value.trim().toLowerCase();
+    const sought = this.search.value.trim().toLowerCase();
     const state = this.choice.value.startsWith("state ") ? this.choice.value.slice(6) : null;
     let count = 0;
     for (const row of this.rows) {
       const texts = [...row.element.cells].slice(0, this.texts).map((cell) => cell.textContent).join(" ").toLowerCase();
-      const shown = (state == null || row.state === state) && texts.includes(words);
+      const shown = (state == null || row.state === state) && texts.includes(sought);
       row.element.hidden = !shown;
       count += shown;
     }
