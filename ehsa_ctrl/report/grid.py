@@ -27,7 +27,7 @@ MISSING, LARGEST = -32768, 32767
 WIDTH, HEIGHT = 60, 22
 
 
-class Column(NamedTuple):
+class GridColumn(NamedTuple):
     """A quantity: name, unit (SI), and the value that the line in the middle of its cells stands for."""
 
     name: str
@@ -35,7 +35,7 @@ class Column(NamedTuple):
     middle: float
 
 
-class Row(NamedTuple):
+class GridRow(NamedTuple):
     """State ("changed", "unlike" or ""), days of its values, and per column values [SI] or None; marked: column of a
     change, -1 for none, and its day.
     """
@@ -52,8 +52,8 @@ class Grid:
     """table: the texts, row by row as in `rows`. states: of rows -> words for the choice of rows."""
 
     table: Table
-    columns: Sequence[Column]
-    rows: Sequence[Row]
+    columns: Sequence[GridColumn]
+    rows: Sequence[GridRow]
     states: Mapping[str, str]
 
     @property

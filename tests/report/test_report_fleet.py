@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from ehsa_ctrl.report.grid import Column, Grid, Row
+from ehsa_ctrl.report.grid import Grid, GridColumn, GridRow
 from ehsa_ctrl.report.kinds import kinds
 from ehsa_ctrl.report.page import FileLink, Table
 from ehsa_ctrl.report.results import results_in, write_overview, write_result_page
@@ -106,8 +106,8 @@ def test_a_fleet_of_two_hundred_rigs_is_small_enough_to_send(tmp_path):
 def test_codes_are_shares_of_the_range():
     """A column's range is its largest deviation, or eight times the usual one; what lies beyond is at its end."""
     values = [[1.0, 1.1], [0.9, float("nan")], [1.05, 100.0]]
-    rows = [Row("", [0.0, 7.0], [each], 0, 7.0) for each in values]
-    content = Grid(Table("", ["rig"], [["a"], ["b"], ["c"]]), [Column("K", "m", 1.0)], rows, {}).content
+    rows = [GridRow("", [0.0, 7.0], [each], 0, 7.0) for each in values]
+    content = Grid(Table("", ["rig"], [["a"], ["b"], ["c"]]), [GridColumn("K", "m", 1.0)], rows, {}).content
     codes = [np.frombuffer(base64.b64decode(row["codes"]), "<i2") for row in content["rows"]]
     (column,) = content["columns"]
 

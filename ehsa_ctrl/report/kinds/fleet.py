@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.text import join_words
-from ..grid import Column, Grid, Row
+from ..grid import Grid, GridColumn, GridRow
 from ..page import DOUBT, FileLink, Kind, Page, Paragraph, Points, Section, Sentence, Table
 from ..text import NOTHING, unit, value_text
 from .diagnosis import KIND as DIAGNOSIS
@@ -133,7 +133,7 @@ def _rigs(content: Content, folder: Path) -> Iterator[Any]:
     yield Grid(
         Table(caption, head, rows), columns,
         [
-            Row(
+            GridRow(
                 _state(rig), [_days(log["date"]) - start for log in rig["logs"]],
                 [_series(rig, name, len(rig["logs"])) for name in names],
                 names.index(_marked(rig)) if _marked(rig) in names else -1,
@@ -150,7 +150,7 @@ def _marked(rig: Content) -> str:
     return next((name for name in (rig["scored"], *rig["size"]) if name in rig["series"]), "")
 
 
-def _columns(content: Content, rigs: Sequence[Content]) -> list[Column]:
+def _columns(content: Content, rigs: Sequence[Content]) -> list[GridColumn]:
     """What changed in most rigs first, then other causes, then the parameters of the plant."""
     parameters = {one["name"]: one for one in content["parameters"]}
     present = dict.fromkeys(name for rig in rigs for name in rig["series"])
@@ -159,9 +159,9 @@ def _columns(content: Content, rigs: Sequence[Content]) -> list[Column]:
     columns = []
     for name in sorted(present, key=lambda name: (-hits.count(name), name in parameters)):
         if (one := parameters.get(name)) is not None:
-            columns.append(Column(name, one["unit"], one["mean"] - one["nominal"]))
+            columns.append(GridColumn(name, one["unit"], one["mean"] - one["nominal"]))
         else:
-            columns.append(Column(name, units.get(name, ""), 0.0))
+            columns.append(GridColumn(name, units.get(name, ""), 0.0))
     return columns
 
 
