@@ -14,7 +14,7 @@ import pytest
 import ehsa_ctrl as e
 from ehsa_ctrl.diagnosis.closed_loop_replay import ClosedLoopReplay
 from ehsa_ctrl.report import document
-from ehsa_ctrl.report.kinds._charts import free_run_chart, loop_replay_chart, simulation_chart
+from ehsa_ctrl.report.kinds._charts import free_run_chart, loop_replay_chart, run_chart, simulation_chart
 from ehsa_ctrl.report.live import encode, pack, payloads, spans, thin
 from ehsa_ctrl.report.page import Picture
 from ehsa_ctrl.report.result_tables import diagnosis_tables, save_tables, simulation_tables
@@ -288,3 +288,14 @@ def test_the_chart_of_an_identification_names_its_log(fitting, tmp_path):
 
     assert len(re.findall(r"<h3>Before and after on ", page)) == len(fitting.validation.after or fitting.train.after)
     assert page.index("<h3>Before and after on ") < page.index('class="live"')
+
+
+def test_a_result_of_an_earlier_version_has_its_figures_alone(tmp_path):
+    """It does not state its signals: no chart of a part of them."""
+    (tmp_path / "s.csv").write_text("t,reference,x_nonlinear,F_cell_nonlinear\n0,0,0,0\n1,0,0,0\n")
+    run = {"controller": "pid", "trips": []}
+    stated = run | {"signals": {"x": "m"}, "inputs": [], "contacts": []}
+
+    assert run_chart(tmp_path, [("s", run)]) is None
+    panels = run_chart(tmp_path, [("s", stated)]).panels
+    assert [(panel.how.words, panel.how.unit) for panel in panels] == [("position", "mm"), ("force", "kN")]

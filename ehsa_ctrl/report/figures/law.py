@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ...core.errors import InputError
 from ...diagnosis.diagnosis import Diagnosis
@@ -48,6 +49,7 @@ def law_figure(diagnosis: Diagnosis) -> Figure:
         for ax in (axes["law"], axes["left"]):
             ax.axhline(0.0, color=BLACK, linewidth=0.6, zorder=1.5)
             ax.set_xlabel(f"{words} ({unit(law.unit)})")
+            ax.xaxis.set_major_locator(MaxNLocator(5))
     return figure
 
 

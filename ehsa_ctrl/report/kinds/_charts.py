@@ -168,7 +168,8 @@ def simulation_chart(folder: Path, content: Mapping[str, Any], pictures: Sequenc
 
 def _signals(content: Mapping[str, Any], columns: Sequence[str], end: str = "") -> dict[str, ChannelDisplay]:
     """Inputs and states of a run that have a column, in the order of their panels. end: of the columns' names."""
-    units = {**content.get("signals", {}), "F_cell": "N"}
+    # A result of an earlier version does not state its signals.
+    units = {**content["signals"], "F_cell": "N"} if content.get("signals") else {}
     hydraulic = {"P_1", "P_2", "x"} <= set(units)
     # The rod's speed of the EHSA is its shaft's, but for the oil's spring.
     names = [name for name in units if f"{name}{end}" in columns and not (hydraulic and name == "v")]
@@ -176,11 +177,11 @@ def _signals(content: Mapping[str, Any], columns: Sequence[str], end: str = "") 
 
 
 def _shown(name: str, si: str) -> ChannelDisplay:
-    """Display of a state or input: those of the EHSA by their words, others by their own names."""
+    """Display of a state or input: those of the EHSA as in its figures, others by their own names."""
     words = {"P_1": "pressure P₁", "P_2": "pressure P₂", "F_cell": "force", "v": "speed v"}.get(name)
-    known = SIGNALS.get(name)
-    own = state_signal(name, si)
-    return ChannelDisplay(words or (known.words if known is not None else name), own.display_unit, own.scale)
+    known = SIGNALS.get({"P_1": "pressures", "P_2": "pressures", "F_cell": "force"}.get(name, name))
+    how = known or state_signal(name, si)
+    return ChannelDisplay(words or how.words, how.display_unit, how.scale)
 
 
 def limit_strips(
@@ -249,6 +250,8 @@ def run_chart(folder: Path, group: Sequence[tuple[str, Run]]) -> Chart | None:
             ("nonlinear", "nonlinear plant", True), ("linear", "linear prediction (dashed)", not several),
         )
     ]  # fmt: skip
+    if not lines:
+        return None
     inputs = found[0][1].get("inputs", [])
     # What the scenario is about comes first, the drive last.
     order = sorted(lines, key=lambda name: (name in inputs, name not in ("x", "F_cell"), name != "x"))
