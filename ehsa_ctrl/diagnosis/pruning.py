@@ -1,9 +1,9 @@
 """Backward elimination of the selected causes: each is left out in turn, and the others are refitted.
 
 The search grows sets, so that a set may hold a cause that a later one made superfluous, or two causes that the log
-can't separate. Leaving one out shows both: if the rest explains the log as well, the selection takes the smaller set,
-and two causes that can each be left out, but not both, become alternatives (F. Harrell, "Regression Modeling
-Strategies", 2015, 4.3).
+can't separate. Leaving one out shows both: if the rest explains the log as well, and leaves no larger gap on training
+or held-out data, the selection takes the smaller set. Two causes that can each be left out, but not both, become
+alternatives. Source: F. Harrell, "Regression Modeling Strategies", 2015, 4.3.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from .hypothesis_search import Hypotheses, Task, hypothesis_key
 from .model_selection import Reference, Selection, select_model
 from .scoring import ScoredHypothesis, Scoring, exact_members
+from .sizes import MAX_LARGER
 
 #: Most causes that are left out one after the other. Engineering judgement: sets have at most six.
 ROUNDS = 3
@@ -45,7 +46,15 @@ def prune(
         scores += hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(tasks))
         again = select_model(scores, reference, threshold)
         smaller = len(again.chosen.causes) < len(chosen.causes)
+        if smaller and _costs(chosen, again.chosen) > MAX_LARGER * threshold:
+            break
         selection = again
         if not smaller:
             break
     return selection, hypotheses, scores
+
+
+def _costs(before: ScoredHypothesis, after: ScoredHypothesis) -> float:
+    """By how much the gap is larger afterwards, on training or on held-out data."""
+    pairs = (before.training_gap, after.training_gap), (before.held_out_gap, after.held_out_gap)
+    return max(b["total"] - a["total"] for a, b in pairs)
