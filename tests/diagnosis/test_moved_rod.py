@@ -159,7 +159,6 @@ def test_no_gap_is_said_to_be_none(drained):
 @pytest.mark.parametrize(
     ("id", "place", "symbol", "value"),
     [
-        ("internal_leakage", "flow", "K_L", 6e-13),
         ("relief_valve", "flow", "P_crack", 90e5),
         ("drive_lag", "drive", "tau_I", 0.08),
     ],

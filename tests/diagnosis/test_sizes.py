@@ -25,13 +25,12 @@ def sizes(plant, log, id):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_intervals_hold_the_truth_where_nominal_parameters_are_off(seed):
+def test_intervals_hold_the_truth_where_nominal_parameters_are_off():
     """Each parameter is off by more than the search's priors expect; the final intervals of all hold the truth."""
     plant = ehsa_ctrl.load_plant("ehsa", settings={"load.stiffness": "50 kN/m"})
     rig = plant.set(**{name: factor * plant[name] for name, factor in OFF.items()})
-    time, current = ehsa_ctrl.excitation("noise", amplitude=4, duration=12, seed=seed)
-    log, _ = ehsa_ctrl.record(rig, time, current, seed=seed, centre=True)
+    time, current = ehsa_ctrl.excitation("noise", amplitude=4, duration=12, seed=1)
+    log, _ = ehsa_ctrl.record(rig, time, current, seed=1, centre=True)
 
     searched, final, sd = sizes(plant, log, "internal_leakage")
 
