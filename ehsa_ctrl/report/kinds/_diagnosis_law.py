@@ -21,7 +21,7 @@ def law_section(content: Mapping[str, Any]) -> Section:
         for name, p in law["forms"][0]["parameters"].items()
     ]
     ranges = "; ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in law["range"].items())
-    beside = f"It stands beside {', '.join(law['beside'])}. " if law.get("beside") else ""
+    beside = f"It acts beside {', '.join(law['beside'])}. " if law.get("beside") else ""
     words = [
         f"No effect of the catalogue has this law. It is the {ADDENDS[law['place']].meaning}. {beside}Forms that the "
         f"log can't tell apart stand together. Seen in the log, in SI units: {ranges or 'no variable'}.",
