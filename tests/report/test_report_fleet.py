@@ -86,7 +86,6 @@ def test_in_an_overview_the_links_lead_to_the_same_file(page):
 
 def test_a_folder_outside_is_no_link(tmp_path):
     """An edited JSON leads nowhere."""
-    (tmp_path / "diagnosis.html").write_text("")
     rig = _rig("a", "payload_mass", folder="..")
     found = kinds()["fleet.json"].read(_content([rig]), tmp_path / "store")
 

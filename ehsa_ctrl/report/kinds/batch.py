@@ -24,7 +24,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     if content["interrupted"]:
         sentences.append(("Interrupted: some logs have not been diagnosed.", DOUBT))
     rows = [
-        [_page(folder, place, name), row["verdict"].replace("_", " ") or "✗ failed", _causes(row), row["place"],
+        [_page(row, place, name), row["verdict"].replace("_", " ") or "✗ failed", _causes(row), row["place"],
          value_text(row["probability"], 1.0, 2) if row["cause"] else "", percent(row["gap_before"], 2),
          percent(row["gap_after"], 2) if row["verdict"] != "no_gap" else "", value_text(row["seconds"], 1.0, 2)]
         for (name, row), place in zip(named, folder_names(files), strict=True)
@@ -46,10 +46,9 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     )
 
 
-def _page(folder: Path, place: str, name: str) -> str:
-    """A log's name, as a link to its own page if there is one."""
-    page = Path(place) / DIAGNOSIS.page
-    return FileLink(name, page.as_posix()) if (folder / page).is_file() else name
+def _page(row: Mapping[str, Any], place: str, name: str) -> str:
+    """A log's name, as a link to its own page, which it has unless it could not be diagnosed."""
+    return name if row["error"] else FileLink(name, (Path(place) / DIAGNOSIS.page).as_posix())
 
 
 def _causes(row: Mapping[str, Any]) -> str:

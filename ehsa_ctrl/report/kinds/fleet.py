@@ -35,7 +35,7 @@ def _read(content: Content, folder: Path) -> Page:
             "rig changed if its logs differ by more than their uncertainty, and the fleet is tested as a whole."
         ],
         sections=[
-            Section("Rigs", list(_rigs(content, folder)), "rigs"),
+            Section("Rigs", list(_rigs(content)), "rigs"),
             Section("Drifts", [_drifts(content["drifts"])], "drifts"),
             Section("Parameters of the fleet", [_parameters(content["parameters"])], "parameters"),
             Section("Logs that could not be used", [Points(list(content["failed"].values())[:MOST_FAILED])], "failed"),
@@ -108,7 +108,7 @@ def _what(rig: Content) -> str:
     return "\n".join(filter(None, [f"△ {_causes(rig)}", sizes]))
 
 
-def _rigs(content: Content, folder: Path) -> Iterator[Any]:
+def _rigs(content: Content) -> Iterator[Any]:
     rigs = _ordered(content["rigs"])
     if len(rigs) > MOST_RIGS:
         words = f"The {MOST_RIGS} most significant of {len(rigs)} rigs; rigs.csv has all of them."
@@ -120,7 +120,7 @@ def _rigs(content: Content, folder: Path) -> Iterator[Any]:
     rows = [
         [rig["name"], _what(rig), _day(rig["since"]) + ("\ndrift" if rig["kind"] == "drift" else ""),
          value_text(rig["q"] if rig["changed"] or not rig["unlike"] else rig["unlike_q"], 1.0, 2),
-         _diagnosis(rig, folder)]
+         _diagnosis(rig)]
         for rig in shown
     ]  # fmt: skip
     caption = (
@@ -178,7 +178,7 @@ def _days(date: str) -> float:
     return datetime.fromisoformat(date).timestamp() / DAY
 
 
-def _diagnosis(rig: Content, folder: Path) -> str:
+def _diagnosis(rig: Content) -> str:
     """Verdict of the full diagnosis with a link to its page; why there is none."""
     found = rig["diagnosis"]
     if not found:
@@ -187,8 +187,9 @@ def _diagnosis(rig: Content, folder: Path) -> str:
         return f"✗ {found['error']}"
     words = str(found["verdict"]).replace("_", " ")
     page = Path(found["folder"]) / DIAGNOSIS.page
+    # Not looked up: the page is made in a folder of its own before it is put beside the others.
     inside = found["folder"] and not page.is_absolute() and ".." not in page.parts
-    return FileLink(words, page.as_posix()) if inside and (folder / page).is_file() else words
+    return FileLink(words, page.as_posix()) if inside else words
 
 
 def _drifts(drifts: Sequence[Content]) -> Table:
