@@ -88,7 +88,7 @@ def loads_nothing(text):
         assert not {name for name in attributes if name.startswith("on") or name == "style"}, (tag, attributes)
         for name, value in attributes.items():
             if name in LOADS:
-                wanted = r"data:image/(svg\+xml|png)(;base64)?,.*" if tag == "img" else r"#.*|[\w./%~-]+"
+                wanted = r"data:image/(svg\+xml|png|webp)(;base64)?,.*" if tag == "img" else r"#.*|[\w./%~-]+"
                 assert re.fullmatch(wanted, value), (tag, name, value[:80])
 
 
