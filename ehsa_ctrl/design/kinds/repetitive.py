@@ -22,7 +22,6 @@ from ...core.errors import InputError, choices, shown
 from ..analysis.learning import Learning, design_learning
 from ..controller import Law, SampledController
 from ..review_checks import ReviewContext, ReviewFinding
-from ..stages.trajectory import ROUNDING
 from ..state_space.state_feedback import state_feedback
 from ._kind import ControllerFile, ControllerKind
 from .adrc import adrc_law
@@ -205,9 +204,7 @@ class Repetitive:
 
     def settings(self) -> np.ndarray:
         learning = self.learning
-        # An error of one step of the position sensor, where the band is as wide, must not depend on rounding.
-        deadband = (1.0 + ROUNDING) * self.deadband
-        own = [self.samples, learning.lead, learning.taps.size // 2, learning.gain, deadband, self.largest]
+        own = [self.samples, learning.lead, learning.taps.size // 2, learning.gain, self.deadband, self.largest]
         head = [self.base.initial_memory().size, 2 + TAPS + learning.taps.size]
         return np.concatenate([np.array([*head, *own], dtype=float), learning.taps, self.base.settings()])
 
