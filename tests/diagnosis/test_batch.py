@@ -40,6 +40,7 @@ def calls(monkeypatch):
         return SimpleNamespace(
             verdict="ambiguous" if leaks else "no_gap", effects=(cause,) if leaks else (),
             where=(("flow", 1.0),) if leaks else (), gap={"nominal": {"total": 0.2}, "with_effects": {"total": 0.01}},
+            improved_gap={"total": 0.01},
             seconds=1.0, size=size, jobs=jobs,
         )  # fmt: skip
 

@@ -12,7 +12,7 @@ from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.gap_attribution import attribute_gap
 from ehsa_ctrl.diagnosis.hypothesis_model import with_every_effect
 from ehsa_ctrl.diagnosis.injection import simulate_injections
-from ehsa_ctrl.diagnosis.law.find import _inputs
+from ehsa_ctrl.diagnosis.law.inputs import law_inputs
 from ehsa_ctrl.diagnosis.objective import NominalParameters, ResidualScale, nominal_parameters
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.records import Segment
@@ -134,7 +134,7 @@ def test_a_law_is_sought_only_where_it_can_act(sealed):
     case = InjectionCase.of(sealed, log, estimate_noise(log))
     nothing = NominalParameters((), np.empty(0), np.empty(0), np.empty(0))
 
-    found = _inputs([case], case.signals, case.unknown.values, np.ones(len(log) - 1, dtype=bool), nothing)
+    found = law_inputs([case], case.signals, case.unknown.values, np.ones(len(log) - 1, dtype=bool), nothing)
 
     assert "force" in case.unknown.values
     assert {"torque", "pump_flow"} <= {one.grammar.name for one in found}

@@ -337,7 +337,7 @@ def test_a_controller_gets_what_there_is(emps):
 def test_the_paper_linear_models_are_for_the_actuator(emps):
     """(6) and (7) are for the EHSA; another system is refused. Its figure shows inputs and states."""
     labels = {axes.get_ylabel() for axes in simulate(emps, np.full(3, 50.0)).plot().axes}
-    assert {"F_M\n(N)", "v\n(m/s)", "x\n(m)"} <= labels
+    assert {"F_M\n(N)", "v\n(mm/s)", "x\n(mm)"} <= labels
     with pytest.raises(InputError, match="'positioning' system"):
         four_state(emps)
 
