@@ -29,14 +29,6 @@ def pytest_configure(config):
             process.wait()
 
 
-def pytest_collection_modifyitems(config, items):
-    """Measure the coverage of the quick tests alone: it would double the time of the slow ones."""
-    if config.pluginmanager.hasplugin("_cov"):
-        for item in items:
-            if item.get_closest_marker("slow"):
-                item.add_marker(pytest.mark.no_cover)
-
-
 @pytest.fixture(autouse=True)
 def _strict_floating_point():
     """Overflow, division by zero and invalid operations in numpy are errors; underflow to zero is not."""
