@@ -96,10 +96,9 @@ def analyse_fleet(
     into = Store(store, plant)
     into.begin()
     keys, failed, computed, notes = _fill(into, plant, found, check, jobs, watch)
-    rigs = [
-        _Rig(name, tuple(group), tuple(keys[log.path] for log in group))
-        for name, group in ((n, list(g)) for n, g in groupby((x for x in found if x.path in keys), lambda x: x.rig))
-    ]
+    used = [log for log in found if log.path in keys]
+    by_rig = {name: tuple(logs) for name, logs in groupby(used, lambda log: log.rig)}
+    rigs = [_Rig(name, logs, tuple(keys[log.path] for log in logs)) for name, logs in by_rig.items()]
     if not rigs:
         raise InputError(f"no log could be used; the first: {next(iter(failed.values()))}")
     result = _statistics(plant, into, rigs, rate, watch)
@@ -114,7 +113,7 @@ def analyse_fleet(
         truth=truth or {}, store=into,
     )  # fmt: skip
     if diagnose and result.changed:
-        plants = {name: _unit_plant(plant, into, one) for name, one in _before(into, rigs, result)}
+        plants = {name: plant.set(**values) for name, values in _before(plant, into, rigs, result)}
         result = diagnose_changed(result, plants, into, jobs=jobs, check=check, watch=watch, keep=keep)
     write_tables(into, result)
     return result
@@ -206,15 +205,16 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         one.cause for one, value in zip(unlike, unlike_q, strict=True) if one is not None and value <= rate
     }
     rows = []
-    for i, (rig, scores) in enumerate(zip(rigs, _scores(store, rigs, names), strict=True)):
-        change, other = found[i], unlike[i]
+    for i, rig in enumerate(rigs):
+        change, other, scores = found[i], unlike[i], rig.scores(store)
+        deviations = _series(names.rig(rig.name, rig.days, scores), names, fleet, i, shown)
         row = FleetRig(
             rig.name,
             tuple(
                 LogLine(str(log.path), log.date.isoformat(), log.dated, one.rms)
-                for log, one in zip(rig.logs, rig.scores(store), strict=True)
+                for log, one in zip(rig.logs, scores, strict=True)
             ),
-            p=1.0 if change is None else change.p, q=float(q[i]), series=_series(scores, names, fleet, i, shown),
+            p=1.0 if change is None else change.p, q=float(q[i]), series=deviations,
         )  # fmt: skip
         if change is not None and rig.name in changed:
             row = _with_change(row, change, names, plant)
@@ -241,11 +241,11 @@ def _unchanged(rig: RigScores, change: RigChange | None) -> RigScores:
 
 
 def _with_change(row: FleetRig, change: RigChange, names: Names, plant: Plant) -> FleetRig:
-    units = parameter_units(plant)
+    units = _parameter_units(plant)
     first, step = max(change.first, 0), change.first > 0
     size: dict[str, dict[str, Any]] = {
         names.names[i]: {"change": float(d * names.scale[i]), "sd": float(s * names.scale[i]),
-                         "unit": unit_of(names.names[i], units)}
+                         "unit": _unit_of(names.names[i], plant, units)}
         for i, d, s in zip(change.positions, change.size, change.sd, strict=True)
     }  # fmt: skip
     # The largest first.
@@ -277,7 +277,7 @@ def _series(
 
 
 def _parameters(plant: Plant, names: Names, fleet: RandomEffects) -> tuple[FleetParameter, ...]:
-    units = parameter_units(plant)
+    units = _parameter_units(plant)
     found = []
     for i in range(names.nominal):
         name, scale = names.names[i], names.scale[i]
@@ -292,8 +292,8 @@ def _parameters(plant: Plant, names: Names, fleet: RandomEffects) -> tuple[Fleet
     return tuple(found)
 
 
-def _before(store: Store, rigs: Sequence[_Rig], result: Fleet) -> Iterator[tuple[str, dict[str, float]]]:
-    """Each changed rig with the deviations of its parameters from nominal before the change, given the fleet."""
+def _before(plant: Plant, store: Store, rigs: Sequence[_Rig], result: Fleet) -> Iterator[tuple[str, dict[str, float]]]:
+    """Each changed rig with the values of its parameters before the change, given the fleet."""
     known = {one.name: one for one in result.parameters if one.spread}
     for rig in rigs:
         row = result.rig(rig.name)
@@ -308,28 +308,18 @@ def _before(store: Store, rigs: Sequence[_Rig], result: Fleet) -> Iterator[tuple
         mean = np.array([known[names.names[i]].mean - known[names.names[i]].nominal for i in own]) / names.scale[own]
         H = one.information.sum(axis=0)[np.ix_(own, own)] + np.diag(spread**-2)
         x = np.linalg.solve(H, one.score.sum(axis=0)[own] + mean / spread**2)
-        yield rig.name, {names.names[i]: float(v * names.scale[i]) for i, v in zip(own, x, strict=True)}
+        deviations = {names.names[i]: float(v * names.scale[i]) for i, v in zip(own, x, strict=True)}
+        yield rig.name, {name: plant[name] + value for name, value in deviations.items()}
 
 
-def _unit_plant(plant: Plant, store: Store, deviations: Mapping[str, float]) -> Plant:
-    """The plant with the parameters of one rig."""
-    return plant.set(**{name: plant[name] + value for name, value in deviations.items()})
-
-
-def parameter_units(plant: Plant) -> dict[str, str]:
+def _parameter_units(plant: Plant) -> dict[str, str]:
     """Unit of each parameter of the plant and of effects."""
     of_effects = {p.name: p.unit for effect in EFFECTS.values() for p in effect.parameters}
     return of_effects | {name: one.unit for name, one in plant.parameters.items()}
 
 
-def unit_of(name: str, units: Mapping[str, str]) -> str:
-    """Unit of a name of a score; empty for one that is not known."""
-    from ..core.log import CHANNELS
-
+def _unit_of(name: str, plant: Plant, units: Mapping[str, str]) -> str:
+    """Unit of a name of a score; empty for a number without one. units: of parameters."""
     word, dot, channel = name.partition(".")
-    if dot:
-        return {"scale": "", "delay": "s", "filter": "s"}.get(
-            word, CHANNELS[channel].unit if channel in CHANNELS else ""
-        )
-    unit = units.get(name.partition(" [")[0], "")
+    unit = plant.sensors[channel].unit_of(word) if dot else units.get(name.partition(" [")[0], "")
     return "" if unit == "1" else unit

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.optimize import brentq
 
 from .changes import Names, RigScores
 from .null import ENOUGH_RIGS, largest_null
@@ -100,9 +101,4 @@ def robust_variance(difference: np.ndarray, variance: np.ndarray) -> float:
 
     if excess(0.0) <= 0.0:
         return 0.0
-    high = float(np.max(difference**2)) / expected
-    low = 0.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(middle) > 0.0 else (low, middle)
-    return 0.5 * (low + high)
+    return float(brentq(excess, 0.0, float(np.max(difference**2)) / expected))

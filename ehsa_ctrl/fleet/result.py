@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ..core.errors import InputError, choices
 from ..core.result import Result, as_dict, as_table
 from ..core.text import join_words
 from ..simulation.trajectory import versions
@@ -153,7 +154,6 @@ class Fleet(Result):
     notes: tuple[str, ...] = ()
     computed: int = 0
     kept: int = 0
-    interrupted: bool = False
     truth: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     store: Store | None = field(default=None, compare=False)
 
@@ -174,8 +174,6 @@ class Fleet(Result):
 
     def rig(self, name: str) -> FleetRig:
         """A rig by its name. Raises InputError for an unknown one."""
-        from ..core.errors import InputError, choices
-
         for one in self.rigs:
             if one.name == name:
                 return one
@@ -183,8 +181,6 @@ class Fleet(Result):
 
     def query(self, text: str) -> pandas.DataFrame:
         """As `Store.query`."""
-        from ..core.errors import InputError
-
         if self.store is None:
             raise InputError("this fleet has no store; analyse the logs with a folder for it")
         return self.store.query(text)
@@ -208,7 +204,7 @@ class Fleet(Result):
         return {
             **as_dict(self, "plant rate"), "counts": counts,
             **as_dict(
-                self, "causes rigs parameters drifts failed notes computed kept interrupted truth",
+                self, "causes rigs parameters drifts failed notes computed kept truth",
                 score=self.score() if self.truth else None, provenance=versions(),
             ),
         }  # fmt: skip

@@ -71,7 +71,7 @@ def diagnose_changed(
                     file, one.verdict,
                     tuple(tuple(map(_label, (cause.name, *cause.ambiguous_with))) for cause in one.effects),
                     one.effects[0].probability if one.effects else float("nan"), one.gap["nominal"]["total"],
-                    one.gap.get("with_law", one.gap["with_effects"])["total"],
+                    one.improved_gap["total"],
                 )  # fmt: skip
                 if keep is not None:
                     keep(f"{FOLDER}/{folders[name]}", one)

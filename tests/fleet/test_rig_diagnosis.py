@@ -23,7 +23,8 @@ def fleet(tmp_path, monkeypatch):
             raise InputError("the log is wrong")
         causes = (Cause("sensor_bias", "p1", "sensor", 0.9, {}, ("sensor_bias (p2)",)),) if log.stem == "bias" else ()
         gap = {"nominal": {"total": 0.1}, "with_effects": {"total": 0.01}}
-        return SimpleNamespace(verdict="ambiguous" if causes else "no_gap", effects=causes, gap=gap)
+        verdict = "ambiguous" if causes else "no_gap"
+        return SimpleNamespace(verdict=verdict, effects=causes, gap=gap, improved_gap=gap["with_effects"])
 
     monkeypatch.setattr(module, "diagnose", diagnose)
     monkeypatch.setattr(module, "read_plant_log", lambda path, plant: path)

@@ -40,7 +40,7 @@ def _content(rigs, **more):
     parameter = {"name": "K_T", "unit": "N m/A", "nominal": 1.2, "mean": 1.21, "mean_sd": 0.01, "spread": None}
     return {
         "plant": "ehsa", "rate": 0.05, "counts": counts, "causes": ["internal_leakage"], "rigs": rigs,
-        "parameters": [parameter], "drifts": [], "failed": {}, "notes": [], "interrupted": False, "truth": {},
+        "parameters": [parameter], "drifts": [], "failed": {}, "notes": [], "truth": {},
         "score": None, "provenance": {"python": "3.11"},
     } | more  # fmt: skip
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -50,8 +51,9 @@ class Begin:
             return cls()
         values = {name: one.value for name, one in file.parameters.items()}
         found = courses(file, values, grammar.known, grammar.sample_time, grammar.begins)
-        ends = [*grammar.begins[1:], None]
-        parts = [slice(a, b) for a, b, _ in zip(grammar.begins, ends, grammar.starts, strict=False)]
+        # Where a law is in two balances the logs come twice; the states are those of the first time.
+        edges = (*grammar.begins, None)[: len(grammar.starts) + 1]
+        parts = [slice(a, b) for a, b in pairwise(edges)]
         return cls(grammar.starts, tuple({name: y[part] for name, y in found.items()} for part in parts))
 
     def on(self, segment: Segment) -> Segment:

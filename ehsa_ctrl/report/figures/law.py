@@ -48,9 +48,8 @@ def law_figure(diagnosis: Diagnosis) -> Figure:
         axes["left"].sharey(axes["law"])
         for ax in (axes["law"], axes["left"]):
             ax.axhline(0.0, color=BLACK, linewidth=0.6, zorder=1.5)
-            # More labels touch each other.
-            ax.locator_params(axis="x", nbins=5)
             ax.set_xlabel(f"{words} ({unit(law.unit)})")
+            # More labels touch each other.
             ax.xaxis.set_major_locator(MaxNLocator(5))
     return figure
 

@@ -24,7 +24,7 @@ def law_section(content: Mapping[str, Any]) -> Section:
     beside = f"It acts beside {', '.join(law['beside'])}. " if law.get("beside") else ""
     words = [
         f"No effect of the catalogue has this law. It is the {ADDENDS[law['place']].meaning}. {beside}Forms that the "
-        f"log can't tell apart stand together. Seen in the log, in SI units: {ranges or 'no variable'}.",
+        f"log can't tell apart are listed together. Seen in the log, in SI units: {ranges or 'no variable'}.",
     ]
     if law.get("proposal"):
         words.append(

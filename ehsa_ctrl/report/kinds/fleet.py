@@ -66,8 +66,6 @@ def _sentences(content: Content, rate: str) -> Iterator[Sentence]:
     if content["failed"]:
         many = len(content["failed"])
         yield f"{many} log{'s' if many > 1 else ''} could not be used.", DOUBT
-    if content["interrupted"]:
-        yield "Interrupted: some logs have not been scored.", DOUBT
     yield from ((str(note), None) for note in content["notes"])
     if content["score"]:
         score = content["score"]

@@ -234,20 +234,17 @@ class FixedWriter:
         """The binary places, or fewer, with which these ranges fit the wide word."""
         return min(fraction, *(self.word.room - bits_of(magnitude_of(each)) for each in intervals))
 
-    def _common(self, a: WideNumber, b: WideNumber) -> tuple[str, str, int]:
-        """Both numbers with the same binary places."""
+    def _common(self, a: WideNumber, b: WideNumber, *, result: Interval = (0.0, 0.0)) -> tuple[str, str, int]:
+        """Both numbers with the same binary places, with which the range of a result fits too."""
         known = [each.fraction for each in (a, b) if each.exact is None] or [a.fraction, b.fraction]
-        fraction = self._fitting(max(known), a.interval, b.interval)
+        fraction = self._fitting(max(known), a.interval, b.interval, result)
         return self._aligned(a, fraction), self._aligned(b, fraction), fraction
 
     def _sum(self, term: ProgramTerm, interval: Interval) -> WideNumber:
-        a, b = map(self._real, term.arguments)
-        known = [each.fraction for each in (a, b) if each.exact is None] or [a.fraction, b.fraction]
-        fraction = self._fitting(max(known), a.interval, b.interval, interval)
-        second = self._aligned(b, fraction)
+        first, second, fraction = self._common(*map(self._real, term.arguments), result=interval)
         if term.operation == "-":
             second = f"({second})"
-        return WideNumber(f"({self._aligned(a, fraction)} {term.operation} {second})", fraction, interval)
+        return WideNumber(f"({first} {term.operation} {second})", fraction, interval)
 
     def _narrowed(self, number: WideNumber) -> tuple[str, int]:
         """A number as a stored word, and its binary places."""
