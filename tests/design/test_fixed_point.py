@@ -2,9 +2,11 @@
 
 import ctypes
 import math
+import os
 import re
 import shutil
 import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -50,6 +52,25 @@ def test_the_specialised_program_is_the_law(name, stages, system):
     # No term is left that multiplies by a known 0, and the ranges hold every number of the inputs.
     assert not any(t.operation == "*" and any(_known(a, 0.0) for a in t.arguments) for t in program.terms())
     np.testing.assert_array_equal(seen.measured, np.nanmax(np.abs(measured), axis=0))
+
+
+@pytest.mark.slow
+def test_the_program_is_the_same_in_every_run():
+    """Whatever the order of sets, which Python draws anew at each start: an export can be compared with the last."""
+    program = (
+        "from ehsa_ctrl import load_controller, load_plant, three_state\n"
+        "from ehsa_ctrl.design.export.fixed.specialise import specialise\n"
+        "system = three_state(load_plant('ehsa', model='linear'))\n"
+        "print(specialise(load_controller('force_press', system)))"
+    )
+    texts = {
+        subprocess.run(
+            [sys.executable, "-c", program], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, check=True
+        ).stdout
+        for seed in ("1", "2", "3")
+    }
+
+    assert len(texts) == 1
 
 
 def _known(term, value):

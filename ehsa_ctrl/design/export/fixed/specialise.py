@@ -160,7 +160,8 @@ class _Specialiser:
         self.statements = outer
         outer.append(branch)
         frame.values = {}
-        for name in first.keys() & second.keys():
+        # In the order of assignment: that of a set differs from run to run, and so would the code.
+        for name in (name for name in first if name in second):
             a, b = first[name], second[name]
             if type(a) is type(b) and a == b:
                 frame.values[name] = a
