@@ -188,7 +188,7 @@ class Fleet(Result):
     def to_pandas(self) -> pandas.DataFrame:
         """One row per rig."""
         names = "logs changed kind cause same by since earliest latest p q unlike unlike_q"
-        return as_table(self.rigs, names, logs=lambda rig: len(rig.logs), same=lambda rig: " ".join(rig.same))
+        return as_table(self.rigs, names, logs=lambda rig: len(rig.logs), same=lambda rig: "; ".join(rig.same))
 
     def parameter_table(self) -> pandas.DataFrame:
         """One row per parameter of the fleet."""

@@ -37,7 +37,7 @@ def write_tables(store: Store, fleet: Fleet) -> None:
         "rigs": [
             {
                 "rig": rig.name, "logs": len(rig.logs), "changed": rig.changed, "kind": rig.kind, "cause": rig.cause,
-                "same": " ".join(rig.same), "decided_by": rig.by, "since": rig.since, "earliest": rig.earliest,
+                "same": "; ".join(rig.same), "decided_by": rig.by, "since": rig.since, "earliest": rig.earliest,
                 "latest": rig.latest, "file": rig.file, "p": rig.p, "q": rig.q, "unlike": rig.unlike,
                 "unlike_p": rig.unlike_p, "unlike_q": rig.unlike_q,
                 "verdict": "" if rig.diagnosis is None else rig.diagnosis.verdict,
