@@ -630,9 +630,9 @@ print(with_cures)
 classic.plot()
 
 # %% [markdown]
-# For the PID the spring matters most: the softer it is, the closer the steady-state error comes to its limit. A panel
-# is marked decisive if the difference is significant. With the remedies every run passes; the interval shows what 100
-# runs can prove.
+# For the PID the spring matters most: the softer it is, the closer the steady-state error comes to its limit. "Not
+# decisive" below a parameter: its influence is not significant. With the remedies every run passes; the interval shows
+# what 100 runs can prove.
 #
 # ## 10. A law of your own
 #

@@ -214,7 +214,7 @@ def test_no_gap_makes_a_short_page(pages):
 
 
 def test_the_same_diagnosis_gives_the_same_page(pages, tmp_path):
-    """No date, no random id."""
+    """No random id, and the date of the environment."""
     path = write_report(diagnosis("no_gap"), tmp_path)
 
     assert path.read_text(encoding="utf-8") == pages["no_gap"]

@@ -110,7 +110,7 @@ def test_names_of_files_are_no_html(identified, compared):
 
 @pytest.mark.slow
 def test_the_same_results_give_the_same_page(failing, tmp_path):
-    """No date, no random id; a folder that is missing is made."""
+    """No random id, and the date of the environment; a folder that is missing is made."""
     first, again = (write_report(failing, tmp_path / name / "deep") for name in ("a", "b"))
     one, other = (write_report(failing.train.after[0], tmp_path / name / "deep") for name in ("c", "d"))
 

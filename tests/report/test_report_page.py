@@ -192,7 +192,7 @@ def test_headings_of_tables_have_a_scope_and_the_page_a_language(page):
 
 @pytest.mark.slow
 def test_the_same_results_give_the_same_page(harsh, tmp_path):
-    """No date, no random id; a folder that is missing is made."""
+    """No random id, and the date of the environment; a folder that is missing is made."""
     first, again = (e.write_report(harsh, tmp_path / name / "deep") for name in ("a", "b"))
 
     assert again.read_bytes() == first.read_bytes()
