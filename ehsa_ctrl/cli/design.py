@@ -25,7 +25,7 @@ class SpecificationOptions:
         str,
         typer.Option(
             help="Crossover of a pid or cascade, key `bandwidth` of a kind that has one, otherwise bandwidth from "
-            "reference to position, e.g. '30 rad/s'."
+            "reference to position, e.g. '5 Hz' or '30 rad/s'."
         ),
     ] = ""
     phase_margin: Annotated[

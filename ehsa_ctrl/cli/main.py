@@ -9,7 +9,7 @@ import io
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -90,6 +90,24 @@ COMMANDS = {
     "diagnose": diagnose, "fleet": fleet, "export": export, "fmu": fmu, "serve": serve, "report": report,
     "list": listing, "check": check,
 }  # fmt: skip
+
+
+def _print_versions(wanted: bool) -> None:
+    if wanted:
+        from ..simulation.trajectory import versions
+
+        typer.echo("\n".join(f"{name} {version}" for name, version in versions().items()))
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_versions, is_eager=True, help="Print the versions and exit.")
+    ] = False,
+) -> None: ...
+
+
 for name, module in COMMANDS.items():
     app.command(name)(expand_groups(module.command))
 app.add_typer(new.app, name="new")
@@ -153,7 +171,3 @@ def _reopen_closed_streams() -> None:
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("r" if name == "stdin" else "w"))  # noqa: SIM115 - until the end
-
-
-if __name__ == "__main__":
-    main()

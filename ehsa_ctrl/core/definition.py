@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -12,7 +12,7 @@ from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Strict
 
 from .errors import InputError, choices, shown
 from .files import read_toml
-from .unit import parse
+from .unit import parse, parse_angular_frequency
 
 
 class Definition(BaseModel):
@@ -39,11 +39,12 @@ def from_python(info: Any) -> bool:
 class In:
     """A quantity in an SI unit: `Annotated[float, In("m")]` reads "20 mm" as 0.02.
 
-    others: further SI units, for a quantity whose unit depends on the plant, such as that of the drive.
+    others: further SI units, for a quantity whose unit depends on the plant, such as that of the drive. read: function
+    of a text and the unit that returns the number in SI units.
     """
 
-    def __init__(self, unit: str, *others: str) -> None:
-        self.unit, self.others = unit, others
+    def __init__(self, unit: str, *others: str, read: Callable[[str, str], float] = parse) -> None:
+        self.unit, self.others, self._read = unit, others, read
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
@@ -67,11 +68,11 @@ class In:
     def _number(self, text: str) -> float:
         """The text as a number in the first SI unit that fits."""
         try:
-            return parse(text, self.unit)
+            return self._read(text, self.unit)
         except InputError as error:
             for other in self.others:
                 with suppress(InputError):
-                    return parse(text, other)
+                    return self._read(text, other)
             raise ValueError(str(error)) from None
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
@@ -91,6 +92,8 @@ Drive = Annotated[float, In("A", "N", "V")]
 Newton = Annotated[float, In("N")]
 Hertz = Annotated[float, In("Hz")]
 RadianPerSecond = Annotated[float, In("rad/s")]
+#: A crossover or bandwidth, which may also be written in Hz.
+AngularFrequency = Annotated[float, In("rad/s", read=lambda text, unit: parse_angular_frequency(text))]
 Radian = Annotated[float, In("rad")]
 
 

@@ -179,6 +179,17 @@ def parse(text: str, expected: str) -> float:
     return value
 
 
+def parse_angular_frequency(text: str) -> float:
+    """Turn "6 Hz" or "38 rad/s" into rad/s. A frequency in Hz is one of a sine, so that 1 Hz is 2 pi rad/s; a speed of
+    rotation is read by `parse`, which refuses Hz.
+
+    Raises InputError as `parse` does.
+    """
+    with suppress(InputError):
+        return 2.0 * math.pi * parse(text, "Hz")
+    return parse(text, "rad/s")
+
+
 def read_value(given: str | float, unit: str) -> float:
     """Read a number in SI units, or a text with or without a unit. Raises InputError for anything else."""
     if isinstance(given, str):

@@ -19,7 +19,7 @@ from ..core.catalogue import controllers
 from ..core.definition import validate
 from ..core.errors import InputError, choices
 from ..core.files import read_toml
-from ..core.unit import parse
+from ..core.unit import parse, parse_angular_frequency
 from .analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response, spectral_radius
 from .analysis.loop import LoopAnalysis, analyse_loop
 from .controller import SampledController
@@ -229,7 +229,10 @@ def design(
     Raises InputError for unknown keys, an infeasible design, and a required figure that the loop does not reach.
     """
     keys, checked = split_figures(kind, figures or {}, tuned=tuning is not None)
-    required = {word: parse(text, FIGURES[word][0]) for word, text in checked.items()}
+    required = {
+        word: parse_angular_frequency(text) if word == "bandwidth" else parse(text, FIGURES[word][0])
+        for word, text in checked.items()
+    }
     specified = with_values(dict(content), kind, {**keys, **(values or {})})
     if tuning is not None:
         given = {full_key(key, kind.file) for key in {**keys, **(values or {})}}

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,16 @@ def test_help_explains_every_command_with_an_example(run):
         status, text, _ = run(command, "--help")
         assert status == 0
         assert f"ehsa-ctrl {command}" in " ".join(text.split())
+
+
+def test_the_module_is_the_command_and_tells_its_versions():
+    """`python -m ehsa_ctrl --version` names the package and what results depend on."""
+    call = [sys.executable, "-m", "ehsa_ctrl", "--version"]
+    told = subprocess.run(call, capture_output=True, text=True, check=True).stdout
+
+    named = dict(line.split() for line in told.splitlines())
+    assert named["ehsa_ctrl"] == version("ehsa_ctrl")
+    assert named["numpy"] == np.__version__
 
 
 def test_without_arguments_it_says_what_it_can(run):

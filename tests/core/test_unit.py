@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ehsa_ctrl.core.errors import InputError
-from ehsa_ctrl.core.unit import base_units, factor, parse
+from ehsa_ctrl.core.unit import base_units, factor, parse, parse_angular_frequency
 
 
 @pytest.mark.parametrize(
@@ -55,6 +55,15 @@ def test_wrong_text_is_a_sentence(text, expected, says):
     """Errors give the reason."""
     with pytest.raises(InputError, match=says):
         parse(text, expected)
+
+
+def test_frequency_is_read_in_hertz_too():
+    """1 Hz is 2 pi rad/s for a crossover or bandwidth; another unit is refused in rad/s."""
+    assert parse_angular_frequency("6 Hz") == pytest.approx(2 * np.pi * 6, rel=1e-12)
+    assert parse_angular_frequency("0.006 kHz") == pytest.approx(2 * np.pi * 6, rel=1e-12)
+    assert parse_angular_frequency("38 rad/s") == 38.0
+    with pytest.raises(InputError, match="converts to 'rad/s'"):
+        parse_angular_frequency("6 mm")
 
 
 @given(

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.definition import Definition, In, RadianPerSecond
+from ...core.definition import AngularFrequency, Definition, In
 from ...core.errors import InputError
 from ..analysis.closed_loop import law_state_space
 from ..analysis.rigid_body import rigid_body
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 class AdrcLoop(Definition):
     """[adrc]: bandwidths of loop and observer."""
 
-    bandwidth: RadianPerSecond = Field(gt=0, description="w_c, magnitude of both poles of the position loop")
+    bandwidth: AngularFrequency = Field(gt=0, description="w_c, magnitude of both poles of the position loop")
     observer_ratio: Annotated[float, Field(gt=1, le=100)] = Field(
         default=4.0,
         description="w_o / w_c, the observer's poles over those of the loop; usually 3 to 10. A larger one rejects "

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...core.controller_interface import MEASURED
-from ...core.definition import Definition, RadianPerSecond
+from ...core.definition import AngularFrequency, Definition, RadianPerSecond
 from ...core.errors import InputError
 from ..analysis.closed_loop import discrete_response, law_state_space
 from ..analysis.sampled import sampled_plant
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 class SpeedLoop(Definition):
     """[speed]: the inner loop, PI on the shaft's speed."""
 
-    crossover: RadianPerSecond = Field(
+    crossover: AngularFrequency = Field(
         description="gain crossover frequency of this loop alone; usually three to five times that of the position loop"
     )
     phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
@@ -40,7 +40,7 @@ class SpeedLoop(Definition):
 class PositionLoop(Definition):
     """[position]: the outer loop, broken at the speed reference."""
 
-    crossover: RadianPerSecond = Field(description="gain crossover frequency")
+    crossover: AngularFrequency = Field(description="gain crossover frequency")
     phase_margin: PhaseMargin = Field(
         default=float(np.radians(60.0)), description="smallest phase margin at the crossover"
     )

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...core.controller_interface import MEASURED
-from ...core.definition import Definition, In, Newton, RadianPerSecond, Second
+from ...core.definition import AngularFrequency, Definition, In, Newton, Second
 from ...core.errors import InputError
 from ..analysis.closed_loop import discrete_response
 from ..analysis.contact import in_contact
@@ -49,7 +49,7 @@ class Environment(Definition):
 class LoopSpecification(Definition):
     """Keys of a loop, broken at the current."""
 
-    crossover: RadianPerSecond = Field(description="gain crossover frequency")
+    crossover: AngularFrequency = Field(description="gain crossover frequency")
     phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
     integral_ratio: Annotated[float, Field(ge=0, lt=1)] = Field(
         default=0.1, description="corner frequency of the integral action over the crossover"

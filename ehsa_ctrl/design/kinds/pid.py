@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from ...core.definition import Definition, In, Radian, RadianPerSecond, Second
+from ...core.definition import AngularFrequency, Definition, In, Radian, Second
 from ...core.errors import InputError
 from ..analysis.closed_loop import law_state_space
 from ..tuning.constraints import Tuning, position_plant
@@ -134,7 +134,7 @@ class PidGains(Definition):
 class PidDesign(Definition):
     """[design]: crossover and phase margin of the loop, broken at the current."""
 
-    crossover: RadianPerSecond = Field(description="gain crossover frequency")
+    crossover: AngularFrequency = Field(description="gain crossover frequency")
     phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
     integral_ratio: Annotated[float, Field(ge=0, lt=1)] = Field(
         default=0.1,

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.definition import Ampere, Definition, RadianPerSecond
+from ...core.definition import Ampere, AngularFrequency, Definition
 from ...core.errors import InputError
 from ..analysis.closed_loop import law_state_space
 from ..analysis.rigid_body import rigid_body
@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 class SlidingSurface(Definition):
     """[sliding_mode]: surface, boundary layer, and the uncertainty that it must bear."""
 
-    bandwidth: RadianPerSecond = Field(gt=0, description="lambda, magnitude of both poles of the motion on the surface")
+    bandwidth: AngularFrequency = Field(
+        gt=0, description="lambda, magnitude of both poles of the motion on the surface"
+    )
     layer_ratio: Annotated[float, Field(gt=0, le=20)] = Field(
         default=1.0,
         description="lambda_phi / lambda, bandwidth of s within the boundary layer over that of the surface",

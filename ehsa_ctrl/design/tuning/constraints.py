@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...core.controller_interface import MEASURED
-from ...core.definition import Definition, In, RadianPerSecond
+from ...core.definition import AngularFrequency, Definition, In
 from ..analysis.closed_loop import spectral_radius, transfer
 from ..analysis.sampled import sampled_plant
 
@@ -57,7 +57,7 @@ class Tuning(Definition):
     noise_gain: Annotated[float, In("A/m")] | None = Field(
         default=1e4, gt=0, description="largest RMS current per RMS of white position noise"
     )
-    crossover: RadianPerSecond | None = Field(default=None, description="least gain crossover frequency")
+    crossover: AngularFrequency | None = Field(default=None, description="least gain crossover frequency")
     lag: Annotated[int, Field(ge=0)] = Field(default=0, description="samples of delay between measurement and current")
 
     @model_validator(mode="after")
