@@ -307,7 +307,7 @@ class Diagnosis(Result):
             lines.append(f"  {one.log.name}: total gap {before:.2f} %, with the causes {after:.2f} %")
         if self.closed_loop is not None:
             loop = self.closed_loop
-            lines += _gap_table("in closed loop (%)", loop.gap)
+            lines += _gap_table("in closed loop (%)", {**loop.gap, "sensor noise alone": loop.floor})
             rows = [f"{MODEL_WORDS[model]} {1e3 * value:.3g} mm" for model, value in loop.position_error.items()]
             lines.append(f"  position error with {loop.controller} (RMS): {', '.join(rows)}")
             rows = [f"{MODEL_WORDS[model]} {100.0 * value:.2f} %" for model, value in loop.drive_gap.items()]
@@ -335,8 +335,7 @@ def _gap_table(title: str, gap: Mapping[str, Mapping[str, float]]) -> list[str]:
     """Gaps in percent, one line per model; the first line names the signals."""
     signals = tuple(next(iter(gap.values())))
     lines = [f"  {title:<28}" + "".join(f"{signal:>14}" for signal in signals)]
-    lines += [
-        f"  {MODEL_WORDS[model]:<28}" + "".join(f"{100.0 * gaps[signal]:>14.2f}" for signal in signals)
-        for model, gaps in gap.items()
-    ]
+    for model, gaps in gap.items():
+        cells = (f"{100.0 * gaps.get(signal, np.nan):>14.2f}" for signal in signals)
+        lines.append(f"  {MODEL_WORDS.get(model, model):<28}" + "".join(cells))
     return lines
