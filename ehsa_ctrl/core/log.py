@@ -96,6 +96,7 @@ class Log(Result):
     settings: symbol -> value of a parameter that was set for this log alone, SI units, such as a gain of the firmware.
     rates: how its channels were brought to one rate, if the file has several.
     time_source: what gave the time, if not a column: wf_increment, for instance, or a given sample time.
+    start: date of time 0 [s since 1970, UTC], if the file has dates.
     """
 
     time: np.ndarray
@@ -108,6 +109,7 @@ class Log(Result):
     settings: Mapping[str, float] = field(default_factory=dict)
     rates: RateChange | None = field(default=None, compare=False, repr=False)
     time_source: str = field(default="", compare=False, repr=False)
+    start: float | None = field(default=None, compare=False, repr=False)
 
     @property
     def name(self) -> str:

@@ -138,7 +138,8 @@ def log_from_tables(
             notes.append(f"{path}: has no column {at.column!r}, where the plant's [log] looks for {channel}; {near}")
     if write:
         notes.append(f"{path}: has unread columns that look like channels; {write}")
-    return replace(log, notes=(*notes, *log.notes))
+    dates = [part.start for part in parts if part.start is not None]
+    return replace(log, notes=(*notes, *log.notes), start=min(dates, default=None))
 
 
 def _part(path: Path | str, table: LogTable, at: Mapping[str, Column], how: ReadingOptions, several: bool) -> Part:

@@ -20,7 +20,7 @@ from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from .changes import Names, RigChange, RigScores, changes, scan
 from .drifts import drifts
-from .manifest import FleetLog, find_logs
+from .manifest import FILE_TIME, FleetLog, find_logs, in_order
 from .null import false_discovery_rates, scatter
 from .outliers import outliers
 from .random_effects import RandomEffects, random_effects
@@ -96,17 +96,20 @@ def analyse_fleet(
     into = Store(store, plant)
     into.begin()
     keys, failed, computed, notes = _fill(into, plant, found, check, jobs, watch)
-    used = [log for log in found if log.path in keys]
+    used = in_order(
+        log if log.dated != FILE_TIME else log.stamped(into.get(keys[log.path]).start)
+        for log in found if log.path in keys
+    )  # fmt: skip
     by_rig = {name: tuple(logs) for name, logs in groupby(used, lambda log: log.rig)}
     rigs = [_Rig(name, logs, tuple(keys[log.path] for log in logs)) for name, logs in by_rig.items()]
     if not rigs:
         raise InputError(f"no log could be used; the first: {next(iter(failed.values()))}")
     result = _statistics(plant, into, rigs, rate, watch)
-    undated = sum(log.dated == "file time" for log in found)
+    undated = sum(log.dated == FILE_TIME for log in used)
     if undated:
         notes.append(
-            f"{undated} logs have no date but the time at which the file was written; give dates in a fleet.csv, or in "
-            "the files' names"
+            f"logs with no date but the time at which the file was written: {undated}; give dates in a fleet.csv, or "
+            "in the files' names"
         )
     result = replace(
         result, failed=failed, notes=(*result.notes, *notes), computed=computed, kept=len(keys) - computed,

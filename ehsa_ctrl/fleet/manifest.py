@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -22,6 +22,10 @@ NAMED_DATE = re.compile(
 )
 
 
+#: Sources of a log's date, besides "manifest" and "name": its own time stamps, and the time at which it was written.
+STAMPS, FILE_TIME = "stamps", "file time"
+
+
 @dataclass(frozen=True)
 class FleetLog:
     """A log of a fleet. date: of the recording, UTC if the source says no zone. dated: where the date comes from."""
@@ -31,6 +35,10 @@ class FleetLog:
     date: datetime
     dated: str
 
+    def stamped(self, start: float | None) -> FleetLog:
+        """With the date of its first sample [s since 1970]; as it is without one."""
+        return self if start is None else replace(self, date=datetime.fromtimestamp(start, UTC), dated=STAMPS)
+
 
 def find_logs(given: Sequence[str | Path], by: str = "") -> list[FleetLog]:
     """The logs of files, folders and manifests, by rig and date.
@@ -38,7 +46,7 @@ def find_logs(given: Sequence[str | Path], by: str = "") -> list[FleetLog]:
     A manifest is a CSV named fleet.csv with the columns `file` (relative to it), `date` (ISO 8601, may be left out) and
     the rig. In a folder with one, the manifest says which logs count; without one, all logs of the folder and of those
     in it count, and a log's folder names its rig. Where nothing says the date, it is in the file's name, or else the
-    time at which the file was last written.
+    time at which the file was last written, for which the log's own time stamps are put once it is read (`stamped`).
 
     Parameters
     ----------
@@ -75,7 +83,12 @@ def find_logs(given: Sequence[str | Path], by: str = "") -> list[FleetLog]:
         seen[place] = log.path
     if not found:
         raise InputError("no log given; expected files, folders with a folder for each rig, or a fleet.csv")
-    return sorted(found, key=lambda log: (log.rig, log.date, str(log.path)))
+    return in_order(found)
+
+
+def in_order(logs: Iterable[FleetLog]) -> list[FleetLog]:
+    """Logs by rig and date."""
+    return sorted(logs, key=lambda log: (log.rig, log.date, str(log.path)))
 
 
 def _of_folder(path: Path) -> FleetLog:
@@ -90,7 +103,7 @@ def _date_of(path: Path) -> tuple[datetime, str]:
             return datetime(year, month, day, hour, minute, tzinfo=UTC), "name"
         except ValueError:
             pass
-    return datetime.fromtimestamp(int(path.stat().st_mtime), UTC), "file time"
+    return datetime.fromtimestamp(int(path.stat().st_mtime), UTC), FILE_TIME
 
 
 def _listed(manifest: Path, by: str) -> list[FleetLog]:

@@ -69,7 +69,7 @@ def diagnose_changed(
             else:
                 found[name] = RigDiagnosis(
                     file, one.verdict,
-                    tuple(tuple(map(_label, (cause.name, *cause.ambiguous_with))) for cause in one.effects),
+                    tuple((cause.name, *cause.ambiguous_with) for cause in one.effects),
                     one.effects[0].probability if one.effects else float("nan"), one.gap["nominal"]["total"],
                     one.improved_gap["total"],
                 )  # fmt: skip
@@ -113,11 +113,6 @@ def _key(store: Store, plant: Plant, path: Path) -> str:
     rounded = plant.set(**{n: float(f"{p.value:.5g}") for n, p in plant.parameters.items() if p.source == "given"})
     text = f"{store.key(path)} {plant_digest(rounded)} {code_digest()}"
     return hashlib.sha256(text.encode()).hexdigest()[:32]
-
-
-def _label(name: str) -> str:
-    """The name of a cause as a fleet has it: "sensor_bias p1" for "sensor_bias (p1)"."""
-    return re.sub(r"^(\w+) \((\w+)\)$", r"\1 \2", name)
 
 
 def _folders(rigs: Iterable[str]) -> dict[str, str]:

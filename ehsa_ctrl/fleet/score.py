@@ -23,6 +23,7 @@ from ..diagnosis.objective import STEP, ResidualScale
 from ..diagnosis.prepared_logs import prepare_logs, segment_candidates
 from ..diagnosis.records import Record, Segment, run_records
 from ..diagnosis.validation_segment import windows_of
+from ..diagnosis.verdict_text import name_of
 from ..physics.effects import CandidateEffect
 from ..plant.arrays import needed_to_simulate
 from ..plant.plant import Plant
@@ -60,7 +61,8 @@ class LogScore:
     scale: (k,) SI value of one unit of x.
     score, information: (k,), (k, k), as for white residuals.
     dispersion: variance of the scores over that of white residuals, at least 1.
-    causes: effect id, for a sensor with its channel -> its names.
+    causes: as a diagnosis names them -> their names.
+    start: date of the first sample [s since 1970, UTC], None for a log without dates.
     rms: of the residuals at the nominal plant and after the Gauss-Newton steps, in assumed standard deviations.
     """
 
@@ -72,6 +74,7 @@ class LogScore:
     dispersion: float
     causes: Mapping[str, tuple[str, ...]]
     rms: tuple[float, float]
+    start: float | None = None
 
 
 @dataclass(frozen=True)
@@ -121,6 +124,7 @@ def log_score(plant: Plant, log: Log, *, check: bool = True) -> LogScore:
         dispersion=_dispersion(blocks),
         causes={label: listed for label, listed in there.items() if listed},
         rms=(_rms(before), _rms(after)),
+        start=None if log.start is None else log.start + float(log.time[0]),
     )
 
 
@@ -323,8 +327,7 @@ def _with_effects(
         if form in first:
             continue
         first.add(form)
-        label = candidate.id if candidate.channel is None else f"{candidate.id} {candidate.channel}"
-        listed = causes.setdefault(label, [])
+        listed = causes.setdefault(name_of(candidate.key), [])
         for direction in _effect_directions(candidate, at):
             if direction.name not in listed:
                 listed.append(direction.name)

@@ -94,6 +94,7 @@ class Store:
             "names": list(score.names), "nominal": score.nominal, "scale": score.scale.tolist(),
             "score": score.score.tolist(), "information": upper.tobytes(), "dispersion": score.dispersion,
             "causes": json.dumps({cause: list(names) for cause, names in score.causes.items()}), "rms": list(score.rms),
+            "start": score.start,
         }  # fmt: skip
         self._write(self.part(key), pyarrow.Table.from_pylist([row]))
 
@@ -111,6 +112,7 @@ class Store:
                 tuple(row["names"]), int(row["nominal"]), np.array(row["scale"]), np.array(row["score"]),
                 matrix + np.triu(matrix, 1).T, float(row["dispersion"]),
                 {cause: tuple(names) for cause, names in json.loads(row["causes"]).items()}, tuple(row["rms"]),
+                row["start"],
             )  # fmt: skip
         except (ArrowException, OSError, ValueError, LookupError, TypeError) as error:
             words = str(error).splitlines()[0] if str(error) else type(error).__name__

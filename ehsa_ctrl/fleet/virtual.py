@@ -79,11 +79,11 @@ CHANGES = (
     VirtualChange("asymmetric_friction", effect="asymmetric_friction", values={"a_FR": 0.4}),
     VirtualChange("pump_displacement", {"D": 0.96}),
     VirtualChange("load_spring", values={"K_S": 2e4}),
-    VirtualChange("sensor_scale speed", sensor=("speed", "scale", 1.04)),
-    VirtualChange("sensor_scale p1", sensor=("p1", "scale", 1.08)),
-    VirtualChange("sensor_bias p2", sensor=("p2", "bias", 1.5e5)),
-    VirtualChange("sensor_delay position", sensor=("position", "delay", 8e-3)),
-    VirtualChange("sensor_filter p1", sensor=("p1", "filter", 8e-3)),
+    VirtualChange("sensor_scale (speed)", sensor=("speed", "scale", 1.04)),
+    VirtualChange("sensor_scale (p1)", sensor=("p1", "scale", 1.08)),
+    VirtualChange("sensor_bias (p2)", sensor=("p2", "bias", 1.5e5)),
+    VirtualChange("sensor_delay (position)", sensor=("position", "delay", 8e-3)),
+    VirtualChange("sensor_filter (p1)", sensor=("p1", "filter", 8e-3)),
 )
 
 

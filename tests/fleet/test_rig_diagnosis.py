@@ -47,7 +47,7 @@ def test_the_diagnosis_decides(fleet, plant, tmp_path):
     )
 
     bias, small, wrong, still = result.rigs
-    assert (bias.cause, bias.same, bias.by) == ("sensor_bias p1", ("sensor_bias p2",), "diagnosis")
+    assert (bias.cause, bias.same, bias.by) == ("sensor_bias (p1)", ("sensor_bias (p2)",), "diagnosis")
     assert (
         not small.changed and small.diagnosis.verdict == "no_gap" and "rig/small: significant, but" in result.notes[0]
     )

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import joblib
@@ -94,6 +95,27 @@ def test_what_is_finished_is_not_computed_again(logs, calls):
     write(logs, "c", 4, 0.0, seed=78)
     third = analyse(logs)
     assert (third.computed, third.kept) == (2, 8) and calls[9:] == ["a02", "c04"]
+
+
+def test_stamps_of_a_log_date_it(tmp_path, monkeypatch):
+    """A name without a date leaves it to the log's own stamps; the time of the file counts for a log without any."""
+    monkeypatch.setattr(module, "log_score", lambda plant, log, *, check: replace(scored(plant, log), start=log.start))
+    t = 0.004 * np.arange(50)
+    for name, start in (("late", 1.77e9), ("early", 1.76e9), ("none", None)):
+        path = tmp_path / "logs" / "a" / f"{name}.csv"
+        Log(t, {"current": np.sin(t), "speed": np.cos(t) + len(name)}).write(path)
+        if start is not None:
+            head, *rows = path.read_text().splitlines()
+            stamps = (f"{1000 * start + 4 * i:.0f}," + row.partition(",")[2] for i, row in enumerate(rows))
+            path.write_text("\n".join([head, *stamps]) + "\n")
+
+    found = analyse(tmp_path / "logs")
+
+    assert [(Path(log.file).stem, log.dated) for log in found.rigs[0].logs] == [
+        ("early", "stamps"), ("late", "stamps"), ("none", "file time")
+    ]  # fmt: skip
+    assert found.rigs[0].logs[0].date == "2025-10-09T08:53:20+00:00"
+    assert "no date but the time at which the file was written: 1" in found.notes[-1]
 
 
 @pytest.mark.slow
