@@ -277,7 +277,6 @@ def read_plant_log(
     path: str | Path,
     plant: _PlantLike,
     *,
-    shortest: int = 25,
     uniform: bool = True,
     span: tuple[float | None, float | None] = (None, None),
     sample_time: float | None = None,
@@ -297,7 +296,7 @@ def record(
 def replay_closed_loop(
     diagnosis: Diagnosis, controller: _ControllerLike, *, validate: Log | None = None
 ) -> Diagnosis: ...
-def replay(plant: _PlantLike, log: _LogLike, *, before: _LogLike | None = None) -> Comparison: ...
+def replay(plant: _PlantLike, log: _LogLike) -> Comparison: ...
 def review(
     system: _SystemLike,
     controller: _ControllerLike,
@@ -410,7 +409,7 @@ def slip_quantum(
     plant: _PlantLike, *, width: float | None = None, direction: int = 1, excess: float = 0.001
 ) -> float: ...
 def three_state(plant: _PlantLike, *, position: bool = True) -> control.StateSpace: ...
-def to_iosystem(plant: _PlantLike, *, widths: dict[str, float] | None = None) -> control.NonlinearIOSystem: ...
+def to_iosystem(plant: _PlantLike) -> control.NonlinearIOSystem: ...
 def what_changed(
     plant: _PlantLike,
     before: _LogLike,

@@ -309,7 +309,7 @@ _NAMES = {
     CONTROLLER: "controller",
     dictionary(ARRAY): "channels outputs",
     dictionary(PAIR): "bounds",
-    dictionary(ANY_NUMBER): "noise widths",
+    dictionary(ANY_NUMBER): "noise",
     dictionary(ANY_NUMBER | NONE): "priors",
     dictionary(TEXT | ANY_NUMBER): "settings",
     dictionary(MAPPING): "truth",

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
-from .complete import models, several_controllers
-from .options import PlantArgument, Settings, read_pairs, split_names
+from .complete import several_controllers
+from .options import OneModel, PlantArgument, Settings, read_pairs, split_names
 from .output import OutputOptions, provenance
 
 if TYPE_CHECKING:
@@ -29,11 +29,10 @@ def command(
         ),
     ] = None,
     model: Annotated[
-        str | None,
+        OneModel | None,
         typer.Option(
             help="linear: the plant's linear set; nonlinear: its nonlinear set, linearised during sliding. By default "
-            "the linear one, if the plant has one.",
-            autocompletion=models,
+            "the linear one, if the plant has one."
         ),
     ] = None,
     position: Annotated[
@@ -78,10 +77,8 @@ def command(
     from ..plant.draws import draw, drawn_models, read_covariance
     from ..plant.load import models_of
     from .inputs import load_model
-    from .options import check_word
 
     model = model or ("linear" if "linear" in models_of(plant) else "nonlinear")
-    check_word("--model", model, "linear", "nonlinear")
     names = split_names(controller or "")
     at = conditions(
         positions=_quantities("--position", position, "m"),

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from ..core.errors import SimulationError
 from .options import LogOptions, Models, PlantOption, Settings, read_pairs
 from .output import OutputOptions, assumed_names, provenance, warn
-
-if TYPE_CHECKING:
-    pass
 
 
 def command(

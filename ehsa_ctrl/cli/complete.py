@@ -12,8 +12,6 @@ from typing import Any
 import typer
 
 Offer = list[tuple[str, str]]
-#: What `ehsa-ctrl list` lists; "kinds" are those of controllers.
-LISTED = ("plants", "controllers", "kinds", "scenarios", "effects", "friction", "formats")
 
 
 def _definitions(kind: str) -> Callable[[str], Offer]:
@@ -48,21 +46,9 @@ def _kinds(catalogue: str, *keys: str) -> Callable[[str], list[str]]:
     return offer
 
 
-def _words(*words: str) -> Callable[[str], list[str]]:
-    def offer(incomplete: str) -> list[str]:
-        return [word for word in words if word.startswith(incomplete)]
-
-    return offer
-
-
 plants, controllers, scenarios = map(_definitions, ("plants", "controllers", "scenarios"))
 controller_kinds = _kinds("controllers", "kind")
 reference_kinds = _kinds("scenarios", "reference", "kind")
-listed_kinds = _words(*LISTED)
-models = _words("linear", "nonlinear")
-numbers = _words("double", "float", "q31", "q15")
-models_or_both = _words("linear", "nonlinear", "both")
-excitations = _words("noise", "steps", "sine", "ramp", "chirp", "multisine", "white")
 
 
 def several_controllers(incomplete: str) -> Offer:

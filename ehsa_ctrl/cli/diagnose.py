@@ -22,7 +22,7 @@ from .options import (
     read_pairs,
     settings_by_log,
 )
-from .output import OutputOptions, provenance, to_json, warn
+from .output import OutputOptions, bare_table, provenance, to_json, warn
 
 if TYPE_CHECKING:
     from ..core.log import Log
@@ -261,7 +261,7 @@ def _diagnose(
     from ..diagnosis.diagnose import diagnose
     from ..identification.plant_log import missing_information
     from ..plant.load import read_settings
-    from .inputs import read_prepared, whole
+    from .inputs import read_prepared, refuse_repeated, whole
     from .progress import compiling, counting
 
     steps: list[dict[str, Any]] = []
@@ -272,10 +272,7 @@ def _diagnose(
         steps.extend(prepared.diagnosis_step_dicts())
         return prepared.log
 
-    files = [path.resolve() for path in logs]
-    twice = next((path for path, file in zip(logs, files, strict=True) if files.count(file) > 1), None)
-    if twice is not None:
-        raise InputError(f"{twice}: is given twice; give it once")
+    refuse_repeated(logs)
     together = [replace(read(path, how), settings=read_settings(nominal, own[path])) for path in logs]
     measured = together[0]
     second = read(single.validate, whole(how)) if single.validate is not None else None
@@ -367,7 +364,6 @@ def prepare_case(scenario: str, controller: str | None, plant: Plant) -> Prepare
 def _print_closed(closed: LoopComparison) -> None:
     """Print the metrics and closed-loop gaps of each plant, and their failures."""
     from rich.console import Console
-    from rich.table import Table
 
     from ..diagnosis.closed_loop_replay import MAX_DRIVE_DIFFERENCE
     from ..report.closed_loop import closed_table, plant_title
@@ -375,10 +371,7 @@ def _print_closed(closed: LoopComparison) -> None:
     console = Console(highlight=False)
     console.print(f"\n{closed.scenario} with {closed.controller}:")
     head, rows = closed_table(closed.to_dict())
-    table = Table("", box=None, pad_edge=False)
-    for word in head:
-        table.add_column(word, justify="right")
-    table.add_column("unit")
+    table = bare_table("", *head, "unit", right=len(head))
     for row in rows:
         table.add_row(*row)
     console.print(table)

@@ -45,12 +45,10 @@ def diagnose_batch(
     from ..core.text import folder_names
     from ..diagnosis.batch import diagnose_many
     from ..report.results import write_result_page
+    from .inputs import refuse_repeated
     from .progress import compiling, counting
 
-    files = [log.resolve() for log in logs]
-    twice = next((log for log, file in zip(logs, files, strict=True) if files.count(file) > 1), None)
-    if twice is not None:
-        raise InputError(f"{twice}: is given twice; give it once")
+    refuse_repeated(logs)
     out, anew = output.out, output.force
     folders = dict(zip(map(str, logs), folder_names(logs), strict=True))
     # Continuing an interrupted batch replaces its summary.
@@ -132,15 +130,7 @@ def _print(batch: LogBatch, out: Path | None) -> None:
             continue
         numbers = (f"{row.probability:.2f}" if row.cause else "", f"{100 * row.gap_before:.3g}")
         after = f"{100 * row.gap_after:.3g}" if row.verdict != "no_gap" else ""
-        table.add_row(
-            name,
-            row.verdict,
-            row.cause_words,
-            row.place,
-            *numbers,
-            after,
-            f"{row.seconds:.0f}",
-        )
+        table.add_row(name, row.verdict, row.cause_words, row.place, *numbers, after, f"{row.seconds:.0f}")
     console = Console(highlight=False)
     console.print(table)
     console.print("gap, after: total gap on held-out data, of the nominal plant and with the law or the causes added")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
-from .complete import controllers, numbers, plants
-from .options import Force, Json, Settings, check_word, read_pairs
+from .complete import controllers, plants
+from .options import Force, Json, Settings, read_pairs
 from .output import note, to_json, warn_implausible
 
 #: File of --check.
@@ -25,11 +25,8 @@ def command(
         str, typer.Option(help="Name of a plant, or the path of its TOML.", autocompletion=plants)
     ] = "ehsa",
     number: Annotated[
-        str,
-        typer.Option(
-            help="Numbers in the C: double, float, or fixed point in words of 32 (q31) or 16 bits (q15).",
-            autocompletion=numbers,
-        ),
+        Literal["double", "float", "q31", "q15"],
+        typer.Option(help="Numbers in the C; q31 and q15: fixed point in words of 32 or 16 bits."),
     ] = "double",
     check: Annotated[
         bool,
@@ -61,7 +58,6 @@ def command(
     from ..simulation.exercise import exercise_controller
     from .progress import compiling
 
-    check_word("--number", number, *NUMBERS)
     pairs = read_pairs(settings)
     system = linear_model(load_plant(plant, model="linear", settings=pairs))
     checked = load_plant(plant, model="nonlinear", settings=pairs)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
-from .options import LogOptions, Models, PlantOption, Settings, check_word, read_pairs
+from .options import LogOptions, Models, PlantOption, Settings, read_pairs
 from .output import OutputOptions, provenance
 
 
@@ -20,10 +20,12 @@ def command(
     output: OutputOptions,
     model: Models = "both",
     method: Annotated[
-        str, typer.Option(help="periodic (multisine), spectral (any input), or auto: periodic if the drive repeats.")
+        Literal["auto", "periodic", "spectral"],
+        typer.Option(help="periodic (multisine), spectral (any input), or auto: periodic if the drive repeats."),
     ] = "auto",
     estimator: Annotated[
-        str, typer.Option(help="H1 (noise at the output) or H2 (noise at the drive); spectral method.")
+        Literal["H1", "H2"],
+        typer.Option(help="H1 (noise at the output) or H2 (noise at the drive); spectral method."),
     ] = "H1",
     segment: Annotated[float | None, typer.Option(metavar="S", help="Length of the averaged segments.")] = None,
     period: Annotated[float | None, typer.Option(metavar="S", help="Period of the input; by default found.")] = None,
@@ -52,8 +54,6 @@ def command(
     from ..report.figures import save
     from .inputs import load_models, read_prepared
 
-    check_word("--method", method, "auto", "periodic", "spectral")
-    check_word("--estimator", estimator, "H1", "H2")
     pairs = read_pairs(settings)
     plants = load_models(plant, model, pairs)
     output.check("frf", "frequency_response.json", "response.csv", "report.html", figures=["response"])
@@ -61,7 +61,7 @@ def command(
     read = [read_prepared(path, last, preparation.preparation()) for path in logs]
     found = frequency_response(
         last, named([each.log for each in read]),
-        models={each.model: linearise(each) for each in plants}, method=method, estimator=estimator,  # type: ignore[arg-type]
+        models={each.model: linearise(each) for each in plants}, method=method, estimator=estimator,
         segment=segment, period=period, settle=settle, subspace=subspace or order is not None, order=order,
     )  # fmt: skip
     result: dict[str, Any] = {

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from ..core.errors import InputError
 from ..core.result import as_dict
-from .complete import models_or_both, plants, several_symbols, symbols
-from .options import LogOptions, LogSettings, Settings, check_word, read_pairs, settings_by_log, split_names
+from .complete import plants, several_symbols, symbols
+from .options import LogOptions, LogSettings, Models, Settings, read_pairs, settings_by_log, split_names
 from .output import OutputOptions, provenance, warn
 
 if TYPE_CHECKING:
@@ -52,9 +52,9 @@ class FitOptions:
             autocompletion=symbols,
         ),
     ] = field(default_factory=list)
-    method: Annotated[str | None, typer.Option(help="simulation or balances; by default that of the plant's file.")] = (
-        None
-    )
+    method: Annotated[
+        Literal["simulation", "balances"] | None, typer.Option(help="Method; by default that of the plant's file.")
+    ] = None
     window: Annotated[
         float | None, typer.Option(metavar="S", help="Length of simulated windows; by default the whole log.")
     ] = None
@@ -96,13 +96,14 @@ def command(
     fit: FitOptions,
     preparation: LogOptions,
     output: OutputOptions,
-    model: Annotated[str, typer.Option(help="linear, nonlinear or both.", autocompletion=models_or_both)] = "nonlinear",
+    model: Models = "nonlinear",
     validate: Annotated[
         list[Path], typer.Option("--validate", metavar="LOG", help="Log for validation only. Repeatable.")
     ] = [],
     settings: Settings = [],
     linear: Annotated[
-        str, typer.Option(help="Linear set of the written plant: keep, or sliding (derived from the nonlinear set).")
+        Literal["keep", "sliding"],
+        typer.Option(help="Linear set of the written plant: kept, or derived from the nonlinear set while sliding."),
     ] = "keep",
     profiles: Annotated[
         str,
@@ -139,13 +140,10 @@ def command(
     # For a plant with only a linear model, the default "nonlinear" means that one.
     only_linear = model == "nonlinear" and models_of(plant) == ("linear",)
     models = load_models(plant, "linear" if only_linear else model, pairs)
-    check_word("--linear", linear, "keep", "sliding")
     if linear == "sliding" and model != "nonlinear":
         raise InputError(
             f"--linear sliding derives the linear set from the nonlinear one; use --model nonlinear, not {model}"
         )
-    if fit.method is not None:
-        check_word("--method", fit.method, "simulation", "balances")
     used = {path.resolve() for path in logs}
     shared = [path for path in validate if path.resolve() in used]
     if shared and preparation.start is None and preparation.stop is None:

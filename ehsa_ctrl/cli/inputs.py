@@ -14,7 +14,7 @@ from ..core.log import CHANNELS
 from ..core.text import unique_names
 from ..identification.plant_log import read_plant_log
 from ..plant.load import has_setting, load_plant, models_of
-from .options import check_word
+from .options import OneModel, OneOrBoth
 from .output import note, warn, warn_implausible
 
 if TYPE_CHECKING:
@@ -26,20 +26,18 @@ if TYPE_CHECKING:
 UNEVEN = 1e-3
 
 
-def load_model(plant: str, model: str, settings: Mapping[str, str]) -> Plant:
+def load_model(plant: str, model: OneModel, settings: Mapping[str, str]) -> Plant:
     """Load one model of a plant with --set; warn of implausible values. Raises InputError as load_plant does."""
-    check_word("--model", model, "linear", "nonlinear")
-    loaded = load_plant(plant, model=model, settings=settings)  # type: ignore[arg-type]
+    loaded = load_plant(plant, model=model, settings=settings)
     warn_implausible([loaded])
     return loaded
 
 
-def load_models(plant: str, model: str, settings: Mapping[str, str]) -> list[Plant]:
+def load_models(plant: str, model: OneOrBoth, settings: Mapping[str, str]) -> list[Plant]:
     """Load one model or both; with "both", a setting applies to those models that have the parameter.
 
     Raises InputError as load_plant does, and for a setting that no model has.
     """
-    check_word("--model", model, "linear", "nonlinear", "both")
     if model != "both":
         return [load_model(plant, model, settings)]
     nominal = [load_plant(plant, model=word) for word in models_of(plant)]
@@ -119,6 +117,14 @@ def prepare(raw: Log, plant: Plant, how: Preparation, *, notes: bool = True) -> 
         print_notes(raw)
     ready, steps = how.apply(raw, plant)
     return LogWithSteps(raw, replace(ready, path=raw.path, missing=raw.missing), steps)
+
+
+def refuse_repeated(logs: Sequence[Path]) -> None:
+    """Raise InputError for a log that is given twice."""
+    files = [log.resolve() for log in logs]
+    for log, file in zip(logs, files, strict=True):
+        if files.count(file) > 1:
+            raise InputError(f"{log}: is given twice; give it once")
 
 
 def whole(how: Preparation) -> Preparation:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import typer
 
-from ..core.errors import InputError, choices
-from .complete import LISTED, listed_kinds
 from .options import Json
 from .output import to_json
 
@@ -15,20 +13,19 @@ if TYPE_CHECKING:
     from ..physics.friction import FrictionParameter
 
 
+#: What is listed; "kinds" are those of controllers.
+Listed = Literal["plants", "controllers", "kinds", "scenarios", "effects", "friction", "formats"]
+
+
 def command(
-    kind: Annotated[
-        str | None,
-        typer.Argument(help="One of: " + ", ".join(LISTED) + "; all of them by default.", autocompletion=listed_kinds),
-    ] = None,
+    kind: Annotated[Listed | None, typer.Argument(help="What to list; all of them by default.")] = None,
     as_json: Json = False,
 ) -> None:
     """List plants, controllers and their kinds, scenarios, effects, friction laws and formats of logs.
 
     Examples: ehsa-ctrl list · ehsa-ctrl list scenarios · ehsa-ctrl list kinds · ehsa-ctrl list effects --json
     """
-    if kind is not None and kind not in LISTED:
-        raise InputError(f"list {kind!r}: no such kind; {choices(kind, LISTED)}")
-    found = {name: _entries(name) for name in ([kind] if kind else LISTED)}
+    found = {name: _entries(name) for name in ([kind] if kind else get_args(Listed))}
     if as_json:
         print(to_json(found))
         return

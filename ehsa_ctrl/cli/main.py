@@ -130,7 +130,7 @@ def main() -> None:
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
         command = context.command_path if context is not None else "ehsa-ctrl"
-        sentence = " ".join(error.format_message().split()).rstrip(".")
+        sentence = " ".join(error.format_message().split()).rstrip(".").replace("Value error, ", "")
         if not sentence:
             # typer has no message for a group without a command: it prints the help.
             commands = ", ".join(getattr(getattr(context, "command", None), "commands", ()))

@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
 from ..core.errors import InputError
-from .complete import models, models_or_both, plants, several_controllers, symbols
+from .complete import plants, several_controllers, symbols
 
 if TYPE_CHECKING:
     from ..identification.preparation import Preparation
@@ -22,11 +22,11 @@ PlantArgument = Annotated[str, typer.Argument(help="Name of a plant, or the path
 PlantOption = Annotated[
     str, typer.Option("--plant", help="Name of a plant, or the path of its TOML.", autocompletion=plants)
 ]
-Model = Annotated[str, typer.Option(help="linear or nonlinear.", autocompletion=models)]
-NominalModel = Annotated[str, typer.Option(help="linear or nonlinear: the nominal model.", autocompletion=models)]
-Models = Annotated[
-    str, typer.Option(help="linear, nonlinear or both (those that the plant has).", autocompletion=models_or_both)
-]
+OneModel = Literal["linear", "nonlinear"]
+OneOrBoth = Literal["linear", "nonlinear", "both"]
+Model = Annotated[OneModel, typer.Option(help="Parameter set of the plant.")]
+NominalModel = Annotated[OneModel, typer.Option(help="Parameter set of the nominal plant.")]
+Models = Annotated[OneOrBoth, typer.Option(help="Parameter set of the plant; both: those that it has.")]
 Threshold = Annotated[
     float, typer.Option(help="Smallest relevant gap of a signal, relative to its standard deviation.")
 ]
@@ -222,10 +222,3 @@ def settings_by_log(texts: list[str], logs: Sequence[Path]) -> dict[Path, dict[s
         for path in fitting:
             found[path].append(pair)
     return {path: read_pairs(pairs, "--log-set") for path, pairs in found.items()}
-
-
-def check_word(option: str, value: str, *words: str) -> None:
-    """Raise InputError if the value of an option is not one of these words."""
-    if value not in words:
-        listed = f"{', '.join(words[:-1])} or {words[-1]}" if len(words) > 2 else " or ".join(words)
-        raise InputError(f"{option} {value!r}: expected {listed}")

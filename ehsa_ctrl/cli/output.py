@@ -15,6 +15,8 @@ from ..core.result import to_json as to_json
 from .options import Force, Json, Out
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from ..plant.plant import Plant
 
 
@@ -68,15 +70,28 @@ class OutputOptions:
             with ResultFolder(self.out, command, self.force, keep).draft() as draft:
                 files(draft)
                 (draft / file).write_text(to_json(result if stored is None else stored) + "\n")
+                from ..report.kinds import kinds
                 from ..report.results import write_result_page
 
-                page = self.out / write_result_page(draft, file).name
+                # A run of `serve` has no page.
+                page = f" (open {self.out / write_result_page(draft, file).name})" if file in kinds() else ""
         if self.as_json:
             print(to_json(result))
             return
         text()
         if self.out is not None and then is not None:
-            print(f"written to {self.out} (open {page}){then}")
+            print(f"written to {self.out}{page}{then}")
+
+
+def bare_table(*headings: str, right: int = 0) -> Table:
+    """A table without rules; `right` columns of numbers follow the first one."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for k, heading in enumerate(headings):
+        number = 1 <= k <= right
+        table.add_column(heading, justify="right" if number else "left", overflow="fold" if number else "ellipsis")
+    return table
 
 
 def provenance(plants: Iterable[Plant], files: Iterable[str | Path | None] = ()) -> dict[str, Any]:

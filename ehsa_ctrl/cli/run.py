@@ -13,7 +13,7 @@ import typer
 from ..core.errors import InputError, SimulationError
 from .complete import scenarios as scenario_names
 from .options import Force, Json, RunOptions, read_pairs
-from .output import OutputOptions, provenance, warn_implausible
+from .output import OutputOptions, bare_table, provenance, warn_implausible
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -264,7 +264,7 @@ def _summary(results: list[ScenarioResult]) -> Table:
 
     from ..scenario.result import first_reasons
 
-    table = _table("scenario", "controller", "verdict", "why")
+    table = bare_table("scenario", "controller", "verdict", "why")
     for result in results:
         verdict = Text(*VERDICTS[result.verdict])
         table.add_row(result.scenario.name, result.controller.name, verdict, first_reasons(result.failures))
@@ -281,22 +281,11 @@ def _metrics(results: list[ScenarioResult]) -> Table:
         headings, columns = ["linear prediction", "nonlinear plant", "gap"], ["linear", "nonlinear", "gap"]
     else:
         headings, columns = [result.controller.name for result in results], ["nonlinear"]
-    table = _table("", *headings, "unit", right=len(headings))
+    table = bare_table("", *headings, "unit", right=len(headings))
     for name in CLOSED_LOOP:
         cells = [frame.loc[name, column] for frame in frames for column in columns]
         # The position's metrics are shown as undefined; a run without a force target does not mention forces.
         if set(cells) != {"-"} and not (METRICS[name].requires == "force" and set(cells) == {"not defined"}):
             unit = frames[0].loc[name, "unit"]
             table.add_row(name, *cells, "" if unit == "1" else unit)
-    return table
-
-
-def _table(*headings: str, right: int = 0) -> Table:
-    """A table without rules; `right` columns of numbers follow the first one."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    for k, heading in enumerate(headings):
-        number = 1 <= k <= right
-        table.add_column(heading, justify="right" if number else "left", overflow="fold" if number else "ellipsis")
     return table

@@ -9,7 +9,7 @@ import typer
 from ..core.errors import InputError
 from .complete import controllers, plants, scenarios
 from .options import Settings, read_pairs
-from .output import OutputOptions, note, to_json, warn_implausible
+from .output import OutputOptions, command_line, note, warn_implausible
 
 if TYPE_CHECKING:
     from ..simulation.closed_loop import ClosedLoop
@@ -84,7 +84,12 @@ def command(
         if pairs or seed is not None:
             raise InputError("--set and --seed change the simulated plant; give them on the plant's side")
         summary, run = _controller_side(str(controller), scenario, design, address, port, period, patience)
-    _deliver(output, side, summary, run)
+    result = {**summary.to_dict(), "command": command_line()}
+    file, series = FILES[side]
+    output.deliver(
+        "serve", file, result, lambda: print(summary),
+        files=lambda draft: run.to_pandas().to_csv(draft / series, index=False),
+    )  # fmt: skip
     if summary.ended == "interrupted":
         raise KeyboardInterrupt(f"after {summary.samples} samples")
     if summary.tripped:
@@ -165,21 +170,3 @@ def _controller_side(
         served.warm_up()
     note(f"{law.name} waits for readings on {address} port {served.endpoint.port}, at most {patience:g} s")
     return served.serve(lambda peer: note(f"answers {peer[0]} port {peer[1]}")), served
-
-
-def _deliver(output: OutputOptions, side: str, summary: LinkSummary, run: Any) -> None:
-    """Write the files and print the summary."""
-    from ..core.result_folder import ResultFolder
-    from .output import command_line
-
-    result = {**summary.to_dict(), "command": command_line()}
-    if output.out is not None:
-        with ResultFolder(output.out, "serve", output.force).draft() as draft:
-            (draft / "serve.json").write_text(to_json(result) + "\n")
-            run.to_pandas().to_csv(draft / FILES[side][1], index=False)
-    if output.as_json:
-        print(to_json(result))
-        return
-    print(summary)
-    if output.out is not None:
-        print(f"written to {output.out}")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from ..core.errors import InputError
 from ..core.result import as_dict
-from .complete import excitations
 from .options import Force, Json, Model, PlantArgument, Settings, read_pairs
 from .output import OutputOptions, assumed_names, provenance, warn
 
@@ -29,8 +28,8 @@ def command(
         ),
     ] = None,
     excitation: Annotated[
-        str | None,
-        typer.Option(help="Input: noise, steps, sine, ramp, chirp, multisine or white.", autocompletion=excitations),
+        Literal["noise", "steps", "sine", "ramp", "chirp", "multisine", "white"] | None,
+        typer.Option(help="Waveform of the input."),
     ] = None,
     amplitude: Annotated[float, typer.Option(help="Amplitude of the excitation, A (or the drive's unit).")] = 1.5,
     duration: Annotated[float, typer.Option(help="Duration of the excitation, s.")] = 10.0,

@@ -69,18 +69,37 @@ def open_checkpoint(
     first = json.dumps({key: mark}) + "\n"
     if path is None or not path.exists():
         return Checkpoint(path, [], first)
-    try:
-        head, *lines = path.read_text(encoding="utf-8").split("\n")
-        found = parse_json(head)[key]
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror})") from None
-    except (ValueError, LookupError, TypeError, ArithmeticError):
-        raise InputError(f"{path}: {none}") from None
+    found, head, lines = _read(path, key, none)
     if anew:
         return Checkpoint(path, [], first)
     if found != mark:
         raise InputError(f"{path}: {other}")
-    results, whole = [], [head]
+    results, whole = _parse(path, lines, parse, wrong)
+    if [head, *whole, ""] != [head, *lines]:
+        write_text(path, "\n".join([head, *whole]) + "\n")
+    return Checkpoint(path, results)
+
+
+def read_results(path: Path, key: str, parse: Callable[[str], T], *, none: str, wrong: str) -> list[T]:
+    """The results in a checkpoint file, which stays as it is; arguments and errors as for `open_checkpoint`."""
+    _, _, lines = _read(path, key, none)
+    return _parse(path, lines, parse, wrong)[0]
+
+
+def _read(path: Path, key: str, none: str) -> tuple[Any, str, list[str]]:
+    """The mark of a checkpoint file, its first line and the others."""
+    try:
+        head, *lines = path.read_text(encoding="utf-8").split("\n")
+        return parse_json(head)[key], head, lines
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from None
+    except (ValueError, LookupError, TypeError, ArithmeticError):
+        raise InputError(f"{path}: {none}") from None
+
+
+def _parse(path: Path, lines: list[str], parse: Callable[[str], T], wrong: str) -> tuple[list[T], list[str]]:
+    """The results, and the lines that hold them; a last line that an interrupt truncated has none."""
+    results, whole = [], []
     for number, line in enumerate(lines, 2):
         if not line:
             continue
@@ -91,6 +110,4 @@ def open_checkpoint(
                 raise InputError(f"{path}: line {number} {wrong}; correct or delete it") from None
             continue
         whole.append(line)
-    if [*whole, ""] != [head, *lines]:
-        write_text(path, "\n".join(whole) + "\n")
-    return Checkpoint(path, results)
+    return results, whole

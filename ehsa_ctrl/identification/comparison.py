@@ -142,14 +142,13 @@ class Comparison(Result):
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
 
 
-def replay(plant: Plant, log: Log, *, before: Log | None = None) -> Comparison:
+def replay(plant: Plant, log: Log) -> Comparison:
     """Simulate the plant in free run with the inputs of a log and compare with its outputs.
 
     Parameters
     ----------
-    log: has the channels of the plant's inputs.
-    before: what was recorded up to the log's first sample; by default what the log was cut from (`Log.segment`). It
-        gives the initial state of a log that begins in motion, see `find_initial_state`.
+    log: has the channels of the plant's inputs. What it was cut from (`Log.segment`) gives its initial state if it
+        begins in motion, see `find_initial_state`.
 
     Returns
     -------
@@ -164,7 +163,7 @@ def replay(plant: Plant, log: Log, *, before: Log | None = None) -> Comparison:
     system = plant.structure.system
     for channel in system.drives.values():
         log[channel]
-    start = find_initial_state(plant, log, before if before is not None else log.before)
+    start = find_initial_state(plant, log, log.before)
     measured = [channel for channel in system.outputs if channel in log.channels]
     no_fit = dict.fromkeys(measured, float("nan"))
     try:

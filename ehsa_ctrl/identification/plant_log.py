@@ -36,7 +36,6 @@ def read_plant_log(
     path: str | Path,
     plant: Plant,
     *,
-    shortest: int = SHORTEST,
     uniform: bool = True,
     span: tuple[float | None, float | None] = (None, None),
     sample_time: float | None = None,
@@ -60,7 +59,7 @@ def read_plant_log(
     if sample_time is not None:
         check_sample_time(sample_time)
     log = read_log(
-        path, drives, columns=plant.log, shortest=shortest, uniform=uniform, wanted=wanted, span=span,
+        path, drives, columns=plant.log, shortest=SHORTEST, uniform=uniform, wanted=wanted, span=span,
         sample_time=sample_time, rate=rate or 1.0 / plant.sample_time, held=held_channels(plant),
     )  # fmt: skip
     missing = tuple(channel for channel in wanted if channel not in log.channels)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 #: Attempts to draw a value within the bounds. Engineering judgement: if all fail, value and bounds contradict.
 TRIES = 10_000
+#: Differences from the nominal plant that a label names.
+DIFFERENCES = 4
 
 
 @dataclass(frozen=True)
@@ -192,8 +194,8 @@ def _inside(plant: Plant, name: str, value: float) -> bool:
     return bool(lower <= value <= upper)
 
 
-def difference(plant: Plant, nominal: Plant, *, most: int = 4) -> str:
-    """The `most` largest relative differences from the nominal plant, largest first: "M +12 %, J_M -3 %"."""
+def difference(plant: Plant, nominal: Plant) -> str:
+    """The largest relative differences from the nominal plant, largest first: "M +12 %, J_M -3 %"."""
     parts = []
     for name, parameter in plant.parameters.items():
         before = nominal[name]
@@ -203,7 +205,7 @@ def difference(plant: Plant, nominal: Plant, *, most: int = 4) -> str:
         words = f"{100 * relative:+.2g} %" if before else f"{parameter.value:g} {parameter.unit}"
         parts.append((abs(relative), f"{label(name)} {words}"))
     ordered = [words for _, words in sorted(parts, key=lambda part: -part[0])]
-    return ", ".join(ordered[:most] + ["..."] * (len(ordered) > most)) or "nominal"
+    return ", ".join(ordered[:DIFFERENCES] + ["..."] * (len(ordered) > DIFFERENCES)) or "nominal"
 
 
 def drawn_models(

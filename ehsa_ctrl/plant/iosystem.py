@@ -22,12 +22,8 @@ if TYPE_CHECKING:
 WIDTHS = {"shaft": 0.01, "rod": 1e-5}
 
 
-def to_iosystem(plant: Plant, *, widths: dict[str, float] | None = None) -> control.NonlinearIOSystem:
+def to_iosystem(plant: Plant) -> control.NonlinearIOSystem:
     """The plant for python-control: inputs current and F_D, states and outputs of the equations, SI units.
-
-    Parameters
-    ----------
-    widths: speed over which the friction of "shaft" [rad/s] and "rod" [m/s] reverses; WIDTHS by default.
 
     The system's `params` are the plant's parameters: `input_output_response(..., params={"K_T": 1.1})`. python-control
     interpolates inputs linearly: give a current with zero-order hold as a function of time.
@@ -37,8 +33,7 @@ def to_iosystem(plant: Plant, *, widths: dict[str, float] | None = None) -> cont
     equations = plant.structure.equations
     signals = evaluator(equations, plant.values)
     names = [state.name for state in equations.states]
-    width = {**WIDTHS, **(widths or {})}
-    contacts = [(c.direction, names.index(c.velocity), width[c.name]) for c in plant.structure.system.contacts]
+    contacts = [(c.direction, names.index(c.velocity), WIDTHS[c.name]) for c in plant.structure.system.contacts]
 
     def update(t: float, x: np.ndarray, u: np.ndarray, params: dict[str, Any]) -> list[float]:
         states = {name: float(value) for name, value in zip(names, x, strict=True)}

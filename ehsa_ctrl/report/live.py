@@ -18,6 +18,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from .chart import Chart, RegimeCurve, Strip
+from .signals import spans
 from .text import unit
 
 #: Values of all charts of a page: about 200 kB in it, so that a page with its printed figures stays below 1 MB.
@@ -91,13 +92,6 @@ def pack(codes: Sequence[np.ndarray]) -> str:
     return base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode()
 
 
-def spans(time: np.ndarray, on: np.ndarray) -> list[list[float]]:
-    """Start and end [s] of the parts in which `on` (N,) is true; the last sample of a part lasts until the next one."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
-    ends = np.append(time, time[-1])
-    return [[round(float(time[a]), 6), round(float(ends[b]), 6)] for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def payload(chart: Chart, folder: Path, samples: int) -> dict[str, Any]:
     """A chart as the script of a page reads it.
 
@@ -161,7 +155,8 @@ def payload(chart: Chart, folder: Path, samples: int) -> dict[str, Any]:
 def _strip(strip: Strip, column: Any) -> dict[str, Any]:
     time, values = column("t", strip.file), column(strip.column, strip.file)
     on = values == 0.0 if strip.still else (values < strip.low) | (values > strip.high)
-    return {"label": strip.label, "colour": strip.colour, "spans": spans(time, on)}
+    parts = [[round(start, 6), round(end, 6)] for start, end in spans(time, on)]
+    return {"label": strip.label, "colour": strip.colour, "spans": parts}
 
 
 def _regime(regime: RegimeCurve, column: Any) -> dict[str, Any]:

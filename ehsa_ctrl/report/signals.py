@@ -108,6 +108,13 @@ def unit_of_number(si: str, value: float) -> tuple[str, float]:
     return unit_of_balance(si) if si in SHOWN else (si, 1.0)
 
 
+def spans(time: np.ndarray, on: np.ndarray) -> list[tuple[float, float]]:
+    """Start and end [s] of the parts in which `on` (N,) is true; the last sample of a part lasts until the next one."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
+    ends = np.append(time, time[-1])
+    return [(float(time[a]), float(ends[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
 def most_active_part(log: Log, channel: str) -> slice:
     """Samples of the second (or a quarter of a short log) in which a channel has the largest variance."""
     samples = len(log)

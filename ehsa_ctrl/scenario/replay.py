@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ..core.checkpoint import read_results
 from ..core.errors import InputError
-from ..core.files import parse_json
 from ..plant.file import key_of, symbol_of
 from .outcome import Outcome
 from .prepare import PreparedScenario
@@ -27,18 +27,10 @@ def read_draw(text: str) -> Outcome:
     if not (colon and number.isdigit()):
         name, number = text, ""
     path = Path(name)
-    try:
-        head, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
-        parse_json(head)["campaign"]
-        outcomes = [Outcome.from_line(line) for line in lines]
-    except OSError as error:
-        raise InputError(
-            f"{path}: can't be read ({error.strerror}); give the .jsonl of a montecarlo campaign"
-        ) from None
-    except (ValueError, LookupError, TypeError):
-        raise InputError(
-            f"{path}: is not the .jsonl of a montecarlo campaign; expected the file that it wrote"
-        ) from None
+    outcomes = read_results(
+        path, "campaign", Outcome.from_line, wrong="is not the result of a run",
+        none="is not the .jsonl of a montecarlo campaign; expected the file that it wrote",
+    )  # fmt: skip
     if not outcomes:
         raise InputError(f"{path}: has no finished run; start the campaign first")
     if not number:

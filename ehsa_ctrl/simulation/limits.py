@@ -34,6 +34,23 @@ NAMES = {
     "stroke": "stroke (distance from mid-stroke)",
 }
 
+#: Limit -> states that it bounds at each instant, share of the limit at which they pass it, and the sides. The motor
+#: torque bounds the current; averages over the run bound no signal.
+BOUNDED = {
+    "pump_speed": (("omega",), 1.0, "both"),
+    "motor_speed": (("omega",), 1.0, "both"),
+    "pressure_max": (("P_1", "P_2"), 1.0, "high"),
+    "pressure_min": (("P_1", "P_2"), 1.0, "low"),
+    "stroke": (("x",), 0.5, "both"),
+}
+
+
+def range_of(limit: str, allowed: float) -> tuple[float, float]:
+    """Range of the states in BOUNDED that a limit allows."""
+    _, share, sides = BOUNDED[limit]
+    bound = share * allowed
+    return {"low": (bound, np.inf), "high": (-np.inf, bound), "both": (-bound, bound)}[sides]
+
 
 def scale_of(limit: str, unit: str) -> float:
     """SI units of a limit per printed unit; a stroke is printed as the distance from mid-stroke, half of it."""

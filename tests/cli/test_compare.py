@@ -161,7 +161,7 @@ def test_a_wrong_mapping_is_one_sentence(run, log, tmp_path, line, says):
     ("arguments", "says"),
     [
         (("nothing.csv",), "nothing.csv: no such file"),
-        (("log.csv", "--model", "cubic"), "expected linear, nonlinear or both"),
+        (("log.csv", "--model", "cubic"), "not one of 'linear', 'nonlinear', 'both'"),
         (("log.csv", "--from", "9"), "the log runs from 0 to 4 s"),
         (("log.csv", "--zero", "p3"), "no zero of 'p3'"),
         (("log.csv", "--zero", "p1=0"), "--zero 'p1=0': 'p1=0' is not a channel name; expected names separated"),

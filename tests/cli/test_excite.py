@@ -69,7 +69,7 @@ def test_what_is_not_determined_is_a_warning(run):
     ("arguments", "says"),
     [
         (("nothing",), "nothing"),
-        (("ehsa", "--model", "cubic"), "expected linear or nonlinear"),
+        (("ehsa", "--model", "cubic"), "not one of 'linear', 'nonlinear'"),
         (("ehsa", "--kind", "sin"), "did you mean 'sine'"),
         (("ehsa", "--duration", "0.1"), "expected 1 to 600 s"),
         (("ehsa", "--free", "K_X"), "can't be estimated"),

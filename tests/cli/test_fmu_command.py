@@ -24,4 +24,4 @@ def test_a_file_or_a_folder(run, tmp_path):
 def test_a_wrong_model_is_a_sentence(run):
     status, _, err = run("fmu", "ehsa", "--model", "linera", "--out", "rig.fmu")
 
-    assert status == 2 and "expected linear or nonlinear" in err
+    assert status == 2 and "not one of 'linear', 'nonlinear'" in err

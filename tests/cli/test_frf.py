@@ -29,4 +29,4 @@ def test_files_and_page(run, tmp_path, method):
 def test_a_wrong_word_is_one_sentence(run, tmp_path):
     status, _, err = run("frf", str(tmp_path / "none.csv"), "--plant", "ehsa", "--method", "best")
 
-    assert status == 2 and "--method 'best': expected auto, periodic or spectral" in err
+    assert status == 2 and "'best' is not one of 'auto', 'periodic', 'spectral'" in err

@@ -15,9 +15,10 @@ import ehsa_ctrl as e
 from ehsa_ctrl.diagnosis.closed_loop_replay import ClosedLoopReplay
 from ehsa_ctrl.report import document
 from ehsa_ctrl.report.kinds._charts import free_run_chart, loop_replay_chart, run_chart, simulation_chart
-from ehsa_ctrl.report.live import encode, pack, payloads, spans, thin
+from ehsa_ctrl.report.live import encode, pack, payloads, thin
 from ehsa_ctrl.report.page import Picture
 from ehsa_ctrl.report.result_tables import diagnosis_tables, save_tables, simulation_tables
+from ehsa_ctrl.report.signals import spans
 
 from .browsing import show, wait
 from .diagnoses import diagnosis
@@ -85,7 +86,7 @@ def test_a_long_log_of_noise_takes_less_than_half_a_megabyte(tmp_path):
 
 def test_spans_last_until_the_next_sample():
     """Two parts, the second up to the end of the run."""
-    assert spans(np.arange(5.0), np.array([True, False, True, True, True])) == [[0.0, 1.0], [2.0, 4.0]]
+    assert spans(np.arange(5.0), np.array([True, False, True, True, True])) == [(0.0, 1.0), (2.0, 4.0)]
 
 
 def test_without_the_library_the_page_says_how_to_get_it(tmp_path, monkeypatch, gentle):

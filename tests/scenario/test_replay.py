@@ -61,7 +61,7 @@ def test_another_file_is_one_sentence(tmp_path, text):
     path = tmp_path / "runs.jsonl"
     path.write_text(text)
 
-    with pytest.raises(e.InputError, match=r"is not the \.jsonl of a montecarlo campaign"):
+    with pytest.raises(e.InputError, match=r"is not the (\.jsonl of a montecarlo campaign|result of a run)"):
         read_draw(str(path))
     with pytest.raises(e.InputError, match="can't be read"):
         read_draw(str(tmp_path / "none.jsonl"))

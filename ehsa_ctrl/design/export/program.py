@@ -39,22 +39,17 @@ class Program(Mapping[Callable[..., Any], CSignature]):
         self,
         allowed: Sequence[Callable[..., Any]],
         *,
-        external: Mapping[Callable[..., Any], CSignature] | None = None,
         substitutes: Mapping[str, Callable[..., Any]] | None = None,
         number: NumberType = DOUBLES,
     ) -> None:
-        """allowed: functions that may appear. external: those with C elsewhere. substitutes: see FunctionSource.
-        number: type of doubles in C."""
+        """allowed: functions that may appear. substitutes: see FunctionSource. number: type of doubles in C."""
         self._number = number
-        self._allowed = {*allowed, *(external or {})}
-        self._external = dict(external or {})
+        self._allowed = set(allowed)
         self._substitutes = dict(substitutes or {})
         self._done: dict[Callable[..., Any], CFunction] = {}
         self._open: list[Callable[..., Any]] = []
 
     def __getitem__(self, function: Callable[..., Any]) -> CSignature:
-        if function in self._external:
-            return self._external[function]
         if function not in self._allowed:
             raise KeyError(function)
         if function not in self._done:

@@ -11,9 +11,9 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
 from ...core.unit import factor
-from ...simulation.limits import SHOWN, Exceedance
+from ...simulation.limits import BOUNDED, SHOWN, Exceedance, range_of
 from ...simulation.trajectory import Trajectory
-from ..signals import SIGNALS, Signal
+from ..signals import SIGNALS, Signal, spans
 from ..style import BLUE, GREY, LIMIT, LIMIT_DASHES, RASTER_POINTS, Sheet
 from ..text import quantity
 from ._layout import share_x, sheet
@@ -21,13 +21,8 @@ from ._layout import share_x, sheet
 #: Height of a panel and of a row of a strip, in.
 PANEL, ROW = 1.3, 0.17
 #: Panel that shows a limit of the plant. Averages over the run (power, current_rms) can't be drawn over time.
-WHERE = {
-    "pump_speed": "omega",
-    "motor_speed": "omega",
-    "motor_torque": "current",
-    "pressure_max": "pressures",
-    "pressure_min": "pressures",
-    "stroke": "x",
+WHERE = {"motor_torque": "current"} | {
+    limit: "pressures" if "P_1" in states else states[0] for limit, (states, *_) in BOUNDED.items()
 }
 #: Colours of the strips' bars.
 STUCK, FORCE = GREY, BLUE
@@ -93,10 +88,8 @@ def panel_legend(ax: Axes, lines: Sequence[Artist]) -> None:
 
 
 def phases(time: np.ndarray, on: np.ndarray) -> list[Phase]:
-    """Intervals (start, end, "") [s] in which `on` (N,) is true; a sample's interval lasts until the next sample."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
-    ends = np.append(time, time[-1])
-    return [(float(time[a]), float(ends[b]), "") for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    """Intervals (start, end, "") [s] in which `on` (N,) is true."""
+    return [(*span, "") for span in spans(time, on)]
 
 
 def levels(time: np.ndarray, force: np.ndarray) -> list[Phase]:
@@ -188,16 +181,12 @@ def _watched(run: Trajectory, trip: Exceedance) -> np.ndarray:
 
 def _bounds(run: Trajectory, trip: Exceedance) -> tuple[float, float]:
     """Lower and upper bound of the panel's signal: a torque limit as a current, a stroke as half to either side."""
-    bound = trip.allowed / SIGNALS[WHERE[trip.limit]].scale
-    if trip.limit == "pressure_max":
-        return -np.inf, bound
-    if trip.limit == "pressure_min":
-        return bound, np.inf
+    scale = SIGNALS[WHERE[trip.limit]].scale
     if trip.limit == "motor_torque":
-        bound /= run.plant["K_T"]
-    elif trip.limit == "stroke":
-        bound /= 2
-    return -bound, bound
+        bound = trip.allowed / scale / run.plant["K_T"]
+        return -bound, bound
+    low, high = range_of(trip.limit, trip.allowed)
+    return low / scale, high / scale
 
 
 def _allowed(trip: Exceedance) -> str:

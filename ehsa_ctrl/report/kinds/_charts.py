@@ -10,6 +10,7 @@ from typing import Any
 
 from ...core.log import CHANNELS
 from ...diagnosis.unknown_inputs import UNITS
+from ...simulation.limits import BOUNDED, range_of
 from ..chart import LOOKS, PALETTE, Chart, ChartPanel, Line, Look, RegimeCurve, Span, Strip, Switch, columns_of
 from ..page import Picture
 from ..signals import (
@@ -33,14 +34,6 @@ LOOP_REPLAY = "closed_loop_replay.csv"
 
 #: How to use a chart, below each.
 USE = "Drag to enlarge, double-click or press 0 for the whole run; arrow keys move, + and - zoom."
-#: Limit of a plant -> columns of a run that it applies to, share of the limit at which they trip, and the sides.
-LIMITED = {
-    "pump_speed": (("omega",), 1.0, "both"),
-    "motor_speed": (("omega",), 1.0, "both"),
-    "pressure_max": (("P_1", "P_2"), 1.0, "high"),
-    "pressure_min": (("P_1", "P_2"), 1.0, "low"),
-    "stroke": (("x",), 0.5, "both"),
-}
 
 
 def free_run_chart(
@@ -193,13 +186,13 @@ def limit_strips(
     """
     found = []
     for trip in exceeded:
-        names, share, sides = LIMITED.get(str(trip["limit"]), ((), 1.0, ""))
-        bound = share * float(trip["allowed"])
-        low = {"low": bound, "both": -bound}.get(sides, float("-inf"))
-        high = bound if sides != "low" else float("inf")
-        for name in names:
+        limit = str(trip["limit"])
+        if limit not in BOUNDED:
+            continue
+        low, high = range_of(limit, float(trip["allowed"]))
+        for name in BOUNDED[limit][0]:
             if f"{name}{end}" in columns:
-                words = f"{name.replace('_', '')} beyond {str(trip['limit']).replace('_', ' ')}{of}"
+                words = f"{name.replace('_', '')} beyond {limit.replace('_', ' ')}{of}"
                 found.append(Strip(words, f"{name}{end}", PURPLE, low=low, high=high, file=file))
     return found
 

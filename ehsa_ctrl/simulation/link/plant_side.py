@@ -62,24 +62,16 @@ class RemoteController:
 
     @classmethod
     def connected(
-        cls,
-        address: str,
-        port: int,
-        sample_time: float,
-        watchdog: Watchdog,
-        *,
-        run: int | None = None,
-        **options: float | None,
+        cls, address: str, port: int, sample_time: float, watchdog: Watchdog, **options: float | None
     ) -> RemoteController:
-        """A side that sends to this address and port. run: number of the run, random by default.
+        """A side that sends to this address and port, with a random number of the run.
 
         Raises InputError for an address or port that can't be used.
         """
         if port == 0:
             raise InputError("port 0; expected the port at which the controller listens, 1 to 65535")
         local = "127.0.0.1" if address.startswith("127.") else "0.0.0.0"
-        number = secrets.randbelow(LAST_RUN) if run is None else run
-        endpoint = Endpoint.bound(CURRENT, local, peer=(address, port), run=number)
+        endpoint = Endpoint.bound(CURRENT, local, peer=(address, port), run=secrets.randbelow(LAST_RUN))
         return cls(endpoint, sample_time, watchdog, **options)  # type: ignore[arg-type]
 
     def settings(self) -> np.ndarray:
