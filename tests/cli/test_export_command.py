@@ -29,24 +29,9 @@ def test_source_test_and_vector_are_written(run, tmp_path):
     subprocess.run(["make", "-s", "-C", str(tmp_path / "deploy"), "test"], check=True, capture_output=True)
 
 
-def test_a_result_is_not_overwritten_unasked(run, tmp_path):
-    """A second call needs --force; without --json it says how to go on."""
-    status, out, _ = run("export", "pid_position", "--out", "deploy")
-    assert status == 0 and "make -C deploy test" in out
-    status, _, err = run("export", "pid_position", "--out", "deploy")
-    assert status == 2 and "is part of an earlier result" in err
-
-    (tmp_path / "deploy" / "Makefile").write_text("mine")
-    status, _, err = run("export", "pid_position", "--out", "deploy", "--force")
-    assert status == 2 and "deploy/Makefile: was edited since export wrote it" in err
-    (tmp_path / "deploy" / "Makefile").unlink()
-    assert run("export", "pid_position", "--out", "deploy", "--force")[0] == 0
-    assert "ehsa_step" in (tmp_path / "deploy" / "controller.c").read_text()
-
-
 def test_what_is_believed_reaches_the_gains(run, tmp_path):
     """A design on another torque constant is another controller."""
-    run("export", "pid_position", "--out", "one")
+    assert run("export", "pid_position", "--out", "one")[1].endswith("make -C one test\n")
     run("export", "pid_position", "--set", "K_T=1.0", "--out", "two")
 
     assert (tmp_path / "one" / "controller.c").read_text() != (tmp_path / "two" / "controller.c").read_text()

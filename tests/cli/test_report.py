@@ -57,23 +57,12 @@ def test_a_page_rests_on_what_its_json_says(run, results, tmp_path):
     assert rests_on["command"].startswith("ehsa-ctrl compare all/bench/log.csv")
 
 
-@pytest.mark.slow
-def test_a_page_is_replaced_only_when_told(run, results, tmp_path):
-    """As every result; to another folder it goes without."""
-    assert run("report", "all")[0] == 0
-    status, _, err = run("report", "all")
-
-    assert status == 2 and err.count("\n") == 1 and "--force" in err
-    assert run("report", "all", "--force")[0] == 0
-    assert run("report", "all", "--out", "to_send")[0] == 0
-    assert (tmp_path / "to_send" / "overview.html").is_file()
-
-
-def test_json_names_every_result(run, results):
-    """Kind, file and sentences of each."""
-    status, out, _ = run("report", "all", "--json")
+def test_json_names_every_result(run, results, tmp_path):
+    """Kind, file and sentences of each; the page goes to another folder if one is given."""
+    status, out, _ = run("report", "all", "--json", "--out", "to_send")
     answer = json.loads(out)
 
+    assert (tmp_path / "to_send" / "overview.html").is_file()
     assert status == 0 and answer["left_out"] == []
     assert [each["kind"] for each in answer["results"]] == ["simulation", "comparison", "design"]
     assert answer["results"][0]["good"] and "No plant limit was exceeded." in answer["results"][0]["sentences"]

@@ -45,21 +45,8 @@ def mine(tmp_path):
 
 @pytest.mark.slow
 def test_controllers_stand_side_by_side(run, scenario, mine):
-    """One table with a column each."""
-    scenario(LIMITS.replace("3 mm", "10 mm"))
-    status, out, _ = run("run", "short", "--controller", "pid_position,slow")
-
-    assert status == 0
-    assert any(line.split() == ["pid_position", "slow", "unit"] for line in out.splitlines())
-    (row,) = [line for line in out.splitlines() if line.startswith("MaxError")]
-    fast, slow = (float(word) for word in row.split()[1:3])
-    assert fast < slow
-
-
-@pytest.mark.slow
-def test_many_runs_end_with_a_line_for_each(run, scenario, mine):
-    """Below all tables: scenario, controller, verdict and why, and how many passed and failed."""
-    scenario('\n[limits]\nMaxError = { max = "3.2 mm" }\n')
+    """One table with a column each; below it scenario, controller, verdict and why, and how many passed and failed."""
+    scenario(LIMITS.replace("3 mm", "3.2 mm"))
     status, out, _ = run("run", "short", "--controller", "pid_position,slow")
     *_, heading, first, second, counts, _ = (line.split() for line in out.splitlines() + [""])
 
@@ -68,12 +55,21 @@ def test_many_runs_end_with_a_line_for_each(run, scenario, mine):
     assert first == ["short", "pid_position", "passed"]
     assert second[:4] == ["short", "slow", "FAILED", "MaxError"]
     assert " ".join(counts).startswith("1 of 2 passed, 1 failed; written to")
+    assert any(line.split() == ["pid_position", "slow", "unit"] for line in out.splitlines())
+    (row,) = [line for line in out.splitlines() if line.startswith("MaxError")]
+    fast, slow = (float(word) for word in row.split()[1:3])
+    assert fast < slow
 
 
 @pytest.mark.slow
-def test_a_metric_without_a_meaning_here_is_called_not_defined(run, scenario):
-    """A smooth move has no step to overshoot: in words, where the number would be."""
-    _, out, _ = run("run", "short")
+def test_what_is_untested_or_not_defined_is_said(run, scenario, tmp_path):
+    """A run without limits neither passes nor fails, with status 0; a smooth move has no step to overshoot."""
+    scenario("")
+    status, out, _ = run("run", "short")
+
+    assert status == 0
+    assert "untested" in out and "0 of 1 passed, 1 untested" in out
+    assert json.loads((tmp_path / "results" / "results.json").read_text())["scenarios"][0]["verdict"] == "untested"
     (row,) = [line for line in out.splitlines() if line.startswith("Overshoot")]
 
     assert row.split() == ["Overshoot", *3 * ["not", "defined"], "%"]
@@ -87,17 +83,6 @@ def test_check_says_a_limit_on_what_is_not_defined(run, scenario, tmp_path):
 
     assert status == 2
     assert "short.toml: [limits] Overshoot: is not defined here" in err and "'moves' does not jump" in err
-
-
-@pytest.mark.slow
-def test_what_is_untested_is_said(run, scenario, tmp_path):
-    """Neither passed nor failed; the exit status is 0."""
-    scenario("")
-    status, out, _ = run("run", "short")
-
-    assert status == 0
-    assert "untested" in out and "0 of 1 passed, 1 untested" in out
-    assert json.loads((tmp_path / "results" / "results.json").read_text())["scenarios"][0]["verdict"] == "untested"
 
 
 @pytest.mark.slow

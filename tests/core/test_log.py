@@ -1,7 +1,5 @@
 """Reading measured logs; errors name file, column and row."""
 
-import sys
-
 import numpy as np
 import pandas
 import pytest
@@ -16,20 +14,6 @@ from ehsa_ctrl.core.unit import factor
 def write(path, text):
     path.write_text(text)
     return path
-
-
-def test_a_log_survives_writing_and_reading(tmp_path):
-    """Writing and reading keep the decimals of the sensor."""
-    time = 0.004 * np.arange(5)
-    log = Log(time, {"current": np.array([0, 1, -1, 0.12345, 2]), "position": np.linspace(0, 1e-3, 5)})
-    log.write(tmp_path / "log.csv")
-
-    again = read_log(tmp_path / "log.csv", ["current"])
-
-    np.testing.assert_allclose(again.time, time, atol=1e-9)
-    np.testing.assert_allclose(again["current"], log["current"], atol=1e-9)
-    np.testing.assert_allclose(again["position"], log["position"], atol=1e-9)
-    assert again.sample_time == pytest.approx(0.004)
 
 
 @pytest.mark.parametrize("channel", CHANNELS)
@@ -156,15 +140,6 @@ def test_dates_are_no_values(tmp_path):
 
     with pytest.raises(InputError, match="column 'current' contains dates"):
         read_log(tmp_path / "u.parquet", ["current"])
-
-
-def test_without_pyarrow_the_sentence_says_what_to_install(tmp_path, monkeypatch):
-    """The extra by its name."""
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    monkeypatch.setitem(sys.modules, "fastparquet", None)
-
-    with pytest.raises(InputError, match=r'pip install "ehsa_ctrl\[parquet\]"'):
-        read_log(write(tmp_path / "u.parquet", "PAR1"), ["current"])
 
 
 def test_mapped_columns_are_scaled_shifted_and_turned(tmp_path):

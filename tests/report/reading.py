@@ -65,6 +65,24 @@ class Page(HTMLParser):
         return next(rows[1:] for rows in self.tables if tuple(rows[0][: len(heads)]) == heads)
 
 
+def sound(text):
+    """Fail unless a page is well formed and said in words, links lead somewhere in it, and it loads nothing."""
+    page = Page(text)
+    ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    targets = re.findall(r'(?:xlink:)?href="#([^"]+)"|url\(#([^)]+)\)', text)
+
+    assert page.wrong == [] and page.open == []
+    assert page.with_tag("html")[0]["lang"] == "en"
+    assert any(attributes.get("name") == "viewport" for attributes in page.with_tag("meta"))
+    assert len(ids) == len(set(ids))
+    assert {one or other for one, other in targets} <= set(ids)
+    assert all(attributes.get("scope") in ("col", "row") for attributes in page.with_tag("th"))
+    assert len(page.with_tag("caption")) == len(page.with_tag("table"))
+    assert all(len(row) == len(rows[0]) for rows in page.tables for row in rows)
+    assert all(len(attributes["alt"]) > 60 for attributes in page.with_tag("img"))
+    loads_nothing(text)
+
+
 def loads_nothing(text):
     """Fail unless a page runs nothing and loads nothing from outside, and forbids it to itself.
 

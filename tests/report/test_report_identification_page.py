@@ -17,7 +17,7 @@ from ehsa_ctrl.report.results import write_result_page
 from ehsa_ctrl.report.text import NOTHING, number, uncertain
 from ehsa_ctrl.report.write import comparison_dict
 
-from .reading import Page, loads_nothing
+from .reading import Page, sound
 
 pytestmark = pytest.mark.slow
 
@@ -75,30 +75,10 @@ def top(text):
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body))
 
 
-def test_every_tag_is_closed_and_every_table_described(text):
-    """The page is well formed; headings of tables have a scope, figures are said in words."""
-    page = Page(text)
-
-    assert page.wrong == [] and page.open == []
-    assert all(attributes.get("scope") in ("col", "row") for attributes in page.with_tag("th"))
-    assert len(page.with_tag("caption")) == len(page.with_tag("table"))
-    assert page.with_tag("img")
-    for attributes in page.with_tag("img"):
-        assert len(attributes["alt"]) > 60
-
-
-def test_the_page_loads_nothing(text):
-    """No network, no other file, no script: one file that can be sent around."""
-    loads_nothing(text)
-
-
-def test_links_lead_somewhere_and_ids_are_unique(text):
-    """Every part of the page can be linked to."""
-    ids = [attributes["id"] for _, attributes in Page(text).tags if "id" in attributes]
-    targets = re.findall(r'(?:xlink:)?href="#([^"]+)"|url\(#([^)]+)\)', text)
-
-    assert len(ids) == len(set(ids))
-    assert {one or other for one, other in targets} <= set(ids)
+def test_the_page_is_sound(text):
+    """One well-formed file that can be sent around, with figures."""
+    sound(text)
+    assert "<img" in text
 
 
 def test_names_of_files_are_no_html(identified, compared):

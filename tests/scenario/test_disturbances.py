@@ -6,6 +6,7 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.scenario.disturbances import SupervisionSettings, faults_of
 from ehsa_ctrl.scenario.prepare import prepare
+from ehsa_ctrl.simulation.faults import DriveLimit, Faults, SensorFault
 
 POSITION = 3
 
@@ -14,15 +15,18 @@ def fault(**words):
     return {"fault": [words]}
 
 
-def test_a_stuck_sensor_gives_its_last_value(short):
-    """The reading is stuck for the fault's duration and correct again after it."""
-    result = ehsa_ctrl.run(short(**fault(kind="stuck", channel="position", start="0.2 s", duration="0.1 s")))
-    loop = result.nonlinear
-    time, read = loop.trajectory.time, loop.measured[:, POSITION]
-    during = (time >= 0.2 - 1e-9) & (time < 0.3 - 1e-9)
+def test_faults_are_those_of_the_simulation(short):
+    """Each kind of the file, in SI units; without a duration they last to the end."""
+    found = short(
+        fault=[
+            {"kind": "stuck", "channel": "position", "start": "0.2 s", "duration": "0.1 s"},
+            {"kind": "lost", "channel": "speed", "start": "300 ms"},
+            {"kind": "current_limit", "current": "0.5 A", "start": "0.1 s", "duration": "0.4 s"},
+        ]
+    ).definition.fault
+    sensors = (SensorFault("position", "stuck", 0.2, 0.1), SensorFault("speed", "lost", 0.3))
 
-    assert np.ptp(read[during]) == 0
-    assert np.max(np.abs(read[~during] - loop.trajectory["x"][~during])) < 200e-6
+    assert faults_of(found) == Faults(sensors, (DriveLimit(0.5, 0.1, 0.4),))
 
 
 def test_lost_samples_are_no_numbers_and_are_bridged(short):
@@ -46,16 +50,6 @@ def test_a_position_that_stays_lost_stops_the_loop(short):
     assert loop.trajectory.sticks("rod")[-1]
 
 
-def test_a_drive_that_is_limited_gives_no_more(short):
-    """The controller asks for more than the drive gives, and only while the fault lasts."""
-    weak = fault(kind="current_limit", current="0.5 A", start="0.1 s", duration="0.4 s")
-    loop = ehsa_ctrl.run(short(**weak)).nonlinear
-    during = (loop.trajectory.time >= 0.1 - 1e-9) & (loop.trajectory.time < 0.5 - 1e-9)
-
-    assert np.max(np.abs(loop.trajectory.current[during])) == 0.5 < np.max(np.abs(loop.asked[during]))
-    assert np.array_equal(loop.trajectory.current[~during], loop.asked[~during])
-
-
 def test_a_contradiction_stops_the_loop_and_travel_is_the_plants(short):
     """A stuck position while the shaft turns; D / A comes from the plant, not from the scenario."""
     stuck = fault(kind="stuck", channel="position", start="0.2 s")
@@ -71,13 +65,6 @@ def test_supervision_that_is_not_asked_for_changes_nothing(short):
     plain, wide = (ehsa_ctrl.run(scenario).nonlinear for scenario in (short(), short(supervision={})))
 
     assert np.array_equal(plain.trajectory.states, wide.trajectory.states)
-
-
-def test_no_fault_is_an_empty_table():
-    """Without faults nothing is disturbed."""
-    fault, ceiling = faults_of([]).tables(np.arange(5.0))
-
-    assert not fault.any() and np.isinf(ceiling).all()
 
 
 def test_supervising_reads_units(plant):
