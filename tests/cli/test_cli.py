@@ -59,7 +59,8 @@ def test_without_arguments_it_says_what_it_can(run):
 @pytest.mark.slow
 def test_run_does_the_main_job(run, tmp_path, monkeypatch):
     """All shipped scenarios: results, page and figures are there, the verdict is printed, exit status 0."""
-    # To write them takes most of the time; other tests look at what is drawn.
+    # To lay them out and to write them takes most of the time; other tests look at what is drawn.
+    monkeypatch.setattr("ehsa_ctrl.report.style.Sheet.lay_out", lambda sheet: None)
     monkeypatch.setattr("ehsa_ctrl.report.result_figures.save", lambda _, path: Path(f"{path}.png").write_bytes(b""))
     status, out, _ = run("run", "--no-assumed", "--out", "results")
     summary = json.loads((tmp_path / "results" / "results.json").read_text())
