@@ -182,38 +182,10 @@ def run_closed_loop(
         status = UNFINISHED
         while status == UNFINISHED:
             status = closed_loop(
-                *code.arguments,
-                stop,
-                parameters,
-                state,
-                mode,
-                carry,
-                step is not None,
-                law,
-                settings,
-                memory,
-                reference,
-                outer,
-                scale,
-                noise,
-                resolution,
-                delay,
-                weights,
-                int(lag),
-                dt,
-                tolerance,
-                states,
-                modes,
-                true,
-                filtered,
-                measured,
-                asked,
-                extremes,
-                fault,
-                ceiling,
-                traced,
-                traces,
-            )
+                *code.arguments, stop, parameters, state, mode, carry, step is not None, law, settings, memory,
+                reference, outer, scale, noise, resolution, delay, weights, int(lag), dt, tolerance, states, modes,
+                true, filtered, measured, asked, extremes, fault, ceiling, traced, traces,
+            )  # fmt: skip
         return status
 
     if step is not None:

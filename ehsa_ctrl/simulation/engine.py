@@ -297,23 +297,10 @@ def _run(
 
     def work(part: slice) -> None:
         run_open_loop(
-            code,
-            parameters[part],
-            states[part],
-            modes[part],
-            carry[part],
-            current,
-            force,
-            hold == "first_order",
-            dt,
-            tolerance,
-            out.states[part],
-            out.modes[part],
-            out.cell_force[part],
-            out.extremes[part],
-            status=out.status[part],
-            stop=stop,
-        )
+            code, parameters[part], states[part], modes[part], carry[part], current, force, hold == "first_order", dt,
+            tolerance, out.states[part], out.modes[part], out.cell_force[part], out.extremes[part],
+            status=out.status[part], stop=stop,
+        )  # fmt: skip
 
     jobs = min(jobs or os.cpu_count() or 1, runs)
     if jobs == 1:

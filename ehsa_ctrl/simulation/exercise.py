@@ -43,14 +43,9 @@ def exercise_controller(
     for pulse in FORCE_PULSES:
         force = np.where((time >= 2.4) & (time < 2.5), pulse, 0.0)
         loop = run_closed_loop(
-            plant,
-            controller,
-            reference,
-            force=force,
-            sensors=Sensors.of(plant, seed=seed),
-            faults=faults,
+            plant, controller, reference, force=force, sensors=Sensors.of(plant, seed=seed), faults=faults,
             raise_on_failure=False,
-        )
+        )  # fmt: skip
         limited = int(np.count_nonzero(np.abs(loop.asked) >= current_limit))
         if limited:
             break

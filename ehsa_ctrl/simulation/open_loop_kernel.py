@@ -28,26 +28,12 @@ from .integrator import (
 
 @cached_njit(
     types.void(
-        *CODE,
-        TABLE,
-        TABLE,
-        TABLE,
-        TABLE,
-        VECTOR,
-        VECTOR,
-        boolean,
-        float64,
-        float64,
-        CUBE,
-        BYTE_CUBE,
-        TABLE,
-        CUBE,
-        CUBE,
-        WORDS,
+        *CODE, TABLE, TABLE, TABLE, TABLE, VECTOR, VECTOR, boolean, float64, float64, CUBE, BYTE_CUBE, TABLE, CUBE,
+        CUBE, WORDS,
     ),
     error_model="numpy",
     nogil=True,
-)
+)  # fmt: skip
 def open_loop(
     functions, shape, scales, p, y, mode, carry, current, force, first_order, dt, tol,
     states_out, modes_out, cell_out, extremes, impulses, status,

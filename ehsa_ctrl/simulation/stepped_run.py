@@ -120,22 +120,9 @@ class SteppedRun:
         modes = np.zeros((1, samples, self._modes.size), dtype=np.int8)
         cells, status = np.full((1, samples), np.nan), np.zeros(1, dtype=np.int64)
         run_open_loop(
-            self._code,
-            self._parameters,
-            self._states,
-            self._modes,
-            self._carry,
-            np.full(samples, current),
-            np.full(samples, force),
-            False,
-            dt,
-            self.tolerance,
-            states,
-            modes,
-            cells,
-            self._extremes,
-            status=status,
-        )
+            self._code, self._parameters, self._states, self._modes, self._carry, np.full(samples, current),
+            np.full(samples, force), False, dt, self.tolerance, states, modes, cells, self._extremes, status=status,
+        )  # fmt: skip
         return states[0], modes[0], cells[0], int(status[0])
 
     def cell_force(self, current: float, force: float) -> float:

@@ -4,24 +4,13 @@ import json
 from pathlib import Path
 
 import pandas
+from short_move import SHORT
 
-SHORT = """schema = 1
-title = "short"
-why = "test"
-plant = "ehsa"
-controller = "cascade_friction"
-duration = "1.2 s"
-
-[reference]
-kind = "moves"
-times = ["0.1 s"]
-positions = ["10 mm"]
-durations = ["0.5 s"]
-"""
+MOVE = SHORT.replace("pid_position", "cascade_friction")
 
 
 def test_the_trajectory_that_it_writes_is_one_that_a_scenario_follows(run):
-    Path("short.toml").write_text(SHORT)
+    Path("short.toml").write_text(MOVE)
     status, out, _ = run("learn", "short.toml", "--trials", "2", "--out", "learnt", "--json")
 
     content = json.loads(out)
@@ -33,7 +22,7 @@ def test_the_trajectory_that_it_writes_is_one_that_a_scenario_follows(run):
         "learning.png",
     }
     assert list(pandas.read_csv("learnt/trajectory.csv")) == ["t", "position", "velocity", "acceleration"]
-    head, _, _ = SHORT.partition("[reference]")
+    head, _, _ = MOVE.partition("[reference]")
     text = f'{head}[reference]\nkind = "file"\nfile = "learnt/trajectory.csv"\n'
     Path("again.toml").write_text(text.replace("1.2 s", "1.3 s"))
     assert run("check", "again.toml")[0] == 0

@@ -3,22 +3,7 @@
 import json
 
 import pytest
-
-SHORT = """\
-schema = 1
-title = "A short move"
-why = "Tests need a run that takes little time."
-plant = "ehsa"
-controller = "pid_position"
-duration = "1 s"
-
-[reference]
-kind = "moves"
-times = ["0.1 s"]
-positions = ["5 mm"]
-durations = ["0.3 s"]
-"""
-LIMITS = '\n[limits]\nMaxError = { max = "3 mm" }\n'
+from short_move import LIMITS, SHORT
 
 
 @pytest.fixture
@@ -112,7 +97,7 @@ def test_a_baseline_is_recorded_kept_and_left(run, scenario, tmp_path):
 
     status, out, _ = run("run", "short", "--force", "--update-baselines", "--reason", "stiffer seal")
     assert status == 0
-    assert "RMSError (nonlinear) was" in out
+    assert "SteadyStateError (nonlinear) was" in out
     file = tmp_path / "scenarios" / "baselines" / "short-pid_position.json"
     assert json.loads(file.read_text())["reason"] == "stiffer seal"
     # Its figure belonged to the result before.

@@ -133,18 +133,6 @@ def test_a_limited_current_does_not_wind_the_observer_up():
     assert memory[3] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_plain_and_compiled_law_are_the_same(plant, model):
-    reference = np.zeros((150, 3))
-    reference[5:, 0] = 0.02
-
-    plain, fast = (
-        ehsa_ctrl.run_closed_loop(plant, controller(model), reference, compiled=way) for way in (False, True)
-    )
-
-    assert np.allclose(plain.asked, fast.asked, rtol=1e-9, atol=1e-12)
-    assert np.max(np.abs(fast.asked)) == 6.0
-
-
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [

@@ -132,18 +132,6 @@ def test_no_kick_at_the_start_wherever_the_rod_is():
     assert np.all(currents == 0.0)
 
 
-def test_plain_and_compiled_law_are_the_same(plant, model):
-    chosen = controller(model, integral_ratio=0.05)
-    reference = np.zeros((150, 3))
-    reference[5:, 0] = 0.02
-
-    plain, fast = (ehsa_ctrl.run_closed_loop(plant, chosen, reference, compiled=way) for way in (False, True))
-
-    assert np.allclose(plain.asked, fast.asked, rtol=1e-9, atol=1e-12)
-    assert np.max(np.abs(fast.asked)) > 1.0
-    assert fast.traces["speed_reference"][5] == pytest.approx(450.0)
-
-
 def test_velocity_feedforward_takes_the_lag_away(linear, model):
     """A ramp of 50 mm/s on the linear plant: without it the rod is v / k_x behind, with it nearly on it."""
     time = T_S * np.arange(400)

@@ -233,17 +233,6 @@ def test_a_lost_reading_does_not_poison(lqr, lost):
     assert abs(position[-1] - 0.003) < 1e-6
 
 
-def test_plain_and_compiled_are_equal_to_the_bit(plant, lqr, lqi):
-    """The same text in Python and compiled, on the nonlinear plant."""
-    reference = still(150, 0.004)
-    for controller in (lqr, lqi):
-        a = run_closed_loop(plant, controller, reference)
-        b = run_closed_loop(plant, controller, reference, compiled=False)
-
-        assert np.array_equal(a.asked, b.asked)
-        assert all(np.array_equal(a.traces[name], b.traces[name]) for name in a.traces)
-
-
 def test_the_catalogues_loops_have_their_margins(system):
     """Broken at the current, with the observer, every state feedback of the catalogue: Ms at most 1.6 and a disk margin
     of at least 0.6; so has what these tests take."""

@@ -201,18 +201,6 @@ def test_anti_windup_takes_away_the_overshoot_that_saturation_adds(linear, model
 # In the house
 
 
-@pytest.mark.parametrize("kind", ["pid", "scheduled_pid"])
-def test_plain_and_compiled_law_are_the_same(plant, model, kind):
-    chosen = controller(model, gains=ROWS[1]["gains"], reference_weight=0.6) if kind == "pid" else scheduled(model)
-    reference = np.zeros((150, 3))
-    reference[5:, 0] = 0.03
-
-    plain, fast = (ehsa_ctrl.run_closed_loop(plant, chosen, reference, compiled=way) for way in (False, True))
-
-    assert np.allclose(plain.asked, fast.asked, rtol=1e-9, atol=1e-12)
-    assert np.max(np.abs(fast.asked)) > 1.0
-
-
 @pytest.mark.parametrize(("crossover", "margin"), [(20.0, 70.0), (35.0, 60.0), (45.0, 45.0)])
 def test_the_classic_design_has_exactly_what_was_asked_for(model, crossover, margin):
     chosen = controller(model, design={"crossover": f"{crossover} rad/s", "phase_margin": f"{margin} deg"})

@@ -78,17 +78,6 @@ def test_where_the_oil_softens_the_schedule_is_stable_and_a_fixed_law_is_not(mod
     assert len(table.law.loops) == 8 + 4 + 6
 
 
-def test_plain_and_compiled_law_are_the_same(plant, model):
-    chosen = ehsa_ctrl.load_controller("lqr_scheduled", model)
-    reference = np.zeros((120, 3))
-    reference[5:, 0] = 0.02
-
-    plain, fast = (ehsa_ctrl.run_closed_loop(plant, chosen, reference, compiled=way) for way in (False, True))
-
-    assert np.allclose(plain.asked, fast.asked, rtol=1e-9, atol=1e-12)
-    assert np.ptp(fast.traces["second_scheduling"]) > 1e-3
-
-
 POINTS = GRID["points"]
 
 

@@ -96,18 +96,6 @@ def test_outside_the_layer_nothing_winds_up_and_at_rest_nothing_moves():
     assert np.ptp(held) == 0.0 and memory[0] == 0.0 and held[0] > 0.0
 
 
-def test_plain_and_compiled_law_are_the_same(plant, model):
-    reference = np.zeros((150, 3))
-    reference[5:, 0] = 0.02
-
-    plain, fast = (
-        ehsa_ctrl.run_closed_loop(plant, controller(model), reference, compiled=way) for way in (False, True)
-    )
-
-    assert np.allclose(plain.asked, fast.asked, rtol=1e-9, atol=1e-12)
-    assert np.max(np.abs(fast.asked)) == 6.0
-
-
 def test_the_review_names_layer_and_disturbance(model):
     """More friction than F bears is a warning, until it is fed forward."""
     known = Known(static=1.08)

@@ -1,28 +1,13 @@
 """Short scenarios for all tests of this folder."""
 
 import pytest
+from short_move import LIMITS
+from short_move import SHORT as FREE
 
 from ehsa_ctrl.core.definition import validate
 from ehsa_ctrl.scenario.definition import Scenario, ScenarioFile
 
-SHORT = """\
-schema = 1
-title = "A short move"
-why = "Tests need a run that takes little time."
-plant = "ehsa"
-controller = "pid_position"
-duration = "1.2 s"
-
-[load]
-stiffness = "50 kN/m"
-
-[reference]
-kind = "moves"
-times = ["0.1 s"]
-positions = ["5 mm"]
-durations = ["0.3 s"]
-"""
-LIMITS = '\n[limits]\nMaxError = { max = "3 mm" }\n'
+SHORT = FREE + '\n[load]\nstiffness = "50 kN/m"\n'
 
 
 @pytest.fixture

@@ -161,7 +161,7 @@ def simulation_chart(folder: Path, content: Mapping[str, Any], pictures: Sequenc
 
 def _signals(content: Mapping[str, Any], columns: Sequence[str], end: str = "") -> dict[str, ChannelDisplay]:
     """Inputs and states of a run that have a column, in the order of their panels. end: of the columns' names."""
-    # A result of an earlier version does not state its signals.
+    # A result that does not state its signals has no chart.
     units = {**content["signals"], "F_cell": "N"} if content.get("signals") else {}
     hydraulic = {"P_1", "P_2", "x"} <= set(units)
     # The rod's speed of the EHSA is its shaft's, but for the oil's spring.

@@ -75,14 +75,9 @@ def settings_of(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [("plant", f"{plant} ({model})" if model else plant), ("parameters set", given or "none")]
 
 
-def finding_text(finding: Any) -> str:
-    """The sentence of a finding about a log; results of older versions store it as text."""
-    return str(finding["sentence"] if isinstance(finding, Mapping) else finding)
-
-
 def findings_section(findings: Sequence[Any]) -> Section:
     """Findings about the quality of the logs; empty without findings."""
-    return Section("Data quality", [Points([finding_text(each) for each in findings])] if findings else [], "findings")
+    return Section("Data quality", [Points([each["sentence"] for each in findings])] if findings else [], "findings")
 
 
 def steps_of(content: Mapping[str, Any]) -> list[str]:

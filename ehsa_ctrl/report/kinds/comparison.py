@@ -10,7 +10,7 @@ from ...identification.comparison import GOOD, POOR, fit_words, quality
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence
 from ..text import value_text
 from ._charts import charted, comparison_chart
-from ._tables import FITS, finding_text, findings_section, fit_table, plant_name, settings_of, steps_of
+from ._tables import FITS, findings_section, fit_table, plant_name, settings_of, steps_of
 
 NOTE = (
     "Each model is simulated in free run with the logged input. A fit of 100 % is exact, 0 % is no better than the "
@@ -21,7 +21,7 @@ NOTE = (
 def _read(content: Mapping[str, Any], folder: Path) -> Page:
     models = content["models"]
     sentences = [_sentence(name, model) for name, model in models.items()]
-    sentences += [(f"Data quality: {finding_text(each).rstrip('.')}.", DOUBT) for each in content["findings"]]
+    sentences += [(f"Data quality: {each['sentence'].rstrip('.')}.", DOUBT) for each in content["findings"]]
     facts = [("log", str(content["log"])), ("time", f"{value_text(content['from'])} to {value_text(content['to'])} s")]
     if "samples" in content:
         facts.append(("samples", f"{content['samples']}, {value_text(content['sample_time'], 1e-3)} ms apart"))
