@@ -6,20 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..core.text import stems
-from ..diagnosis.closed_loop_replay import ClosedLoopReplay
 from ..diagnosis.diagnosis import Diagnosis
 from ..identification.comparison import Comparison
 from ..identification.identification import Identification
 from ..scenario.result import ScenarioResult
 from ..simulation.trajectory import Trajectory
-from .figures.free_runs import signals_table
+from .figures.free_runs import diagnosis_traces, identification_traces, traces_table
+from .figures.loop_replays import loop_replay_table
 from .kinds._charts import LOOP_REPLAY, REGIMES
 from .kinds.identification import DRAWN, fit_stem
 from .kinds.run import run_stems
-from .outcome import after_model
 
 if TYPE_CHECKING:
     import pandas
@@ -55,65 +52,26 @@ def comparison_tables(replays: Sequence[Comparison]) -> Tables:
     yield "compare.csv", table
 
 
-def fit_names(end: str, logs: int) -> list[str]:
-    """Files of the free runs of one model on so many logs; end: suffix of the model if there are several."""
-    return [f"{fit_stem(end, index)}.csv" for index in range(min(logs, DRAWN))]
-
-
 def identification_tables(identifications: Mapping[str, Identification]) -> Tables:
-    """Free runs of each model before and after, on the held-out logs if there are any.
-
-    Columns: t, the inputs, and each output measured, before and after.
-    """
-    import pandas
-
+    """Free runs of each model before and after, on the held-out logs if there are any."""
     for name, found in identifications.items():
         end = f"-{name}" if len(identifications) > 1 else ""
-        reach = found.validation if found.validation.after else found.train
-        for file, before, after in zip(fit_names(end, len(reach.after)), reach.before, reach.after, strict=False):
-            log = after.log
-            columns = {"t": log.time} | {c: log[c] for c in after.plant.structure.system.drives.values()}
-            for channel in after.fit_percent:
-                columns[channel] = log[channel]
-                for role, run in (("before", before), ("after", after)):
-                    if channel in run.simulated:
-                        columns[f"{channel}_{role}"] = run.simulated[channel]
-            yield file, pandas.DataFrame(columns)
+        runs = found.validation.after or found.train.after
+        for index in range(min(len(runs), DRAWN)):
+            log, traces = identification_traces(found, index)
+            yield f"{fit_stem(end, index)}.csv", traces_table(log.time, traces)
 
 
 def diagnosis_tables(diagnosis: Diagnosis) -> Tables:
     """Signals of each log before and after, and the bin of each sample along each regime's curve."""
     by_log = diagnosis.by_log()
     for stem, one in zip(stems("signals", len(by_log)), by_log, strict=True):
-        yield f"{stem}.csv", signals_table(one)
+        yield f"{stem}.csv", traces_table(one.log.time, diagnosis_traces(one))
     if diagnosis.closed_loop is not None:
         yield LOOP_REPLAY, loop_replay_table(diagnosis, diagnosis.closed_loop)
     table = regimes_table(diagnosis)
     if table is not None:
         yield REGIMES, table
-
-
-def loop_replay_table(diagnosis: Diagnosis, loop: ClosedLoopReplay) -> pandas.DataFrame:
-    """Position and drive in closed loop, SI units: measured, before (nominal) and after; nan where a run ended
-    early.
-
-    Columns: t, NAME, NAME_before, NAME_after; error_before and error_after, measured minus simulated position.
-    """
-    import pandas
-
-    system = diagnosis.plant.structure.system
-    position, drive = next(iter(system.positions)), system.drive
-    after = after_model(diagnosis.verdict, loop.gap)
-    runs = {"before": loop.simulated["nominal"]} | ({"after": loop.simulated[after]} if after else {})
-    columns = {"t": loop.time}
-    for name, key in ((position, position), (drive, "drive")):
-        columns[name] = loop.measured[key]
-        for role, run in runs.items():
-            columns[f"{name}_{role}"] = np.full(loop.time.size, np.nan)
-            n = min(run[key].size, loop.time.size)
-            columns[f"{name}_{role}"][:n] = run[key][:n]
-    columns |= {f"error_{role}": columns[position] - columns[f"{position}_{role}"] for role in runs}
-    return pandas.DataFrame(columns)
 
 
 def regimes_table(diagnosis: Diagnosis) -> pandas.DataFrame | None:

@@ -8,7 +8,7 @@ import pytest
 from ehsa_ctrl import write_report
 from ehsa_ctrl.core.result import to_json
 from ehsa_ctrl.diagnosis.changed import Change
-from ehsa_ctrl.report.figures.free_runs import signals_table
+from ehsa_ctrl.report.figures.free_runs import diagnosis_traces, traces_table
 from ehsa_ctrl.report.kinds.diagnosis import LAW_VERDICT, VERDICTS
 from ehsa_ctrl.report.outcome import outcome
 from ehsa_ctrl.report.page import LOOKS
@@ -203,7 +203,7 @@ def test_the_same_diagnosis_gives_the_same_page(pages, tmp_path):
 def test_the_table_of_signals_has_every_sample(verdict):
     """SI units: what was measured, before, and after where there is something after."""
     made = diagnosis(verdict)
-    table = signals_table(made)
+    table = traces_table(made.log.time, diagnosis_traces(made))
     after = {"effect": "with_effects", "ambiguous": "with_effects", "no_gap": None}.get(made.verdict, "refit")
     after = "with_law" if made.law is not None else after
 

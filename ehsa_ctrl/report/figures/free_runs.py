@@ -29,6 +29,8 @@ from ._layout import LEGEND_LINE, header_legend, share_x, sheet
 if TYPE_CHECKING:
     import pandas
 
+    from ...core.log import Log
+
 #: Lines with more samples are rasterised: over the whole log, drift is of interest rather than each sample.
 POINTS = 1500
 #: Height of a row, in; share of the width that the detail has.
@@ -202,23 +204,30 @@ def identification_figure(identification: Identification, index: int = 0) -> Fig
     InputError: there is no such log.
     """
     held_out = bool(identification.validation.after)
-    reach = identification.validation if held_out else identification.train
+    log, traces = identification_traces(identification, index)
+    plant = identification.plant
+    title = f"{plant.name} ({plant.model}) and {log.name}, {'held out' if held_out else 'used to identify'}"
+    return _whole_and_detail(title, log.time, traces, most_active_part(log, traces[0].name), {}, detail="detail")
+
+
+def identification_traces(identification: Identification, index: int = 0) -> tuple[Log, list[Trace]]:
+    """A log with its inputs and outputs; arguments and errors as of `identification_figure`."""
+    reach = identification.validation if identification.validation.after else identification.train
     if not 0 <= index < len(reach.after):
         raise InputError(f"identification_figure got index {index}; expected 0 to {len(reach.after) - 1}")
     before, after = reach.before[index], reach.after[index]
-    log, plant = after.log, identification.plant
-    drives = list(after.plant.structure.system.drives.values())
+    log = after.log
+    drives = after.plant.structure.system.drives.values()
     traces = [Trace(name, channel_display(name), {"drive": np.asarray(log[name])}) for name in drives]
     for name in after.fit_percent:
-        runs = {"measured": after.log[name], "before": before.simulated.get(name), "after": after.simulated.get(name)}
+        runs = {"measured": log[name], "before": before.simulated.get(name), "after": after.simulated.get(name)}
         lines = {role: np.asarray(values) for role, values in runs.items() if values is not None}
         fits = [
             f"{word} –" if math.isnan(fit) else f"{word} {fit:.1f} %".replace("-", "−")
             for word, fit in (("before", before.fit_percent[name]), ("after", after.fit_percent[name]))
         ]
         traces.append(Trace(name, channel_display(name), lines, "\n".join(["fit", *fits])))
-    title = f"{plant.name} ({plant.model}) and {log.name}, {'held out' if held_out else 'used to identify'}"
-    return _whole_and_detail(title, log.time, traces, most_active_part(log, drives[0]), {}, detail="detail")
+    return log, traces
 
 
 @draw.register
@@ -229,24 +238,23 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
     before and after. Held-out data of this log is shaded.
     """
     log, plant = diagnosis.log, diagnosis.plant
-    drive = plant.structure.system.drive
     after = after_words(diagnosis.verdict, len(diagnosis.effects), diagnosis.gap)
     before = "simulated, nominal" if diagnosis.verdict == "no_gap" else str(ROLES["before"]["label"])
-    traces = [Trace(drive, channel_display(drive), {"drive": np.asarray(log[drive])}), *diagnosis_traces(diagnosis)]
     return _whole_and_detail(
-        f"{plant.name} ({plant.model}) and {log.name}", log.time, traces, largest_error_part(diagnosis),
+        f"{plant.name} ({plant.model}) and {log.name}", log.time, diagnosis_traces(diagnosis),
+        largest_error_part(diagnosis),
         {"before": before, "after": f"after, {after}"}, detail="largest error", held_spans=diagnosis.held_spans,
     )  # fmt: skip
 
 
 def diagnosis_traces(diagnosis: Diagnosis) -> list[Trace]:
-    """The scored signals of the log, and the position if the plant has one."""
-    log = diagnosis.log
+    """The drive, the scored signals of the log, and the position if the plant has one."""
+    log, drive = diagnosis.log, diagnosis.plant.structure.system.drive
     signals = diagnosis.plant.structure.system.scored
     drifting = [one.channel for one in signals if one.span and one.channel in log.channels]
     names = [*(one.name for one in signals if one.name in diagnosis.whole), *drifting]
     models = {"before": "nominal", "after": after_model(diagnosis.verdict, diagnosis.gap)}
-    found = []
+    found = [Trace(drive, channel_display(drive), {"drive": np.asarray(log[drive])})]
 
     def read(channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         return {**channels, **scored_signals(signals, channels, log.sample_time)}
@@ -273,22 +281,19 @@ def largest_error_part(diagnosis: Diagnosis) -> slice:
     width = min(max(int(round(DETAIL / log.sample_time)), 2), len(log))
     off = np.zeros(len(log))
     for trace in diagnosis_traces(diagnosis):
-        measured = trace.lines["measured"]
-        spread = float(np.std(measured))
-        if trace.name in diagnosis.whole and spread > 0.0:
-            off += np.nan_to_num((measured - trace.lines["before"]) / spread) ** 2
+        if trace.name in diagnosis.whole and (spread := float(np.std(trace.lines["measured"]))) > 0.0:
+            off += np.nan_to_num((trace.lines["measured"] - trace.lines["before"]) / spread) ** 2
     sums = np.cumsum(np.concatenate([[0.0], off]))
     first = int(np.argmax(sums[width:] - sums[:-width]))
     return slice(first, first + width)
 
 
-def signals_table(diagnosis: Diagnosis) -> pandas.DataFrame:
-    """One row per sample, SI units: t, the input, and each signal measured, before (nominal) and after."""
+def traces_table(time: np.ndarray, traces: Sequence[Trace]) -> pandas.DataFrame:
+    """One row per sample, SI units: t, the inputs, and each signal measured, before and after."""
     import pandas
 
-    log, drive = diagnosis.log, diagnosis.plant.structure.system.drive
-    columns = {"t": log.time, drive: log[drive]}
-    for trace in diagnosis_traces(diagnosis):
-        columns[trace.name] = trace.lines["measured"]
-        columns |= {f"{trace.name}_{role}": trace.lines[role] for role in ("before", "after") if role in trace.lines}
+    columns = {"t": time}
+    for trace in traces:
+        ends = {"drive": "", "measured": "", "before": "_before", "after": "_after"}
+        columns |= {f"{trace.name}{ends[role]}": values for role, values in trace.lines.items()}
     return pandas.DataFrame(columns)

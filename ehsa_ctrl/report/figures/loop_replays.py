@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import numpy as np
 from matplotlib.figure import Figure
 
 from ...core.errors import InputError
+from ...diagnosis.closed_loop_replay import ClosedLoopReplay
 from ...diagnosis.diagnosis import Diagnosis
 from ..outcome import after_model
 from ..signals import channel_display
@@ -12,6 +16,9 @@ from ..style import GREY, ROLES
 from . import _panels as panel
 from ._layout import header_legend
 from .free_runs import HELD_OUT
+
+if TYPE_CHECKING:
+    import pandas
 
 
 def loop_replay_figure(diagnosis: Diagnosis) -> Figure:
@@ -26,19 +33,17 @@ def loop_replay_figure(diagnosis: Diagnosis) -> Figure:
         )
     system = diagnosis.plant.structure.system
     position, drive = next(iter(system.positions)), system.drive
-    models = {"nominal": "before"} | ({after: "after"} if (after := after_model(diagnosis.verdict, loop.gap)) else {})
-    shown = channel_display(position)
+    shown, of_drive = channel_display(position), channel_display(drive)
+    table = loop_replay_table(diagnosis, loop)
     heights = {"error": 1.4 * panel.PANEL, "drive": panel.PANEL}
     with panel.column(f"Closed-loop replay with {loop.controller}", heights) as (figure, axes):
-        of_drive = channel_display(drive)
-        lines = [panel.draw(axes["drive"], loop.time, loop.measured["drive"] / of_drive.scale, ROLES["measured"])]
+        lines = [panel.draw(axes["drive"], loop.time, table[drive].to_numpy() / of_drive.scale, ROLES["measured"])]
         errors = []
-        for model, role in models.items():
-            run = loop.simulated[model]
-            n = min(run[position].size, loop.time.size)
-            errors.append((loop.measured[position][:n] - run[position][:n]) / shown.scale)
-            panel.draw(axes["error"], loop.time[:n], errors[-1], ROLES[role])
-            lines.append(panel.draw(axes["drive"], loop.time[:n], run["drive"][:n] / of_drive.scale, ROLES[role]))
+        for role in [role for role in ("before", "after") if f"error_{role}" in table]:
+            errors.append(table[f"error_{role}"].to_numpy() / shown.scale)
+            panel.draw(axes["error"], loop.time, errors[-1], ROLES[role])
+            simulated = table[f"{drive}_{role}"].to_numpy() / of_drive.scale
+            lines.append(panel.draw(axes["drive"], loop.time, simulated, ROLES[role]))
         axes["error"].axhline(0.0, color=GREY, linewidth=0.7, zorder=1.5)
         panel.set_range_around(axes["error"], errors, None)
         axes["error"].set_ylabel(f"{shown.words},\nmeasured − simulated\n({shown.unit})")
@@ -49,3 +54,26 @@ def loop_replay_figure(diagnosis: Diagnosis) -> Figure:
                 ax.axvspan(start, stop, **HELD_OUT)
         header_legend(axes["header"], lines)
     return figure
+
+
+def loop_replay_table(diagnosis: Diagnosis, loop: ClosedLoopReplay) -> pandas.DataFrame:
+    """Position and drive in closed loop, SI units: measured, before (nominal) and after; nan where a run ended
+    early.
+
+    Columns: t, NAME, NAME_before, NAME_after; error_before and error_after, measured minus simulated position.
+    """
+    import pandas
+
+    system = diagnosis.plant.structure.system
+    position, drive = next(iter(system.positions)), system.drive
+    after = after_model(diagnosis.verdict, loop.gap)
+    runs = {"before": loop.simulated["nominal"]} | ({"after": loop.simulated[after]} if after else {})
+    columns = {"t": loop.time}
+    for name, key in ((position, position), (drive, "drive")):
+        columns[name] = loop.measured[key]
+        for role, run in runs.items():
+            columns[f"{name}_{role}"] = np.full(loop.time.size, np.nan)
+            n = min(run[key].size, loop.time.size)
+            columns[f"{name}_{role}"][:n] = run[key][:n]
+    columns |= {f"error_{role}": columns[position] - columns[f"{position}_{role}"] for role in runs}
+    return pandas.DataFrame(columns)
