@@ -178,14 +178,10 @@ def _run(stem: str, run: Run, loops: Mapping[str, str]) -> Iterator[Any]:
     """One controller on a scenario."""
     yield Points(run["failures"])
     limits = [
-        [
-            each["metric"],
-            metric_text(each["metric"], each["value"]),
-            bounds_text(each),
-            mark(each["passed"], _yes(each["passed"])),
-        ]
+        [each["metric"], metric_text(each["metric"], each["value"]), bounds_text(each),
+         mark(each["passed"], "yes" if each["passed"] else "no")]
         for each in run["limits"]
-    ]
+    ]  # fmt: skip
     yield Table("Limits of the scenario, on the nonlinear plant", ["metric", "value", "bound", "met"], limits)
     if not limits:
         yield Paragraph("The scenario has no limits.")
@@ -296,10 +292,6 @@ def _settings(runs: Sequence[Run]) -> Table:
         )  # fmt: skip
     head = ["scenario", "controller", "sample time\nms", "seed", "sensor noise", "lag\nsamples", "tolerance"]
     return Table("Sampling, sensors and integration", head, rows)
-
-
-def _yes(good: bool) -> str:
-    return "yes" if good else "no"
 
 
 KIND = Kind("results.json", "scenarios", _read)

@@ -52,7 +52,10 @@ class FixedWriter:
         for one in program.assignments():
             if one.place.local:
                 (several if one.place in count else count)[one.place] = one.term
-        lines = [f"{self._type(term)} {place.store} = {self._zero(term)};" for place, term in several.items()]
+        lines = [
+            f"{self._type(term)} {place.store} = {'false' if term.type == BOOL else '0'};"
+            for place, term in several.items()
+        ]
         lines += self._block(program.statements, frozenset(several), 0)
         lines.append(f"return {self._stored(self._real(program.current), self.current_fraction)};")
         return _without_unused(lines)
@@ -66,9 +69,6 @@ class FixedWriter:
 
     def _type(self, term: ProgramTerm) -> str:
         return {REAL: self.word.word, INT: "int", BOOL: "bool"}[term.type]
-
-    def _zero(self, term: ProgramTerm) -> str:
-        return "false" if term.type == BOOL else "0"
 
     def _block(self, statements: list[Statement], declared: frozenset[Place], indent: int) -> list[str]:
         pad, lines = "    " * indent, []
@@ -212,10 +212,8 @@ class FixedWriter:
         if abs(integer) > self.word.largest:
             fraction -= 1
             integer = round(math.ldexp(value, fraction))
-        return WideNumber(self._integer(integer), fraction, (value, value), self._narrow_constant(integer), value)
-
-    def _narrow_constant(self, integer: int) -> str:
-        return f"({integer})" if integer < 0 else str(integer)
+        narrow = f"({integer})" if integer < 0 else str(integer)
+        return WideNumber(self._integer(integer), fraction, (value, value), narrow, value)
 
     def _aligned(self, number: WideNumber, fraction: int) -> str:
         """C of a number with other binary places; the caller makes sure that it fits."""
