@@ -62,6 +62,7 @@ _MODULES = {
     "scenario.log_controller": "log_controller",
     "scenario.run": "run",
     "scenario.montecarlo": "monte_carlo",
+    "scenario.learning": "learn_reference",
     "scenario.plant_data": "known_of",
     "simulation.minimum_time": "shortest_time",
     "simulation.slip_quantum": "slip_quantum",

@@ -49,6 +49,7 @@ from .report import figures as figures
 from .report import style as style
 from .scenario.comparison import ControllerComparison
 from .scenario.definition import Scenario
+from .scenario.learning import LearntReference
 from .scenario.montecarlo import MonteCarlo
 from .scenario.outcome import Outcome
 from .scenario.result import ScenarioResult
@@ -224,6 +225,19 @@ def identify_subspace(
     drive: _ArrayLike, outputs: Mapping[str, _ArrayLike], sample_time: float, *, order: int | None = None
 ) -> SubspaceModel: ...
 def known_of(plant: _PlantLike) -> Known: ...
+def learn_reference(
+    scenario: _ScenarioLike,
+    *,
+    controller: _ControllerLike | None = None,
+    plant: str | Path | Plant | None = None,
+    design: str | Path | Plant | None = None,
+    settings: Mapping[str, str | float] | None = None,
+    trials: int = 8,
+    gain: float = 0.5,
+    cutoff: float = 10.0,
+    lead: int | None = None,
+    deadband: float = 0.0,
+) -> LearntReference: ...
 def linearise(
     plant: _PlantLike, *, position: float = 0.0, pressure_level: float | None = None, velocity: float = 0.05
 ) -> control.StateSpace: ...

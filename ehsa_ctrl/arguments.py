@@ -284,10 +284,10 @@ def _or_name(kind: ArgumentKind) -> ArgumentKind:
 
 #: ArgumentKind -> names of the arguments of this kind. Those with the default None accept None too.
 _NAMES = {
-    NUMBER: "amplitude band current_limit delay distance duration excess from_ margin period position pressure_level "
-    "rate resample rtol sample_time segment settle speed_limit spread stop threshold to tolerance unknown velocity "
-    "width window within",
-    WHOLE: "direction draws jobs lag n order points rehearsals runs shortest starts",
+    NUMBER: "amplitude band current_limit cutoff deadband delay distance duration excess from_ gain margin period "
+    "position pressure_level rate resample rtol sample_time segment settle speed_limit spread stop threshold "
+    "to tolerance unknown velocity width window within",
+    WHOLE: "direction draws jobs lag lead n order points rehearsals runs shortest starts trials",
     SEED: "seed",
     FLAG: "anew assumed centre check diagnose compiled raise_on_failure sensor_noise subspace uniform",
     TEXT: "by criterion drive_unit estimator kind label method name system_name text time_source",
@@ -332,9 +332,9 @@ _NAMES = {
 ARGUMENTS = {name: kind for kind, names in _NAMES.items() for name in names.split()}
 #: FUNCTION.ARGUMENT -> kind, for arguments with another meaning in a function.
 OVERRIDES: dict[str, ArgumentKind] = {
-    **{f"{name}.plant": _or_name(PLANT) for name in ("run", "monte_carlo")},
-    **{f"{name}.scenario": _or_name(SCENARIO | MAPPING) for name in ("run", "monte_carlo")},
-    "monte_carlo.controller": CONTROLLER_SOURCE,
+    **{f"{name}.plant": _or_name(PLANT) for name in ("run", "monte_carlo", "learn_reference")},
+    **{f"{name}.scenario": _or_name(SCENARIO | MAPPING) for name in ("run", "monte_carlo", "learn_reference")},
+    **{f"{name}.controller": CONTROLLER_SOURCE for name in ("monte_carlo", "learn_reference")},
     "run.controller": CONTROLLER_SOURCE | several(CONTROLLER_SOURCE),
     "load_controller.name": CONTROLLER_SOURCE,
     "load_plant.name": TEXT | PATH,

@@ -23,7 +23,7 @@ API = {
         "controllers", "load_controller", "analyse", "analyse_loop", "robust_margins", "review", "Known",
     )),
     "scenarios": ("Closed loops and scenarios", "Controllers on the plant with friction.", (
-        "scenarios", "load_scenario", "run", "run_closed_loop", "monte_carlo", "known_of", "hunting",
+        "scenarios", "load_scenario", "run", "run_closed_loop", "monte_carlo", "learn_reference", "known_of", "hunting",
     )),
     "diagnosis": ("Diagnosis", "Where rig and simulation differ, and why.", (
         "diagnose", "Diagnosis", "diagnose_many", "what_changed", "gap", "analyse_fleet", "query_store",

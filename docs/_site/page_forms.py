@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from words import cell, sentence
 
 from ehsa_ctrl.core.log import CHANNELS, REFERENCES
-from ehsa_ctrl.design.kinds import CONTROLLER_KINDS, ControllerFile
+from ehsa_ctrl.design.kinds import CONTROLLER_KINDS, ControllerFile, PositionControllerFile
 from ehsa_ctrl.plant.file import CHANNEL_UNITS, LIMIT_UNITS, LOAD_SYMBOLS, PlantFile
 from ehsa_ctrl.plant.systems import SYSTEMS
 from ehsa_ctrl.scenario.definition import ScenarioFile
@@ -60,11 +60,18 @@ def controllers() -> str:
         "# A controller's TOML",
         "",
         "In `controllers/`, or anywhere if you give the path. `kind` selects the feedback law and with it the keys; "
-        "every kind accepts the stages `[trajectory]`, `[feedforward]`, `[rest]` and `[dither]`.",
+        "every kind accepts the stages `[trajectory]`, `[feedforward]` and `[dither]`, and those that hold a position "
+        "also `[rest]`.",
     ]
     seen: set[str] = set()
     lines += ["", "## Every kind", *form(ControllerFile, level=3, title="every", seen=seen)]
     shared = set(ControllerFile.model_json_schema()["properties"]) - {"kind"}
+    others = [
+        f"`{name}`" for name, kind in CONTROLLER_KINDS.items() if not issubclass(kind.file, PositionControllerFile)
+    ]
+    at_rest = form(PositionControllerFile, level=3, title="position", seen=seen, without={*shared, "kind"})
+    lines += ["", f"## Every kind but {' and '.join(others)}", *at_rest]
+    shared.add("rest")
     for kind in CONTROLLER_KINDS.values():
         own = form(kind.file, level=3, title=kind.name, seen=set(seen), without=shared)
         lines += ["", f"## {kind.name}", "", sentence(kind.summary), *own]

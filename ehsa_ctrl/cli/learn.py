@@ -38,19 +38,24 @@ def command(
     """
     from ..core.unit import parse
     from ..scenario.learning import learn_reference
-    from ..scenario.prepare import prepare
     from .progress import compiling
 
     chosen = run.controllers()
     if len(chosen) != 1:
         raise InputError("--controller: learn takes one controller at a time")
     output.check("learn", "learning.json", "report.html", "trajectory.csv", figures=["learning"])
-    case = prepare(
-        scenario, controller=chosen[0], plant=run.plant, design=run.design, settings=read_pairs(run.settings)
-    )
     with compiling():
         found = learn_reference(
-            case, trials=trials, gain=gain, cutoff=parse(cutoff, "Hz"), lead=lead, deadband=parse(deadband, "m")
+            scenario,
+            controller=chosen[0],
+            plant=run.plant,
+            design=run.design,
+            settings=read_pairs(run.settings),
+            trials=trials,
+            gain=gain,
+            cutoff=parse(cutoff, "Hz"),
+            lead=lead,
+            deadband=parse(deadband, "m"),
         )
     warn_implausible([found.plant])
     result = found.to_dict() | {"rests_on": provenance([found.plant], found.files)}

@@ -18,17 +18,21 @@ from ..core.pressure_difference import has_both_pressures, level_matters, reduce
 from ..core.unit import parse
 from .controller import SampledController
 from .from_object import law_of, name_of
-from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
+from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind, PositionControllerFile
 from .state_space.mpc_own_problem import with_own_problem
 
 if TYPE_CHECKING:
     import control
 
-#: Keys of a definition that become fields of the controller.
+#: Keys of a definition that become fields of the controller, if its kind has them.
 SHARED = ("sample_time", "current_limit", "trajectory", "feedforward", "rest", "dither", "watchdog")
 
 #: Keys in the unit of the plant's drive.
 DRIVE_KEYS = ("current_limit", "weights.current", "observer.current", "observer.friction")
+
+
+def _shared(file: ControllerFile) -> dict[str, Any]:
+    return {key: getattr(file, key) for key in SHARED if key in type(file).model_fields}
 
 
 def read_controller(path: Path, sample_time: float | None = None) -> tuple[ControllerKind, ControllerFile]:
@@ -124,10 +128,8 @@ def load_controller(
     else:
         label = label or name_of(name)
         content = {"schema": 1, "title": label, "kind": "own", **period, **keys}
-        file = validate(content, ControllerFile, f"controller {label}", context={"si": True})
-        return SampledController(
-            label, "own", law=law_of(name, label, file, method), **{key: getattr(file, key) for key in SHARED}
-        )
+        file = validate(content, PositionControllerFile, f"controller {label}", context={"si": True})
+        return SampledController(label, "own", law=law_of(name, label, file, method), **_shared(file))
     if system is None:
         raise InputError(f"{where}: is designed on a linear model; give one, load_controller(name, three_state(plant))")
     si = bool(keys) or isinstance(name, Mapping)
@@ -171,9 +173,7 @@ def build_controller(
         with np.errstate(over="raise", divide="raise", invalid="raise"), warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
             law = kind.design(name, definition, system)
-            controller = SampledController(
-                name, kind.name, law=law, note=note, **{key: getattr(definition, key) for key in SHARED}
-            )
+            controller = SampledController(name, kind.name, law=law, note=note, **_shared(definition))
             finite = not np.isnan(controller.settings()).any()
     except InputError:
         raise

@@ -6,6 +6,7 @@ of its own, and the measured position is what is learnt from.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,14 +19,15 @@ from ..core.plotting import draw
 from ..core.result import Result, as_dict, as_table
 from ..design.analysis.learning import Learning, design_learning
 from ..design.controller import has_linear_law
+from ..plant.plant import Plant
 from ..simulation.trajectory import versions
-from .prepare import PreparedScenario
+from .definition import Scenario
+from .prepare import PreparedScenario, prepare
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-    from ..plant.plant import Plant
 
 #: Largest number of trials, a limit on time.
 MOST_TRIALS = 1000
@@ -102,6 +104,46 @@ class LearntReference(Result):
 
 
 def learn_reference(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    *,
+    controller: Any = None,
+    plant: str | Path | Plant | None = None,
+    design: str | Path | Plant | None = None,
+    settings: Mapping[str, str | float] | None = None,
+    trials: int = 8,
+    gain: float = 0.5,
+    cutoff: float = 10.0,
+    lead: int | None = None,
+    deadband: float = 0.0,
+) -> LearntReference:
+    """Run a scenario several times, each time with the reference that the last run taught: iterative learning control.
+
+    Each run corrects the reference of the last one, w_next = Q (w + gain z^lead e), with the measured error e and a
+    low-pass filter Q without phase.
+
+    Parameters
+    ----------
+    scenario, controller, plant, design, settings: as for `run`, with one controller.
+    trials: number of corrections; there is one run more.
+    gain: 1 learns in one trial, less averages noise. cutoff: frequency up to which is learnt [Hz].
+    lead: samples by which the error is advanced; by default those that converge fastest.
+    deadband: error that is not learnt [m].
+
+    Returns
+    -------
+    The trials and the learnt reference; `trajectory()` is a table for a scenario with [reference] kind = "file".
+
+    Raises
+    ------
+    InputError: as `run`; for a reference that jumps, a controller without a linear law, and a correction that would
+        grow at any frequency.
+    SimulationError: a trial stops early.
+    """
+    case = prepare(scenario, controller=controller, plant=plant, design=design, settings=settings)
+    return learn(case, trials=trials, gain=gain, cutoff=cutoff, lead=lead, deadband=deadband)
+
+
+def learn(
     case: PreparedScenario,
     *,
     trials: int = 8,
@@ -110,16 +152,7 @@ def learn_reference(
     lead: int | None = None,
     deadband: float = 0.0,
 ) -> LearntReference:
-    """Run a scenario several times, each time with the reference that the last run taught.
-
-    Parameters
-    ----------
-    case: as `prepare` gives it. trials: number of corrections; there is one run more.
-    gain, cutoff [Hz], lead [samples]: as for `design_learning`. deadband: error that is not learnt [m].
-
-    Raises InputError for a reference that jumps, a controller without a linear law, and a learning that does not
-    converge; SimulationError for a trial that stops early.
-    """
+    """`learn_reference` for a prepared scenario."""
     definition, where = case.scenario.definition, case.scenario.name
     if not 1 <= trials <= MOST_TRIALS:
         raise InputError(f"trials = {trials}; expected 1 to {MOST_TRIALS}")

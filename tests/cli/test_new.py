@@ -122,9 +122,6 @@ def test_what_is_switched_off_in_a_controller_can_be_switched_on(kind):
     name = next(name for name in controllers if tomllib.loads(controllers[name].read_text())["kind"] == kind)
     tried = 0
     for table, text in switched_on(controller_toml(name, "mine")):
-        if kind == "impedance" and table.startswith("#[rest"):
-            # A rod that is left alone at rest would not yield.
-            continue
         content = tomllib.loads(text)
         if table == "#[feedforward.adaptation]":
             content["feedforward"] |= {"coulomb": "0.5 A"}

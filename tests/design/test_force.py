@@ -214,6 +214,7 @@ def test_friction_is_fed_forward_while_the_target_moves(model):
         ({"force": {"phase_margin": 2.0}}, "lower the margin"),
         ({"position": {"contact": 6e3}}, r"contact = 6000 N must be less than \[force\] limit = 5000 N"),
         ({"environment": {"softest": 1e8}}, "must be less than stiffest"),
+        ({"rest": {"band": 1e-4}}, "rest: unknown key"),
         ({"environment": {"stiffest": 1e12, "stiffness": 1e5}}, "the force loop is unstable against"),
     ],
 )

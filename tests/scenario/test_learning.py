@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import ehsa_ctrl as e
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.design.analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response
-from ehsa_ctrl.scenario.learning import learn_reference
+from ehsa_ctrl.scenario.learning import learn, learn_reference
 from ehsa_ctrl.scenario.prepare import prepare
 
 #: A whole number of periods in a run, and long enough that what the ends of the run lose does not count.
@@ -22,7 +23,7 @@ def test_on_the_linear_plant_each_trial_contracts_as_theory_says():
     """The error of a sine, trial by trial: Q (1 - gamma z^m T) of the last one, away from both ends."""
     case = prepare(SINE)
     case = replace(case, nonlinear=case.linear)
-    found = learn_reference(case, trials=3, gain=0.5, cutoff=10.0)
+    found = learn(case, trials=3, gain=0.5, cutoff=10.0)
     learning, w = found.learning, 2 * np.pi * 1.25
     _, _, closed = close_loop(case.model, case.controller)
     T = discrete_response(closed[OUTPUTS.index("position"), INPUTS.index("r_position")], w)[0, 0, 0]
@@ -39,7 +40,7 @@ def test_on_the_linear_plant_each_trial_contracts_as_theory_says():
 
 
 def test_under_friction_a_press_cycle_is_learnt():
-    found = learn_reference(prepare("press_cycle", controller="cascade_friction"), trials=4)
+    found = e.learn_reference("press_cycle", controller="cascade_friction", trials=4)
 
     assert found.trials[-1].rms < 0.35 * found.trials[0].rms
     assert len(found.to_pandas()) == 5
@@ -58,11 +59,9 @@ def test_under_friction_a_press_cycle_is_learnt():
 )
 def test_what_can_not_be_learnt_is_one_sentence(scenario, given, sentence):
     with pytest.raises(InputError, match=sentence):
-        learn_reference(prepare(scenario), **given)
+        learn_reference(scenario, **given)
 
 
 def test_a_law_in_python_is_refused():
-    case = prepare(SINE, controller=lambda t, y, r: 0.0)
-
     with pytest.raises(InputError, match="no linear law"):
-        learn_reference(case)
+        learn_reference(SINE, controller=lambda t, y, r: 0.0)

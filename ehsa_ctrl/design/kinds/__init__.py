@@ -3,8 +3,8 @@
 import sys
 
 from ...core.registry import members
-from ._kind import ControllerFile, ControllerKind
+from ._kind import ControllerFile, ControllerKind, PositionControllerFile
 
 CONTROLLER_KINDS: dict[str, ControllerKind] = members(sys.modules[__name__], "kind")
 
-__all__ = ["CONTROLLER_KINDS", "ControllerFile", "ControllerKind"]
+__all__ = ["CONTROLLER_KINDS", "ControllerFile", "ControllerKind", "PositionControllerFile"]

@@ -73,7 +73,7 @@ def force_law(
     else:
         error = reference[0] - measured[3]
         without = k_x * error + k_xw * (per_metre * reference[1] - measured[0]) + extra
-        pauses = hold != 0.0
+        pauses = False
         k_i, back, decay = k_xi, back_x, decay_x
     memory[5] *= decay
     if memory[0] != before:

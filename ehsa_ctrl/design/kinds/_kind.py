@@ -35,7 +35,6 @@ class ControllerFile(Definition):
     )
     trajectory: TrajectoryLimits | None = Field(default=None, description="motion planning; off if left out")
     feedforward: Feedforward | None = Field(default=None, description="model-based feedforward; off if left out")
-    rest: Rest | None = Field(default=None, description="deadband at rest; off if left out")
     dither: Dither | None = Field(default=None, description="sine added to the current; off if left out")
     watchdog: Watchdog = Field(default=Watchdog(), description="safe output of `serve` when the plant is silent")
 
@@ -60,6 +59,12 @@ class ControllerFile(Definition):
             raise ValueError(
                 f"[feedforward] inertia: {law} feeds the planned acceleration forward itself{how}; leave it out"
             )
+
+
+class PositionControllerFile(ControllerFile):
+    """Keys of every controller whose rod holds a position, and may be left alone where friction holds it."""
+
+    rest: Rest | None = Field(default=None, description="deadband at rest; off if left out")
 
 
 @dataclass(frozen=True)

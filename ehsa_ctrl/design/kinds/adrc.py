@@ -26,7 +26,7 @@ from ...core.errors import InputError
 from ..analysis.closed_loop import law_state_space
 from ..analysis.rigid_body import rigid_body
 from ..controller import SampledController
-from ._kind import ControllerFile, ControllerKind, require_stable
+from ._kind import ControllerKind, PositionControllerFile, require_stable
 
 if TYPE_CHECKING:
     import control
@@ -49,7 +49,7 @@ class AdrcLoop(Definition):
     )
 
 
-class AdrcFile(ControllerFile):
+class AdrcFile(PositionControllerFile):
     """An ADRC's TOML."""
 
     kind: Literal["adrc"] = Field(description="type of feedback law")

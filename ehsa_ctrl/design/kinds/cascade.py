@@ -21,7 +21,7 @@ from ...core.definition import AngularFrequency, Definition, RadianPerSecond
 from ...core.errors import InputError
 from ..analysis.closed_loop import discrete_response, law_state_space
 from ..analysis.sampled import sampled_plant
-from ._kind import ControllerFile, ControllerKind
+from ._kind import ControllerKind, PositionControllerFile
 from .pid import Gains, PhaseMargin
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class PositionLoop(Definition):
     )
 
 
-class CascadeFile(ControllerFile):
+class CascadeFile(PositionControllerFile):
     """A cascade's TOML."""
 
     kind: Literal["cascade"] = Field(description="type of feedback law")

@@ -49,8 +49,6 @@ class ImpedanceFile(ControllerFile):
     @model_validator(mode="after")
     def _check_loop(self) -> ImpedanceFile:
         self.position.check("position", self.sample_time)
-        if self.rest is not None:
-            raise ValueError("[rest] would hold the rod against the force that it shall yield to; leave it out")
         target, w = self.impedance, self.position.crossover
         own = max(np.sqrt(target.stiffness / target.mass), target.damping / target.mass)
         if own > w:

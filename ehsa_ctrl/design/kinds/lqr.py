@@ -12,7 +12,7 @@ from ..state_space.model import DesignModel, design_model
 from ..state_space.mpc_problem import AmperePerSecond
 from ..state_space.regulator import Cost, design_regulator, solve_target, weight_matrix
 from ..state_space.state_feedback import StateFeedback
-from ._kind import ControllerFile, ControllerKind
+from ._kind import ControllerKind, PositionControllerFile
 
 if TYPE_CHECKING:
     import control
@@ -35,7 +35,7 @@ class Weights(Definition):
     )
 
 
-class StateFeedbackFile(ControllerFile):
+class StateFeedbackFile(PositionControllerFile):
     """Keys of every controller with state feedback."""
 
     offset_free: Literal["disturbance", "integral", "none"] = Field(

@@ -25,7 +25,7 @@ from ...core.definition import AngularFrequency, Definition, In, Radian, Second
 from ...core.errors import InputError
 from ..analysis.closed_loop import law_state_space
 from ..tuning.constraints import Tuning, position_plant
-from ._kind import ControllerFile, ControllerKind
+from ._kind import ControllerKind, PositionControllerFile
 
 if TYPE_CHECKING:
     import control
@@ -177,7 +177,7 @@ def classic_gains(design: PidDesign, system: control.StateSpace, sample_time: fl
     return Gains(float(k_p), float(design.integral_ratio * w * k_p), float(k_d), T_f)
 
 
-class PidLoopFile(ControllerFile):
+class PidLoopFile(PositionControllerFile):
     """Keys of every PID controller."""
 
     reference_weight: Weight = Field(

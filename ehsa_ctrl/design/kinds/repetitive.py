@@ -23,7 +23,7 @@ from ..analysis.learning import Learning, design_learning
 from ..controller import Law, SampledController
 from ..review_checks import ReviewContext, ReviewFinding
 from ..state_space.state_feedback import state_feedback
-from ._kind import ControllerFile, ControllerKind
+from ._kind import ControllerKind, PositionControllerFile
 from .adrc import adrc_law
 from .cascade import cascade_law
 from .pid import pid_law
@@ -53,7 +53,7 @@ class Cycle(Definition):
     limit: Metre = Field(default=5e-3, gt=0, description="largest correction of the reference")
 
 
-class RepetitiveFile(ControllerFile):
+class RepetitiveFile(PositionControllerFile):
     """A repetitive controller's TOML."""
 
     kind: Literal["repetitive"] = Field(description="type of feedback law")
@@ -77,7 +77,7 @@ class RepetitiveFile(ControllerFile):
             raise ValueError(f"[base] kind = {shown(word)}; {choices(str(word), BASES)}")
         if word not in ("pid", "cascade"):
             self.refuse_inertia(f"a {word}")
-        foreign = [key for key in self.base if key in ControllerFile.model_fields and key != "kind"]
+        foreign = [key for key in self.base if key in PositionControllerFile.model_fields and key != "kind"]
         if foreign:
             raise ValueError(f"[base] {foreign[0]}: belongs to the controller itself, above its tables")
         return self

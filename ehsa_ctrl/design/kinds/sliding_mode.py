@@ -29,7 +29,7 @@ from ..analysis.closed_loop import law_state_space
 from ..analysis.rigid_body import rigid_body
 from ..controller import SampledController
 from ..review_checks import ReviewContext, ReviewFinding
-from ._kind import ControllerFile, ControllerKind, require_stable
+from ._kind import ControllerKind, PositionControllerFile, require_stable
 
 if TYPE_CHECKING:
     import control
@@ -58,7 +58,7 @@ class SlidingSurface(Definition):
     )
 
 
-class SlidingModeFile(ControllerFile):
+class SlidingModeFile(PositionControllerFile):
     """A sliding-mode controller's TOML."""
 
     kind: Literal["sliding_mode"] = Field(description="type of feedback law")
