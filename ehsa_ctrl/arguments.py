@@ -342,6 +342,7 @@ OVERRIDES: dict[str, ArgumentKind] = {
     **{f"{name}.force": FLAG for name in ("export_fmu", "write_plant", "write_report")},
     "Log.path": PATH,
     "Log.segment.start": NUMBER,
+    "Log.start": NUMBER,
     "analyse_fleet.logs": TEXT | PATH | several(TEXT | PATH),
     "confirm_law.logs": several(LOG),
     "diagnose.log": LOG | several(LOG),

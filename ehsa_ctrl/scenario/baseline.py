@@ -5,6 +5,9 @@ follows the recorded signal. The tolerances of time and value are half its width
 be slightly early or late as well as high or low, and a steep flank is no stricter than a flat part. Other regression
 tools for simulations compare in the same way (funnel of the Lawrence Berkeley National Laboratory; csv-compare of the
 Modelica Association).
+
+Where friction makes a run unpredictable, later runs are compared up to the time at which rounding alone leaves the
+tube, and their metrics within what rounding does to them, see predictability.py.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -29,6 +32,8 @@ if TYPE_CHECKING:
     from ..simulation.trajectory import Trajectory
     from .result import ScenarioResult
 
+#: A metric may differ by so many times the largest change by rounding in a few repetitions (engineering judgement).
+SPREADS = 2.0
 #: Recorded signal -> SI unit and display unit.
 SIGNALS = {"x": ("m", "mm"), "omega": ("rad/s", "rpm"), "dP": ("Pa", "bar")}
 
@@ -82,7 +87,7 @@ class Tube(NamedTuple):
 
     def worst_exit(self, at: np.ndarray, values: np.ndarray) -> TubeExit | None:
         """The sample of `values` (N,) at the times `at` (N,) [s] farthest outside the tube; None if all are inside."""
-        distance = np.maximum(values - self.upper, self.lower - values)
+        distance = np.nan_to_num(np.maximum(values - self.upper, self.lower - values), nan=-np.inf)
         k = int(np.argmax(distance))
         return TubeExit(float(at[k]), float(values[k]), float(distance[k])) if distance[k] > 0.0 else None
 
@@ -109,6 +114,22 @@ def signal_tube(
 
 
 @dataclass(frozen=True)
+class Predictability:
+    """What rounding leaves of a run.
+
+    Attributes
+    ----------
+    until: time [s] up to which all repetitions stay inside half the tolerances of the scenario's [baseline]; inf if
+        they do so to the end.
+    spread: metric -> largest change in a repetition, SI unit; inf for an event that does not happen in all of them.
+        Only metrics that change by more than their absolute tolerance.
+    """
+
+    until: float = np.inf
+    spread: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Baseline:
     """A recorded run.
 
@@ -119,6 +140,7 @@ class Baseline:
     hashes: of scenario, plant and controller, see `run_hashes`.
     metrics: name -> (linear, nonlinear), SI units; nan for an event that did not happen.
     signals: name -> (M,) of the nonlinear run, SI units; times [s] under "time".
+    predictable: what rounding leaves of the run.
     """
 
     path: Path
@@ -126,6 +148,7 @@ class Baseline:
     hashes: Mapping[str, str]
     metrics: Mapping[str, tuple[float, float]]
     signals: Mapping[str, np.ndarray]
+    predictable: Predictability = field(default_factory=Predictability)
 
     def differences(self, result: ScenarioResult) -> tuple[str, ...]:
         """Deviations of a run from this baseline, one sentence each; empty within the tolerances."""
@@ -138,15 +161,17 @@ class Baseline:
         return tuple(found)
 
     def tube(self, result: ScenarioResult, signal: str) -> Tube:
-        """Tube of a recorded signal at the sample times of a run."""
+        """Tube of a recorded signal at the sample times of a run; nan after the time up to which it is predictable."""
         tolerances = result.scenario.definition.baseline
-        return signal_tube(
+        at = result.nonlinear.trajectory.time
+        tube = signal_tube(
             self.signals["time"],
             self.signals[signal],
-            result.nonlinear.trajectory.time,
+            at,
             value_tolerance=tolerances.of(signal),
             time_tolerance=tolerances.time,
         )
+        return Tube(*(np.where(at <= self.predictable.until, bound, np.nan) for bound in tube))
 
     def to_pandas(self, result: ScenarioResult) -> pandas.DataFrame:
         """One row per sample of the run: time, and value and tube bounds of each signal, SI units."""
@@ -166,7 +191,8 @@ class Baseline:
                 continue
             metric = METRICS[name]
             for word, old, new in zip(("linear", "nonlinear"), recorded, result.metrics[name], strict=True):
-                if not metric.is_close(old, new, share):
+                spread = SPREADS * self.predictable.spread.get(name, 0.0) if word == "nonlinear" else 0.0
+                if spread < np.inf and not metric.is_close(old, new, share, spread):
                     found.append(f"baseline: {name} ({word}) was {metric.format(old)} and is now {metric.format(new)}")
         return found
 
@@ -190,6 +216,23 @@ class Baseline:
                     f"{exit_.time:.3f} s, where it is {exit_.value / scale:.4g} {display_unit}"
                 )
         return found
+
+
+def leaves_tube(result: ScenarioResult, other: Trajectory, *, share: float) -> float:
+    """Time [s] at which another run leaves the tubes around a run with this share of its tolerances; inf if never."""
+    run, tolerances = result.nonlinear.trajectory, result.scenario.definition.baseline
+    n = min(len(run), len(other))
+    left = [run.time[n - 1]] if len(run) != len(other) else []
+    for name in recorded_of(run):
+        tube = signal_tube(
+            run.time,
+            run[name],
+            other.time[:n],
+            value_tolerance=share * tolerances.of(name),
+            time_tolerance=share * tolerances.time,
+        )
+        left += list(other.time[:n][(other[name][:n] > tube.upper) | (other[name][:n] < tube.lower)][:1])
+    return float(min(left, default=np.inf))
 
 
 def run_hashes(result: ScenarioResult) -> dict[str, str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.files import parse_json, read_text, write_text
-from .baseline import SIGNALS, Baseline, recorded_of, run_hashes
+from .baseline import SIGNALS, Baseline, Predictability, recorded_of, run_hashes
 
 if TYPE_CHECKING:
     from .definition import Scenario
@@ -58,7 +58,10 @@ def read_baseline(path: Path) -> Baseline:
         }
         if len({values.shape for values in signals.values()}) != 1 or any(len(pair) != 2 for pair in metrics.values()):
             raise ValueError("signals must have the same length and metrics two values each")
-        return Baseline(path, str(content["reason"]), dict(content["of"]), metrics, signals)  # type: ignore[arg-type]
+        return Baseline(
+            path, str(content["reason"]), dict(content["of"]), metrics, signals,  # type: ignore[arg-type]
+            _read_predictability(content.get("predictable", {})),
+        )  # fmt: skip
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise InputError(
             f"{path}: is not a valid baseline ({type(error).__name__}: {error}); delete it and record it again with "
@@ -83,8 +86,11 @@ def write_baseline(result: ScenarioResult, reason: str) -> Path:
         raise InputError(f"{name}: no reason given; state why the baseline changes (--reason TEXT)")
     if result.limit_failures:
         raise InputError(f"{name}: a run that fails can't become a baseline ({result.limit_failures[0]})")
+    from .predictability import predictability
+
     run = result.nonlinear.trajectory
     points = _sample_indices(result)
+    left = predictability(result)
     content = {
         "schema": 1,
         "scenario": result.scenario.name,
@@ -98,7 +104,19 @@ def write_baseline(result: ScenarioResult, reason: str) -> Path:
         },
         "signals": {name: [_round(value) for value in run[name][points]] for name in ("time", *recorded_of(run))},
     }
+    if left != Predictability():
+        spread = {name: _round(value) if np.isfinite(value) else None for name, value in left.spread.items()}
+        content["predictable"] = {"until": _round(left.until) if np.isfinite(left.until) else None, "spread": spread}
     return write_text(path, _format(content))
+
+
+def _read_predictability(content: Mapping[str, Any]) -> Predictability:
+    """The key `predictable` of a file; null stands for infinity."""
+    until, spread = content.get("until"), content.get("spread", {})
+    return Predictability(
+        np.inf if until is None else float(until),
+        {name: np.inf if value is None else float(value) for name, value in spread.items()},
+    )
 
 
 def baseline_changes(result: ScenarioResult) -> tuple[str, ...]:
@@ -117,8 +135,10 @@ def update_baseline(result: ScenarioResult, reason: str) -> tuple[ScenarioResult
     changes = baseline_changes(result)
     if not changes:
         return result, ()
-    path = write_baseline(result, reason)
-    return replace(result, baseline=read_baseline(path)), (*changes, f"written to {path}")
+    baseline = read_baseline(write_baseline(result, reason))
+    until = baseline.predictable.until
+    told = [f"rounding decides after {until:g} s; signals are compared up to there"] if np.isfinite(until) else []
+    return replace(result, baseline=baseline), (*changes, *told, f"written to {baseline.path}")
 
 
 def _sample_indices(result: ScenarioResult) -> np.ndarray:

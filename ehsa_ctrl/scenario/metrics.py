@@ -63,11 +63,12 @@ class Metric:
         """Absolute tolerance of the comparison with a baseline, SI unit."""
         return ABSOLUTE_TOLERANCES[self.unit]
 
-    def is_close(self, old: float, new: float, share: float) -> bool:
-        """Whether two values differ by at most the absolute tolerance plus `share` of the old one; nan equals nan."""
+    def is_close(self, old: float, new: float, share: float, spread: float = 0.0) -> bool:
+        """Whether two values differ by at most the absolute tolerance, `share` of the old one and `spread` [SI unit]
+        together; nan equals nan."""
         if not (np.isfinite(old) and np.isfinite(new)):
             return bool(np.isnan(old) == np.isnan(new)) and not np.isinf(old) ^ np.isinf(new)
-        return abs(new - old) <= self.absolute_tolerance + share * abs(old)
+        return abs(new - old) <= self.absolute_tolerance + share * abs(old) + spread
 
     def format(self, value: float) -> str:
         """A value [SI unit] as text with the display unit."""
