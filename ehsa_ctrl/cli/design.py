@@ -117,6 +117,7 @@ def command(
         split_figures,
         starting_definition,
         with_values,
+        without_keys,
     )
     from ..design.tuning.constraints import Tuning
     from ..plant.conditions import linear_model
@@ -149,6 +150,7 @@ def command(
     own: dict[str, Any] = {}
     defaults: dict[str, str] = {}
     unscaled: list[str] = []
+    foreign: list[str] = []
     # The numbers of a shipped controller are for the shipped EHSA; which plant a user's controller is for is unknown.
     if is_shipped("controllers", begun):
         rescaling = rescaling_to(plant, pairs)
@@ -157,6 +159,8 @@ def command(
                 rescaling = rescaling.to_drive(content["current_limit"], asked["current_limit"], drive_unit)
             except InputError as error:
                 raise InputError(f"--current-limit {asked['current_limit']!r}: {error}") from None
+        foreign = [key for key in rescaling.foreign(content) if key not in asked]
+        content = without_keys(content, foreign)
         own, unscaled = rescaling.changes(content, definition_keys(chosen.file)), rescaling.unknown(content)
         content = with_values(content, chosen, {key: str(value) for key, value in own.items()})
         # If the options add a [tuning], the default of its noise_gain is for the shipped EHSA too.
@@ -180,6 +184,8 @@ def command(
     if own:
         scaled = ", ".join(f"{key} {value}" for key, value in own.items() if key not in asked)
         comments.append(f"Started from {begun.stem}, a controller of the shipped EHSA; for this plant: {scaled}.")
+    if foreign:
+        comments.append(f"Without those limits of {begun.stem} that are the shipped EHSA's own: {', '.join(foreign)}.")
     if unscaled:
         comments.append(f"As in {begun.stem}, because {plant} gives no scale for them: {', '.join(unscaled)}.")
     text = (_with_gains(found, drive_unit) if freeze else found).toml([*comments, "On its linear model:"])
@@ -191,7 +197,7 @@ def command(
         "from_plant": own,
         "controller": str(file) if file is not None else None,
         "definition": found.content,
-        "law": str(found.controller.law),
+        "law": found.controller.law_words,
         "loop": found.loop,
     }
     if file is not None:

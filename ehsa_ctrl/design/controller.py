@@ -45,7 +45,8 @@ class Law(Protocol):
     traces: name -> index in memory of the numbers to record at each sample.
 
     A law with an attribute `follows_force`, True, gets the force target of the reference; any other gets 0. A method
-    `findings(case)` adds checks of its own to a design review.
+    `findings(case)` adds checks of its own to a design review; words(unit) is the law in words where the drive has
+    another unit than A.
     """
 
     @property
@@ -76,6 +77,12 @@ class Law(Protocol):
         ...
 
 
+def law_words(law: Any, unit: str) -> str:
+    """A law in words, with the drive's unit where the law has units of the drive."""
+    words = getattr(law, "words", None)
+    return str(law) if words is None else str(words(unit))
+
+
 @dataclass(frozen=True)
 class SampledController(Result):
     """A core.controller_interface.Controller for simulation, analysis and export.
@@ -89,6 +96,7 @@ class SampledController(Result):
     supervision: plausibility limits of the readings.
     watchdog: safe output when the plant's side of a link is silent.
     note: what the design left out of the given model; empty if nothing.
+    drive_unit: SI unit of the plant's drive, which takes the place of A.
     """
 
     name: str
@@ -103,6 +111,7 @@ class SampledController(Result):
     supervision: Supervision = field(default_factory=Supervision)
     watchdog: Watchdog = field(default_factory=Watchdog)
     note: str = ""
+    drive_unit: str = "A"
 
     @property
     def compiled(self) -> Callable[..., float] | None:
@@ -146,6 +155,11 @@ class SampledController(Result):
             reference = np.append(reference, 0.0)
         return float(pipeline(reference, measured, memory, self._settings, self.law.function))
 
+    @property
+    def law_words(self) -> str:
+        """The law with the drive's unit."""
+        return law_words(self.law, self.drive_unit)
+
     def linear(self) -> control.StateSpace:
         """The feedback law alone without limits: discrete, inputs [*REFERENCE, *MEASURED], output current."""
         return self.law.linear()
@@ -163,8 +177,8 @@ class SampledController(Result):
         ]
         suffix = f", with {', '.join(stages)}" if stages else ""
         return (
-            f"{self.name}: {self.law}, |current| <= {self.current_limit:g} A, every {self.sample_time:g} s{suffix}"
-            + (f" ({self.note})" if self.note else "")
+            f"{self.name}: {self.law_words}, |current| <= {self.current_limit:g} {self.drive_unit}, "
+            f"every {self.sample_time:g} s{suffix}" + (f" ({self.note})" if self.note else "")
         )
 
 

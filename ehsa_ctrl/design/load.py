@@ -16,6 +16,7 @@ from ..core.errors import InputError, choices, shown
 from ..core.files import read_toml
 from ..core.pressure_difference import has_both_pressures, level_matters, reduce_to_difference
 from ..core.unit import parse
+from .analysis.sampled import drive_unit_of
 from .controller import SampledController
 from .from_object import law_of, name_of
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind, PositionControllerFile
@@ -27,8 +28,11 @@ if TYPE_CHECKING:
 #: Keys of a definition that become fields of the controller, if its kind has them.
 SHARED = ("sample_time", "current_limit", "trajectory", "feedforward", "rest", "dither", "watchdog")
 
-#: Keys in the unit of the plant's drive.
-DRIVE_KEYS = ("current_limit", "weights.current", "observer.current", "observer.friction")
+#: Keys in the unit of the plant's drive -> what follows the unit.
+DRIVE_KEYS = {
+    **dict.fromkeys(("current_limit", "weights.current", "observer.current", "observer.friction"), ""),
+    **dict.fromkeys(("weights.current_rate", "limits.current_rate"), "/s"),
+}
 
 
 def _shared(file: ControllerFile) -> dict[str, Any]:
@@ -61,13 +65,13 @@ def read_content(
         raise InputError(f"{where}: kind = {shown(word)}; {choices(word, CONTROLLER_KINDS)}")
     kind = CONTROLLER_KINDS[word]
     definition = validate(content, kind.file, where, context={"si": si})
-    for key in DRIVE_KEYS if drive_unit else ():
+    for key, per in DRIVE_KEYS.items() if drive_unit else ():
         table, _, name = key.rpartition(".")
         text = (content.get(table, {}) if table else content).get(name)
         if not isinstance(text, str):
             continue
         try:
-            parse(text, drive_unit)
+            parse(text, f"{drive_unit}{per}")
         except InputError:
             raise InputError(
                 f"{where}: {key} = {shown(text)}, but the drive of this plant is in {drive_unit}; the controller is "
@@ -164,7 +168,7 @@ def build_controller(
     name: str, kind: ControllerKind, definition: ControllerFile, system: control.StateSpace
 ) -> SampledController:
     """Design a controller from its definition on a linear model. Raises InputError as `load_controller` does."""
-    note = ""
+    note, unit = "", drive_unit_of(system)
     if has_both_pressures(system):
         level = "; the model is that of a constant level" if level_matters(system) else ""
         note = f"designed on dP = P_1 - P_2: the mode of P_1 + P_2 is left out, the current does not reach it{level}"
@@ -173,7 +177,7 @@ def build_controller(
         with np.errstate(over="raise", divide="raise", invalid="raise"), warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
             law = kind.design(name, definition, system)
-            controller = SampledController(name, kind.name, law=law, note=note, **_shared(definition))
+            controller = SampledController(name, kind.name, law=law, note=note, drive_unit=unit, **_shared(definition))
             finite = not np.isnan(controller.settings()).any()
     except InputError:
         raise

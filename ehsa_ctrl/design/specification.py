@@ -142,6 +142,17 @@ def with_values(content: dict[str, Any], kind: ControllerKind, values: Mapping[s
     return content
 
 
+def without_keys(content: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
+    """A copy of the definition's content without some dotted keys, and without tables that are then empty."""
+    found = copy.deepcopy(dict(content))
+    for key in keys:
+        table, _, name = key.partition(".")
+        del found[table][name]
+        if not found[table]:
+            del found[table]
+    return found
+
+
 def parse_value(text: str) -> Any:
     """A TOML value ("1.5", "true", "[1, 2]"); text that is none ("30 rad/s") stays text."""
     try:
@@ -180,7 +191,7 @@ class ControllerDesign:
 
     def toml(self, comments: list[str]) -> str:
         """The TOML, with `comments`, the law and the loop's margins as comments."""
-        result = [line.strip() for line in f"{self.controller.law}\n{self.loop}".splitlines()]
+        result = [line.strip() for line in f"{self.controller.law_words}\n{self.loop}".splitlines()]
         return toml_text(self.content, [*comments, *result])
 
 

@@ -102,7 +102,8 @@ class Rescaling:
         if isinstance(value, str):
             number, _, unit = value.partition(" ")
             if self.drive is not None and key in DRIVE_KEYS:
-                return f"{_round(parse(value, 'A') * self.drive[1])} {self.drive[0]}"
+                per = DRIVE_KEYS[key]
+                return f"{_round(parse(value, f'A{per}') * self.drive[1])} {self.drive[0]}{per}"
             most = self.ratings.get(BOUNDED.get(key, ""))
             if most is not None and parse(value, most.unit) * ratio > most.value:
                 return f"{_round(most.value / factor(unit, most.unit), down=True)} {unit}"
@@ -119,9 +120,13 @@ class Rescaling:
         scaled = {key: self.scale(key, value) for key, value in original.items() if key in VALUE_OF}
         return {key: value for key, value in scaled.items() if value != original[key]}
 
+    def foreign(self, content: Mapping[str, Any]) -> list[str]:
+        """Keys of [limits] that hold for the shipped EHSA alone: limits of its shaft, pressures and stroke."""
+        return [key for key in self.unknown(content) if self.drive is not None and key.startswith("limits.")]
+
     def unknown(self, content: Mapping[str, Any]) -> list[str]:
         """Keys that keep their value because the plant's file does not determine the characteristic value."""
-        known = DRIVE_KEYS if self.drive is not None else ()
+        known = set(DRIVE_KEYS) if self.drive is not None else set()
         keys = [key for key, _ in _leaves(content) if key in VALUE_OF and key not in known]
         return [key for key in keys if VALUE_OF[key] not in self.ratios]
 

@@ -1,5 +1,6 @@
 """`run` and `design` for a carriage under a drive force: the linear model is a mass with viscous friction."""
 
+import re
 import tomllib
 
 import numpy as np
@@ -17,6 +18,8 @@ PID = {
     "design": {"crossover": 35.0, "phase_margin": 1.05, "integral_ratio": 0.1, "filter_ratio": 8.0},
 }
 LQR = {"kind": "lqr", "sample_time": 1e-3, "current_limit": 150.0, "weights": {"position": 1e-3, "current": 50.0}}
+MPC = {**LQR, "kind": "mpc", "horizon": 40, "limits": {"current_rate": 2e4}}
+ADRC = {"kind": "adrc", "sample_time": 1e-3, "current_limit": 150.0, "adrc": {"bandwidth": 30.0}}
 SCENARIO = {
     "title": "A move of the carriage",
     "why": "Its controller is designed on its own linear model.",
@@ -37,7 +40,7 @@ def test_the_linear_model_is_a_mass_with_viscous_friction():
     assert model.B[0, 0] == pytest.approx(1.0 / M)
 
 
-@pytest.mark.parametrize("controller", [PID, LQR], ids=["pid", "lqr"])
+@pytest.mark.parametrize("controller", [PID, LQR, MPC, ADRC], ids=lambda one: one["kind"])
 def test_without_dry_friction_the_nonlinear_carriage_does_as_predicted(controller):
     """And with it, the loop needs more force and loses some accuracy."""
     free = ehsa_ctrl.run(SCENARIO, controller=controller, settings={"Fc": 0.0})
@@ -88,6 +91,37 @@ def test_a_shipped_lqr_for_a_drive_in_newtons(tmp_path, monkeypatch):
     assert found["observer"]["current"] == "2.5 N" and found["observer"]["friction"] == "12.5 N"
     assert "weights.current = '1 A', but the drive of this plant is in N" in str(mixed.exception)
     assert lax.exit_code == 0 and tomllib.loads((tmp_path / "lax.toml").read_text())["weights"]["current"] == "50 N"
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("pid", r"k_p = \S+ N/m, k_i = \S+ N/\(m s\), k_d = \S+ N s/m, .*\|current\| <= 150 N,"),
+        ("mpc", r"\|current\| <= 150 N, \|current rate\| <= 15000 N/s; without them .*\|current\| <= 150 N,"),
+        ("adrc", r"on the position, b_0 = \S+ m/\(s2 N\), \|current\| <= 150 N,"),
+    ],
+)
+def test_a_design_for_a_drive_in_newtons_speaks_in_newtons(kind, words, tmp_path, monkeypatch):
+    """And no limit of the shipped actuator's shaft, pressures or stroke holds for a carriage."""
+    monkeypatch.chdir(tmp_path)
+    line = ["design", "emps", "--kind", kind, "--current-limit", "150 N", "-o", "found.toml"]
+
+    shown = CliRunner().invoke(app, line, catch_exceptions=False).output
+
+    text = (tmp_path / "found.toml").read_text()
+    assert re.search(words, shown)
+    assert not re.search(r" A\b| A/", shown + text)
+    assert set(tomllib.loads(text).get("limits", {})) <= {"current_rate"}
+
+
+def test_a_limit_of_what_a_carriage_lacks_is_refused():
+    line = ["design", "emps", "--kind", "mpc", "--current-limit", "150 N"]
+
+    speed = CliRunner().invoke(app, [*line, "--limit", "speed=100 rad/s"])
+    rate = CliRunner().invoke(app, [*line, "--limit", "current_rate=100 A/s"])
+
+    assert "the model has no speed; it has position" in str(speed.exception)
+    assert "limits.current_rate = '100 A/s', but the drive of this plant is in N" in str(rate.exception)
 
 
 def test_no_controller_is_designed_for_a_servo_with_its_own():

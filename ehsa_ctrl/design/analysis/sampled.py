@@ -83,6 +83,11 @@ def drive_of(system: control.StateSpace) -> str:
     return next((name for name in DRIVES if name in system.input_labels), "")
 
 
+def drive_unit_of(system: control.StateSpace) -> str:
+    """SI unit of a model's drive; A for a model without one."""
+    return DRIVES.get(drive_of(system), "A")
+
+
 def scale_model(system: control.StateSpace) -> ScaledModel:
     """The model with inputs current and force and the five channels as outputs; errors as `sampled_plant`."""
     if not system.isctime():

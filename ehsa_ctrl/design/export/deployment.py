@@ -241,7 +241,7 @@ def _context(controller: SampledController, vector: TestVector, tolerance: float
     """What all templates need."""
     return {
         "name": controller.name,
-        "law": str(controller.law),
+        "law": controller.law_words,
         "sample_time": repr(controller.sample_time),
         "current_limit": repr(controller.current_limit),
         "traces": dict(controller.traces),

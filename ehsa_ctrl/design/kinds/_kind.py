@@ -48,8 +48,8 @@ class ControllerFile(Definition):
     def _check_safe_current(self) -> ControllerFile:
         if abs(self.watchdog.safe_current) > self.current_limit:
             raise ValueError(
-                f"[watchdog] safe_current = {self.watchdog.safe_current:g} A exceeds current_limit = "
-                f"{self.current_limit:g} A"
+                f"[watchdog] safe_current = {self.watchdog.safe_current:g} exceeds current_limit = "
+                f"{self.current_limit:g}"
             )
         return self
 

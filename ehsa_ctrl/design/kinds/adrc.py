@@ -41,8 +41,10 @@ class AdrcLoop(Definition):
         description="w_o / w_c, the observer's poles over those of the loop; usually 3 to 10. A larger one rejects "
         "disturbances better and passes more noise",
     )
-    measurement: Literal["speed", "position"] = Field(
-        default="speed", description="what the observer measures: the shaft's speed, or the rod's position alone"
+    measurement: Literal["speed", "position"] | None = Field(
+        default=None,
+        description="what the observer measures: the shaft's speed, or the rod's position alone; by default the speed, "
+        "where the plant has a shaft",
     )
     b_0: Annotated[float, In("m/(s2 A)", "m/(s2 N)", "m/(s2 V)")] | None = Field(
         default=None, gt=0, description="acceleration per current; by default that of the linear model at the bandwidth"
@@ -154,9 +156,13 @@ class Adrc:
         return law_state_space(replace(self, current_limit=inf), self.sample_time)
 
     def __str__(self) -> str:
+        return self.words("A")
+
+    def words(self, unit: str) -> str:
+        """The law with the drive's unit."""
         return (
             f"ADRC, w_c = {self.w_c:.4g} rad/s, w_o = {self.w_o:.4g} rad/s on the "
-            f"{'shaft speed' if self.n > 0.0 else 'position'}, b_0 = {self.b_0:.4g} m/(s2 A)"
+            f"{'shaft speed' if self.n > 0.0 else 'position'}, b_0 = {self.b_0:.4g} m/(s2 {unit})"
         )
 
 
@@ -167,11 +173,9 @@ def design_adrc(name: str, file: AdrcFile, system: control.StateSpace) -> Adrc:
     """
     loop = file.adrc
     body = rigid_body(system, loop.bandwidth)
-    n = 0.0
-    if loop.measurement == "speed":
-        if body.n == 0.0:
-            raise InputError(f"the model {system.name} has no output omega; take [adrc] measurement = 'position'")
-        n = body.n
+    if loop.measurement == "speed" and body.n == 0.0:
+        raise InputError(f"the model {system.name} has no output omega; take [adrc] measurement = 'position'")
+    n = 0.0 if loop.measurement == "position" else body.n
     law = Adrc(
         b_0=body.b_0 if loop.b_0 is None else loop.b_0,
         w_c=loop.bandwidth,

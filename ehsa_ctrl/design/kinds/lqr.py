@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from ...core.definition import Definition, Drive, In, Metre, RadianPerSecond
 from ..state_space.kalman import Observer, Pascal, design_kalman
 from ..state_space.model import DesignModel, design_model
-from ..state_space.mpc_problem import AmperePerSecond
+from ..state_space.mpc_problem import DrivePerSecond
 from ..state_space.regulator import Cost, design_regulator, solve_target, weight_matrix
 from ..state_space.state_feedback import StateFeedback
 from ._kind import ControllerKind, PositionControllerFile
@@ -27,7 +27,7 @@ class Weights(Definition):
     pressure: Pascal | None = Field(
         default=None, gt=0, description="error of the pressure difference; no weight if left out"
     )
-    current_rate: AmperePerSecond | None = Field(
+    current_rate: DrivePerSecond | None = Field(
         default=None, gt=0, description="rate of change of the current; no weight if left out"
     )
     integral: Annotated[float, In("m s")] | None = Field(

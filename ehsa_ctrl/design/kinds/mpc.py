@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from ...core.definition import Definition, Second
 from ...core.errors import InputError, choices
+from ..analysis.sampled import drive_unit_of
 from ..qp import QP_SOLVERS
 from ..state_space.mpc import Mpc
 from ..state_space.mpc_problem import Limits, MpcProblem
@@ -81,12 +82,15 @@ def design_mpc(name: str, file: MpcFile, system: control.StateSpace) -> Mpc:
         limits=file.limits,
     )
     if file.trajectory is not None:
-        _require_feasible_speed(feedback, file.limits, file.current_limit, file.trajectory.speed)
+        unit = drive_unit_of(system)
+        _require_feasible_speed(feedback, file.limits, file.current_limit, file.trajectory.speed, unit)
     return Mpc(feedback, problem, file.solver.name, file.solver.iteration_limit, file.solver.deadline)
 
 
-def _require_feasible_speed(feedback: StateFeedback, limits: Limits, current_limit: float, speed: float) -> None:
-    """Require that the model can follow the speed [m/s] of [trajectory] within the limits."""
+def _require_feasible_speed(
+    feedback: StateFeedback, limits: Limits, current_limit: float, speed: float, unit: str
+) -> None:
+    """Require that the model can follow the speed [m/s] of [trajectory] within the limits. unit: of the drive."""
     needs = {signal: abs(feedback.model.row(signal) @ feedback.target.Pi[:, 1]) * speed for signal in limits.soft}
     for signal, limit in limits.soft.items():
         if signal != "position" and needs[signal] > limit:
@@ -97,8 +101,8 @@ def _require_feasible_speed(feedback: StateFeedback, limits: Limits, current_lim
     current = abs(feedback.target.Gamma[1]) * speed
     if current > current_limit:
         raise InputError(
-            f"[trajectory] speed = {speed:g} m/s needs {current:.4g} A, beyond current_limit = {current_limit:g} A: "
-            "lower the one or raise the other"
+            f"[trajectory] speed = {speed:g} m/s needs {current:.4g} {unit}, beyond current_limit = "
+            f"{current_limit:g} {unit}: lower the one or raise the other"
         )
 
 

@@ -60,11 +60,15 @@ class Gains:
     k_d: float = 0.0
     T_f: float = 0.0
 
-    def __str__(self) -> str:
+    def words(self, unit: str) -> str:
+        """The gains with the drive's unit."""
         return (
-            f"k_p = {self.k_p:.4g} A/m, k_i = {self.k_i:.4g} A/(m s), k_d = {self.k_d:.4g} A s/m, "
+            f"k_p = {self.k_p:.4g} {unit}/m, k_i = {self.k_i:.4g} {unit}/(m s), k_d = {self.k_d:.4g} {unit} s/m, "
             f"T_f = {self.T_f:.3g} s"
         )
+
+    def __str__(self) -> str:
+        return self.words("A")
 
     def response(self, z: Any, sample_time: float) -> Any:
         """Frequency response C(z) [A/m] of the sampled law at points z (n,) of the unit circle.
@@ -327,8 +331,12 @@ class Pid:
     def linear(self) -> control.StateSpace:
         return law_state_space(replace(self, current_limit=inf), self.sample_time)
 
+    def words(self, unit: str) -> str:
+        """The law with the drive's unit."""
+        return f"parallel PID, {self.gains.words(unit)}"
+
     def __str__(self) -> str:
-        return f"parallel PID, {self.gains}"
+        return self.words("A")
 
 
 def designed_gains(file: Any, system: control.StateSpace) -> Gains:

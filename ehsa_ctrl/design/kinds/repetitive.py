@@ -20,7 +20,8 @@ from pydantic import Field, model_validator
 from ...core.definition import Definition, Hertz, Metre, Second, validate
 from ...core.errors import InputError, choices, shown
 from ..analysis.learning import Learning, design_learning
-from ..controller import Law, SampledController
+from ..analysis.sampled import drive_unit_of
+from ..controller import Law, SampledController, law_words
 from ..review_checks import ReviewContext, ReviewFinding
 from ..state_space.state_feedback import state_feedback
 from ._kind import ControllerKind, PositionControllerFile
@@ -227,7 +228,11 @@ class Repetitive:
         )
 
     def __str__(self) -> str:
-        return f"repetitive over {self.samples} samples, {self.learning}, around {self.base}"
+        return self.words("A")
+
+    def words(self, unit: str) -> str:
+        """The law with the drive's unit."""
+        return f"repetitive over {self.samples} samples, {self.learning}, around {law_words(self.base, unit)}"
 
 
 def design_repetitive(name: str, file: RepetitiveFile, system: control.StateSpace) -> Repetitive:
@@ -238,7 +243,8 @@ def design_repetitive(name: str, file: RepetitiveFile, system: control.StateSpac
     from . import CONTROLLER_KINDS
 
     word = str(file.base["kind"])
-    limits = {"sample_time": f"{file.sample_time!r} s", "current_limit": f"{file.current_limit!r} A"}
+    unit = drive_unit_of(system)
+    limits = {"sample_time": f"{file.sample_time!r} s", "current_limit": f"{file.current_limit!r} {unit}"}
     content = {"schema": 1, "title": name, **limits, **file.base}
     try:
         definition = validate(content, CONTROLLER_KINDS[word].file, "[base]")

@@ -314,13 +314,17 @@ class Mpc:
         return float(functions.apply_plan_of_arrays(reference, memory, settings, float(extra), target))
 
     def __str__(self) -> str:
-        limits = [f"|current| <= {self.problem.current_limit:g} A"]
+        return self.words("A")
+
+    def words(self, unit: str) -> str:
+        """The law with the drive's unit."""
+        limits = [f"|current| <= {self.problem.current_limit:g} {unit}"]
         if self.own is not None:
             samples = f"{self.horizon} samples ({self.horizon * self.feedback.model.sample_time:g} s)"
             size = f"{len(self.own.F)} unknowns, {len(self.own.G)} constraints"
             return f"MPC over {samples} with a cost and constraints of your own ({size}) by {self.solver}, {limits[0]}"
         if self.problem.limits.current_rate is not None:
-            limits.append(f"|current rate| <= {self.problem.limits.current_rate:g} A/s")
+            limits.append(f"|current rate| <= {self.problem.limits.current_rate:g} {unit}/s")
         units = {"speed": "rad/s", "pressure": "Pa", "position": "m"}
         limits += [
             f"|{signal}| <= {limit:g} {units[signal]} (soft)" for signal, limit in self.problem.limits.soft.items()

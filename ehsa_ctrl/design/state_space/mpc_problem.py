@@ -32,13 +32,13 @@ from .regulator import MOTION, Cost, Regulator, Target
 #: Position error [m] that scales the penalty of soft limits, about a full stroke: the penalty must exceed the cost that
 #: a violation saves, or the optimum violates a feasible limit.
 LARGE_ERROR = 0.1
-AmperePerSecond = Annotated[float, In("A/s")]
+DrivePerSecond = Annotated[float, In("A/s", "N/s", "V/s")]
 
 
 class Limits(Definition):
     """[limits] in addition to current_limit; a limit that is left out does not apply."""
 
-    current_rate: AmperePerSecond | None = Field(
+    current_rate: DrivePerSecond | None = Field(
         default=None, gt=0, description="rate of change of the current; a hard limit"
     )
     speed: RadianPerSecond | None = Field(
