@@ -195,6 +195,7 @@ def command(
     )
     found, out = outcome.found, output.out
     improved = _improved_path(out, found) if out is not None else None
+    beside = "" if found.law is None else ", which has the law of effects/ beside it"
 
     def print_result() -> None:
         for sentence in preparation_sentences(outcome.steps, reading=False):
@@ -206,7 +207,7 @@ def command(
     output.deliver(
         "diagnose", "diagnosis.json", outcome.to_dict(), print_result, stored=outcome.stored(),
         files=lambda draft: write_files(draft, outcome),
-        then=f"; use the {_quality(found)} plant as --plant {improved}" if improved else "",
+        then=f"; use the {_quality(found)} plant as --plant {improved}{beside}" if improved else "",
     )  # fmt: skip
     if output.as_json:
         return
@@ -220,11 +221,9 @@ def _quality(found: Diagnosis) -> str:
     """What the improved plant is worth."""
     from ..diagnosis.diagnosis import NAMING
 
-    if found.law is not None:
-        return "corrected (by a proposed law, its effect beside it)"
-    if found.verdict == "partly":
+    if found.law is None and found.verdict == "partly":
         return "partly corrected"
-    return "corrected" if found.verdict in NAMING else "refitted (no cause is named)"
+    return "corrected" if found.law is not None or found.verdict in NAMING else "refitted (no cause is named)"
 
 
 def _improved_path(out: Path, found: Diagnosis) -> Path | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -46,7 +47,7 @@ def confirm(
     results/effects/proposed_force_v_3fa20c.toml spring.csv --plant ehsa --set load.stiffness=50e3
     """
     from ..core.registry import add_project
-    from ..diagnosis.law.confirm import confirm_law
+    from ..diagnosis.law.confirm import confirm_law, law_effect
     from .inputs import load_model, read_prepared
     from .progress import compiling, counting
 
@@ -56,7 +57,17 @@ def confirm(
             raise InputError(f"{file}: no such file; give the effect's file, or its name")
         add_project(file)
         name = file.stem
+    for path in logs:
+        if path.suffix == ".toml":
+            raise InputError(f"{path}: is no log; give the effect's file first, then the logs")
     nominal = load_model(plant, model, read_pairs(settings))
+    own = law_effect(name).law
+    assert own is not None
+    if not os.access(Path(own.where).parent, os.W_OK):
+        raise InputError(
+            f"{own.where}: its folder is not writable, so that the file could not say that the law is confirmed; copy "
+            "the file to effects/ of a project of yours"
+        )
     how = preparation.preparation()
     with compiling(), counting() as watch:
         ready = [read_prepared(path, nominal, how).log for path in logs]

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import tomllib
 
 import pytest
@@ -72,12 +73,33 @@ def test_the_log_of_the_proposal_is_no_second_log(project):
     assert (project / "effects" / "valve.toml").read_text() == known
 
 
-def test_names_that_are_no_laws(project):
-    """The error says what there is instead."""
-    record(project, "log.csv")
-    for name, words in {"valfe": "did you mean 'valve'", "internal_leakage": "not an effect from a TOML file"}.items():
-        with pytest.raises(e.InputError, match=words):
-            CliRunner().invoke(app, ["effects", "confirm", name, "log.csv", "--plant", "ehsa"], catch_exceptions=False)
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (["valfe", "log.csv"], "did you mean 'valve'.*; give the file of a proposed law"),
+        (["internal_leakage", "log.csv"], "not an effect from a TOML file"),
+        (["log.csv", "effects/valve.toml"], "effects/valve.toml: is no log; give the effect's file first"),
+    ],
+)
+def test_wrong_input(project, words, error):
+    """The error says what there is, or is to be given, instead."""
+    with pytest.raises(e.InputError, match=error):
+        CliRunner().invoke(app, ["effects", "confirm", "--plant", "ehsa", *words], catch_exceptions=False)
+
+
+def test_a_plant_without_what_the_law_needs(project):
+    """A carriage has no pressures: the reason, before any log is looked at."""
+    with pytest.raises(e.InputError, match=r"valve\.toml: expression: 'P_1' is not known"):
+        e.confirm_law(e.load_plant("emps"), "valve", [])
+
+
+def test_a_file_that_could_not_be_written(project, monkeypatch):
+    """Is refused before the logs are read."""
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    with pytest.raises(e.InputError, match=r"valve\.toml: its folder is not writable"):
+        CliRunner().invoke(
+            app, ["effects", "confirm", "valve", "missing.csv", "--plant", "ehsa"], catch_exceptions=False
+        )
 
 
 def test_ranges_grow_together():

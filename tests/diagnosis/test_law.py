@@ -16,6 +16,7 @@ from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
+from ehsa_ctrl.diagnosis.law import regression
 from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, LawVariable, Term
@@ -91,6 +92,34 @@ def test_location_and_width_come_back(unknown, text, at, width):
     assert best.terms[0].text == text
     assert best.terms[0].shapes["at"] == pytest.approx(at, abs=1e-3)
     assert width is None or best.terms[0].shapes["width"] == pytest.approx(width, rel=0.1)
+
+
+def test_a_bump_that_leaves_the_data_ends_its_sum(monkeypatch):
+    """At 19 of its widths from the data it is almost zero, and the square of its factor overflows: no standard
+    deviation is infinite, which no effect's file can have."""
+    monkeypatch.setattr(regression, "_shaped", lambda grammar, windows, nuisance, terms: [far(one) for one in terms])
+
+    def far(term):
+        if term.text != "exp(-((x - at) / width)**2)":
+            return term
+        left.append(replace(term, shapes={"at": 0.042 + 19.05 * 0.006, "width": 0.006}))
+        return left[-1]
+
+    left = []
+    found = find_sums(*case(lambda x, v, d: 300.0 * np.exp(-(((x - 0.008) / 0.006) ** 2))))
+
+    assert left
+    assert np.isfinite([value for one in found for value in (*one.factors, *one.sd)]).all()
+
+
+def test_the_factor_of_a_pressure_is_per_pascal(plant):
+    """A leakage has the unit of one, not that of its base units; every unit is that of its term."""
+    log, _ = e.record(plant, *e.excitation("noise", amplitude=3.0, duration=3.0, sample_time=0.004), centre=True)
+    grammar = Grammar.of(plant, InjectionCase.of(plant, log, {}).signals, "flow_1")
+    found = {one.text: grammar.factor_unit(one) for one in grammar.terms()}
+
+    assert found["P_1"] == "m3 s-1 Pa-1" and found["P_1**3"] == "m3 s-1 Pa-3"
+    assert found["omega"] == "m3"
 
 
 def test_a_small_constant_beside_friction_comes_back():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl as e
-from ehsa_ctrl.report.figures.law import law_figure
+from ehsa_ctrl.report.figures.law import _bins, _means, law_figure
 
 from .diagnoses import CUBIC
 
@@ -32,6 +32,17 @@ def test_dry_friction_has_two_directions():
     assert set(whole) == {"unknown input", "law"} and np.abs(whole["unknown input"]).max() < 0.01
     assert dry["law, positive motion"].min() == pytest.approx(-0.3, abs=0.03)
     assert dry["unknown input, negative motion"].max() == pytest.approx(0.3, abs=0.03)
+
+
+def test_the_band_is_of_the_mean():
+    """White noise of 1: samples of one passage through a bin count once, of as many passages as samples each."""
+    noise = np.random.default_rng(0).standard_normal(30_000)
+    slow = np.linspace(0.0, 1.0, noise.size)
+    mixed = np.random.default_rng(1).permutation(slow)
+
+    for z, sd in {"slow": (slow, 1.0), "mixed": (mixed, 1.0 / np.sqrt(1000.0))}.values():
+        means = _means(z, noise, _bins(z))
+        assert np.mean(means[:, 2]) == pytest.approx(sd, rel=0.1)
 
 
 def test_motion_in_one_direction_alone():

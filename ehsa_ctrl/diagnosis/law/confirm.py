@@ -59,7 +59,7 @@ def confirm_law(
 
     Raises
     ------
-    InputError: as `diagnose`; or the effect is not one of a TOML file.
+    InputError: as `diagnose`; or the effect is not one of a TOML file, or does not fit the plant.
     """
     effect = law_effect(name)
     assert effect.law is not None
@@ -67,6 +67,7 @@ def confirm_law(
     bare = plant.with_structure(
         replace(plant.structure, effects=tuple(n for n in plant.structure.effects if n != name))
     )
+    bare.with_effects(name)  # raises InputError for one that does not fit
     same = [words for log in logs for words in _repetitions(log, law, bare)]
     empty = Confirmation(name, Path(effect.law.where), law, tuple(logs), tuple(same))
     if same:
@@ -77,8 +78,6 @@ def confirm_law(
     if largest(before) < threshold:
         words = f"the nominal plant has no gap of {100 * threshold:g} % on it ({100 * largest(before):.2g} %), so that"
         return replace(empty, refused=(f"{words} nothing is left for a law to explain; drive the rig harder",))
-    if effect.name not in prepared.model.plant.structure.effects:
-        raise InputError(f"{effect.law.where}: the law does not fit {plant.name}; ehsa-ctrl check names the reason")
     tested = _Test.of(prepared, split_logs(prepared, whole, has_gap=True), effect, law, threshold)
     refused = tested.refusals
     alternatives: tuple[str, ...] = ()
@@ -103,8 +102,11 @@ def law_effect(name: str) -> Effect:
         return own[name]
     if name in EFFECTS:
         raise InputError(f"{name} is not an effect from a TOML file, so that it has no status to confirm")
-    known = choices(name, own) if own else "the project has none; a diagnosis proposes one where it finds a law"
-    raise InputError(f"effect {name!r} is not known among those of TOML files: {known}")
+    known = choices(name, own) if own else "none is known here"
+    raise InputError(
+        f"effect {name!r} is not known among those of TOML files: {known}; give the file of a proposed law, such as "
+        "effects/NAME.toml in the folder of a diagnosis"
+    )
 
 
 def _repetitions(log: Log, law: LawFile, plant: Plant) -> list[str]:

@@ -263,11 +263,14 @@ class Grammar:
 
 
 def _joined(whole: str, powers: Mapping[str, float]) -> str:
-    """The product of a unit and powers of base units, in base units."""
+    """The product of a unit and powers of base units, in base units; a flow by a pressure in pascals."""
+    pascals = dimension_of("Pa")
+    by = -powers.get("kg", 0.0) if whole == "m3/s" else 0.0
     total = dict(dimension_of(whole))
-    for base, power in powers.items():
-        total[base] = total.get(base, 0.0) + power
-    return words({base: power for base, power in total.items() if abs(power) > 1e-9})
+    for base in {**powers, **pascals}:
+        total[base] = total.get(base, 0.0) + powers.get(base, 0.0) + by * pascals.get(base, 0.0)
+    rest = {base: power for base, power in total.items() if abs(power) > 1e-9} | ({"Pa": -by} if by else {})
+    return words(rest)
 
 
 def in_turn(one: np.ndarray, other: np.ndarray, between: float) -> np.ndarray:

@@ -20,7 +20,7 @@ BINS = 30
 
 
 def law_figure(diagnosis: Diagnosis) -> Figure:
-    """The unknown input along the first variable of the law: mean per bin with a band of one standard deviation.
+    """The unknown input along the first variable of the law: mean per bin with the standard deviation of the mean.
 
     Left: with the most probable form, from the regression. Right: what the law leaves. Dry friction changes its sign
     with the direction of motion, so that both directions are drawn apart.
@@ -71,13 +71,20 @@ def _bins(z: np.ndarray) -> np.ndarray:
 
 
 def _means(z: np.ndarray, y: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """(bins, 3) mean of z, and mean and standard deviation of y in each bin."""
-    rows = [[np.mean(z[which == k]), np.mean(y[which == k]), np.std(y[which == k])] for k in np.unique(which)]
+    """(bins, 3) mean of z, and mean of y with its standard deviation in each bin.
+
+    Samples of one passage through a bin are alike, so that each passage counts once.
+    """
+    begins = np.flatnonzero(np.diff(which, prepend=-1))
+    rows = []
+    for k in np.unique(which):
+        inside, passages = which == k, np.count_nonzero(which[begins] == k)
+        rows.append([np.mean(z[inside]), np.mean(y[inside]), np.std(y[inside]) / np.sqrt(passages)])
     return np.array(rows).reshape(-1, 3)
 
 
 def _band(ax: Axes, z: np.ndarray, y: np.ndarray, which: np.ndarray, color: str, label: str) -> None:
-    """Mean and standard deviation in each bin."""
+    """Mean in each bin, with its standard deviation."""
     rows = _means(z, y, which)
     ax.fill_between(rows[:, 0], rows[:, 1] - rows[:, 2], rows[:, 1] + rows[:, 2], color=color, alpha=0.2, linewidth=0)
     ax.plot(rows[:, 0], rows[:, 1], color=color, linewidth=1.0, marker="o", markersize=3, label=label or None)

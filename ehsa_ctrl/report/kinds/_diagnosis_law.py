@@ -23,7 +23,7 @@ def law_section(content: Mapping[str, Any]) -> Section:
     ranges = "; ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in law["range"].items())
     beside = f"It acts beside {', '.join(law['beside'])}. " if law.get("beside") else ""
     words = [
-        f"No effect of the catalogue has this law. It is the {ADDENDS[law['place']].meaning}. {beside}Forms that the "
+        f"No effect of the catalogue has this law. It is a {ADDENDS[law['place']].meaning}. {beside}Forms that the "
         f"log can't tell apart are listed together. Seen in the log, in SI units: {ranges or 'no variable'}.",
     ]
     if law.get("proposal"):
@@ -33,9 +33,9 @@ def law_section(content: Mapping[str, Any]) -> Section:
             "range above the law is not known; a second log confirms it by `ehsa-ctrl effects confirm`."
         )
     caption = (
-        "Left: unknown input in bins of the variable, mean and one standard deviation, and the law. Right: what the "
-        "law leaves. The sign of dry friction follows the motion; where it depends on another variable than the "
-        "speed, both directions are drawn apart."
+        "Left: unknown input in bins of the variable, mean with its standard deviation (each passage through a bin "
+        "counts once), and the law. Right: what the law leaves. The sign of dry friction follows the motion; where it "
+        "depends on another variable than the speed, both directions are drawn apart."
     )
     return Section(
         "Law",
