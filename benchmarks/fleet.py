@@ -22,7 +22,7 @@ import numpy as np
 
 import ehsa_ctrl as e
 from ehsa_ctrl.core.files import read_json
-from ehsa_ctrl.fleet.changes import Names, RigScores, Scan, changes, scan
+from ehsa_ctrl.fleet.changes import ChangeTest, Names, RigScores, Scan, scan
 from ehsa_ctrl.fleet.manifest import find_logs
 from ehsa_ctrl.fleet.null import false_discovery_rates
 from ehsa_ctrl.fleet.score import log_score
@@ -54,7 +54,8 @@ def shuffled(rig: RigScores, random: np.random.Generator) -> RigScores:
 
 def discoveries(scans: list[Scan], names: Names) -> set[str]:
     """Rigs that are said to have changed."""
-    found = changes(scans, names)
+    test = ChangeTest.of(scans, names)
+    found = [test and test.change(one) for one in scans]
     q = false_discovery_rates([1.0 if one is None else one.p for one in found])
     return {one.rig for one, value in zip(found, q, strict=True) if one is not None and value <= RATE}
 

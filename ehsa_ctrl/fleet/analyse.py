@@ -18,13 +18,13 @@ from ..diagnosis.diagnosis import Diagnosis
 from ..identification.plant_log import read_plant_log
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
-from .changes import Names, RigChange, RigScores, changes, scan
+from .changes import ChangeTest, Names, RigChange, RigScores, scan
 from .drifts import drifts
 from .manifest import FILE_TIME, FleetLog, find_logs, in_order
 from .null import false_discovery_rates, scatter
 from .outliers import outliers
 from .random_effects import RandomEffects, random_effects
-from .result import Fleet, FleetParameter, FleetRig, LogLine
+from .result import Fleet, FleetParameter, FleetRig, FurtherChange, LogLine
 from .rig_diagnosis import diagnose_changed
 from .score import LogScore, log_score
 from .store import Store
@@ -189,9 +189,14 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         scans.append(scan(one, names))
         moved.append(scan(one, names.of_parameters()))
         report("changes", done)
-    found = changes(scans, names)
+    test = ChangeTest.of(scans, names)
+    found = [None if test is None else test.change(one) for one in scans]
     q = false_discovery_rates([1.0 if one is None else one.p for one in found])
-    changed = {one.rig: one for one, value in zip(found, q, strict=True) if one is not None and value <= rate}
+    changed = {one.rig: [one] for one, value in zip(found, q, strict=True) if one is not None and value <= rate}
+    limit = max((one.p for (one,) in changed.values()), default=0.0)
+    for one in _scores(store, rigs, names):
+        if one.name in changed and changed[one.name][0].first > 0 and test is not None:
+            changed[one.name] = test.steps(one, limit) or changed[one.name]
     score, information = [], []
     for one in _scores(store, rigs, names):
         before = _unchanged(one, changed.get(one.name))
@@ -204,12 +209,12 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
     before_change = (_unchanged(one, changed.get(one.name)) for one in _scores(store, rigs, names))
     unlike = outliers(before_change, names, fleet)
     unlike_q = false_discovery_rates([1.0 if one is None else one.p for one in unlike])
-    shown = {one.cause for one in changed.values()} | {
+    shown = {one.cause for several in changed.values() for one in several} | {
         one.cause for one, value in zip(unlike, unlike_q, strict=True) if one is not None and value <= rate
     }
     rows = []
     for i, rig in enumerate(rigs):
-        change, other, scores = found[i], unlike[i], rig.scores(store)
+        nearest, other, scores = found[i], unlike[i], rig.scores(store)
         deviations = _series(names.rig(rig.name, rig.days, scores), names, fleet, i, shown)
         row = FleetRig(
             rig.name,
@@ -217,10 +222,10 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
                 LogLine(str(log.path), log.date.isoformat(), log.dated, one.rms)
                 for log, one in zip(rig.logs, scores, strict=True)
             ),
-            p=1.0 if change is None else change.p, q=float(q[i]), series=deviations,
+            p=1.0 if nearest is None else nearest.p, q=float(q[i]), series=deviations,
         )  # fmt: skip
-        if change is not None and rig.name in changed:
-            row = _with_change(row, change, names, plant)
+        if rig.name in changed:
+            row = _with_changes(row, changed[rig.name], names, plant)
         if other is not None:
             row = replace(
                 row, unlike=other.cause if unlike_q[i] <= rate else "", unlike_p=other.p, unlike_q=float(unlike_q[i])
@@ -231,33 +236,46 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         plant.name, rate, tuple(rows), _parameters(plant, names, fleet),
         drifts(
             moved, names, plant, rate, {rig.name: rig.logs for rig in rigs},
-            {name for name, one in changed.items() if one.first > 0},
+            {name for name, several in changed.items() if several[0].first > 0},
         ), tuple(names.causes),
     )  # fmt: skip
 
 
-def _unchanged(rig: RigScores, change: RigChange | None) -> RigScores:
-    """The logs of a rig before its change: all without one, the first of a drift."""
-    if change is None:
+def _unchanged(rig: RigScores, changes: Sequence[RigChange] | None) -> RigScores:
+    """The logs of a rig before its first change: all without one, the first of a drift."""
+    if not changes:
         return rig
-    return rig.part(0, change.first if change.first > 0 else 1)
+    return rig.part(0, changes[0].first if changes[0].first > 0 else 1)
 
 
-def _with_change(row: FleetRig, change: RigChange, names: Names, plant: Plant) -> FleetRig:
+def _with_changes(row: FleetRig, changes: Sequence[RigChange], names: Names, plant: Plant) -> FleetRig:
+    """The rig with its changes, the most significant in front."""
+    main = max(changes, key=lambda one: one.statistic)
+    step = main.first > 0
+    kind, file = ("step", row.logs[main.first].file) if step else ("drift", row.logs[-1].file)
+    further = tuple(
+        FurtherChange(
+            one.cause, one.same, row.logs[one.first].date, row.logs[one.earliest].date, row.logs[one.latest].date,
+            row.logs[one.first].file, _size(one, names, plant), one.p,
+        )
+        for one in changes if one is not main
+    )  # fmt: skip
+    return replace(
+        row, changed=True, kind=kind, cause=main.cause, same=main.same, by="score", scored=main.cause, file=file,
+        since=row.logs[max(main.first, 0)].date, earliest=row.logs[max(main.earliest, 0)].date,
+        latest=row.logs[max(main.latest, 0)].date, size=_size(main, names, plant), further=further,
+    )  # fmt: skip
+
+
+def _size(change: RigChange, names: Names, plant: Plant) -> dict[str, dict[str, Any]]:
+    """Parameter -> its change with standard deviation and unit, the most significant first."""
     units = _parameter_units(plant)
-    first, step = max(change.first, 0), change.first > 0
     size: dict[str, dict[str, Any]] = {
         names.names[i]: {"change": float(d * names.scale[i]), "sd": float(s * names.scale[i]),
                          "unit": _unit_of(names.names[i], plant, units)}
         for i, d, s in zip(change.positions, change.size, change.sd, strict=True)
     }  # fmt: skip
-    # The largest first.
-    ordered = dict(sorted(size.items(), key=lambda item: -(item[1]["change"] ** 2) / item[1]["sd"] ** 2))
-    return replace(
-        row, changed=True, kind="step" if step else "drift", cause=change.cause, same=change.same, by="score",
-        scored=change.cause, since=row.logs[first].date, file=row.logs[first if step else -1].file,
-        earliest=row.logs[max(change.earliest, 0)].date, latest=row.logs[max(change.latest, 0)].date, size=ordered,
-    )  # fmt: skip
+    return dict(sorted(size.items(), key=lambda item: -(item[1]["change"] ** 2) / item[1]["sd"] ** 2))
 
 
 def _series(
@@ -302,10 +320,13 @@ def _before(plant: Plant, store: Store, rigs: Sequence[_Rig], result: Fleet) -> 
         row = result.rig(rig.name)
         if not row.changed:
             continue
-        count = next(i for i, log in enumerate(row.logs) if log.file == row.file) if row.kind == "step" else 1
-        scores = rig.scores(store)[:count]
+        place = {log.file: i for i, log in enumerate(row.logs)}
+        last = place[row.file] if row.kind == "step" else 1
+        # From the step before on, if the rig changed more than once.
+        first = max((place[one.file] for one in row.further if place[one.file] < last), default=0)
+        scores = rig.scores(store)[first:last]
         names = Names.of(scores)
-        one = names.rig(rig.name, rig.days[:count], scores)
+        one = names.rig(rig.name, rig.days[first:last], scores)
         own = [i for i, name in enumerate(names.names[: names.nominal]) if name in known]
         spread = np.array([known[names.names[i]].spread or 0.0 for i in own]) / names.scale[own]
         mean = np.array([known[names.names[i]].mean - known[names.names[i]].nominal for i in own]) / names.scale[own]

@@ -12,11 +12,11 @@ Benjamini and Hochberg over the rigs.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .null import largest_null
+from .null import LargestNull, largest_null
 from .score import LogScore
 
 # The constants without another reason are engineering judgement.
@@ -187,23 +187,29 @@ class RigChange:
     positions: np.ndarray
 
 
-def changes(scans: Sequence[Scan], names: Names) -> list[RigChange | None]:
-    """The most probable change of each rig; None for a rig with a single log."""
-    listed = list(names.causes)
-    usable = [one for one in scans if one.times]
-    if not usable:
-        return [None] * len(scans)
-    parameters = np.max([one.parameters for one in usable], axis=0)
-    if not parameters.any():
-        return [None] * len(scans)
-    null = largest_null([one.statistic for one in usable], parameters)
-    common = float(np.median(null.factor))
-    found: list[RigChange | None] = []
-    for one in scans:
+@dataclass(frozen=True)
+class ChangeTest:
+    """The test of a fleet's rigs for changes.
+
+    null: distribution of a rig's largest statistic without a change, by the fleet itself.
+    """
+
+    names: Names
+    null: LargestNull
+
+    @classmethod
+    def of(cls, scans: Sequence[Scan], names: Names) -> ChangeTest | None:
+        """The test that a fleet gives; None if no rig has two logs that show a cause."""
+        usable = [one for one in scans if one.times]
+        parameters = np.max([one.parameters for one in usable], axis=0, initial=0.0) if usable else np.zeros(0)
+        return cls(names, largest_null([one.statistic for one in usable], parameters)) if parameters.any() else None
+
+    def change(self, one: Scan) -> RigChange | None:
+        """The most probable change of a rig; None for a rig with a single log."""
         if not one.times:
-            found.append(None)
-            continue
-        value = one.statistic / common - PER_PARAMETER * one.parameters[:, None]
+            return None
+        listed, factor = list(self.names.causes), self.null.factor
+        value = one.statistic / float(np.median(factor)) - PER_PARAMETER * one.parameters[:, None]
         value[one.parameters == 0] = -np.inf
         best, when = np.unravel_index(int(np.argmax(value)), value.shape)
         top = float(value[best, when])
@@ -212,11 +218,35 @@ def changes(scans: Sequence[Scan], names: Names) -> list[RigChange | None]:
         same = [listed[i] for i in order if i != best and value[i].max() >= near]
         steps = [t for t, v in zip(one.times, value[best], strict=True) if t > 0 and v >= top - AS_WELL]
         cause, first = listed[best], one.times[when]
-        found.append(
-            RigChange(
-                one.rig, cause, tuple(same), first, min(steps, default=first), max(steps, default=first),
-                float(one.statistic[best, when] / null.factor[best]), null.p(one.statistic), one.size[cause][when],
-                np.sqrt(one.variance[cause][when] * null.factor[best]), names.causes[cause],
-            )
+        return RigChange(
+            one.rig, cause, tuple(same), first, min(steps, default=first), max(steps, default=first),
+            float(one.statistic[best, when] / factor[best]), self.null.p(one.statistic), one.size[cause][when],
+            np.sqrt(one.variance[cause][when] * factor[best]), self.names.causes[cause],
         )  # fmt: skip
-    return found
+
+    def steps(self, rig: RigScores, limit: float) -> list[RigChange]:
+        """All steps of a rig, in order of time: the logs before and after each are searched in turn.
+
+        Each step is then located anew between its neighbours, as one that was found while another was unknown may be
+        late or early: J. Bai, "Estimating multiple breaks one at a time", Econometric Theory 13 (1997).
+
+        limit: largest p of a step that counts.
+        """
+        found = sorted(self._search(rig, 0, len(rig.days), limit))
+        ends = [0, *found, len(rig.days)]
+        located = [self._step(rig, before, after, limit) for before, after in zip(ends[:-2], ends[2:], strict=True)]
+        return list({one.first: one for one in located if one is not None}.values())
+
+    def _search(self, rig: RigScores, first: int, last: int, limit: float) -> list[int]:
+        """Numbers of the logs from `first` to before `last` at which a step begins."""
+        one = self._step(rig, first, last, limit)
+        if one is None:
+            return []
+        return [one.first, *self._search(rig, first, one.first, limit), *self._search(rig, one.first, last, limit)]
+
+    def _step(self, rig: RigScores, first: int, last: int, limit: float) -> RigChange | None:
+        """The step among the logs from `first` to before `last`; None if none has a p of at most `limit`."""
+        one = self.change(scan(rig.part(first, last), self.names, drift=False))
+        if one is None or one.p > limit:
+            return None
+        return replace(one, first=one.first + first, earliest=one.earliest + first, latest=one.latest + first)

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
-from scipy.optimize import brentq
 
 # The constants without another reason are engineering judgement.
 
@@ -29,8 +28,6 @@ USUAL_SCALE = 0.75
 LOWER, UPPER = 0.1, 0.9
 #: False-discovery rate at which rigs are taken out before the upper half is looked at.
 KNOWN = 0.05
-#: Quantile that shows the tail of single statistics, and the degrees of freedom that it may lead to.
-TAIL, LEAST_FREEDOM, MOST_FREEDOM = 0.8, 3.0, 100.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +55,7 @@ class LargestNull:
 
 
 def largest_null(statistics: Sequence[np.ndarray], parameters: np.ndarray) -> LargestNull:
-    """The distribution that a fleet shows; for few rigs the theoretical location and USUAL_SCALE.
+    """The distribution that a fleet shows; for few rigs the theoretical location, and USUAL_SCALE or more.
 
     statistics: (causes, times) of each rig. parameters: (causes,), 0 for a cause that no log shows.
     """
@@ -70,20 +67,23 @@ def largest_null(statistics: Sequence[np.ndarray], parameters: np.ndarray) -> La
     factor[tested] = np.maximum(ratio if enough else np.median(ratio), 1.0)
     # The largest of independent chi-squared variables, one for each cause and time.
     tests = max(int(np.median([one[tested].size for one in statistics])), 1)
-    theory = LargestNull(factor, parameters, 0.0, USUAL_SCALE)
-    theory = _with_median(theory, float(np.log(stats.chi2.ppf(0.5 ** (1.0 / tests), 1.0))), USUAL_SCALE)
+    low, middle, high = np.log(stats.chi2.ppf(np.array([LOWER, 0.5, UPPER]) ** (1.0 / tests), 1.0))
+    theory = _with_median(LargestNull(factor, parameters, 0.0, USUAL_SCALE), float(middle), USUAL_SCALE)
     if not enough:
         return theory
+    # The upper half belongs to the lower one as in theory: of few tests, the lower one is by far the longer.
+    above = float((high - middle) / (middle - low))
     largest = np.array([theory.largest(one) for one in statistics])
     low, middle = np.quantile(largest, [LOWER, 0.5])
-    first = _with_median(theory, float(middle), float(middle - low) / _span(LOWER, 0.5))
-    q = false_discovery_rates([first.p(one) for one in statistics])
-    kept = largest[q > KNOWN]
-    if kept.size < ENOUGH_RIGS:
-        return first
-    low, middle, high = np.quantile(kept, [LOWER, 0.5, UPPER])
-    scale = max((middle - low) / _span(LOWER, 0.5), (high - middle) / _span(0.5, UPPER))
-    return _with_median(theory, float(middle), float(scale))
+    scale = float(middle - low) * above / _span(0.5, UPPER)
+    first = _with_median(theory, float(middle), scale)
+    kept = largest[false_discovery_rates([first.p(one) for one in statistics]) > KNOWN]
+    if kept.size >= ENOUGH_RIGS:
+        low, middle, high = np.quantile(kept, [LOWER, 0.5, UPPER])
+        scale = max(float(middle - low) * above, float(high - middle)) / _span(0.5, UPPER)
+    # Quantiles of few rigs are uncertain: the fewer they are, the nearer to the usual scale.
+    scale = max(scale, scale + (USUAL_SCALE - scale) * ENOUGH_RIGS / len(statistics))
+    return _with_median(theory, float(middle), scale)
 
 
 def _span(low: float, high: float) -> float:
@@ -96,33 +96,6 @@ def _with_median(null: LargestNull, median: float, scale: float) -> LargestNull:
     return LargestNull(null.factor, null.parameters, median - scale * float(stats.gumbel_r.median()), scale)
 
 
-@dataclass(frozen=True)
-class SingleNull:
-    """Distribution of single statistics of one parameter each, without a change: factor times F(1, freedom).
-
-    The variance of a score differs from log to log, so that its ratio to the mean follows F rather than chi-squared, as
-    in G. K. Smyth, "Linear models and empirical Bayes methods for assessing differential expression in microarray
-    experiments", Stat. Appl. Genet. Mol. Biol. 3 (2004).
-    """
-
-    factor: np.ndarray
-    freedom: float
-
-    def p(self, statistic: np.ndarray) -> np.ndarray:
-        """Probability (tests,) of statistics (tests,) as large."""
-        return np.asarray(stats.f.sf(statistic / self.factor, 1.0, self.freedom))
-
-
-def single_null(statistics: np.ndarray) -> SingleNull:
-    """The distribution that the statistics (rigs, tests) of a fleet show; LEAST_FREEDOM and factor 1 for few rigs."""
-    if len(statistics) < ENOUGH_RIGS:
-        return SingleNull(np.ones(statistics.shape[1]), LEAST_FREEDOM)
-    middle, high = np.quantile(statistics, [0.5, TAIL], axis=0)
-    shown = middle > 0.0
-    freedom = _freedom_of(float(np.median(high[shown] / middle[shown]))) if shown.any() else LEAST_FREEDOM
-    return SingleNull(np.maximum(middle / stats.f.median(1.0, freedom), 1.0), freedom)
-
-
 def scatter(statistics: Sequence[np.ndarray]) -> float:
     """Variance between a rig's logs over what each log's own uncertainty makes: median over parameters, at least 1.
 
@@ -132,19 +105,6 @@ def scatter(statistics: Sequence[np.ndarray]) -> float:
         return 1.0
     middle = np.median(np.concatenate(statistics, axis=1), axis=1)
     return max(float(np.median(middle)) / float(stats.chi2.median(1.0)), 1.0)
-
-
-def _freedom_of(ratio: float) -> float:
-    """Degrees of freedom d for which the quantiles TAIL and 0.5 of F(1, d) have this ratio, within the limits."""
-
-    def excess(log_freedom: float) -> float:
-        middle, high = stats.f.ppf([0.5, TAIL], 1.0, np.exp(log_freedom))
-        return float(high / middle - ratio)
-
-    ends = np.log(LEAST_FREEDOM), np.log(MOST_FREEDOM)
-    if excess(ends[0]) <= 0.0:
-        return LEAST_FREEDOM
-    return MOST_FREEDOM if excess(ends[1]) >= 0.0 else float(np.exp(brentq(excess, *ends)))
 
 
 def false_discovery_rates(p: Sequence[float]) -> np.ndarray:

@@ -49,6 +49,25 @@ class RigDiagnosis:
 
 
 @dataclass(frozen=True)
+class FurtherChange:
+    """Another step of a rig that changed more than once, by the score test; the fields are those of `FleetRig`."""
+
+    cause: str
+    same: tuple[str, ...]
+    since: str
+    earliest: str
+    latest: str
+    file: str
+    size: Mapping[str, Mapping[str, Any]]
+    p: float
+
+    @property
+    def words(self) -> str:
+        """What changed, with what explains it as well."""
+        return " or ".join([self.cause, *self.same])
+
+
+@dataclass(frozen=True)
 class FleetRig:
     """A rig of a fleet.
 
@@ -61,6 +80,7 @@ class FleetRig:
     cause: what changed, by the full diagnosis if it names a cause, else by the score test. same: causes that explain it
         as well. by: "diagnosis" or "score".
     size: parameter -> {"change", "sd", "unit"}, of the score test's cause `scored`.
+    further: its other steps in order of time; the fields above are of the most significant one.
     p, q: probability of a change as large by chance, and the false-discovery rate at which it counts.
     unlike: cause by which the rig differs from its fleet in all logs before a change, empty if it does not; unlike_p,
         unlike_q as p and q.
@@ -81,6 +101,7 @@ class FleetRig:
     latest: str = ""
     file: str = ""
     size: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    further: tuple[FurtherChange, ...] = ()
     p: float = 1.0
     q: float = 1.0
     unlike: str = ""
@@ -187,8 +208,11 @@ class Fleet(Result):
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per rig."""
-        names = "logs changed kind cause same by since earliest latest p q unlike unlike_q"
-        return as_table(self.rigs, names, logs=lambda rig: len(rig.logs), same=lambda rig: "; ".join(rig.same))
+        names = "logs changed kind cause same by since earliest latest further p q unlike unlike_q"
+        return as_table(
+            self.rigs, names, logs=lambda rig: len(rig.logs), same=lambda rig: "; ".join(rig.same),
+            further=lambda rig: further_words(rig.further),
+        )  # fmt: skip
 
     def parameter_table(self) -> pandas.DataFrame:
         """One row per parameter of the fleet."""
@@ -230,11 +254,12 @@ class Fleet(Result):
         first += f" (false-discovery rate {100 * self.rate:g} %)"
         lines = [first, ""]
         if self.changed:
-            rows = [
-                (rig.name, rig.words, ("drift from " if rig.kind == "drift" else "") + rig.since[:10], _sizes(rig),
-                 f"{rig.q:.1g}", "" if rig.diagnosis is None else rig.diagnosis.verdict or "failed")
-                for rig in self.changed[:MOST_ROWS]
-            ]  # fmt: skip
+            rows: list[tuple[str, ...]] = []
+            for rig in self.changed[:MOST_ROWS]:
+                verdict = "" if rig.diagnosis is None else rig.diagnosis.verdict or "failed"
+                since = ("drift from " if rig.kind == "drift" else "") + rig.since[:10]
+                rows.append((rig.name, rig.words, since, _sizes(rig.size), f"{rig.q:.1g}", verdict))
+                rows += [("  also", one.words, one.since[:10], _sizes(one.size), "", "") for one in rig.further]
             lines += [*_table(("rig", "changed in", "since", "change by score test", "q", "diagnosis"), rows), ""]
             if len(self.changed) > MOST_ROWS:
                 lines += [f"... and {len(self.changed) - MOST_ROWS} more, in rigs.csv", ""]
@@ -269,10 +294,14 @@ class Fleet(Result):
         return "\n".join(lines)
 
 
-def _sizes(rig: FleetRig) -> str:
+def further_words(further: Sequence[FurtherChange]) -> str:
+    """Date and cause of the other steps of a rig."""
+    return "; ".join(f"{one.since[:10]} {one.words}" for one in further)
+
+
+def _sizes(size: Mapping[str, Mapping[str, Any]]) -> str:
     """The first changes of a rig in words."""
-    words = [f"{name} {one['change']:+.2g} {one['unit']}".rstrip() for name, one in list(rig.size.items())[:2]]
-    return join_words(words)
+    return join_words([f"{name} {one['change']:+.2g} {one['unit']}".rstrip() for name, one in list(size.items())[:2]])
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

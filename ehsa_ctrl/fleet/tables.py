@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .result import Fleet
+from .result import Fleet, further_words
 from .store import Store
 
 #: Table -> column -> Arrow type.
@@ -10,8 +10,8 @@ COLUMNS = {
     "rigs": {
         "rig": "string", "logs": "int64", "changed": "bool", "kind": "string", "cause": "string", "same": "string",
         "decided_by": "string", "since": "string", "earliest": "string", "latest": "string", "file": "string",
-        "p": "float64", "q": "float64", "unlike": "string", "unlike_p": "float64", "unlike_q": "float64",
-        "verdict": "string",
+        "further": "string", "p": "float64", "q": "float64", "unlike": "string", "unlike_p": "float64",
+        "unlike_q": "float64", "verdict": "string",
     },
     "logs": {
         "rig": "string", "file": "string", "date": "string", "dated": "string", "rms_nominal": "float64",
@@ -38,8 +38,8 @@ def write_tables(store: Store, fleet: Fleet) -> None:
             {
                 "rig": rig.name, "logs": len(rig.logs), "changed": rig.changed, "kind": rig.kind, "cause": rig.cause,
                 "same": "; ".join(rig.same), "decided_by": rig.by, "since": rig.since, "earliest": rig.earliest,
-                "latest": rig.latest, "file": rig.file, "p": rig.p, "q": rig.q, "unlike": rig.unlike,
-                "unlike_p": rig.unlike_p, "unlike_q": rig.unlike_q,
+                "latest": rig.latest, "file": rig.file, "further": further_words(rig.further),
+                "p": rig.p, "q": rig.q, "unlike": rig.unlike, "unlike_p": rig.unlike_p, "unlike_q": rig.unlike_q,
                 "verdict": "" if rig.diagnosis is None else rig.diagnosis.verdict,
             }
             for rig in fleet.rigs

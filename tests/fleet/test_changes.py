@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
 
-from ehsa_ctrl.fleet.changes import Names, changes, scan
-from ehsa_ctrl.fleet.null import false_discovery_rates, largest_null, scatter, single_null
+from ehsa_ctrl.fleet.changes import ChangeTest, Names, scan
+from ehsa_ctrl.fleet.null import false_discovery_rates, largest_null, scatter
 from ehsa_ctrl.fleet.outliers import robust_variance
 
 from .scores import NAMES, SCALE, fleet_of, made_up
@@ -17,6 +16,11 @@ def scans_of(fleet):
     names = Names.of(score for scores in fleet.values() for score in scores)
     rigs = [names.rig(rig, 7.0 * np.arange(len(scores)), scores) for rig, scores in fleet.items()]
     return [scan(rig, names) for rig in rigs], names
+
+
+def changes(scans, names):
+    test = ChangeTest.of(scans, names)
+    return [test.change(one) for one in scans]
 
 
 def test_one_parameter_has_the_closed_form():
@@ -50,6 +54,25 @@ def test_a_step_is_found_dated_and_named():
     assert (found[3].cause, found[3].first, found[3].same) == ("leak", 2, ())
     assert (found[17].cause, found[17].first) == ("torque_constant", 4)
     assert found[3].size[0] * SCALE[2] == pytest.approx(6.0, abs=5.0 * found[3].sd[0] * SCALE[2])
+
+
+def test_two_steps_in_one_rig_are_told_apart():
+    """K_T after the second log, a leak after the sixth; in a rig with one step, or with none, no other is found."""
+    random = np.random.default_rng(12)
+    fleet = fleet_of(random, logs=9, changed={5: (4, [0.0, 0.0, 6.0])})
+    fleet["rig 0"] = [made_up([-0.3 * (log >= 2), 0.0, 6.0 * (log >= 6)], random) for log in range(9)]
+    scans, names = scans_of(fleet)
+    test = ChangeTest.of(scans, names)
+    found = {
+        number: test.steps(names.rig("", 7.0 * np.arange(9), fleet[f"rig {number}"]), limit=1e-3)
+        for number in (0, 5, 8)
+    }  # fmt: skip
+
+    assert [(one.first, one.cause) for one in found[0]] == [(2, "torque_constant"), (6, "leak")]
+    assert found[0][0].size[0] * SCALE[0] == pytest.approx(-0.3, abs=5.0 * found[0][0].sd[0] * SCALE[0])
+    assert found[0][1].size[0] * SCALE[2] == pytest.approx(6.0, abs=5.0 * found[0][1].sd[0] * SCALE[2])
+    assert [(one.first, one.cause) for one in found[5]] == [(4, "leak")]
+    assert found[8] == []
 
 
 def test_a_drift_is_no_step():
@@ -113,18 +136,6 @@ def test_the_procedure_is_benjamini_and_hochbergs():
 
     assert np.array_equal(false_discovery_rates(p) <= 0.05, by_hand)
     assert false_discovery_rates([]).size == 0
-
-
-def test_single_statistics_show_their_factor_and_their_tail():
-    """Of drawings from F(1, 8), four times as large."""
-    random = np.random.default_rng(7)
-    values = 4.0 * stats.f.rvs(1.0, 8.0, size=(4000, 6), random_state=random)
-
-    found = single_null(values)
-
-    assert found.factor == pytest.approx(np.full(6, 4.0), rel=0.15)
-    assert 5.0 < found.freedom < 14.0
-    assert found.p(np.full(6, 4.0 * stats.f.isf(0.01, 1.0, 8.0))) == pytest.approx(np.full(6, 0.01), rel=0.6)
 
 
 def test_the_variance_between_units_ignores_an_outlier():

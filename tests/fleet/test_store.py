@@ -124,16 +124,20 @@ def test_a_killed_computation_continues(logs, calls, tmp_path):
     root = Path(__file__).parents[2]
     paths = os.pathsep.join([str(root), *filter(None, [os.environ.get("PYTHONPATH")])])
     words = [sys.executable, "-c", SLOW, str(logs), str(tmp_path / "store")]
+
+    def finished():
+        return len([p for p in tmp_path.glob("store/scores/*/*.parquet") if not p.name.startswith(".")])
+
     process = subprocess.Popen(words, env=os.environ | {"PYTHONPATH": paths}, cwd=root)
     try:
         until = time.monotonic() + 60.0
-        while len(list(tmp_path.glob("store/scores/*/*.parquet"))) < 2:
+        while finished() < 2:
             assert time.monotonic() < until and process.poll() is None
             time.sleep(0.02)
     finally:
         process.send_signal(signal.SIGKILL)
         process.wait()
-    kept = len([p for p in tmp_path.glob("store/scores/*/*.parquet") if not p.name.startswith(".")])
+    kept = finished()
 
     found = analyse(logs)
 

@@ -1,7 +1,7 @@
 """The JSON of each kind of result, as commands leave it."""
 
 from ehsa_ctrl.diagnosis.batch import LogBatch, Row
-from ehsa_ctrl.fleet.result import Drift, Fleet, FleetParameter, FleetRig, LogLine, RigDiagnosis
+from ehsa_ctrl.fleet.result import Drift, Fleet, FleetParameter, FleetRig, FurtherChange, LogLine, RigDiagnosis
 
 from .diagnoses import diagnosis
 
@@ -14,14 +14,18 @@ LOOP = {
 
 
 def fleet():
-    """Three rigs: one that changed, one unlike the others, one that is neither."""
+    """Three rigs: one that changed twice, one unlike the others, one that is neither."""
     day = "2026-01-05T00:00:00+00:00"
     line = LogLine(f"{AWKWARD}/a.csv", day, "name", (3.0, 0.9))
     found = RigDiagnosis(line.file, "effect", (("internal_leakage",),), 0.98, 0.2, 0.01, "diagnoses/rig")
+    later = FurtherChange(
+        "torque_constant", (), "2026-01-19T00:00:00+00:00", day, day, line.file,
+        {"K_T": {"change": -0.1, "sd": 0.01, "unit": "N m/A"}}, 1e-5,
+    )  # fmt: skip
     rigs = (
         FleetRig(AWKWARD, (line, line), True, "step", "internal_leakage", ("orifice_leakage",), "diagnosis",
                  "internal_leakage", day, day, day, line.file,
-                 {"K_L": {"change": 3e-12, "sd": 1e-13, "unit": "m3/(Pa s)"}}, 1e-6, 3e-6, diagnosis=found,
+                 {"K_L": {"change": 3e-12, "sd": 1e-13, "unit": "m3/(Pa s)"}}, (later,), 1e-6, 3e-6, diagnosis=found,
                  series={"K_T": [(0.01, 0.02), (float("nan"), float("inf"))]}),
         FleetRig("rig 2", (line,), unlike="torque_constant", unlike_p=1e-4, unlike_q=1e-3),
         FleetRig("rig 3", (line,)),

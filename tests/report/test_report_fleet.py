@@ -18,7 +18,12 @@ LARGEST_PAGE = 1_000_000
 DAYS = [f"2026-0{month}-01T00:00:00+00:00" for month in range(1, 6)]
 
 
-def _rig(name, changed="", unlike="", p=0.5, folder="", logs=5, parameters=("K_T",)):
+#: A second step of a rig.
+LATER = {"cause": "rod_friction", "same": ["constant_force"], "since": DAYS[3],
+         "size": {"A_FR": {"change": 200.0, "sd": 10.0, "unit": "N"}}}  # fmt: skip
+
+
+def _rig(name, changed="", unlike="", p=0.5, folder="", logs=5, parameters=("K_T",), further=()):
     """A rig of five logs; a change is a step of `changed` at the third one."""
     rng = np.random.default_rng(sum(map(ord, name)))
     steps = {cause: [[1e-12 * (k >= 2) if cause == changed else 0.0, 1e-13] for k in range(logs)]
@@ -28,7 +33,8 @@ def _rig(name, changed="", unlike="", p=0.5, folder="", logs=5, parameters=("K_T
              "gap_after": 0.01, "folder": folder, "error": ""}  # fmt: skip
     return {
         "name": name, "changed": bool(changed), "kind": "step" if changed else "", "cause": changed, "same": [],
-        "scored": changed, "since": DAYS[2] if changed else "", "p": p, "q": 2 * p, "unlike": unlike, "unlike_q": 0.01,
+        "scored": changed, "further": list(further), "since": DAYS[2] if changed else "", "p": p, "q": 2 * p,
+        "unlike": unlike, "unlike_q": 0.01,
         "logs": [{"file": f"{name}/{k}.csv", "date": DAYS[k % 5]} for k in range(logs)],
         "size": {"K_L": {"change": 1e-12, "sd": 1e-13, "unit": "m3/(Pa s)"}} if changed else {},
         "diagnosis": found if folder else None, "series": series | steps,
@@ -50,7 +56,10 @@ def page(tmp_path_factory):
     """Two changed rigs of 30, one with a page of its diagnosis, and one unlike the others."""
     root = tmp_path_factory.mktemp("fleet")
     rigs = [_rig(f"rig {k:02d}") for k in range(27)]
-    rigs += [_rig("slow", "payload_mass", p=1e-3), _rig("leaky", "internal_leakage", p=1e-6, folder="diagnoses/a#b")]
+    rigs += [
+        _rig("slow", "payload_mass", p=1e-3),
+        _rig("leaky", "internal_leakage", p=1e-6, folder="diagnoses/a#b", further=[LATER]),
+    ]
     rigs.append(_rig("odd", unlike="payload_mass"))
     (root / "diagnoses" / "a#b").mkdir(parents=True)
     (root / "diagnoses" / "a#b" / "diagnosis.html").write_text("<title>its diagnosis</title>")
@@ -64,11 +73,14 @@ def test_changed_rigs_come_first_and_lead_to_their_diagnosis(page):
     (grid,) = [block for block in found.sections[0].blocks if isinstance(block, Grid)]
     rows = grid.table.rows
 
+    both = "leaky since 2026-03-01: internal_leakage; 2026-04-01: rod_friction or constant_force."
+
     assert [row[0] for row in rows[:4]] == ["leaky", "slow", "odd", "rig 00"]
     assert rows[0][1].startswith("△ internal_leakage\nK_L +1e-12 m³/(Pa s)") and rows[0][2] == "2026-03-01"
+    assert "2026-04-01: rod_friction or constant_force\nA_FR +200 N" in rows[0][1]
     assert isinstance(rows[0][4], FileLink) and rows[0][4].url == "diagnoses/a%23b/diagnosis.html"
     assert not isinstance(rows[1][4], FileLink)
-    assert found.state == "doubt" and "leaky since 2026-03-01: internal_leakage." in [s for s, _ in found.sentences]
+    assert found.state == "doubt" and both in [s for s, _ in found.sentences]
     # Causes of changes before parameters; the fleet's mean is the middle of a parameter.
     assert [column.name for column in grid.columns] == ["internal_leakage", "payload_mass", "K_T"]
     assert grid.columns[2].middle == pytest.approx(0.01)

@@ -56,7 +56,8 @@ def _sentences(content: Content, rate: str) -> Iterator[Sentence]:
     yield words, None if changed else True
     for rig in changed[:NAMED]:
         since = f"drifts from {_day(rig['since'])} on" if rig["kind"] == "drift" else f"since {_day(rig['since'])}"
-        yield f"{rig['name']} {since}: {_causes(rig)}.", DOUBT
+        also = "".join(f"; {_day(one['since'])}: {_causes(one)}" for one in rig["further"])
+        yield f"{rig['name']} {since}: {_causes(rig)}{also}.", DOUBT
     if len(changed) > NAMED:
         yield f"And {len(changed) - NAMED} more, in the table.", DOUBT
     unlike = [rig["name"] for rig in content["rigs"] if rig["unlike"]]
@@ -86,9 +87,9 @@ def _state(rig: Content) -> str:
     return "changed" if rig["changed"] else "unlike" if rig["unlike"] else ""
 
 
-def _causes(rig: Content) -> str:
+def _causes(change: Content) -> str:
     """What changed, with what explains it as well."""
-    return " or ".join([rig["cause"], *rig["same"]]) if rig["changed"] else ""
+    return " or ".join([change["cause"], *change["same"]])
 
 
 def _day(date: str) -> str:
@@ -99,11 +100,16 @@ def _what(rig: Content) -> str:
     """What changed and by how much by the score test, or in what the rig is unlike the fleet."""
     if not rig["changed"]:
         return f"△ unlike the fleet: {rig['unlike']}" if rig["unlike"] else ""
-    sizes = "\n".join(
+    also = [f"{_day(one['since'])}: {_causes(one)}\n{_sizes(one)}" for one in rig["further"]]
+    return "\n".join([f"△ {_causes(rig)}\n{_sizes(rig)}".strip(), *also])
+
+
+def _sizes(change: Content) -> str:
+    """The first changes of its parameters, a line each."""
+    return "\n".join(
         f"{name} {'+' if each['change'] > 0 else ''}{value_text(each['change'], 1.0, 2)} {unit(each['unit'])}".rstrip()
-        for name, each in list(rig["size"].items())[:MOST_SIZES]
+        for name, each in list(change["size"].items())[:MOST_SIZES]
     )
-    return "\n".join(filter(None, [f"△ {_causes(rig)}", sizes]))
 
 
 def _rigs(content: Content) -> Iterator[Any]:
