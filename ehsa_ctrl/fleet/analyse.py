@@ -194,9 +194,10 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
     q = false_discovery_rates([1.0 if one is None else one.p for one in found])
     changed = {one.rig: [one] for one, value in zip(found, q, strict=True) if one is not None and value <= rate}
     limit = max((one.p for (one,) in changed.values()), default=0.0)
-    for one in _scores(store, rigs, names):
-        if one.name in changed and changed[one.name][0].first > 0 and test is not None:
-            changed[one.name] = test.steps(one, limit) or changed[one.name]
+    stepped = [rig for rig in rigs if rig.name in changed and changed[rig.name][0].first > 0]
+    for one in _scores(store, stepped, names):
+        assert test is not None
+        changed[one.name] = test.steps(one, limit) or changed[one.name]
     score, information = [], []
     for one in _scores(store, rigs, names):
         before = _unchanged(one, changed.get(one.name))
@@ -236,7 +237,7 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         plant.name, rate, tuple(rows), _parameters(plant, names, fleet),
         drifts(
             moved, names, plant, rate, {rig.name: rig.logs for rig in rigs},
-            {name for name, several in changed.items() if several[0].first > 0},
+            {rig.name for rig in stepped},
         ), tuple(names.causes),
     )  # fmt: skip
 
