@@ -16,7 +16,7 @@ import numpy as np
 from ..controller import SampledController
 from ..qp import QP_SOLVERS, QpSolver
 from ..qp._dual_active_set import SOLVER_FUNCTIONS, TOLERANCES, work_size
-from ..state_space.mpc import SAMPLE_FUNCTIONS, Mpc, mpc_law
+from ..state_space.mpc import SAMPLE_FUNCTIONS, Mpc, mpc_law, solve_embedded
 
 #: Iterations of the exact solver, enough for it never to stop early.
 EXACT_ITERATIONS = 10_000
@@ -55,7 +55,7 @@ class EmbeddedMpc:
     mpc: Mpc
     tolerances: tuple[float, float] = TOLERANCES
     function = staticmethod(mpc_law)
-    uses: tuple[Callable[..., Any], ...] = (*SOLVER_FUNCTIONS, *SAMPLE_FUNCTIONS)
+    uses: tuple[Callable[..., Any], ...] = (*SOLVER_FUNCTIONS, *SAMPLE_FUNCTIONS, solve_embedded)
     compiles = False
 
     @property

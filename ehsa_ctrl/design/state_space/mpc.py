@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.errors import InputError
-from ..qp import QP_SOLVERS, SOLVED, QpSolver
+from ..qp import QP_SOLVERS, SOLVED, QpSolution, QpSolver
 from ..qp._dual_active_set import solve_qp
 from .mpc_problem import Condensed, MpcProblem, condense, motion_ahead
 from .state_feedback import StateFeedback, estimate, predict, regulator_current, target_current
@@ -60,10 +60,8 @@ def multiply(matrix: np.ndarray, vector: np.ndarray, rows: int, columns: int, pr
             product[i] += matrix[k * rows + i] * factor
 
 
-def pose_problem(
-    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
-) -> float:
-    """Estimate; write parameters, f and both bounds of this sample's problem into memory; return Gamma w [A].
+def pose_problem(reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float) -> float:
+    """Write parameters, f and both bounds of this sample's problem into memory; return Gamma w [A].
 
     settings: first index of the feedback's settings; length of its memory; current limit; largest change of the current
     per sample (0: any); samples of the horizon; numbers of unknowns, of bounds, of states and disturbances, and of
@@ -82,7 +80,6 @@ def pose_problem(
     f = p[size:]
     lower = f[unknowns:]
     upper = lower[bounds:]
-    estimate(measured, memory, feedback, hold)
     for i in range(n):
         p[i] = memory[4 + n + i] * settings[shrink + i]
     motion_ahead(reference, feedback[4], horizon, p[n:])
@@ -96,14 +93,24 @@ def pose_problem(
     return target_current(reference[0], reference[1], reference[2], memory, feedback)
 
 
-def apply_plan(reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, target: float) -> float:
+def begin_sample(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """Estimate, then `pose_problem`."""
+    estimate(measured, memory, settings[int(settings[0]) :], hold)
+    return pose_problem(reference, memory, settings, extra)
+
+
+def apply_plan(
+    reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, feedback: np.ndarray, extra: float, target: float
+) -> float:
     """Current [A] of a sample after the solver: from the new plan, or the fallback within limits of current and rate.
 
-    memory, settings: as in `pose_problem`; the trace of the reason is 0 for a new plan. target: Gamma w [A].
+    memory, settings: as in `pose_problem`; the trace of the reason is 0 for a new plan. feedback: settings of the
+    regulator and its observer. target: Gamma w [A].
     """
-    begin, own_start, limit, change = int(settings[0]), int(settings[1]), settings[2], settings[3]
+    own_start, limit, change = int(settings[1]), settings[2], settings[3]
     horizon, unknowns, bounds = int(settings[4]), int(settings[5]), int(settings[6])
-    feedback = settings[begin:]
     own = memory[own_start:]
     if own[_REASON] == 0.0:
         violation = 0.0
@@ -135,9 +142,15 @@ def apply_plan(reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, 
     return current
 
 
+def end_sample(reference: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, target: float) -> float:
+    """`apply_plan` with the feedback of the settings."""
+    return apply_plan(reference, memory, settings, settings[int(settings[0]) :], extra, target)
+
+
 #: The functions around the solver, each after those that it calls.
 SAMPLE_FUNCTIONS = (
-    target_current, regulator_current, estimate, predict, motion_ahead, multiply, pose_problem, apply_plan
+    target_current, regulator_current, estimate, predict, motion_ahead, multiply, pose_problem, begin_sample,
+    apply_plan, end_sample,
 )  # fmt: skip
 
 
@@ -151,7 +164,7 @@ def _compiled() -> Any:
     constants = "\n".join(f"{name} = {globals()[name]!r}" for name in names)
     text = [IMPORTS, constants]
     text += [pointer_function(function) for function in SAMPLE_FUNCTIONS]
-    text += [entry_text(function) for function in (pose_problem, apply_plan)]
+    text += [entry_text(function) for function in (begin_sample, end_sample)]
     return load_compiled("\n\n\n".join(text), "the estimate of an MPC")
 
 
@@ -292,26 +305,30 @@ class Mpc:
     ) -> float:
         """One sample; arguments as in `pose_problem`."""
         functions, own = _compiled(), memory[self._own_start :]
-        (v, parameters), bounds = self.condensed.F.shape, self.condensed.lower.size
+        plan, multipliers = own[_PLAN:][: len(self.condensed.F)], memory[self.multipliers]
         begin = perf_counter()
-        target = functions.pose_problem_of_arrays(reference, measured, memory, settings, float(extra), float(hold))
-        plan, multipliers, problem = (
-            own[_PLAN:][:v],
-            own[_PLAN + v :][:bounds],
-            own[_PLAN + 2 * v + bounds + parameters :],
-        )
+        target = functions.begin_sample_of_arrays(reference, measured, memory, settings, float(extra), float(hold))
+        reason, solution = self.solve_posed(memory, plan, multipliers)
+        own[_ITERATIONS], own[_TIME] = solution.iterations, perf_counter() - begin
+        own[_REASON] = self.reason_in_time(reason, own[_TIME])
+        if own[_REASON] == SOLVED:
+            plan[:], multipliers[:] = solution.x, solution.y
+        return float(functions.end_sample_of_arrays(reference, memory, settings, float(extra), target))
+
+    def solve_posed(self, memory: np.ndarray, plan: np.ndarray, multipliers: np.ndarray) -> tuple[float, QpSolution]:
+        """Reason and solution of the problem that `pose_problem` wrote; plan and multipliers are the warm start."""
+        (v, parameters), bounds = self.condensed.F.shape, self.condensed.lower.size
+        problem = memory[self._own_start + _PLAN + 2 * v + bounds + parameters :]
         f, lower, upper = problem[:v], problem[v : v + bounds], problem[v + bounds : v + 2 * bounds]
         solution = self.qp.solve(f, lower, upper, plan, multipliers)
-        seconds = perf_counter() - begin
         reason = float(solution.status)
         if reason == SOLVED and not isfinite(solution.x[0]):
             reason = 3.0
-        if reason == SOLVED and self.deadline is not None and seconds > self.deadline:
-            reason = 4.0
-        own[_REASON], own[_ITERATIONS], own[_TIME] = reason, solution.iterations, seconds
-        if reason == SOLVED:
-            plan[:], multipliers[:] = solution.x, solution.y
-        return float(functions.apply_plan_of_arrays(reference, memory, settings, float(extra), target))
+        return reason, solution
+
+    def reason_in_time(self, reason: float, seconds: float) -> float:
+        """The reason, or that the deadline has passed."""
+        return 4.0 if reason == SOLVED and self.deadline is not None and seconds > self.deadline else reason
 
     def __str__(self) -> str:
         return self.words("A")
@@ -333,6 +350,29 @@ class Mpc:
         return f"MPC over {horizon} by {self.solver}, {', '.join(limits)}; without them {self.feedback}"
 
 
+def solve_embedded(
+    own: np.ndarray, settings: np.ndarray, plan: np.ndarray, multipliers: np.ndarray, work: np.ndarray
+) -> float:
+    """Solve the problem that `pose_problem` wrote, as in exported code; returns the reason.
+
+    own: the MPC's part of the memory. settings: as in `mpc_law`. plan: gets the solution. multipliers: warm start and
+    result. work: of `solve_qp`.
+    """
+    unknowns, bounds, size = int(settings[5]), int(settings[6]), int(settings[8])
+    root, rows, limit = int(settings[15]), int(settings[16]), int(settings[17])
+    z = own[_PLAN + unknowns + bounds :]
+    f = z[unknowns + size :]
+    lower = f[unknowns:]
+    upper = lower[bounds:]
+    reason = solve_qp(
+        settings[rows:], f, lower, upper, z, multipliers, work, unknowns, bounds,
+        int(settings[limit]), settings[limit + 1], settings[limit + 2],
+    )  # fmt: skip
+    if reason == 0.0:
+        multiply(settings[root:], z, unknowns, unknowns, plan)
+    return reason
+
+
 def mpc_law(
     reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
 ) -> float:
@@ -342,22 +382,11 @@ def mpc_law(
     with theta = root z, and root' F replaces F), the rows of (root, G root), and (limit of iterations, two tolerances)
     of `solve_qp`. memory: as there, with the solver's work space at its end.
     """
-    own_start, unknowns, bounds, size = int(settings[1]), int(settings[5]), int(settings[6]), int(settings[8])
-    root, rows, limit = int(settings[15]), int(settings[16]), int(settings[17])
-    own = memory[own_start:]
+    own = memory[int(settings[1]) :]
+    unknowns, bounds, size = int(settings[5]), int(settings[6]), int(settings[8])
     plan = own[_PLAN:]
-    multipliers = plan[unknowns:]
-    z = multipliers[bounds:]
-    f = z[unknowns + size :]
-    lower = f[unknowns:]
-    upper = lower[bounds:]
-    work = upper[bounds:]
-    target = pose_problem(reference, measured, memory, settings, extra, hold)
-    own[_REASON] = solve_qp(
-        settings[rows:], f, lower, upper, z, multipliers, work, unknowns, bounds,
-        int(settings[limit]), settings[limit + 1], settings[limit + 2],
-    )  # fmt: skip
+    target = begin_sample(reference, measured, memory, settings, extra, hold)
+    work = own[_PLAN + 3 * unknowns + 3 * bounds + size :]
+    own[_REASON] = solve_embedded(own, settings, plan, plan[unknowns:], work)
     own[_ITERATIONS] = work[0]
-    if own[_REASON] == 0.0:
-        multiply(settings[root:], z, unknowns, unknowns, plan)
-    return apply_plan(reference, memory, settings, extra, target)
+    return end_sample(reference, memory, settings, extra, target)
