@@ -20,8 +20,8 @@ from ...core.errors import InputError
 from ...core.files import FORCE_ARGUMENT
 from ...core.result_folder import ResultFolder
 from ..controller import Law, SampledController
+from ..kinds._scheduled_mpc_law import ScheduledMpc
 from ..python_law import PythonLaw
-from ..qp import is_strictly_convex
 from ..qp._dual_active_set import TOLERANCES, TOLERANCES_FLOAT
 from ..stages.feedforward import feedforward
 from ..stages.pipeline import S_FEED, S_LAW, S_PLAN, S_REST, STAGES, pipeline
@@ -29,7 +29,7 @@ from ..stages.rest import rest
 from ..stages.supervision import supervise
 from ..stages.trajectory import plan
 from ..state_space.mpc import Mpc
-from .embedded import EmbeddedMpc, exact_solver, replay_with_exact
+from .embedded import embedded_law, exact_law, replay_with_exact
 from .fixed import FixedCode, FixedWord, write_fixed
 from .number import DOUBLES, NumberType
 from .program import Program, setting_names
@@ -182,9 +182,8 @@ def export_controller(
         code = write_fixed(controller, number, [(reference, measured), *runs])
         return Deployment(controller.name, _fixed_files(code, vector, tolerance), vector, tolerance, code)
     embedded = embedded_controller(controller)
-    if isinstance(law, Mpc):
-        # No deadline: its effect is not reproducible.
-        exact = replace(controller, law=replace(law, deadline=None, external=exact_solver(law)))
+    if isinstance(law, Mpc | ScheduledMpc):
+        exact = replace(controller, law=exact_law(law))
         vector = TestVector(reference, measured, *replay_with_exact(embedded, exact, reference, measured))
     else:
         vector = TestVector(reference, measured, replay(controller, reference, measured))
@@ -199,14 +198,12 @@ def embedded_controller(controller: SampledController, number: NumberType = DOUB
     Raises InputError for an MPC with unknowns that have no quadratic cost.
     """
     law: Law = controller.law
-    if not isinstance(law, Mpc):
+    if not isinstance(law, Mpc | ScheduledMpc):
         return controller
-    if not is_strictly_convex(law.condensed.H):
-        raise InputError(
-            f"{controller.name}: has unknowns without a quadratic cost, for which there is no C solver; expected "
-            "squares instead of absolute values in the cost"
-        )
-    return replace(controller, law=EmbeddedMpc(law, TOLERANCES if number == DOUBLES else TOLERANCES_FLOAT))
+    try:
+        return replace(controller, law=embedded_law(law, TOLERANCES if number == DOUBLES else TOLERANCES_FLOAT))
+    except InputError as error:
+        raise InputError(f"{controller.name}: {error}") from None
 
 
 def _files(controller: SampledController, vector: TestVector, tolerance: float, number: NumberType) -> dict[str, str]:

@@ -7,14 +7,16 @@ by a factor of a million.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ...core.errors import InputError
 from ..controller import SampledController
-from ..qp import QP_SOLVERS, QpSolver
+from ..kinds._scheduled_mpc_law import SCHEDULED_FUNCTIONS, ScheduledMpc, scheduled_mpc_law
+from ..qp import QP_SOLVERS, is_strictly_convex
 from ..qp._dual_active_set import SOLVER_FUNCTIONS, TOLERANCES, work_size
 from ..state_space.mpc import SAMPLE_FUNCTIONS, Mpc, mpc_law, solve_embedded
 
@@ -27,15 +29,38 @@ def root_of(H: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(H)).T)
 
 
-def exact_solver(law: Mpc) -> QpSolver:
-    """DAQP for the problem of an MPC."""
-    return QP_SOLVERS["daqp"].make(law.condensed.H, law.condensed.G, EXACT_ITERATIONS, None)
+def exact_law(law: Mpc | ScheduledMpc) -> Mpc | ScheduledMpc:
+    """The law with DAQP and without a deadline, whose effect is not reproducible."""
+    if isinstance(law, ScheduledMpc):
+        return replace(law, laws=tuple(_exact_mpc(each) for each in law.laws))
+    return _exact_mpc(law)
+
+
+def _exact_mpc(law: Mpc) -> Mpc:
+    solver = QP_SOLVERS["daqp"].make(law.condensed.H, law.condensed.G, EXACT_ITERATIONS, None)
+    return replace(law, deadline=None, external=solver)
+
+
+def embedded_law(law: Mpc | ScheduledMpc, tolerances: tuple[float, float]) -> EmbeddedMpc | EmbeddedScheduledMpc:
+    """The law for the export.
+
+    Raises InputError for unknowns that have no quadratic cost.
+    """
+    points = law.laws if isinstance(law, ScheduledMpc) else (law,)
+    if not all(is_strictly_convex(each.condensed.H) for each in points):
+        raise InputError(
+            "has unknowns without a quadratic cost, for which there is no C solver; expected squares instead of "
+            "absolute values in the cost"
+        )
+    if isinstance(law, ScheduledMpc):
+        return EmbeddedScheduledMpc(law, tolerances)
+    return EmbeddedMpc(law, tolerances)
 
 
 def replay_with_exact(
     controller: SampledController, exact: SampledController, reference: np.ndarray, measured: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Currents (N,) of a controller with an EmbeddedMpc and of an exact one from the same memory, unsolved samples
+    """Currents (N,) of a controller with an embedded law and of an exact one from the same memory, unsolved samples
     (N,), and iterations (N,)."""
     memory = controller.initial_memory()
     currents, unsolved = np.empty((2, len(reference))), np.zeros(len(reference), dtype=bool)
@@ -91,6 +116,41 @@ class EmbeddedMpc:
 
     def initial_memory(self) -> np.ndarray:
         return np.concatenate([self.mpc.initial_memory(), np.zeros(work_size(len(self.mpc.condensed.F)))])
+
+    def linear(self) -> Any:
+        return self.mpc.linear()
+
+    def __str__(self) -> str:
+        return str(self.mpc)
+
+
+@dataclass(frozen=True)
+class EmbeddedScheduledMpc:
+    """A scheduled MPC for the export, a design.controller.Law whose `function` is translated to C."""
+
+    mpc: ScheduledMpc
+    tolerances: tuple[float, float] = TOLERANCES
+    function = staticmethod(scheduled_mpc_law)
+    uses: tuple[Callable[..., Any], ...] = (*SOLVER_FUNCTIONS, *SCHEDULED_FUNCTIONS, solve_embedded)
+    compiles = False
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        return self.mpc.reads
+
+    @property
+    def traces(self) -> Mapping[str, int]:
+        return {name: index for name, index in self.mpc.traces.items() if name != "solver_time"}
+
+    @cached_property
+    def _settings(self) -> np.ndarray:
+        return self.mpc.settings_with([EmbeddedMpc(law, self.tolerances).settings() for law in self.mpc.laws])
+
+    def settings(self) -> np.ndarray:
+        return self._settings
+
+    def initial_memory(self) -> np.ndarray:
+        return np.concatenate([self.mpc.initial_memory(), np.zeros(work_size(len(self.mpc.laws[0].condensed.F)))])
 
     def linear(self) -> Any:
         return self.mpc.linear()

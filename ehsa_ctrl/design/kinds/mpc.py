@@ -40,10 +40,9 @@ class SolverOptions(Definition):
         return name
 
 
-class MpcFile(StateFeedbackFile):
-    """An MPC's TOML: the keys of every state feedback, a horizon, limits and a solver."""
+class MpcLoopFile(StateFeedbackFile):
+    """Keys of every MPC: those of every state feedback, a horizon, limits and a solver."""
 
-    kind: Literal["mpc"] = Field(description="type of feedback law")
     horizon: Annotated[int, Field(ge=2, le=500)] = Field(
         default=20, description="prediction horizon in samples; should cover the decay of the hydraulic mode"
     )
@@ -58,7 +57,7 @@ class MpcFile(StateFeedbackFile):
         return word
 
     @model_validator(mode="after")
-    def _check_solver(self) -> MpcFile:
+    def _check_solver(self) -> MpcLoopFile:
         if self.solver.deadline is not None and not 0 < self.solver.deadline <= self.sample_time:
             raise ValueError(
                 f"[solver] deadline = {self.solver.deadline:g} s; expected more than 0 and at most sample_time"
@@ -66,12 +65,22 @@ class MpcFile(StateFeedbackFile):
         return self
 
 
+class MpcFile(MpcLoopFile):
+    """An MPC's TOML."""
+
+    kind: Literal["mpc"] = Field(description="type of feedback law")
+
+
 def design_mpc(name: str, file: MpcFile, system: control.StateSpace) -> Mpc:
     """An MPC for a linear model.
 
     Raises InputError as `design_state_feedback` does, and for limits below what the planned motion needs.
     """
-    feedback = design_state_feedback(name, file, system)
+    return with_limits(design_state_feedback(name, file, system), file)
+
+
+def with_limits(feedback: StateFeedback, file: MpcLoopFile) -> Mpc:
+    """The MPC around a state feedback. Raises InputError for limits below what the planned motion needs."""
     problem = MpcProblem(
         model=feedback.model,
         target=feedback.target,

@@ -154,11 +154,17 @@ class FixedStateFeedback:
 
 
 def design_scheduled_lqr(name: str, file: ScheduledLqrFile, system: control.StateSpace) -> ScheduledLqr:
+    """The law of a file; errors as of `design_over_schedule`."""
+    return design_over_schedule(name, file, file.schedule, system)
+
+
+def design_over_schedule(
+    name: str, file: StateFeedbackFile, schedule: Schedule, system: control.StateSpace
+) -> ScheduledLqr:
     """A state feedback at each point, for the linear model at that operating point.
 
     Raises InputError for a design that fails, with the point, and for a loop that is unstable at a point or between.
     """
-    schedule = file.schedule
     laws = []
     for point in schedule.points:
         try:

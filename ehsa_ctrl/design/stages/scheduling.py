@@ -166,17 +166,22 @@ def lower_point(value: float, axis: np.ndarray, count: int) -> int:
     return k
 
 
+def share_above(value: float, axis: np.ndarray, k: int) -> float:
+    """Share, 0 to 1, that point k + 1 has in the interpolation between it and point k."""
+    return min(max((value - axis[k]) / (axis[k + 1] - axis[k]), 0.0), 1.0)
+
+
 def mix_rows(memory: np.ndarray, settings: np.ndarray) -> None:
     """Interpolate the rows at the variables memory[1], memory[2] to memory[3:]; settings as of `take_row`."""
     first, second, width = int(settings[3]), int(settings[4]), int(settings[5])
     axis, other = settings[6:], settings[6 + first :]
     table = settings[6 + first + second :]
     i = lower_point(memory[1], axis, first)
-    share = min(max((memory[1] - axis[i]) / (axis[i + 1] - axis[i]), 0.0), 1.0)
+    share = share_above(memory[1], axis, i)
     j, part, after = 0, 0.0, 0
     if second > 1:
         j = lower_point(memory[2], other, second)
-        part = min(max((memory[2] - other[j]) / (other[j + 1] - other[j]), 0.0), 1.0)
+        part = share_above(memory[2], other, j)
         after = width
     low, high = (i * second + j) * width, ((i + 1) * second + j) * width
     for m in range(width):
@@ -184,6 +189,25 @@ def mix_rows(memory: np.ndarray, settings: np.ndarray) -> None:
         here = table[low + m] + share * (table[high + m] - table[low + m])
         there = table[low + after + m] + share * (table[high + after + m] - table[low + after + m])
         memory[3 + m] = here + part * (there - here)
+
+
+def weigh_corners(memory: np.ndarray, settings: np.ndarray, corners: np.ndarray) -> None:
+    """Write the weights of the four points around the variables in memory, then their indices, to corners (8,).
+
+    memory, settings: as of `take_row`. Points that do not count have weight 0.
+    """
+    first, second = int(settings[3]), int(settings[4])
+    axis, other = settings[6:], settings[6 + first :]
+    i = lower_point(memory[1], axis, first)
+    share = share_above(memory[1], axis, i)
+    j, part = 0, 0.0
+    if second > 1:
+        j = lower_point(memory[2], other, second)
+        part = share_above(memory[2], other, j)
+    low, high = i * second + j, (i + 1) * second + j
+    corners[0], corners[1] = (1.0 - share) * (1.0 - part), share * (1.0 - part)
+    corners[2], corners[3] = (1.0 - share) * part, share * part
+    corners[4], corners[5], corners[6], corners[7] = float(low), float(high), float(low + 1), float(high + 1)
 
 
 def take_row(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> None:
@@ -204,4 +228,4 @@ def take_row(measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> 
 
 
 #: Functions of `take_row`, each after those that it calls.
-TAKE_ROW = (scheduling_variable, lower_point, mix_rows, take_row)
+TAKE_ROW = (scheduling_variable, lower_point, share_above, mix_rows, take_row)

@@ -9,7 +9,7 @@ limits of current and rate.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from math import isfinite
@@ -154,18 +154,24 @@ SAMPLE_FUNCTIONS = (
 )  # fmt: skip
 
 
-@cache
-def _compiled() -> Any:
-    """SAMPLE_FUNCTIONS compiled; the first compilation takes about 3 s."""
+def compile_around_solver(
+    functions: Sequence[Callable[..., Any]], entries: Sequence[Callable[..., float]], constants: Mapping[str, int]
+) -> Any:
+    """A module with functions compiled, and ENTRY_of_arrays for each of `entries`; the first time takes about 3 s."""
     from ...core.compiled import load_compiled
     from ..stages.compiled import IMPORTS, entry_text, pointer_function
 
     names = ("VIOLATED", "_STATUS", "_REASON", "_VIOLATION", "_LAST", "_AGE", "_PLAN")
-    constants = "\n".join(f"{name} = {globals()[name]!r}" for name in names)
-    text = [IMPORTS, constants]
-    text += [pointer_function(function) for function in SAMPLE_FUNCTIONS]
-    text += [entry_text(function) for function in (begin_sample, end_sample)]
+    numbers = {**{name: globals()[name] for name in names}, **constants}
+    text = [IMPORTS, "\n".join(f"{name} = {value!r}" for name, value in numbers.items())]
+    text += [pointer_function(function) for function in functions]
+    text += [entry_text(function) for function in entries]
     return load_compiled("\n\n\n".join(text), "the estimate of an MPC")
+
+
+@cache
+def _compiled() -> Any:
+    return compile_around_solver(SAMPLE_FUNCTIONS, (begin_sample, end_sample), {})
 
 
 @dataclass(frozen=True)
@@ -221,10 +227,10 @@ class Mpc:
     @property
     def traces(self) -> Mapping[str, int]:
         names = ("solver_status", "solver_reason", "solver_iterations", "solver_time", "limit_passed")
-        return {**self.feedback.traces, **{name: self._own_start + i for i, name in enumerate(names)}}
+        return {**self.feedback.traces, **{name: self.own_start + i for i, name in enumerate(names)}}
 
     @cached_property
-    def _own_start(self) -> int:
+    def own_start(self) -> int:
         """Length of the feedback's memory, which precedes the MPC's own."""
         return int(self.feedback.initial_memory().size)
 
@@ -236,7 +242,7 @@ class Mpc:
     @property
     def multipliers(self) -> slice:
         """Places of the multipliers in memory."""
-        start = self._own_start + _PLAN + len(self.condensed.F)
+        start = self.own_start + _PLAN + len(self.condensed.F)
         return slice(start, start + self.condensed.lower.size)
 
     @cached_property
@@ -267,7 +273,7 @@ class Mpc:
         head_size = HEAD + len(matrices) - len(self.matrices)
         begins = head_size + feedback.size + np.cumsum([0, *(part.size for part in matrices.values())])[:-1]
         sizes = self.horizon, len(c.F), c.lower.size, matrices["shrink"].size, c.F.shape[1]
-        head = [head_size, self._own_start, self.problem.current_limit, self._largest_change, *sizes]
+        head = [head_size, self.own_start, self.problem.current_limit, self._largest_change, *sizes]
         head += [*begins[: len(self.matrices)], self.slacks, *begins[len(self.matrices) :]]
         return np.concatenate([np.array(head, dtype=float), feedback, *(part.ravel("F") for part in matrices.values())])
 
@@ -304,7 +310,7 @@ class Mpc:
         hold: float,
     ) -> float:
         """One sample; arguments as in `pose_problem`."""
-        functions, own = _compiled(), memory[self._own_start :]
+        functions, own = _compiled(), memory[self.own_start :]
         plan, multipliers = own[_PLAN:][: len(self.condensed.F)], memory[self.multipliers]
         begin = perf_counter()
         target = functions.begin_sample_of_arrays(reference, measured, memory, settings, float(extra), float(hold))
@@ -318,7 +324,7 @@ class Mpc:
     def solve_posed(self, memory: np.ndarray, plan: np.ndarray, multipliers: np.ndarray) -> tuple[float, QpSolution]:
         """Reason and solution of the problem that `pose_problem` wrote; plan and multipliers are the warm start."""
         (v, parameters), bounds = self.condensed.F.shape, self.condensed.lower.size
-        problem = memory[self._own_start + _PLAN + 2 * v + bounds + parameters :]
+        problem = memory[self.own_start + _PLAN + 2 * v + bounds + parameters :]
         f, lower, upper = problem[:v], problem[v : v + bounds], problem[v + bounds : v + 2 * bounds]
         solution = self.qp.solve(f, lower, upper, plan, multipliers)
         reason = float(solution.status)
