@@ -27,7 +27,7 @@ from .outcome import Outcome
 from .prepare import PreparedScenario, prepare
 from .replay import worst
 from .result import LimitCheck
-from .sensitivity import Influence, influences
+from .sensitivity import MIN_RUNS, Influence, influences
 from .uncertainty import ParameterUncertainty, uncertainty_of
 
 if TYPE_CHECKING:
@@ -153,8 +153,12 @@ class MonteCarlo(Result):
             f"{self.probability:.3g} (95 %: {low:.3g} to {high:.3g})",
             *(f"  failed: {word} in {count} run{'s' if count > 1 else ''}" for word, count in self.reasons.items()),
         ]
-        first = self.influences[0] if self.influences else None
-        lines.append(f"  {first}" if first is not None else "  no influence of parameters: only sensor noise varies")
+        if self.influences:
+            lines.append(f"  {self.influences[0]}")
+        elif self.uncertainty.parameters:
+            lines.append(f"  the influence of the parameters shows from {MIN_RUNS} runs on")
+        else:
+            lines.append("  no influence of parameters: only sensor noise varies")
         lines.append(f"  worst: {self.worst}")
         return "\n".join(lines)
 

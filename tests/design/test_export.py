@@ -26,9 +26,10 @@ CC = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(CC is None, reason="there is no C compiler here")
 HEAD = "#include <math.h>\n#include <stdbool.h>\n#include <string.h>\n\n"
 POINTER = ctypes.POINTER(ctypes.c_double)
-#: A controller of every kind but an MPC, which has a test of its own, and two more forms of state feedback.
+#: A controller of every kind without a solver, and two more forms of state feedback.
 LAWS = sorted(
-    {starting_definition(kind)[1].stem for kind in CONTROLLER_KINDS if kind != "mpc"} | {"lqi_position", "lqr_friction"}
+    {starting_definition(kind)[1].stem for kind in CONTROLLER_KINDS if kind not in ("mpc", "scheduled_mpc")}
+    | {"lqi_position", "lqr_friction"}
 )
 
 
@@ -461,16 +462,26 @@ def test_a_law_outside_the_subset_is_a_sentence(system):
         export_controller(own, *readings(20))
 
 
+def hurried(law, few):
+    """An MPC with few iterations."""
+    if hasattr(law, "laws"):
+        return replace(law, laws=tuple(hurried(one, few) for one in law.laws))
+    return replace(law, iteration_limit=few)
+
+
 @needs_compiler
 @pytest.mark.slow
-def test_an_mpc_is_solved_in_c_as_by_daqp(system, tmp_path):
+@pytest.mark.parametrize(("name", "few"), [("mpc_position", 12), ("mpc_scheduled", 30)])
+def test_an_mpc_is_solved_in_c_as_by_daqp(name, few, system, tmp_path):
     """To the bit the translated Python, and DAQP's solution in every sample, also under violated soft limits; few
     iterations are enough, and with too few the fallback acts in C as in Python."""
-    controller = load_controller("mpc_position", system)
+    controller = load_controller(name, system)
     rng = np.random.default_rng(2)
     reference, measured = np.zeros((100, 3)), np.tile([0.0, 2e6, 2e6, 0.0, 0.0], (100, 1))
     reference[20:, 0], reference[60:, 0] = 0.002, 0.03
     measured += rng.normal(size=measured.shape) * [0.5, 1.5e4, 1.5e4, 2e-5, 1.0]
+    # From 20 bar to less than the lowest point of the schedule.
+    measured[:, 1:3] -= np.linspace(0.0, 1.98e6, 100)[:, None]
     measured[40:43] = np.nan
     measured[80:82, 0] += 500.0  # too fast for the soft limit of the speed
     deployment = export_controller(controller, reference, measured)
@@ -484,7 +495,7 @@ def test_an_mpc_is_solved_in_c_as_by_daqp(system, tmp_path):
         export_controller(controller, reference, measured, number=NUMBERS["float"]), controller, NUMBERS["float"], []
     )
     assert floats.runs["test vector"].unsolved == 0 and floats.runs["test vector"].error < 0.03
-    hasty = replace(controller, law=replace(controller.law, iteration_limit=12))
+    hasty = replace(controller, law=hurried(controller.law, few))
     deployment = export_controller(hasty, reference, measured)
     deployment.write(tmp_path)
     step = step_of(tmp_path, embedded_controller(hasty))

@@ -208,7 +208,7 @@ def test_functions_of_integers_are_those_of_numpy(word, tmp_path):
     assert [library.raised(wide(x), 4) for x in (most, -most, 7)] == [most, -most, 112]
 
 
-@pytest.mark.parametrize("name", ["mpc_position", "lqr_scheduled"])
+@pytest.mark.parametrize("name", ["mpc_position", "lqr_scheduled", "mpc_scheduled"])
 def test_a_law_without_fixed_point_code_is_a_sentence(name, system):
     """A solver, and a table that is searched."""
     controller = load_controller(name, system)

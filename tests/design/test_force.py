@@ -239,3 +239,25 @@ def test_a_force_that_the_pressures_do_not_allow_is_refused():
         e.run(scenario, controller={**content, "force": {**content["force"], "limit": 7e3}})
     with pytest.raises(InputError, match="5500 N is beyond the limit of force_press, 5000 N"):
         e.run(scenario, controller=NAME)
+
+
+def test_what_holds_while_extending_holds_while_retracting(model):
+    """Signals of a press, mirrored: rod, shaft and force turned round, the chambers exchanged, the current negated."""
+    rng = np.random.default_rng(7)
+    time = np.arange(600) * 0.004
+    depth = np.clip(0.02 * time - 0.01, 0.0, None)
+    measured = np.column_stack([5 + 0 * time, 2e6 + 1e6 * depth, 2e6 - 1e6 * depth, 0.02 * time, 2e5 * depth])
+    measured += rng.normal(size=measured.shape) * [1.0, 1e4, 1e4, 1e-5, 5.0]
+    reference = np.column_stack([0.025 * time, 0 * time + 0.025, 0 * time, np.where(time > 2.0, 0.0, 3e3)])
+    for name in (NAME, "impedance_push"):
+        controller = e.load_controller(name, model)
+        currents = [
+            [controller.step(sign * r, np.array(y), memory) for r, y in zip(reference, rows, strict=True)]
+            for sign, rows, memory in (
+                (1.0, measured, controller.initial_memory()),
+                (-1.0, measured[:, [0, 2, 1, 3, 4]] * [-1, 1, 1, -1, -1], controller.initial_memory()),
+            )
+        ]
+
+        assert np.ptp(currents[0]) > 1.0
+        np.testing.assert_allclose(currents[1], -np.array(currents[0]), atol=1e-9)
