@@ -233,4 +233,9 @@ class ScheduledMpc:
         return float(functions.end_scheduled_of_arrays(reference, memory, settings, float(extra), target))
 
     def __str__(self) -> str:
-        return f"MPC over {self.schedule.names} at {', '.join(map(str, self.schedule.points))}: {self.laws[0]}"
+        return self.words("A")
+
+    def words(self, unit: str) -> str:
+        """The law with the drive's unit; the gains are those of the first point."""
+        points = "; ".join(map(str, self.schedule.points))
+        return f"{self.laws[0].words(unit)}; over {self.schedule.names}, interpolated between {points}"

@@ -76,11 +76,14 @@ def design_mpc(name: str, file: MpcFile, system: control.StateSpace) -> Mpc:
 
     Raises InputError as `design_state_feedback` does, and for limits below what the planned motion needs.
     """
-    return with_limits(design_state_feedback(name, file, system), file)
+    return with_limits(design_state_feedback(name, file, system), file, drive_unit_of(system))
 
 
-def with_limits(feedback: StateFeedback, file: MpcLoopFile) -> Mpc:
-    """The MPC around a state feedback. Raises InputError for limits below what the planned motion needs."""
+def with_limits(feedback: StateFeedback, file: MpcLoopFile, unit: str) -> Mpc:
+    """The MPC around a state feedback; unit: of the drive.
+
+    Raises InputError for limits below what the planned motion needs.
+    """
     problem = MpcProblem(
         model=feedback.model,
         target=feedback.target,
@@ -91,7 +94,6 @@ def with_limits(feedback: StateFeedback, file: MpcLoopFile) -> Mpc:
         limits=file.limits,
     )
     if file.trajectory is not None:
-        unit = drive_unit_of(system)
         _require_feasible_speed(feedback, file.limits, file.current_limit, file.trajectory.speed, unit)
     return Mpc(feedback, problem, file.solver.name, file.solver.iteration_limit, file.solver.deadline)
 

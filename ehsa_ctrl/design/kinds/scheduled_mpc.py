@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from ...core.errors import InputError
+from ..analysis.sampled import drive_unit_of
 from ..stages.scheduling import Schedule
 from ._kind import ControllerKind
 from ._scheduled_mpc_law import ScheduledMpc
@@ -36,7 +37,7 @@ def design_scheduled_mpc(name: str, file: ScheduledMpcFile, system: control.Stat
     laws = []
     for point, feedback in zip(file.schedule.points, regulator.laws, strict=True):
         try:
-            laws.append(with_limits(feedback, file))
+            laws.append(with_limits(feedback, file, drive_unit_of(system)))
         except InputError as error:
             raise InputError(f"[schedule] at {point}: {error}") from None
     return ScheduledMpc(regulator, tuple(laws))
