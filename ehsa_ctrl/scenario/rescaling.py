@@ -121,8 +121,9 @@ class Rescaling:
         return {key: value for key, value in scaled.items() if value != original[key]}
 
     def foreign(self, content: Mapping[str, Any]) -> list[str]:
-        """Keys of [limits] that hold for the shipped EHSA alone: limits of its shaft, pressures and stroke."""
-        return [key for key in self.unknown(content) if self.drive is not None and key.startswith("limits.")]
+        """Keys of limits that hold for the shipped EHSA alone: those of its shaft, pressures and stroke."""
+        unknown = self.unknown(content) if self.drive is not None else []
+        return [key for key in unknown if key.startswith("limits.") or key == "position.speed_limit"]
 
     def unknown(self, content: Mapping[str, Any]) -> list[str]:
         """Keys that keep their value because the plant's file does not determine the characteristic value."""

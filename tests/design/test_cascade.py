@@ -164,5 +164,5 @@ def test_what_the_loops_can_not_have_is_one_sentence(model, content, sentence):
 def test_a_model_without_the_shaft_is_refused(model):
     only = model[model.output_labels.index("x"), :]
 
-    with pytest.raises(InputError, match="no output omega"):
+    with pytest.raises(InputError, match=r"has no shaft: expected .position. velocity_limit in m/s"):
         controller(only)

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 import ehsa_ctrl
 from ehsa_ctrl.cli.main import app
+from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.plant.conditions import linear_model
 
 PID = {
@@ -20,6 +21,11 @@ PID = {
 LQR = {"kind": "lqr", "sample_time": 1e-3, "current_limit": 150.0, "weights": {"position": 1e-3, "current": 50.0}}
 MPC = {**LQR, "kind": "mpc", "horizon": 40, "limits": {"current_rate": 2e4}}
 ADRC = {"kind": "adrc", "sample_time": 1e-3, "current_limit": 150.0, "adrc": {"bandwidth": 30.0}}
+CASCADE = {
+    "kind": "cascade", "sample_time": 1e-3, "current_limit": 150.0,
+    "speed": {"crossover": 130.0, "phase_margin": 1.13},
+    "position": {"crossover": 30.0, "phase_margin": 1.05, "velocity_limit": 0.5},
+}  # fmt: skip
 SCENARIO = {
     "title": "A move of the carriage",
     "why": "Its controller is designed on its own linear model.",
@@ -40,7 +46,7 @@ def test_the_linear_model_is_a_mass_with_viscous_friction():
     assert model.B[0, 0] == pytest.approx(1.0 / M)
 
 
-@pytest.mark.parametrize("controller", [PID, LQR, MPC, ADRC], ids=lambda one: one["kind"])
+@pytest.mark.parametrize("controller", [PID, LQR, MPC, ADRC, CASCADE], ids=lambda one: one["kind"])
 def test_without_dry_friction_the_nonlinear_carriage_does_as_predicted(controller):
     """And with it, the loop needs more force and loses some accuracy."""
     free = ehsa_ctrl.run(SCENARIO, controller=controller, settings={"Fc": 0.0})
@@ -98,6 +104,7 @@ def test_a_shipped_lqr_for_a_drive_in_newtons(tmp_path, monkeypatch):
     [
         ("pid", r"k_p = \S+ N/m, k_i = \S+ N/\(m s\), k_d = \S+ N s/m, .*\|current\| <= 150 N,"),
         ("mpc", r"\|current\| <= 150 N, \|current rate\| <= 15000 N/s; without them .*\|current\| <= 150 N,"),
+        ("cascade", r"k_w = \S+ N s/m, k_iw = \S+ N/m, T_f = .*\|current\| <= 150 N,"),
         ("adrc", r"on the position, b_0 = \S+ m/\(s2 N\), \|current\| <= 150 N,"),
     ],
 )
@@ -105,6 +112,7 @@ def test_a_design_for_a_drive_in_newtons_speaks_in_newtons(kind, words, tmp_path
     """And no limit of the shipped actuator's shaft, pressures or stroke holds for a carriage."""
     monkeypatch.chdir(tmp_path)
     line = ["design", "emps", "--kind", kind, "--current-limit", "150 N", "-o", "found.toml"]
+    line += ["--spec", "position.velocity_limit=0.5 m/s"] if kind == "cascade" else []
 
     shown = CliRunner().invoke(app, line, catch_exceptions=False).output
 
@@ -112,6 +120,71 @@ def test_a_design_for_a_drive_in_newtons_speaks_in_newtons(kind, words, tmp_path
     assert re.search(words, shown)
     assert not re.search(r" A\b| A/", shown + text)
     assert set(tomllib.loads(text).get("limits", {})) <= {"current_rate"}
+
+
+def test_a_cascade_without_a_shaft_has_the_margins_that_were_asked_for():
+    """By python-control's own sampling and feedback; the speed is the filtered difference of the position."""
+    import control
+
+    plant = ehsa_ctrl.load_plant("emps", model="linear")
+    law = ehsa_ctrl.load_controller(CASCADE, linear_model(plant)).law
+    T_s, z = 1e-3, control.tf("z")
+    z.dt = T_s
+    x = control.sample_system(control.tf([1.0], [plant["M"], plant["Fv"], 0.0]), T_s, "zoh")
+    speed = x * (z - 1) / ((law.T_f + T_s) * z - law.T_f)
+    inner = law.k_w + law.k_iw * T_s / (z - 1)
+
+    at = np.exp(130j * T_s)
+    assert complex(inner(at) * speed(at)) == pytest.approx(-np.exp(1.13j), rel=1e-6)
+    at = np.exp(30j * T_s)
+    outer = law.k_x * inner(at) * x(at) / (1 + inner(at) * speed(at))
+    assert abs(outer) == pytest.approx(1.0, rel=1e-6)
+    assert np.pi + np.angle(outer) >= 1.05
+
+
+def test_the_rod_speed_of_a_cascade_is_the_filtered_difference_of_its_position():
+    """Step by step, with limits that act, against the law written out; compiled and in Python to the bit."""
+    plant = ehsa_ctrl.load_plant("emps")
+    controller = ehsa_ctrl.load_controller(CASCADE, linear_model(ehsa_ctrl.load_plant("emps", model="linear")))
+    law, T_s = controller.law, 1e-3
+    x = 0.1 + np.cumsum(np.random.default_rng(3).normal(0.0, 1e-5, 300))
+    target = np.where(np.arange(300) < 50, 0.2, 0.1)
+    memory, currents = law.initial_memory(), []
+    for r, position in zip(target, x, strict=True):
+        readings = np.array([7.0, 7.0, 7.0, position, 7.0])
+        currents.append(law.function(np.array([r, 1e-3, 0.0, 0.0]), readings, memory, law.settings(), 1.0, 0.0))
+
+    v, last, integral, expected = 0.0, x[0], 0.0, []
+    for r, position in zip(target, x, strict=True):
+        v, last = (law.T_f * v + position - last) / (law.T_f + T_s), position
+        wanted_speed = min(max(1e-3 + law.k_x * (r - position), -0.5), 0.5)
+        wanted = law.k_w * (wanted_speed - v) + integral + 1.0
+        expected.append(min(max(wanted, -150.0), 150.0))
+        back = min(law.k_iw / law.k_w, 1.0 / T_s)
+        integral += T_s * (law.k_iw * (wanted_speed - v) + back * (expected[-1] - wanted))
+    assert np.allclose(currents, expected, rtol=1e-9)
+    assert 0 < np.count_nonzero(np.abs(currents) == 150.0) < 300
+
+    reference = np.zeros((300, 3))
+    reference[5:, 0] = 0.1
+    plain, fast = (ehsa_ctrl.run_closed_loop(plant, controller, reference, compiled=way) for way in (False, True))
+    np.testing.assert_array_equal(plain.asked, fast.asked)
+
+
+@pytest.mark.parametrize(
+    ("position", "sentence"),
+    [
+        ({"speed_limit": 400.0}, "has no shaft: expected .position. velocity_limit in m/s"),
+        ({"speed_limit": 400.0, "velocity_limit": 0.5}, "and no speed_limit"),
+        ({}, "such as --spec position.velocity_limit='0.5 m/s'"),
+    ],
+)
+def test_a_cascade_without_a_shaft_has_a_limit_in_metres_per_second(position, sentence):
+    outer = {"crossover": 30.0, "phase_margin": 1.05, **position}
+    model = linear_model(ehsa_ctrl.load_plant("emps", model="linear"))
+
+    with pytest.raises(InputError, match=sentence):
+        ehsa_ctrl.load_controller({**CASCADE, "position": outer}, model)
 
 
 def test_a_limit_of_what_a_carriage_lacks_is_refused():

@@ -4,20 +4,22 @@
     u = k_w (omega_r - omega) + k_iw int (omega_r - omega) dt,    limited to +-current_limit
 
 n is the rod's travel per radian of the shaft, f the velocity feedforward factor. The usual structure of servo drives
-(e.g. W. Leonhard, "Control of Electrical Drives", 3rd ed. 2001, chapter 7).
+(e.g. W. Leonhard, "Control of Electrical Drives", 3rd ed. 2001, chapter 7). Where the plant has no shaft, the rod's own
+speed takes its place, from filtered differences of the position, with n = 1 and m/s for rad/s.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from ...core.controller_interface import MEASURED
-from ...core.definition import AngularFrequency, Definition, RadianPerSecond
+from ...core.definition import AngularFrequency, Definition, In, RadianPerSecond
 from ...core.errors import InputError
 from ..analysis.closed_loop import discrete_response, law_state_space
 from ..analysis.sampled import sampled_plant
@@ -35,6 +37,11 @@ class SpeedLoop(Definition):
         description="gain crossover frequency of this loop alone; usually three to five times that of the position loop"
     )
     phase_margin: PhaseMargin = Field(description="phase margin at the crossover")
+    filter_ratio: Annotated[float, Field(gt=1, le=1e6)] = Field(
+        default=10.0,
+        description="corner frequency of the filter of the rod's speed over the crossover, where the plant has no "
+        "shaft and the speed is taken from the position",
+    )
 
 
 class PositionLoop(Definition):
@@ -49,7 +56,12 @@ class PositionLoop(Definition):
         description="corner frequency of the integral action over the crossover; 0 for none, as the speed loop "
         "integrates",
     )
-    speed_limit: RadianPerSecond = Field(gt=0, description="largest shaft speed reference")
+    speed_limit: RadianPerSecond | None = Field(
+        default=None, gt=0, description="largest shaft speed reference; required where the plant has a shaft"
+    )
+    velocity_limit: Annotated[float, In("m/s")] | None = Field(
+        default=None, gt=0, description="largest reference of the rod's speed; required where the plant has no shaft"
+    )
     velocity_feedforward: Annotated[float, Field(ge=0, le=1)] = Field(
         default=1.0, description="fraction of the planned velocity that is fed forward"
     )
@@ -95,6 +107,24 @@ def cascade_law(
     return current
 
 
+def rod_cascade_law(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """One sample of the law above with the rod's speed in place of the shaft's.
+
+    settings: filter time constant, those of `cascade_law`. memory: that of `cascade_law`, 1 after the first sample,
+    last position, the readings with the rod's speed as that of a shaft (5).
+    """
+    T_f, T_s = settings[0], settings[10]
+    if memory[3] == 0.0:
+        memory[3], memory[4] = 1.0, measured[3]
+    memory[5] = (T_f * memory[5] + measured[3] - memory[4]) / (T_f + T_s)
+    memory[4] = measured[3]
+    for i in range(1, 5):
+        memory[5 + i] = measured[i]
+    return cascade_law(reference, memory[5:], memory, settings[1:], extra, hold)
+
+
 @dataclass(frozen=True)
 class Cascade:
     """Feedback law of a cascade, a design.controller.Law.
@@ -116,9 +146,9 @@ class Cascade:
     current_limit: float
     sample_time: float
     function = staticmethod(cascade_law)
-    uses = ()
+    uses: ClassVar[tuple[Callable[..., Any], ...]] = ()
     compiles = True
-    reads = ("position", "speed")
+    reads: ClassVar[tuple[str, ...]] = ("position", "speed")
     traces = {"integral": 0, "speed_reference": 2}
 
     def settings(self) -> np.ndarray:
@@ -134,28 +164,69 @@ class Cascade:
         return law_state_space(replace(self, speed_limit=inf, current_limit=inf), self.sample_time)
 
     def __str__(self) -> str:
+        return self.words("A")
+
+    def words(self, unit: str) -> str:
+        """The law with the drive's unit."""
         return (
             f"position over speed, k_x = {self.k_x:.4g} 1/s, k_ix = {self.k_ix:.4g} 1/s2, "
-            f"k_w = {self.k_w:.4g} A s/rad, k_iw = {self.k_iw:.4g} A/rad"
+            f"k_w = {self.k_w:.4g} {unit} s/rad, k_iw = {self.k_iw:.4g} {unit}/rad"
+        )
+
+
+@dataclass(frozen=True)
+class RodCascade(Cascade):
+    """A cascade whose inner loop takes the rod's speed from the position, a design.controller.Law.
+
+    Attributes
+    ----------
+    those of Cascade with m for rad, n = 1, and
+    T_f: time constant of the speed's filter [s].
+    """
+
+    T_f: float = 0.0
+    function = staticmethod(rod_cascade_law)
+    uses = (cascade_law,)
+    reads = ("position",)
+
+    def settings(self) -> np.ndarray:
+        return np.append(self.T_f, super().settings())
+
+    def initial_memory(self) -> np.ndarray:
+        return np.zeros(10)
+
+    def words(self, unit: str) -> str:
+        return (
+            f"position over the rod's speed, k_x = {self.k_x:.4g} 1/s, k_ix = {self.k_ix:.4g} 1/s2, "
+            f"k_w = {self.k_w:.4g} {unit} s/m, k_iw = {self.k_iw:.4g} {unit}/m, T_f = {self.T_f:.3g} s"
         )
 
 
 def design_cascade(name: str, file: CascadeFile, system: control.StateSpace) -> Cascade:
-    """Both loops for the linear model `system` (first input the current, outputs omega and x), exactly sampled.
+    """Both loops for the linear model `system` (first input the current, outputs x and that of a shaft, omega), exactly
+    sampled.
 
-    Raises InputError for a model without omega, and for an infeasible phase margin, with the feasible one.
+    Raises InputError for a limit that the plant has no speed for, and for an infeasible phase margin, with the feasible
+    one.
     """
-    if "omega" not in system.output_labels:
-        raise InputError(f"the model {system.name} has no output omega; a cascade needs the shaft speed")
-    T_s = file.sample_time
+    T_s, has_shaft = file.sample_time, "omega" in system.output_labels
+    limit = _speed_limit(file.position, system.name, has_shaft=has_shaft)
     plant = sampled_plant(system, T_s)
-    k_w, k_iw = _speed_gains(file.speed, plant, T_s)
+    T_f = 1.0 / (file.speed.filter_ratio * file.speed.crossover)
+
+    def responses(w: float) -> tuple[complex, complex]:
+        """From the current to the inner loop's speed and to the position."""
+        at = discrete_response(plant, w)[0, :, 0]
+        G_x = at[MEASURED.index("position")]
+        derivative = Gains(0.0, 0.0, 1.0, T_f).response(np.exp(1j * np.array([w * T_s])), T_s)[0]
+        return (at[MEASURED.index("speed")] if has_shaft else derivative * G_x), G_x
+
+    k_w, k_iw = _speed_gains(file.speed, responses(file.speed.crossover)[0], T_s)
     w = file.position.crossover
     z = np.exp(1j * w * T_s)
-    at = discrete_response(plant, w)[0, :, 0]
-    G_w, G_x = at[MEASURED.index("speed")], at[MEASURED.index("position")]
+    G_w, G_x = responses(w)
     # Rod travel per radian at the outer crossover, leakage and compressibility included.
-    n = float(abs((z - 1.0) / T_s * G_x / G_w))
+    n = float(abs((z - 1.0) / T_s * G_x / G_w)) if has_shaft else 1.0
     inner = k_w + k_iw * T_s / (z - 1.0)
     loop = (1.0 + file.position.integral_ratio * w * T_s / (z - 1.0)) / n * inner * G_x / (1.0 + inner * G_w)
     margin = float(np.pi + np.angle(loop))
@@ -167,23 +238,36 @@ def design_cascade(name: str, file: CascadeFile, system: control.StateSpace) -> 
             "or make the speed loop faster"
         )
     k_x = float(1.0 / abs(loop))
-    return Cascade(
+    law = Cascade(
         k_x=k_x,
         k_ix=file.position.integral_ratio * w * k_x,
         k_w=k_w,
         k_iw=k_iw,
         n=n,
         f=file.position.velocity_feedforward,
-        speed_limit=file.position.speed_limit,
+        speed_limit=limit,
         current_limit=file.current_limit,
         sample_time=T_s,
     )
+    return law if has_shaft else RodCascade(**vars(law), T_f=T_f)
 
 
-def _speed_gains(specified: SpeedLoop, plant: control.StateSpace, sample_time: float) -> tuple[float, float]:
-    """k_w, k_iw of the inner PI for the specified crossover and phase margin."""
+def _speed_limit(position: PositionLoop, name: str, *, has_shaft: bool) -> float:
+    """The limit of the speed reference [rad/s], or of the rod's [m/s] without a shaft. name: of the model."""
+    key, other = ("speed_limit", "velocity_limit") if has_shaft else ("velocity_limit", "speed_limit")
+    limit = getattr(position, key)
+    if limit is None or getattr(position, other) is not None:
+        has, unit = ("a shaft", "rad/s") if has_shaft else ("no shaft", "m/s")
+        raise InputError(
+            f"the model {name} has {has}: expected [position] {key} in {unit}, such as --spec "
+            f"position.{key}='{'400' if has_shaft else '0.5'} {unit}', and no {other}"
+        )
+    return float(limit)
+
+
+def _speed_gains(specified: SpeedLoop, G: complex, sample_time: float) -> tuple[float, float]:
+    """k_w, k_iw of the inner PI for the specified crossover and phase margin; G: response of the speed there."""
     z = np.exp(1j * np.array([specified.crossover * sample_time]))
-    G = discrete_response(plant, specified.crossover)[0, MEASURED.index("speed"), 0]
     needed = -np.exp(1j * specified.phase_margin) / G
     integral = Gains(0.0, 1.0).response(z, sample_time)[0]
     k_i = float(needed.imag / integral.imag)

@@ -26,7 +26,7 @@ from ..review_checks import ReviewContext, ReviewFinding
 from ..state_space.state_feedback import state_feedback
 from ._kind import ControllerKind, PositionControllerFile
 from .adrc import adrc_law
-from .cascade import cascade_law
+from .cascade import RodCascade, cascade_law
 from .pid import pid_law
 from .sliding_mode import sliding_mode_law
 
@@ -252,6 +252,8 @@ def design_repetitive(name: str, file: RepetitiveFile, system: control.StateSpac
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith("[base]") else f"[base] {text}") from None
+    if isinstance(base, RodCascade):
+        raise InputError(f"[base] kind = 'cascade': {system.name} has no shaft; take kind = 'pid'")
     controller = SampledController(name, word, file.sample_time, file.current_limit, base)
     cycle = file.cycle
     samples = round(cycle.period / file.sample_time)
