@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,10 +9,10 @@ import typer
 
 from .complete import controllers, plants
 from .options import Force, Json, Settings, read_pairs
-from .output import note, to_json, warn_implausible
+from .output import note, provenance, to_json, warn_implausible
 
-#: File of --check.
-CHECK = "check.json"
+#: Files of --check.
+CHECK, PAGE = "check.json", "report.html"
 
 
 def command(
@@ -32,7 +31,7 @@ def command(
         bool,
         typer.Option(
             "--check",
-            help="Compile the code here, and report its error over all scenarios, its flops and stack (check.json).",
+            help="Compile the code here, and report its error over all scenarios, its flops and stack; writes a page.",
         ),
     ] = False,
     settings: Settings = [],
@@ -48,6 +47,7 @@ def command(
     Examples: ehsa-ctrl export pid_position --out deploy/pid · ehsa-ctrl export mpc_position --plant my/rig.toml
     --set K_T=1.1 --out deploy/mpc · ehsa-ctrl export lqr_position --number q31 --check --out deploy/lqr
     """
+    from ..core.catalogue import controllers as catalogue
     from ..core.catalogue import scenarios
     from ..core.result_folder import ResultFolder
     from ..design.export import FILES, FIXED, NUMBERS, check_code, export_controller
@@ -63,7 +63,7 @@ def command(
     checked = load_plant(plant, model="nonlinear", settings=pairs)
     warn_implausible([checked])
     chosen = load_controller(controller, system, sample_time=checked.sample_time)
-    ResultFolder(out, "export", force).check("controller.c", *FILES, *([CHECK] if check else []))
+    ResultFolder(out, "export", force).check("controller.c", *FILES, *([CHECK, PAGE] if check else []))
     with compiling():
         reference, measured, limited = exercise_controller(checked, chosen, chosen.current_limit, seed)
     runs: list[RecordedRun] = []
@@ -75,11 +75,19 @@ def command(
             note(f"{'not checked' if check else 'without the ranges'} over {name}: {why}")
     ranges = [(one.reference, one.measured) for one in runs]
     deployment = export_controller(chosen, reference, measured, number=NUMBERS[number], runs=ranges)
-    report = None
-    if check:
-        report = check_code(deployment, chosen, NUMBERS[number], runs)
-        deployment = replace(deployment, files={**deployment.files, CHECK: to_json(report) + "\n"})
-    deployment.write(out, force=force)
+    report = check_code(deployment, chosen, NUMBERS[number], runs) if check else None
+
+    def write_check(draft: Path) -> None:
+        from ..report.results import write_result_page
+
+        if report is not None:
+            about = {"controller": chosen.name, "plant": plant, "settings": pairs}
+            rests_on = provenance([checked], [catalogue.find(controller), checked.path])
+            content = about | report.to_dict() | {"rests_on": rests_on}
+            (draft / CHECK).write_text(to_json(content) + "\n", encoding="utf-8")
+            write_result_page(draft, CHECK)
+
+    deployment.write(out, force=force, more=write_check)
     if as_json:
         lost = int((measured != measured).any(axis=1).sum())
         result = {
@@ -97,11 +105,12 @@ def command(
             "samples_unsolved": deployment.vector.fallbacks,
             "number": number,
             "check": report,
-            "files": sorted(str(out / name) for name in deployment.files),
+            "files": sorted(str(out / name) for name in (*deployment.files, *((CHECK, PAGE) if check else ()))),
         }
         print(to_json(result))
         return
     print(deployment)
     if report is not None:
         print(report)
-    print(f"written to {out}; then\n  make -C {out} test")
+    page = f" (open {out / PAGE})" if check else ""
+    print(f"written to {out}{page}; then\n  make -C {out} test")

@@ -8,6 +8,9 @@ import numpy as np
 import pandas
 import pytest
 
+from ehsa_ctrl import scenarios
+from ehsa_ctrl.scenario import recorded_runs
+
 
 def test_source_test_and_vector_are_written(run, tmp_path):
     """All files; the vector holds saturation, a reading that is lost for a moment and one that stays away."""
@@ -41,3 +44,20 @@ def test_an_unknown_controller_is_a_sentence(run):
     status, _, err = run("export", "pid_positon", "--out", "deploy")
 
     assert status == 2 and "did you mean" in err and "pid_position" in err
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
+def test_a_check_has_a_page(run, monkeypatch, tmp_path):
+    """Word lengths of every signal and the error of every run; `report` finds it. One scenario will do."""
+    runs = recorded_runs.recorded_runs
+    monkeypatch.setattr(recorded_runs, "recorded_runs", lambda _, *given: runs([scenarios.saturated_step], *given))
+    status, out, _ = run("export", "pid_position", "--number", "q31", "--check", "--out", "deploy")
+    page = (tmp_path / "deploy" / "report.html").read_text()
+    stored = json.loads((tmp_path / "deploy" / "check.json").read_text())
+
+    assert status == 0 and "(open deploy/report.html)" in out
+    assert all(
+        name in page for name in (*stored["signals"], *stored["runs"], "headroom", "Usable: the current differs")
+    )
+    assert stored["controller"] == "pid_position" and stored["rests_on"]["files"]
+    assert run("report", "deploy")[0] == 0

@@ -109,6 +109,15 @@ def contents(gentle, harsh, fitting):
             "variations": {"draws": 8, "spread": 0.3},
             "candidates": [{"input": "noise", "score": 0.02, "not_determined": 0}],
         },
+        "check.json": {
+            "controller": AWKWARD, "plant": "ehsa", "settings": {}, "number": "q15", "tolerance": 0.4, "usable": False,
+            "operations": {"flops": 31, "additions": 31}, "stack": None, "largest_error": None,
+            "runs": {"test vector": {"samples": 750, "error": None, "iterations": None, "unsolved": 0},
+                     AWKWARD: {"samples": 3, "error": 0.1, "iterations": 12, "unsolved": 1}},
+            "signals": {"current": {"largest": 6.0, "error": None, "step": 1e-4, "headroom": 0.1},
+                        AWKWARD: {"largest": 0.0, "error": 0.0, "step": 1e-4, "headroom": None},
+                        "estimate_x": {"largest": 1.0, "error": 0.0, "step": 1e-4, "headroom": -0.5}},
+        },
         "learning.json": {
             "scenario": AWKWARD, "controller": AWKWARD, "gain": 0.5, "lead": 3, "cutoff": 10.0, "contraction": 0.6,
             "contraction_at": 4.0, "words": AWKWARD, "provenance": PROVENANCE,

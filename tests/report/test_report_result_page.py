@@ -53,7 +53,7 @@ def test_verdicts_come_before_everything(overview, harsh):
 
     assert "Plant limit exceeded: pump speed reached 5000 rpm." in top
     assert "96 of 100 runs pass" in top and "Interrupted: fewer runs than requested" in top
-    assert "<h1>13 results, 4 failed, " in top and "NOT STABLE" in top
+    assert "<h1>14 results, 5 failed, " in top and "NOT STABLE" in top
     assert '<span class="doubt">△</span> <a href="#simulation-' in top
     assert f"{'; '.join(harsh.failures[:3])}; and {len(harsh.failures) - 3} more." in top.replace("&gt;", ">")
     for failure in harsh.failures:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -125,14 +125,17 @@ class Deployment:
     tolerance: float
     fixed: FixedCode | None = None
 
-    def write(self, folder: str | Path, *, force: bool = False) -> None:
-        """Write all files. force: replace an earlier export.
+    def write(
+        self, folder: str | Path, *, force: bool = False, more: Callable[[Path], None] = lambda draft: None
+    ) -> None:
+        """Write all files. force: replace an earlier export. more: writes further files into the folder that it gets.
 
         Raises InputError for an earlier export without `force`, and for files that are not of an export.
         """
         with ResultFolder(Path(folder), "export", force, how=FORCE_ARGUMENT).draft() as draft:
             for name, text in self.files.items():
                 (draft / name).write_text(text, encoding="utf-8")
+            more(draft)
 
     def __str__(self) -> str:
         vector = self.vector
