@@ -110,7 +110,7 @@ def contents(gentle, harsh, fitting):
             "candidates": [{"input": "noise", "score": 0.02, "not_determined": 0}],
         },
         "check.json": {
-            "controller": AWKWARD, "plant": "ehsa", "settings": {}, "number": "q15", "tolerance": 0.4, "usable": False,
+            "controller": AWKWARD, "plant": "ehsa", "settings": {}, "number": "int16_t", "tolerance": 0.4, "usable": False,
             "operations": {"flops": 31, "additions": 31}, "stack": None, "largest_error": None,
             "runs": {"test vector": {"samples": 750, "error": None, "iterations": None, "unsolved": 0},
                      AWKWARD: {"samples": 3, "error": 0.1, "iterations": 12, "unsolved": 1}},

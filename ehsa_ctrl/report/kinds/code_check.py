@@ -13,8 +13,8 @@ from ..text import value_text
 NUMBERS = {
     "double": "doubles",
     "float": "floats",
-    "q31": "fixed point in words of 32 bits",
-    "q15": "fixed point in words of 16 bits",
+    "int32_t": "fixed point in words of 32 bits",
+    "int16_t": "fixed point in words of 16 bits",
 }
 
 
