@@ -236,6 +236,6 @@ class ScheduledMpc:
         return self.words("A")
 
     def words(self, unit: str) -> str:
-        """The law with the drive's unit; the gains are those of the first point."""
+        """The law with the drive's unit."""
         points = "; ".join(map(str, self.schedule.points))
-        return f"{self.laws[0].words(unit)}; over {self.schedule.names}, interpolated between {points}"
+        return f"over {self.schedule.names}, interpolated between {points}; at the first: {self.laws[0].words(unit)}"
