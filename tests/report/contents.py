@@ -110,8 +110,8 @@ def contents(gentle, harsh, fitting):
             "candidates": [{"input": "noise", "score": 0.02, "not_determined": 0}],
         },
         "check.json": {
-            "controller": AWKWARD, "plant": "ehsa", "settings": {}, "number": "int16_t", "tolerance": 0.4, "usable": False,
-            "operations": {"flops": 31, "additions": 31}, "stack": None, "largest_error": None,
+            "controller": AWKWARD, "plant": "ehsa", "settings": {}, "number": "int16_t", "tolerance": 0.4,
+            "operations": {"flops": 31, "additions": 31}, "stack": None, "largest_error": None, "usable": False,
             "runs": {"test vector": {"samples": 750, "error": None, "iterations": None, "unsolved": 0},
                      AWKWARD: {"samples": 3, "error": 0.1, "iterations": 12, "unsolved": 1}},
             "signals": {"current": {"largest": 6.0, "error": None, "step": 1e-4, "headroom": 0.1},
