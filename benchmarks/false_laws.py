@@ -8,9 +8,11 @@ python benchmarks/false_laws.py placebo results/withheld/outside --count 10 --se
 
 `verdicts` diagnoses logs as `ehsa-ctrl diagnose` does. `forced` searches a law although there is no gap, where an
 effect below the threshold may be found. `placebo` replaces each unknown input by itself reversed in time, and by a
-signal of the same spectrum with random phases. What a placebo's law closes of the gap on held-out data, simulated as it
-was found, is shown beside what the law of the unknown input closes. Cases come in random order, so that a part is a
-sample.
+signal of the same spectrum with random phases. The laws of a placebo are refitted in free run like any other. Of those
+that keep their terms the most probable counts: what it closes on held-out data of the gap that is left without it,
+nominal parameters refitted in both, beside the same of the unknown input itself, and whether a search would accept it.
+With `--any`, laws count that explain no more of the input than of the same reversed, which a search drops before the
+refit. Cases come in random order, so that a part is a sample.
 """
 
 from __future__ import annotations
@@ -30,10 +32,19 @@ import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.core.parallel import one_blas_thread
 from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses, Task
-from ehsa_ctrl.diagnosis.law.find import LawBase, find_law
-from ehsa_ctrl.diagnosis.law.free_run import gap_as_found, screen_laws
+from ehsa_ctrl.diagnosis.law.find import (
+    MOST,
+    LawBase,
+    beyond_chance,
+    clearly_better,
+    find_law,
+    promising,
+    with_typical_priors,
+    without_law,
+)
+from ehsa_ctrl.diagnosis.law.free_run import refit_laws
 from ehsa_ctrl.diagnosis.law.inputs import LawInput
-from ehsa_ctrl.diagnosis.law.regression import find_sums
+from ehsa_ctrl.diagnosis.law.regression import sums_and_placebo
 from ehsa_ctrl.diagnosis.model_selection import Reference
 from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.pool import Pool
@@ -47,6 +58,18 @@ from ehsa_ctrl.plant.plant import Plant
 THRESHOLD = 0.03
 #: Largest share of the gap that a placebo may close.
 ALLOWED = 0.02
+
+
+@dataclass(frozen=True)
+class Refitted:
+    """The most probable law of an unknown input after its refit.
+
+    law: empty without one. closed: share of the held-out gap. accepted: whether a search would propose a law.
+    """
+
+    law: str
+    closed: float
+    accepted: bool
 
 
 @dataclass(frozen=True)
@@ -74,14 +97,20 @@ class Search:
         found = find_law([self.base], self.scoring, Reference.of(self.scoring), self.pool)
         return "" if found is None else f"{found.proposed.place}: {found.proposed.forms[0].file.form}"
 
-    def closed(self, inputs: Sequence[LawInput]) -> float:
-        """Share of the held-out gap that the law closes which leaves least on the training data, as it was found."""
-        laws = [law for one in inputs for law in find_sums(one.grammar, one.windows, one.nuisance)]
-        ranked = screen_laws(laws, self.scoring, self.base.fit, self.pool)
-        if not ranked:
-            return 0.0
-        nominal = self.scoring.held_out.gap({})["total"]
-        return 1.0 - gap_as_found(ranked[0], self.scoring, self.base.fit, held_out=True) / nominal
+    def refitted(self, inputs: Sequence[LawInput], *, any_law: bool) -> Refitted:
+        """What the most probable law of these inputs closes. any_law: whether chance may explain it as well."""
+        scoring, fit = with_typical_priors(self.scoring), self.base.fit
+        found = [sums_and_placebo(one.grammar, one.windows, one.nuisance) for one in inputs]
+        sums = [law for laws, share in found for law in (laws if any_law else beyond_chance(laws, share))]
+        laws = refit_laws(promising(sums, scoring, fit, MOST, self.pool), scoring, fit, self.pool)
+        stable = [law for law in laws if law.stable]
+        if not stable:
+            return Refitted("", 0.0, accepted=False)
+        without = without_law(fit, scoring)
+        best = min(stable, key=lambda law: law.scored.deviance)
+        closed = 1.0 - best.scored.held_out_gap["total"] / without.held_out_gap["total"]
+        accepted = any(clearly_better(law.scored, without) for law in stable)
+        return Refitted(f"{best.file.adds_to}: {best.file.form}", closed, accepted)
 
 
 def with_values(windows: Windows, values: np.ndarray) -> Windows:
@@ -132,10 +161,10 @@ def forced(folder: Path, names: Sequence[str], seconds: float) -> None:
             print(f"   {words}: {logs} logs, {laws} laws", flush=True)
 
 
-def placebo(folder: Path, names: Sequence[str], seconds: float) -> None:
-    """Print what the laws of placebos close of the gap."""
+def placebo(folder: Path, names: Sequence[str], seconds: float, *, any_law: bool = False) -> None:
+    """Print what the laws of placebos close of the gap after their refit."""
     random, rows = np.random.default_rng(0), []
-    print("| case | the unknown input | reversed in time | random phases |\n|---|---|---|---|")
+    print("| case | the unknown input | reversed in time | random phases | s |\n|---|---|---|---|---|")
     for name in names:
         plant, log = read(folder, name, seconds)
         search = Search.of(plant, log)
@@ -150,26 +179,35 @@ def placebo(folder: Path, names: Sequence[str], seconds: float) -> None:
         row = []
         for windows in made.values():
             other = [LawInput(one.grammar, w, one.nuisance) for one, w in zip(inputs, windows, strict=True)]
-            row.append(search.closed(other))
+            row.append(search.refitted(other, any_law=any_law))
         rows.append(row)
-        print(f"| {name} | " + " | ".join(f"{share:.3f}" for share in row) + " |", flush=True)
-    within = [max(row[1:]) <= ALLOWED for row in rows]
-    print(f"\nplacebos close at most {100 * ALLOWED:.0f} %: {sum(within)} of {len(within)}")
+        words = [f"{one.closed:.3f}{', accepted' if one.accepted else ''} `{one.law}`" for one in row]
+        print(f"| {name} | {' | '.join(words)} | {time.process_time():.0f} |", flush=True)
+        placebos = [one for done in rows for one in done[1:]]
+        within, accepted = sum(one.closed <= ALLOWED for one in placebos), sum(one.accepted for one in placebos)
+        print(
+            f"   placebos: {len(placebos)}; close at most {100 * ALLOWED:.0f} %: {within}; accepted: {accepted}",
+            flush=True,
+        )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Count the laws that the search finds where there is none.")
-    parser.add_argument("what", choices=[one.__name__ for one in (verdicts, forced, placebo)])
+    parser.add_argument("what", choices=["verdicts", "forced", "placebo"])
     parser.add_argument("cases", type=Path, help="folder of withheld/cases.py")
     parser.add_argument("--skip", type=int, default=0, help="first cases to leave out, after an interruption")
     parser.add_argument("--count", type=int, help="cases; all by default")
     parser.add_argument("--seconds", type=float, default=0.0, help="length of the logs [s]; all of it by default")
+    parser.add_argument("--any", action="store_true", help="placebos: also laws that chance explains as well")
     options = parser.parse_args()
     names = sorted(file.stem for file in (options.cases / "keys").glob("*.json"))
     np.random.default_rng(1).shuffle(names)
-    work = {one.__name__: one for one in (verdicts, forced, placebo)}[options.what]
+    chosen = names[options.skip :][: options.count]
     with one_blas_thread():
-        work(options.cases, names[options.skip :][: options.count], options.seconds)
+        if options.what == "placebo":
+            placebo(options.cases, chosen, options.seconds, any_law=options.any)
+        else:
+            {"verdicts": verdicts, "forced": forced}[options.what](options.cases, chosen, options.seconds)
 
 
 if __name__ == "__main__":

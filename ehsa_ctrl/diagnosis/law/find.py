@@ -104,20 +104,20 @@ def find_law(bases: Sequence[LawBase], scoring: Scoring, reference: Reference, p
 
     Where effects are named beside the unknown one, they may be its image: the plant without them is tried too.
     """
-    scoring = _with_typical_priors(scoring)
-    without = _without_law(bases[-1].fit, scoring)
+    scoring = with_typical_priors(scoring)
+    without = without_law(bases[-1].fit, scoring)
     tried = [one for base in bases for one in _try(base, scoring, MOST // len(bases), pool)]
     return _select(tried, without, reference)
 
 
-def _with_typical_priors(scoring: Scoring) -> Scoring:
+def with_typical_priors(scoring: Scoring) -> Scoring:
     """Nominal parameters as uncertain as on a typical rig: with narrow priors a law makes up for a wrong one."""
     objective = scoring.objective
     nominal = replace(objective.nominal, sd=objective.nominal.typical)
     return replace(scoring, objective=replace(objective, nominal=nominal))
 
 
-def _without_law(fit: HypothesisFit, scoring: Scoring) -> ScoredHypothesis:
+def without_law(fit: HypothesisFit, scoring: Scoring) -> ScoredHypothesis:
     """The hypothesis without a law, as it is or with all nominal parameters refitted: what leaves less."""
     refitted = refit(scoring.objective, fit.candidates, fit.values, {}, steps=STEPS, renew_after=RENEW)
     scored = [scoring.score(one) for one in (fit, refitted) if one is not None]
@@ -129,9 +129,9 @@ def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]
     inputs = base.inputs(scoring.objective.nominal)
     found = pool.map("laws", _sums, inputs)
     placebos = {one.name: share for one, (_, share) in zip(inputs, found, strict=True)}
-    sums = [one for fits, share in found for one in fits if one.explained > share + MORE]
+    sums = [one for fits, share in found for one in beyond_chance(fits, share)]
     held = [replace(law, explained=_explained(law, inputs)) for one in inputs for law in one.held]
-    chosen = [*held, *_varied(screen_laws(sums, scoring, base.fit, pool))[:most]]
+    chosen = [*held, *promising(sums, scoring, base.fit, most, pool)]
     by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
     rest = [one.reduced for one in refitted if not one.stable]
@@ -140,6 +140,16 @@ def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]
         _Tried(one, base, by_name[one.law.grammar.name], placebos[one.law.grammar.name])
         for one in [*refitted, *refit_laws(smaller, scoring, base.fit, pool)]
     ]
+
+
+def beyond_chance(fits: Sequence[LawFit], placebo: float) -> list[LawFit]:
+    """The sums that explain clearly more of an unknown input than the placebo does."""
+    return [one for one in fits if one.explained > placebo + MORE]
+
+
+def promising(sums: Sequence[LawFit], scoring: Scoring, fit: HypothesisFit, most: int, pool: Pool) -> list[LawFit]:
+    """The laws that leave least of the gap as they were found, of different inputs and terms."""
+    return _varied(screen_laws(sums, scoring, fit, pool))[:most]
 
 
 def _explained(law: LawFit, inputs: Sequence[LawInput]) -> float:
@@ -166,7 +176,7 @@ def _sums(one: LawInput) -> tuple[list[LawFit], float]:
 
 def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Reference) -> FoundLaw | None:
     """The forms that the data can't tell apart, if the best one is clearly better than none."""
-    good = [one for one in tried if _better(one.law.scored, without) and one.law.stable]
+    good = [one for one in tried if clearly_better(one.law.scored, without) and one.law.stable]
     if not good:
         return None
     good.sort(key=lambda one: one.law.scored.deviance)
@@ -211,7 +221,7 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
     return FoundLaw.of(proposed, [one.law for one, _ in likely])
 
 
-def _better(one: ScoredHypothesis, without: ScoredHypothesis) -> bool:
+def clearly_better(one: ScoredHypothesis, without: ScoredHypothesis) -> bool:
     """Whether a law leaves clearly less of the gap than the hypothesis without it, on training and held-out data."""
     pairs = (one.training_gap, without.training_gap), (one.held_out_gap, without.held_out_gap)
     return all(after["total"] < BETTER * before["total"] for after, before in pairs)

@@ -152,10 +152,10 @@ class _Start:
         return cls(file, begin, own, candidate, values | dict(zip(candidate.names, candidate.starts[0], strict=True)))
 
 
-def gap_as_found(law: LawFit, scoring: Scoring, base: HypothesisFit, *, held_out: bool = False) -> float:
-    """Gap in total that a law leaves before any refit, on training or held-out data; infinite if the run stops."""
+def gap_as_found(law: LawFit, scoring: Scoring, base: HypothesisFit) -> float:
+    """Gap in total that a law leaves on the training data before any refit; infinite if the run stops."""
     start = _Start.of(law, scoring, base)
-    segment = start.scoring.held_out if held_out else start.scoring.training
+    segment = start.scoring.training
     gap = segment.gap_of(segment.run([start.values])[0])["total"]
     return gap if np.isfinite(gap) else np.inf
 
