@@ -12,7 +12,8 @@ signal of the same spectrum with random phases. The laws of a placebo are refitt
 that keep their terms the most probable counts: what it closes on held-out data of the gap that is left without it,
 nominal parameters refitted in both, beside the same of the unknown input itself, and whether a search would accept it.
 With `--any`, laws count that explain no more of the input than of the same reversed, which a search drops before the
-refit. Cases come in random order, so that a part is a sample.
+refit. Neither placebo changes the mean of an input, which is no chance: `--centred` takes it away before. Cases come in
+random order, so that a part is a sample.
 """
 
 from __future__ import annotations
@@ -161,7 +162,7 @@ def forced(folder: Path, names: Sequence[str], seconds: float) -> None:
             print(f"   {words}: {logs} logs, {laws} laws", flush=True)
 
 
-def placebo(folder: Path, names: Sequence[str], seconds: float, *, any_law: bool = False) -> None:
+def placebo(folder: Path, names: Sequence[str], seconds: float, *, any_law: bool, centred: bool) -> None:
     """Print what the laws of placebos close of the gap after their refit."""
     random, rows = np.random.default_rng(0), []
     print("| case | the unknown input | reversed in time | random phases | s |\n|---|---|---|---|---|")
@@ -171,10 +172,12 @@ def placebo(folder: Path, names: Sequence[str], seconds: float, *, any_law: bool
         if largest(search.scoring.training.gap({})) < THRESHOLD:
             continue
         inputs = search.base.inputs(search.scoring.objective.nominal)
+        means = [float(np.mean(one.windows.values)) if centred else 0.0 for one in inputs]
+        base = [with_values(one.windows, one.windows.values - mean) for one, mean in zip(inputs, means, strict=True)]
         made: Mapping[str, list[Windows]] = {
             "itself": [one.windows for one in inputs],
-            "reversed": [one.windows.reversed() for one in inputs],
-            "shuffled": [with_values(one.windows, shuffled(one.windows.values, random)) for one in inputs],
+            "reversed": [one.reversed() for one in base],
+            "shuffled": [with_values(one, shuffled(one.values, random)) for one in base],
         }
         row = []
         for windows in made.values():
@@ -198,6 +201,7 @@ def main() -> None:
     parser.add_argument("--skip", type=int, default=0, help="first cases to leave out, after an interruption")
     parser.add_argument("--count", type=int, help="cases; all by default")
     parser.add_argument("--seconds", type=float, default=0.0, help="length of the logs [s]; all of it by default")
+    parser.add_argument("--centred", action="store_true", help="placebos: of the inputs without their means")
     parser.add_argument("--any", action="store_true", help="placebos: also laws that chance explains as well")
     options = parser.parse_args()
     names = sorted(file.stem for file in (options.cases / "keys").glob("*.json"))
@@ -205,7 +209,7 @@ def main() -> None:
     chosen = names[options.skip :][: options.count]
     with one_blas_thread():
         if options.what == "placebo":
-            placebo(options.cases, chosen, options.seconds, any_law=options.any)
+            placebo(options.cases, chosen, options.seconds, any_law=options.any, centred=options.centred)
         else:
             {"verdicts": verdicts, "forced": forced}[options.what](options.cases, chosen, options.seconds)
 

@@ -12,7 +12,7 @@ import linecache
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property, reduce
+from functools import cache, cached_property, lru_cache, reduce
 from types import CodeType
 from typing import Any
 
@@ -39,6 +39,19 @@ def sign(value: float) -> float:
     return 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
 
 
+@lru_cache(maxsize=4096)
+def _parsed(text: str) -> ast.expr:
+    """See `Expression.parse`; the terms of a search for laws are parsed for every unknown input."""
+    if len(text) > LONGEST:
+        raise InputError(f"has {len(text)} characters; expected at most {LONGEST}")
+    try:
+        tree = parse_expression(text.strip())
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise InputError(f"{shown(text)} is not an expression; write it as in 'c * omega * abs(omega)'") from None
+    _check(tree)
+    return tree
+
+
 @dataclass(frozen=True)
 class Expression:
     """A checked expression. text: as written. tree: contains only arithmetic, numbers, names and FUNCTIONS."""
@@ -49,14 +62,7 @@ class Expression:
     @classmethod
     def parse(cls, text: str) -> Expression:
         """Parse a text. Raises InputError for anything that is not an arithmetic expression."""
-        if len(text) > LONGEST:
-            raise InputError(f"has {len(text)} characters; expected at most {LONGEST}")
-        try:
-            tree = parse_expression(text.strip())
-        except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise InputError(f"{shown(text)} is not an expression; write it as in 'c * omega * abs(omega)'") from None
-        _check(tree)
-        return cls(text.strip(), tree)
+        return cls(text.strip(), _parsed(text))
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -315,15 +315,18 @@ LEAK = {
 def test_a_rig_with_a_law_of_its_own(plant, tmp_path, monkeypatch):
     """A valve on one chamber that the catalogue lacks: place, form, threshold and size, and a file that closes the gap.
 
-    The improved plant, with the effect's file beside it, leaves a tenth of the nominal gap on the same input.
+    The improved plant, with the effect's file beside it, leaves a tenth of the nominal gap on the same input. Left out
+    of the catalogue is what costs time and can't explain this gap, which is one of the flows, or closes half of it.
     """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(registry, "_PROJECTS", [])
     EFFECTS.keep("rig_leak", effect_of("rig_leak", LawFile.model_validate(LEAK), "the rig"))
     rig = plant.with_effects("rig_leak")
-    log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=16.0, sample_time=0.004), centre=True)
+    log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=9.0, sample_time=0.004), centre=True)
     log.write(tmp_path / "log.csv")
-    result = CliRunner().invoke(app, ["diagnose", "log.csv", "--plant", "ehsa", "--out", "out"])
+    left_out = [name for name, one in EFFECTS.items() if one.place != "flow"] + ["external_leakage", "relief_valve"]
+    without = [word for name in left_out for word in ("--without", name)]
+    result = CliRunner().invoke(app, ["diagnose", "log.csv", "--plant", "ehsa", "--out", "out", *without])
     assert result.exit_code == 0, result.output
     content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     law = content["law"]
