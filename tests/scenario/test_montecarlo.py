@@ -1,6 +1,7 @@
 """Monte Carlo: reproducible draws, resumption after an interrupt, coverage of the interval."""
 
 import json
+from dataclasses import replace
 
 import joblib
 import numpy as np
@@ -253,4 +254,5 @@ def test_result_prints_and_draws(scenario):
     assert "of 10 runs pass, probability" in str(found)
     assert len(found.to_pandas()) == 10 and {"K_T", "passed", "MaxError"} <= {*found.to_pandas()}
     assert found.plot().axes
+    assert "the influence of the parameters shows from 5 runs on" in str(replace(found, outcomes=found.outcomes[:3]))
     assert ehsa_ctrl.monte_carlo.__wrapped__ is monte_carlo
