@@ -58,8 +58,8 @@ def confirm(*words):
     return result.exit_code, result.output
 
 
-def test_the_log_of_the_proposal_is_no_second_log(project):
-    """Neither under another name nor written again; the file stays as it is."""
+def test_the_log_of_the_proposal_is_no_second_log(project, monkeypatch):
+    """Neither under another name nor written again, from whatever folder; the file stays as it is."""
     record(project, "log.csv", seed=1)
     digest = hashlib.sha256((project / "log.csv").read_bytes()).hexdigest()
     known = FILE + f'\n[[logs]]\npath = "log.csv"\nsha256 = "{digest}"\n'
@@ -70,6 +70,10 @@ def test_the_log_of_the_proposal_is_no_second_log(project):
     assert confirm("valve", "copy.csv")[0] == 1
     assert "is a log from which the law was found" in confirm("valve", "copy.csv")[1]
     assert "repeats log.csv, channel by channel" in confirm("valve", "again.csv")[1]
+    (project / "elsewhere").mkdir()
+    monkeypatch.chdir(project / "elsewhere")
+    file = str(project / "effects" / "valve.toml")
+    assert "repeats log.csv, channel by channel" in confirm(file, "../again.csv")[1]
     assert (project / "effects" / "valve.toml").read_text() == known
 
 

@@ -68,8 +68,9 @@ def confirm_law(
         replace(plant.structure, effects=tuple(n for n in plant.structure.effects if n != name))
     )
     bare.with_effects(name)  # raises InputError for one that does not fit
-    same = [words for log in logs for words in _repetitions(log, law, bare)]
-    empty = Confirmation(name, Path(effect.law.where), law, tuple(logs), tuple(same))
+    file = Path(effect.law.where)
+    same = [words for log in logs for words in _repetitions(log, law, file, bare)]
+    empty = Confirmation(name, file, law, tuple(logs), tuple(same))
     if same:
         return empty
     prepared = prepare_logs(bare, logs, None, threshold, check=True)
@@ -109,15 +110,19 @@ def law_effect(name: str) -> Effect:
     )
 
 
-def _repetitions(log: Log, law: LawFile, plant: Plant) -> list[str]:
-    """Why a log is not a second one: the file is known, or it repeats one that can still be read."""
+def _repetitions(log: Log, law: LawFile, file: Path, plant: Plant) -> list[str]:
+    """Why a log is not a second one: it is known, or it repeats one that can still be read.
+
+    file: of the law. A log with a relative path was read from the folder of the project, above that file.
+    """
     own = LawLog.of(log)
     for known in law.logs:
         if own is not None and own.sha256 == known.sha256:
             return [f"{log.name} is a log from which the law was found ({known.path}); give another load or waveform"]
     for known in law.logs:
+        places = (folder / known.path for folder in (Path(), *file.resolve().parents))
         try:
-            other = read_plant_log(known.path, plant)
+            other = read_plant_log(next(filter(Path.is_file, places), Path(known.path)), plant)
         except InputError:
             continue
         if _alike(log, other):
