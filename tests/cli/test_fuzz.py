@@ -269,7 +269,7 @@ NONSENSE = [
 #: They compute for minutes with what is no nonsense; their arguments are those of others.
 LONG = (
     "simulate_reference", "design_experiment", "identify", "diagnose", "diagnose_many", "replay_closed_loop",
-    "what_changed", "monte_carlo", "run", "profile", "analyse_fleet",
+    "what_changed", "monte_carlo", "run", "profile", "analyse_fleet", "learn_reference",
 )  # fmt: skip
 
 

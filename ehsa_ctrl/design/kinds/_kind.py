@@ -49,7 +49,7 @@ class ControllerFile(Definition):
         if abs(self.watchdog.safe_current) > self.current_limit:
             raise ValueError(
                 f"[watchdog] safe_current = {self.watchdog.safe_current:g} exceeds current_limit = "
-                f"{self.current_limit:g}"
+                f"{self.current_limit:g} of the drive"
             )
         return self
 
