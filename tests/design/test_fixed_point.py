@@ -20,11 +20,12 @@ from ehsa_ctrl.design.export.fixed.ranges import replay_specialised
 from ehsa_ctrl.design.export.fixed.specialise import specialise
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.specification import starting_definition
+from ehsa_ctrl.design.stages.scheduling import Schedule
 
 CC = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(CC is None, reason="there is no C compiler here")
 #: A controller of every kind that has fixed-point code, and two more forms of state feedback.
-WITHOUT = ("mpc", "scheduled_pid", "scheduled_lqr", "scheduled_mpc")
+WITHOUT = ("mpc", "scheduled_mpc")
 LAWS = sorted(
     {starting_definition(kind)[1].stem for kind in CONTROLLER_KINDS if kind not in WITHOUT}
     | {"lqi_position", "lqr_friction", "pid_adaptive"}
@@ -119,6 +120,59 @@ def test_words_of_16_bits_are_coarser(system):
     assert "not usable" in str(replace(reports["q15"], tolerance=1e-6)) and "last bit" in str(reports["q15"])
 
 
+def over_all_points(controller, samples=1500):
+    """Reference and readings that lead the pressure level and the position over and beyond all points of a schedule."""
+    k = np.arange(samples)
+    reference = np.column_stack([0.03 + 0.06 * np.sin(k / 150), np.zeros((samples, 2))])
+    level = 1.2e6 * (1.0 + np.sin(k / 60))
+    still = np.zeros(samples)
+    measured = np.column_stack([still, level, level, reference[:, 0] + 1e-3 * np.sin(k / 9), still])
+    return reference, measured
+
+
+@pytest.mark.parametrize("stages", ["own", "all"])
+@pytest.mark.parametrize("name", ["pid_scheduled", "lqr_scheduled", "three by three"])
+def test_a_schedule_is_searched_and_interpolated(name, stages, system):
+    """Over all points and beyond, with one variable and with two: to the bit, although the settings are tables now."""
+    controller = three_by_three(system) if name == "three by three" else load_controller(name, system)
+    controller = full(controller) if stages == "all" else controller
+    reference, measured = over_all_points(controller)
+    program = specialise(controller)
+    _, (currents,) = replay_specialised(program, controller, [(reference, measured)])
+
+    np.testing.assert_array_equal(currents, replay(controller, reference, measured))
+    assert any(term.operation == "table" for term in program.terms())
+
+
+def three_by_three(system):
+    """A scheduled PID over a grid in which both variables are searched; its gains have no order."""
+    scheduled = load_controller("pid_scheduled", system)
+    first = scheduled.law.pids[0]
+    levels, places = ("2 bar", "6 bar", "20 bar"), ("-20 mm", "30 mm", "80 mm")
+    points = [{"at": level, "second_at": place} for level in levels for place in places]
+    schedule = Schedule(variable="level", second_variable="position", points=points)
+    factors = (1.0, 0.4, 2.0, 0.7, 1.6, 0.3, 1.1, 0.9, 2.5)
+    pids = [replace(first, gains=replace(first.gains, k_p=first.gains.k_p * f)) for f in factors]
+    return replace(scheduled, law=replace(scheduled.law, schedule=schedule, pids=tuple(pids)))
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["pid_scheduled", "lqr_scheduled", "three by three"])
+def test_integers_follow_a_schedule(name, system):
+    """Also at points that the runs for the scales did not reach: a row has the range of its table."""
+    controller = three_by_three(system) if name == "three by three" else load_controller(name, system)
+    reference, measured = over_all_points(controller)
+    # The scales see one end of the table alone, which is where the gains of the shipped ones are largest.
+    highest = np.argsort(measured[:, 1])[-200:]
+    seen = reference[highest], np.where(measured[highest] > 0.0, measured[highest], 0.0)
+    deployment = export_controller(controller, *seen, number=FIXED["q31"])
+    report = check_code(deployment, controller, FIXED["q31"], [("all points", reference, measured)])
+
+    assert report.runs["all points"].error < 1e-4 * controller.current_limit
+    assert report.signals["scheduling"].largest > 2.2e6
+
+
+SATURATED = ("lqr_friction", "repetitive_press", "pid_scheduled", "lqr_scheduled")
 MAIN = """
 #include <stdio.h>
 #include <string.h>
@@ -149,7 +203,7 @@ int main(void)
 @pytest.mark.parametrize("word", FIXED)
 @pytest.mark.parametrize(
     "name",
-    ["sliding_friction", *(pytest.param(law, marks=pytest.mark.slow) for law in ("lqr_friction", "repetitive_press"))],
+    ["sliding_friction", *(pytest.param(law, marks=pytest.mark.slow) for law in SATURATED)],
 )
 def test_no_input_overflows(name, word, system, tmp_path):
     """Readings of any bits: no operation that C leaves undefined, and the current stays within its limit."""
@@ -208,10 +262,10 @@ def test_functions_of_integers_are_those_of_numpy(word, tmp_path):
     assert [library.raised(wide(x), 4) for x in (most, -most, 7)] == [most, -most, 112]
 
 
-@pytest.mark.parametrize("name", ["mpc_position", "lqr_scheduled", "mpc_scheduled"])
+@pytest.mark.parametrize("name", ["mpc_position", "mpc_scheduled"])
 def test_a_law_without_fixed_point_code_is_a_sentence(name, system):
-    """A solver, and a table that is searched."""
+    """A solver needs floats."""
     controller = load_controller(name, system)
 
-    with pytest.raises(InputError, match=rf"{name} has a .*no fixed-point code; expected --number double or float"):
+    with pytest.raises(InputError, match=rf"{name} has a solver.*no fixed-point code; expected --number double"):
         export_controller(controller, *readings(20), number=FIXED["q31"])

@@ -13,6 +13,7 @@ import numpy as np
 from ....core.controller_interface import MEASURED, REFERENCE
 from ....core.errors import InputError
 from ...controller import SampledController
+from ...kinds._scheduled_mpc_law import ScheduledMpc
 from ...state_space.mpc import Mpc
 from .functions import used_functions
 from .ranges import replay_specialised
@@ -167,16 +168,11 @@ def write_fixed(
 
     runs: reference (N, 3 or 4), readings (N, 5) of each.
 
-    Raises InputError for a law with a solver or a schedule, and for code outside the subset.
+    Raises InputError for a law with a solver, and for code outside the subset.
     """
-    if isinstance(controller.law, Mpc):
+    if isinstance(controller.law, Mpc | ScheduledMpc):
         raise InputError(
             f"{controller.name} has a solver, for which there is no fixed-point code; expected --number double or float"
-        )
-    if controller.kind.startswith("scheduled_"):
-        raise InputError(
-            f"{controller.name} has a schedule, a table whose index depends on readings, for which there is no "
-            "fixed-point code; expected --number double or float"
         )
     try:
         program = specialise(controller)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...controller import SampledController
-from .term import Assignment, Branch, Place, ProgramTerm, Remark, SpecialisedProgram, Statement
+from .term import Assignment, Branch, Place, ProgramTerm, Remark, SpecialisedProgram, Statement, table_index
 
 #: Operations that Python writes between their operands.
 BETWEEN = {"+", "-", "*", "/", "%", "==", "!=", "<", "<=", ">", ">=", "and", "or"}
@@ -121,6 +121,8 @@ def _python(term: ProgramTerm) -> str:
         case "valid":
             assert term.place is not None
             return f"isfinite({_target(term.place, None)})"
+        case "table":
+            return f"{term.entries!r}[{table_index(arguments, term.shape)}]"
         case "choice":
             return f"({arguments[1]} if {arguments[0]} else {arguments[2]})"
         case word if word in BETWEEN:

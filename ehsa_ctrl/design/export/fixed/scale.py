@@ -13,6 +13,8 @@ from .term import INT, REAL, Place, ProgramTerm, SpecialisedProgram
 MARGIN = 2.0
 #: Range of a number that stayed 0 in all runs.
 UNSEEN = 1.0
+#: Passes over a program in which sure ranges spread through its memory.
+SWEEPS = 3
 
 
 @dataclass(frozen=True)
@@ -76,9 +78,13 @@ class Scales:
         for store, inputs in (("reference", self.seen.reference), ("measured", self.seen.measured)):
             for i, magnitude in enumerate(inputs.tolist()):
                 found[Place(store, i)] = _seen_interval(magnitude)
+        sure = self._sure(found)
         parts = self.program.moving_parts(self.seen.memory.size)
         for i, magnitude in enumerate(self.seen.memory.tolist()):
-            found[Place("memory", i)] = _seen_interval(max(magnitude, self.seen.largest.get(Place("memory", i), 0.0)))
+            place = Place("memory", i)
+            found[place] = _seen_interval(max(magnitude, self.seen.largest.get(place, 0.0)))
+            if place in sure:
+                found[place] = _union(found[place], sure[place])
         for start, end in parts.items():
             whole = max((found[Place("memory", i)] for i in range(start, end)), key=magnitude_of)
             whole = max(
@@ -93,13 +99,34 @@ class Scales:
                 continue
             low, high = self._interval(one.term, found)
             largest = self.seen.largest.get(one.place, 0.0)
-            if largest > 0.0:
+            if largest > 0.0 and one.place not in sure:
                 low, high = max(low, -MARGIN * largest), min(high, MARGIN * largest)
             several[one.place] = several.get(one.place, 0) + 1
             if several[one.place] > 1:
-                low, high = min(low, found[one.place][0]), max(high, found[one.place][1])
+                low, high = _union((low, high), found[one.place])
             found[one.place] = (low, high)
         return found
+
+    def _sure(self, inputs: dict[Place, Interval]) -> dict[Place, Interval]:
+        """Place -> range that holds whatever the inputs are, such as that of the row of a schedule, which the runs need
+        not have reached."""
+        made = list(self.program.assignments())
+        everything: Interval = (-math.inf, math.inf)
+        ranges = dict.fromkeys(inputs, everything)
+        initial = {Place("memory", i): (-m, m) for i, m in enumerate(self.seen.memory.tolist())}
+        ranges |= dict.fromkeys([*initial, *(one.place for one in made)], everything)
+        parts = self.program.moving_parts(self.seen.memory.size)
+        for _ in range(SWEEPS):
+            known = dict(initial)
+            for one in made:
+                new = self._interval(one.term, ranges)
+                known[one.place] = _union(known[one.place], new) if one.place in known else new
+                if one.place.local:
+                    ranges[one.place] = known[one.place]
+            # What is addressed at run time may be any of the memory from there on.
+            fixed = [one.place for one in made if one.place.store == "memory" and not parts]
+            ranges |= {place: known[place] for place in fixed}
+        return {one.place: limits for one in made if math.isfinite(magnitude_of(limits := ranges[one.place]))}
 
     def interval(self, term: ProgramTerm) -> Interval:
         """Least and largest value of a term."""
@@ -113,17 +140,20 @@ class Scales:
             case "read":
                 assert term.place is not None
                 return ranges[term.place]
+            case "table":
+                return (min(term.entries), max(term.entries))
             case "+":
                 return (given[0][0] + given[1][0], given[0][1] + given[1][1])
             case "-":
                 return (given[0][0] - given[1][1], given[0][1] - given[1][0])
             case "*":
-                products = [a * b for a in given[0] for b in given[1]]
+                # 0 times an unknown number is 0.
+                products = [a * b if a and b else 0.0 for a in given[0] for b in given[1]]
                 return (min(products), max(products))
             case "/":
                 if given[1][0] <= 0.0 <= given[1][1]:
                     return (-math.inf, math.inf)
-                quotients = [a / b for a in given[0] for b in given[1]]
+                quotients = [0.0 if math.isinf(b) else a / b for a in given[0] for b in given[1]]
                 return (min(quotients), max(quotients))
             case "%":
                 most = magnitude_of(given[1])
@@ -142,12 +172,16 @@ class Scales:
             case "sqrt":
                 return (math.sqrt(max(given[0][0], 0.0)), math.sqrt(max(given[0][1], 0.0)))
             case "exp":
-                return (0.0, math.exp(min(given[0][1], 700.0)))
+                return (0.0, math.exp(given[0][1]) if given[0][1] <= 700.0 else math.inf)
             case "sin":
                 return (-1.0, 1.0)
             case "whole" | "real":
                 return given[0]
         return (0.0, 1.0)  # a truth value
+
+
+def _union(a: Interval, b: Interval) -> Interval:
+    return (min(a[0], b[0]), max(a[1], b[1]))
 
 
 def _seen_interval(magnitude: float) -> Interval:

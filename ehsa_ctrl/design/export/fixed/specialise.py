@@ -12,10 +12,11 @@ import math
 import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 from ...controller import SampledController
-from ...stages.pipeline import pipeline
+from ...stages.pipeline import M_LAW, pipeline
 from ..expressions import COMPARISONS
 from ..source import FunctionSource, c_name, read_source
 from .term import (
@@ -42,6 +43,8 @@ COMPUTED: dict[str, Callable[[Any, Any], Any]] = {
 FUNCTIONS: dict[Callable[..., Any], str] = {math.sqrt: "sqrt", math.exp: "exp", math.sin: "sin"}
 #: Operations whose result gets a variable of its own, because its range is not that of a sum.
 KEPT = ("/", "%", "sqrt", "exp", "sin")
+#: Turns of a `while` that are unrolled.
+TURNS = 100
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ RESULT = "return"
 def specialise(controller: SampledController) -> SpecialisedProgram:
     """One sample of a controller, its settings known.
 
-    Raises InputError for code outside the subset: a loop whose end, or a table whose index, depends on readings.
+    Raises InputError for code outside the subset, such as a `for` whose end depends on readings.
     """
     law = controller.law.function
     specialiser = _Specialiser(controller.settings().tolist(), {"law": law})
@@ -90,6 +93,10 @@ class _Specialiser:
         self.settings, self.substitutes = settings, substitutes
         self.statements: list[Statement] = []
         self._names: dict[str, int] = {}
+        #: Numbers of the law's memory that are known, such as sizes in the row of a schedule.
+        self._contents: dict[Place, float] = {}
+        #: Least and largest value of indices that are not known.
+        self._bounds: dict[Place, tuple[int, int]] = {}
         self._sources: dict[Callable[..., Any], FunctionSource] = {}
 
     def call(self, function: Callable[..., Any], arguments: list[Any]) -> Value | None:
@@ -125,6 +132,8 @@ class _Specialiser:
                         self._block(statement.body, frame)
                         if RESULT in frame.values:
                             frame.source.fail(statement, "a return in a loop", "it after the loop")
+                case ast.While() if not _leaves(statement):
+                    self._while(statement, frame, TURNS)
                 case ast.Return(value=value):
                     result = None if value is None else self._evaluate(value, frame)
                     frame.values[RESULT] = 0.0 if result is None else self._kept(result, "result")
@@ -148,15 +157,37 @@ class _Specialiser:
                     )
         return False
 
+    def _while(self, loop: ast.While, frame: Frame, turns: int) -> None:
+        """A loop that ends after a known number of turns at the latest: decisions within each other."""
+        test = self._evaluate(loop.test, frame)
+        if not isinstance(test, ProgramTerm) and not test:
+            return
+        if turns == 0:
+            frame.source.fail(loop, f"a loop of more than {TURNS} turns in fixed point", "a shorter table")
+
+        def turn() -> None:
+            self._block(loop.body, frame)
+            self._while(loop, frame, turns - 1)
+
+        if isinstance(test, ProgramTerm):
+            self._decide(test, turn, lambda: None, frame)
+        else:
+            turn()
+
     def _branch(self, test: ProgramTerm, yes: list[ast.stmt], no: list[ast.stmt], frame: Frame) -> None:
+        self._decide(test, lambda: self._block(yes, frame), lambda: self._block(no, frame), frame)
+
+    def _decide(self, test: ProgramTerm, yes: Callable[[], Any], no: Callable[[], Any], frame: Frame) -> None:
         """Both ways of a decision; variables that differ after them get one place."""
-        branch, outer, values = Branch(test), self.statements, dict(frame.values)
+        branch, outer, values, contents = Branch(test), self.statements, dict(frame.values), dict(self._contents)
         self.statements = branch.yes
-        self._block(yes, frame)
+        yes()
         first, frame.values = frame.values, dict(values)
+        stored, self._contents = self._contents, contents
         self.statements = branch.no
-        self._block(no, frame)
+        no()
         second = frame.values
+        self._contents = {place: v for place, v in self._contents.items() if stored.get(place) == v}
         self.statements = outer
         outer.append(branch)
         frame.values = {}
@@ -174,7 +205,25 @@ class _Specialiser:
             place = self._new_place(name if name != RESULT else f"result_of_{frame.source.name}")
             branch.yes.append(Assignment(place, a))
             branch.no.append(Assignment(place, b))
-            frame.values[name] = read(place, a.type)
+            frame.values[name] = self._listed(place, a, b) if a.type == INT else read(place, a.type)
+
+    def _listed(self, place: Place, a: ProgramTerm, b: ProgramTerm) -> ProgramTerm:
+        """The index at a place that is either a or b: a table of itself if its values are known to be 0 to some n."""
+        limits = [self._limits(each) for each in (a, b)]
+        if None in limits:
+            return read(place, INT)
+        low, high = min(each[0] for each in limits if each), max(each[1] for each in limits if each)
+        self._bounds[place] = low, high
+        if low != 0:
+            return read(place, INT)
+        return ProgramTerm("table", (read(place, INT),), INT, entries=tuple(range(high + 1)), shape=(high + 1,))
+
+    def _limits(self, index: ProgramTerm) -> tuple[int, int] | None:
+        if index.operation == "constant":
+            return int(index.value), int(index.value)
+        if index.operation == "table":
+            return int(min(index.entries)), int(max(index.entries))
+        return self._bounds.get(index.place) if index.place is not None else None
 
     def _assign(self, target: ast.expr, value: ast.expr, frame: Frame) -> None:
         match target, value:
@@ -195,7 +244,7 @@ class _Specialiser:
                 assert isinstance(to, Vector) and isinstance(origin, Vector)
                 found = [self._kept(self._entry(origin, k), "value") for k in range(self._known(upper, frame) - start)]
                 for k, each in enumerate(found):
-                    self.statements.append(Assignment(Place(to.store, to.start + start + k), _term(each)))
+                    self._put(Place(to.store, to.start + start + k), _term(each))
             case _:
                 self._store(target, self._evaluate(value, frame), frame)
 
@@ -208,11 +257,20 @@ class _Specialiser:
         vector, index = self._evaluate(target.value, frame), self._evaluate(target.slice, frame)
         assert isinstance(vector, Vector)
         place, at = self._place(vector, index, target, frame)
-        self.statements.append(Assignment(place, _as_real(_term(value)), at))
+        self._put(place, _as_real(_term(value)), at)
+
+    def _put(self, place: Place, term: ProgramTerm, at: ProgramTerm | None = None) -> None:
+        """Assign to an entry of a vector, and remember it if it is known."""
+        self.statements.append(Assignment(place, term, at))
+        if at is not None:
+            self._contents.clear()
+        self._contents.pop(place, None)
+        if term.operation == "constant" and place.store == "memory" and place.index >= M_LAW:
+            self._contents[place] = term.value
 
     def _kept(self, value: Any, name: str) -> Any:
         """A value that later assignments do not change: a term in a variable of its own."""
-        if not isinstance(value, ProgramTerm) or value.operation == "constant":
+        if not isinstance(value, ProgramTerm) or value.operation in ("constant", "table"):
             return value
         if value.operation == "read" and value.place is not None and value.place.local:
             return value
@@ -249,7 +307,8 @@ class _Specialiser:
         """The entry of a vector at a known index."""
         if vector.store == "settings":
             return self.settings[vector.start + index]
-        return read(Place(vector.store, vector.start + index))
+        place = Place(vector.store, vector.start + index)
+        return self._contents[place] if place in self._contents else read(place)
 
     def _evaluate(self, node: ast.expr, frame: Frame) -> Any:
         """The value of an expression, known or a term."""
@@ -269,6 +328,8 @@ class _Specialiser:
                 assert isinstance(vector, Vector)
                 if not isinstance(index, ProgramTerm):
                     return self._entry(vector, index)
+                if vector.store == "settings" and index.operation == "table":
+                    return _folded(lambda i: self.settings[vector.start + i], index)
                 where, at = self._place(vector, index, node, frame)
                 assert at is not None
                 return ProgramTerm("read", (at,), REAL, place=where)
@@ -327,6 +388,8 @@ class _Specialiser:
         """a sign b, simplified where one of them is a known 0 or 1."""
         if not isinstance(a, ProgramTerm) and not isinstance(b, ProgramTerm):
             return COMPUTED[sign](a, b)
+        if all(not isinstance(each, ProgramTerm) or each.operation == "table" for each in (a, b)):
+            return _folded(COMPUTED[sign], a, b)
         match sign:
             case "*" if _is(a, 0.0) or _is(b, 0.0):
                 return 0.0
@@ -344,6 +407,27 @@ class _Specialiser:
         whole = a.type == b.type == INT and sign != "/"
         result = ProgramTerm(sign, (a, b) if whole else (_as_real(a), _as_real(b)), INT if whole else REAL)
         return self._kept(result, "value") if sign in KEPT and not whole else result
+
+
+def _folded(function: Callable[..., Any], *operands: Any) -> Any:
+    """A function of tables and known numbers: the table of its values, or the only value."""
+    tables = [each for each in operands if isinstance(each, ProgramTerm)]
+    axes = {axis: count for each in tables for axis, count in zip(each.arguments, each.shape, strict=True)}
+    values = []
+    for point in product(*map(range, axes.values())):
+        at = dict(zip(axes, point, strict=True))
+        values.append(function(*(_entry_at(each, at) if each in tables else each for each in operands)))
+    if all(value == values[0] for value in values):
+        return values[0]
+    word = INT if isinstance(values[0], int) else REAL
+    return ProgramTerm("table", tuple(axes), word, entries=tuple(values), shape=tuple(axes.values()))
+
+
+def _entry_at(table: ProgramTerm, at: Mapping[ProgramTerm, int]) -> float:
+    place = 0
+    for axis, count in zip(table.arguments, table.shape, strict=True):
+        place = place * count + at[axis]
+    return table.entries[place]
 
 
 def _is(value: Any, number: float) -> bool:

@@ -34,7 +34,7 @@ class ProgramTerm:
 
     operation: "constant" (value), "read" (place; with an index as only argument in a moving part), + - * / % negative
     absolute smaller larger choice sqrt exp sin; whole (a number as an index); == != < <= > >= and or not valid (whether
-    the reading of `place` is there).
+    the reading of `place` is there); table (one of `entries`, row by row of `shape`; an index from 0 on per argument).
     type: REAL, INT or BOOL.
     """
 
@@ -43,12 +43,22 @@ class ProgramTerm:
     type: str = REAL
     value: float = 0.0
     place: Place | None = None
+    entries: tuple[float, ...] = ()
+    shape: tuple[int, ...] = ()
 
     def inner(self) -> Iterator[ProgramTerm]:
         """This term and all terms in it."""
         yield self
         for argument in self.arguments:
             yield from argument.inner()
+
+
+def table_index(indices: list[str], shape: tuple[int, ...]) -> str:
+    """Code of an entry's place in a table, in Python and C, from those of its indices."""
+    code = indices[0]
+    for index, count in zip(indices[1:], shape[1:], strict=True):
+        code = f"({code}) * {count} + {index}"
+    return code
 
 
 def constant(value: float | bool) -> ProgramTerm:

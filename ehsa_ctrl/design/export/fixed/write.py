@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ....core.errors import InputError
 from ..source import comment_lines
 from .scale import FixedWord, Interval, Scales, bits_of, magnitude_of
-from .term import BOOL, INT, REAL, Assignment, Branch, Place, ProgramTerm, Remark, Statement
+from .term import BOOL, INT, REAL, Assignment, Branch, Place, ProgramTerm, Remark, Statement, table_index
 
 #: Declaration of a local constant.
-CONSTANT = re.compile(r" *const \w+ (\w+) = ")
+CONSTANT = re.compile(r" *(?:static )?const \w+ (\w+)(?:\[\])? = ")
 
 
 class WideNumber(NamedTuple):
@@ -39,6 +39,7 @@ class FixedWriter:
 
     scales: Scales
     word: FixedWord
+    _tables: dict[tuple[int, ...], str] = field(default_factory=dict, repr=False, compare=False)
 
     def fraction(self, place: Place) -> int:
         """Binary places of a place's number."""
@@ -58,7 +59,11 @@ class FixedWriter:
         ]
         lines += self._block(program.statements, frozenset(several), 0)
         lines.append(f"return {self._stored(self._real(program.current), self.current_fraction)};")
-        return _without_unused(lines)
+        tables = [
+            f"static const {self.word.word} {name}[] = {{ {', '.join(map(str, entries))} }};"
+            for entries, name in self._tables.items()
+        ]
+        return _without_unused([*tables, *lines])
 
     @property
     def current_fraction(self) -> int:
@@ -139,6 +144,8 @@ class FixedWriter:
             case "read":
                 assert term.place is not None
                 return term.place.store
+            case "table" if term.entries == tuple(range(len(term.entries))):
+                return self._whole(term.arguments[0])
             case "whole":
                 number = self._real(term.arguments[0])
                 if number.fraction < 0:
@@ -169,6 +176,8 @@ class FixedWriter:
                 assert term.place is not None
                 name = self._target(term.place, term.arguments[0] if term.arguments else None)
                 return WideNumber(f"({self.word.wide}){name}", self.fraction(term.place), interval, name)
+            case "table":
+                return self._table(term, interval)
             case "real":
                 return WideNumber(f"({self.word.wide})({self._whole(term.arguments[0])})", 0, interval)
             case "+" | "-":
@@ -214,6 +223,14 @@ class FixedWriter:
             integer = round(math.ldexp(value, fraction))
         narrow = f"({integer})" if integer < 0 else str(integer)
         return WideNumber(self._integer(integer), fraction, (value, value), narrow, value)
+
+    def _table(self, term: ProgramTerm, interval: Interval) -> WideNumber:
+        """An entry of a table of constants, all with the scale of the largest."""
+        fraction, most = self.word.fraction(magnitude_of(interval)), self.word.largest
+        entries = tuple(max(min(round(math.ldexp(each, fraction)), most), -most) for each in term.entries)
+        name = self._tables.setdefault(entries, f"table_{len(self._tables) + 1}")
+        entry = f"{name}[{table_index([self._whole(each) for each in term.arguments], term.shape)}]"
+        return WideNumber(f"({self.word.wide}){entry}", fraction, interval, entry)
 
     def _aligned(self, number: WideNumber, fraction: int) -> str:
         """C of a number with other binary places; the caller makes sure that it fits."""
