@@ -186,18 +186,18 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
     names = Names.of(score for rig in rigs for score in rig.scores(store))
     scans, moved = [], []
     for done, one in enumerate(_scores(store, rigs, names), 1):
-        scans.append(scan(one, names))
+        scans.append(scan(one, names).statistics)
         moved.append(scan(one, names.of_parameters()))
         report("changes", done)
     test = ChangeTest.of(scans, names)
-    found = [None if test is None else test.change(one) for one in scans]
-    q = false_discovery_rates([1.0 if one is None else one.p for one in found])
-    changed = {one.rig: [one] for one, value in zip(found, q, strict=True) if one is not None and value <= rate}
-    limit = max((one.p for (one,) in changed.values()), default=0.0)
-    stepped = [rig for rig in rigs if rig.name in changed and changed[rig.name][0].first > 0]
-    for one in _scores(store, stepped, names):
-        assert test is not None
-        changed[one.name] = test.steps(one, limit) or changed[one.name]
+    p = [1.0 if test is None else test.p(one) for one in scans]
+    q = false_discovery_rates(p)
+    significant = [rig for rig, value in zip(rigs, q, strict=True) if value <= rate]
+    limit = max((each for each, value in zip(p, q, strict=True) if value <= rate), default=0.0)
+    changed: dict[str, list[RigChange]] = {}
+    for one in _scores(store, significant, names):
+        if test is not None and (change := test.change(scan(one, names))) is not None:
+            changed[one.name] = (test.steps(one, limit) if change.first > 0 else []) or [change]
     score, information = [], []
     for one in _scores(store, rigs, names):
         before = _unchanged(one, changed.get(one.name))
@@ -215,7 +215,7 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
     }
     rows = []
     for i, rig in enumerate(rigs):
-        nearest, other, scores = found[i], unlike[i], rig.scores(store)
+        other, scores = unlike[i], rig.scores(store)
         deviations = _series(names.rig(rig.name, rig.days, scores), names, fleet, i, shown)
         row = FleetRig(
             rig.name,
@@ -223,7 +223,7 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
                 LogLine(str(log.path), log.date.isoformat(), log.dated, one.rms)
                 for log, one in zip(rig.logs, scores, strict=True)
             ),
-            p=1.0 if nearest is None else nearest.p, q=float(q[i]), series=deviations,
+            p=p[i], q=float(q[i]), series=deviations,
         )  # fmt: skip
         if rig.name in changed:
             row = _with_changes(row, changed[rig.name], names, plant)
@@ -237,7 +237,7 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         plant.name, rate, tuple(rows), _parameters(plant, names, fleet),
         drifts(
             moved, names, plant, rate, {rig.name: rig.logs for rig in rigs},
-            {rig.name for rig in stepped},
+            {name for name, several in changed.items() if several[0].first > 0},
         ), tuple(names.causes),
     )  # fmt: skip
 

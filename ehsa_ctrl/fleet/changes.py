@@ -115,6 +115,11 @@ class Scan:
     size: Mapping[str, np.ndarray]
     variance: Mapping[str, np.ndarray]
 
+    @property
+    def statistics(self) -> Scan:
+        """Without sizes and variances, which take most of the memory."""
+        return replace(self, statistic=self.statistic.astype(np.float32), size={}, variance={})
+
 
 def scan(rig: RigScores, names: Names, *, drift: bool = True) -> Scan:
     """Statistics of a step before each log but the first, and of a drift, for each cause; no times for a single log.
@@ -204,6 +209,10 @@ class ChangeTest:
         parameters = np.max([one.parameters for one in usable], axis=0, initial=0.0) if usable else np.zeros(0)
         return cls(names, largest_null([one.statistic for one in usable], parameters)) if parameters.any() else None
 
+    def p(self, one: Scan) -> float:
+        """Probability of a change as large by chance, for all times and causes; 1 for a rig with a single log."""
+        return self.null.p(one.statistic) if one.times else 1.0
+
     def change(self, one: Scan) -> RigChange | None:
         """The most probable change of a rig; None for a rig with a single log."""
         if not one.times:
@@ -220,7 +229,7 @@ class ChangeTest:
         cause, first = listed[best], one.times[when]
         return RigChange(
             one.rig, cause, tuple(same), first, min(steps, default=first), max(steps, default=first),
-            float(one.statistic[best, when] / factor[best]), self.null.p(one.statistic), one.size[cause][when],
+            float(one.statistic[best, when] / factor[best]), self.p(one), one.size[cause][when],
             np.sqrt(one.variance[cause][when] * factor[best]), self.names.causes[cause],
         )  # fmt: skip
 

@@ -14,6 +14,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 #: Names of files and folders in a store; the tables are in TABLES.
 HEAD, PARTS = "fleet-store.json", "scores"
+#: Rows of a table that are in memory at once.
+ROWS = 20_000
 #: Folders of the package on which a score depends.
 CODE = ("core", "physics", "plant", "simulation", "identification", "diagnosis")
 
@@ -96,7 +99,8 @@ class Store:
             "causes": json.dumps({cause: list(names) for cause, names in score.causes.items()}), "rms": list(score.rms),
             "start": score.start,
         }  # fmt: skip
-        self._write(self.part(key), pyarrow.Table.from_pylist([row]))
+        table = pyarrow.Table.from_pylist([row])
+        self._write(self.part(key), table.schema, [table])
 
     def get(self, key: str) -> LogScore:
         """Read a part. Raises InputError for one that can't be read."""
@@ -124,19 +128,22 @@ class Store:
         """Write a table for queries. columns: name -> Arrow type. Raises InputError if it can't be written."""
         pyarrow = _pyarrow()
         schema = pyarrow.schema([(column, pyarrow.type_for_alias(kind)) for column, kind in columns.items()])
-        self._write(self.folder / TABLES / f"{name}.parquet", pyarrow.Table.from_pylist(list(rows), schema=schema))
+        path, left = self.folder / TABLES / f"{name}.parquet", iter(rows)
+        parts = (pyarrow.Table.from_pylist(part, schema=schema) for part in iter(lambda: list(islice(left, ROWS)), []))
+        self._write(path, schema, parts)
 
     def query(self, text: str) -> pandas.DataFrame:
         """As `query_store`."""
         return query_store(self.folder, text)
 
     @staticmethod
-    def _write(path: Path, table: Any) -> None:
+    def _write(path: Path, schema: Any, tables: Iterable[Any]) -> None:
         from pyarrow import ArrowException, parquet
 
         try:
-            with atomic_write(path) as draft:
-                parquet.write_table(table, draft, compression="zstd")
+            with atomic_write(path) as draft, parquet.ParquetWriter(draft, schema, compression="zstd") as writer:
+                for table in tables:
+                    writer.write_table(table)
         except ArrowException as error:
             raise InputError(f"{path}: can't be written ({error})") from None
 

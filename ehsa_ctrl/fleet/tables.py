@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 from .result import Fleet, further_words
 from .store import Store
 
@@ -33,7 +36,7 @@ COLUMNS = {
 
 def write_tables(store: Store, fleet: Fleet) -> None:
     """Write the tables rigs, logs, estimates, parameters and drifts. Raises InputError if one can't be written."""
-    rows = {
+    rows: dict[str, Iterable[dict[str, Any]]] = {
         "rigs": [
             {
                 "rig": rig.name, "logs": len(rig.logs), "changed": rig.changed, "kind": rig.kind, "cause": rig.cause,
@@ -44,16 +47,16 @@ def write_tables(store: Store, fleet: Fleet) -> None:
             }
             for rig in fleet.rigs
         ],
-        "logs": [
+        "logs": (
             {"rig": rig.name, "file": log.file, "date": log.date, "dated": log.dated, "rms_nominal": log.rms[0],
              "rms_refitted": log.rms[1]}
             for rig in fleet.rigs for log in rig.logs
-        ],
-        "estimates": [
+        ),
+        "estimates": (
             {"rig": rig.name, "file": log.file, "date": log.date, "name": name, "value": value, "sd": sd}
             for rig in fleet.rigs for name, values in rig.series.items()
             for log, (value, sd) in zip(rig.logs, values, strict=True)
-        ],
+        ),
         "parameters": [
             {name: getattr(one, name) for name in COLUMNS["parameters"]} for one in fleet.parameters
         ],
