@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -220,7 +221,7 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         row = FleetRig(
             rig.name,
             tuple(
-                LogLine(str(log.path), log.date.isoformat(), log.dated, one.rms)
+                LogLine(str(log.path), _place(log.path, store.folder), log.date.isoformat(), log.dated, one.rms)
                 for log, one in zip(rig.logs, scores, strict=True)
             ),
             p=p[i], q=float(q[i]), series=deviations,
@@ -247,6 +248,14 @@ def _unchanged(rig: RigScores, changes: Sequence[RigChange] | None) -> RigScores
     if not changes:
         return rig
     return rig.part(0, changes[0].first if changes[0].first > 0 else 1)
+
+
+def _place(log: Path, folder: Path) -> str:
+    """Path of a log seen from a folder; empty on another drive."""
+    try:
+        return Path(os.path.relpath(log, folder)).as_posix()
+    except ValueError:
+        return ""
 
 
 def _with_changes(row: FleetRig, changes: Sequence[RigChange], names: Names, plant: Plant) -> FleetRig:

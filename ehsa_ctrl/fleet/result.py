@@ -22,9 +22,14 @@ MOST_ROWS = 40
 
 @dataclass(frozen=True)
 class LogLine:
-    """A log of a rig. date: ISO 8601. rms: of the residuals at the nominal plant and with its parameters refitted."""
+    """A log of a rig.
+
+    file: as it was given. place: the same, seen from the store; empty where no relative path leads there. date: ISO
+    8601. rms: of the residuals at the nominal plant and with its parameters refitted.
+    """
 
     file: str
+    place: str
     date: str
     dated: str
     rms: tuple[float, float]

@@ -89,6 +89,21 @@ class FileLink(str):
         return FileLink(str(self), self.file, place)
 
 
+class Links(str):
+    """A text that unfolds to links to files; `links` has them."""
+
+    links: tuple[FileLink, ...]
+
+    def __new__(cls, text: str, links: Iterable[FileLink]) -> Links:
+        found = super().__new__(cls, text)
+        found.links = tuple(links)
+        return found
+
+    def seen_from(self, place: str) -> Links:
+        """The links in a page from which the folder of the JSON is `place`."""
+        return Links(str(self), [link.seen_from(place) for link in self.links])
+
+
 class Paragraph(NamedTuple):
     """A paragraph, with a mark if its state is not None; `code` selects a monospaced font."""
 

@@ -29,6 +29,7 @@ from .page import (
     Facts,
     FileLink,
     Kind,
+    Links,
     Page,
     Paragraph,
     Picture,
@@ -236,7 +237,9 @@ def _has_grid(blocks: Iterable[Any]) -> bool:
 
 def _linked(table: Table, place: str) -> Table:
     """A table whose links to files are seen from the page."""
-    rows = [[cell.seen_from(place) if isinstance(cell, FileLink) else cell for cell in row] for row in table.rows]
+    rows = [
+        [cell.seen_from(place) if isinstance(cell, FileLink | Links) else cell for cell in row] for row in table.rows
+    ]
     return table._replace(rows=rows)
 
 

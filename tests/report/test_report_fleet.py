@@ -8,7 +8,7 @@ import pytest
 
 from ehsa_ctrl.report.grid import Grid, GridColumn, GridRow
 from ehsa_ctrl.report.kinds import kinds
-from ehsa_ctrl.report.page import FileLink, Table
+from ehsa_ctrl.report.page import FileLink, Links, Table
 from ehsa_ctrl.report.results import results_in, write_overview, write_result_page
 
 from .browsing import show, wait
@@ -35,7 +35,10 @@ def _rig(name, changed="", unlike="", p=0.5, folder="", logs=5, parameters=("K_T
         "name": name, "changed": bool(changed), "kind": "step" if changed else "", "cause": changed, "same": [],
         "scored": changed, "further": list(further), "since": DAYS[2] if changed else "", "p": p, "q": 2 * p,
         "unlike": unlike, "unlike_q": 0.01,
-        "logs": [{"file": f"{name}/{k}.csv", "date": DAYS[k % 5]} for k in range(logs)],
+        "logs": [
+            {"file": f"{name}/{k}.csv", "place": f"../{name}/{k}.csv", "date": DAYS[k % 5], "rms": [5.61, 0.88]}
+            for k in range(logs)
+        ],
         "size": {"K_L": {"change": 1e-12, "sd": 1e-13, "unit": "m3/(Pa s)"}} if changed else {},
         "diagnosis": found if folder else None, "series": series | steps,
     }  # fmt: skip
@@ -94,6 +97,26 @@ def test_in_an_overview_the_links_lead_to_the_same_file(page):
     assert wrong == [] and 'class="grid"' in text
     (seen,) = [r.sections[0].blocks[0].table.rows[0][4] for r in results_in(page.parent, page.parent.parent)[0]]
     assert seen.url == f"{page.parent.name}/diagnoses/a%23b/diagnosis.html"
+
+
+def test_every_rig_leads_to_its_logs():
+    """The newest first, and no more than the page has room for; where no path leads there, their number alone."""
+    rigs = [_rig(f"rig {k}", logs=5) for k in range(400)] + [_rig("far")]
+    rigs[-1]["logs"] = [
+        log | {"place": place} for log, place in zip(rigs[-1]["logs"], ["", "/etc/a"] * 3, strict=False)
+    ]
+    few, many = (
+        {row[0]: row[-1] for row in kinds()["fleet.json"].read(_content(some), None).sections[0].blocks[-2].table.rows}
+        for some in ([rigs[0], rigs[-1]], [rigs[-1], *rigs[:399]])
+    )
+
+    assert few["rig 0"] == "5 logs" and few["far"] == "5 logs"
+    assert not isinstance(few["far"], Links)
+    assert [(str(link), link.file) for link in few["rig 0"].links[:2]] == [
+        ("2026-05-01: 5.6 → 0.88", "../rig 0/4.csv"), ("2026-04-01: 5.6 → 0.88", "../rig 0/3.csv")
+    ]  # fmt: skip
+    assert many["rig 0"] == "5 logs" and len(many["rig 0"].links) == 5
+    assert "rig%200/4.csv" in few["rig 0"].seen_from("below").links[0].url
 
 
 def test_a_folder_outside_is_no_link(tmp_path):
@@ -157,6 +180,12 @@ def test_the_table_is_sorted_and_filtered(browser, page, width):
     browser.execute_script(f"{choose} put('input', '', 'input'); put('select', 'state unlike', 'change');")
     assert browser.execute_script(script) == ["odd"]
     assert browser.get_log("browser") == []
+    browser.execute_script(f"{choose} put('select', 'all', 'change');")
+    browser.execute_script("document.querySelector('.grid tbody tr td summary').click()")
+    assert (
+        browser.execute_script("return document.querySelector('.grid td details a').getBoundingClientRect().height") > 0
+    )
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= width
     if width > 1000:
         browser.execute_script("document.querySelector('.grid td a').click()")
         wait(browser, "return document.title === 'its diagnosis'")

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.text import join_words
 from ..grid import Grid, GridColumn, GridRow
-from ..page import DOUBT, FileLink, Kind, Page, Paragraph, Points, Section, Sentence, Table
+from ..page import DOUBT, FileLink, Kind, Links, Page, Paragraph, Points, Section, Sentence, Table
 from ..text import NOTHING, unit, value_text
 from .diagnosis import KIND as DIAGNOSIS
 
@@ -20,6 +20,8 @@ Content = Mapping[str, Any]
 #: Changed rigs that have a sentence at the top; changes of a rig, and rigs, in the table; logs that could not be used
 #: and are listed.
 NAMED, MOST_SIZES, MOST_RIGS, MOST_FAILED = 12, 2, 400, 50
+#: Logs that the table links to: 250 kB of a page. Of each rig the newest, at least two.
+MOST_LINKS = 2000
 DAY = 86400.0
 STATES = {"changed": "changed", "unlike": "unlike the fleet", "": "no change"}
 
@@ -120,11 +122,12 @@ def _rigs(content: Content) -> Iterator[Any]:
     shown = rigs[:MOST_RIGS]
     if not shown:
         return
-    head = ["rig", "changed in", "since", "q", "diagnosis"]
+    head = ["rig", "changed in", "since", "q", "diagnosis", "logs"]
+    linked = max(MOST_LINKS // len(shown), 2)
     rows = [
         [rig["name"], _what(rig), _day(rig["since"]) + ("\ndrift" if rig["kind"] == "drift" else ""),
          value_text(rig["q"] if rig["changed"] or not rig["unlike"] else rig["unlike_q"], 1.0, 2),
-         _diagnosis(rig)]
+         _diagnosis(rig), _logs(rig, linked)]
         for rig in shown
     ]  # fmt: skip
     caption = (
@@ -147,6 +150,10 @@ def _rigs(content: Content) -> Iterator[Any]:
         ],
         {state: words for state, words in STATES.items() if any(_state(rig) == state for rig in shown)},
     )  # fmt: skip
+    yield Paragraph(
+        "Each log with the rms of its residuals at the nominal plant, and with the parameters refitted, in units of "
+        f"noise; ehsa-ctrl compare LOG --plant {content['plant']} shows one in full."
+    )
 
 
 def _marked(rig: Content) -> str:
@@ -194,6 +201,20 @@ def _diagnosis(rig: Content) -> str:
     # Not looked up: the page is made in a folder of its own before it is put beside the others.
     inside = found["folder"] and not page.is_absolute() and ".." not in page.parts
     return FileLink(words, page.as_posix()) if inside else words
+
+
+def _logs(rig: Content, most: int) -> str:
+    """The newest logs of a rig, each a link to its file."""
+    logs = rig["logs"][-most:]
+    links = [
+        FileLink(f"{_day(log['date'])}: {' → '.join(value_text(rms, 1.0, 2) for rms in log['rms'])}", log["place"])
+        for log in reversed(logs)
+        # A file on another drive has no place, and an edited JSON leads nowhere.
+        if log["place"] and not Path(log["place"]).is_absolute()
+    ]
+    many = len(rig["logs"])
+    words = f"{many} log{'s' if many != 1 else ''}" + (f", newest {len(logs)}" if len(logs) < many else "")
+    return Links(words, links) if links else words
 
 
 def _drifts(drifts: Sequence[Content]) -> Table:

@@ -4,7 +4,7 @@
 
 // ---- Folding: sections are open in the file, so that they are read without scripts and printed.
 
-const folds = [...document.querySelectorAll("details")];
+const folds = [...document.querySelectorAll("details")].filter((fold) => !fold.closest("td"));
 const unfold = (element) => {
   for (let at = element; at; at = at.parentElement) if (at.tagName === "DETAILS") at.open = true;
 };
